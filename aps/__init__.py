@@ -1,0 +1,1 @@
+"""MAVLink daemon of one UA: state, commands and endpoints for many clients."""

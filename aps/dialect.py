@@ -1,0 +1,136 @@
+"""MAVLink message tables and encoding: the only module of ``aps`` that touches pymavlink.
+
+The tables are read once, at import, from pymavlink's generated ``ardupilotmega`` dialect
+(which includes ``common`` and ``minimal``).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+__all__ = [
+    "AUTOPILOT_COMPID",
+    "CRC_EXTRA",
+    "ONBOARD_COMPUTER_COMPID",
+    "TARGET_OFFSETS",
+    "Encoder",
+    "enum_label",
+    "mavlink",
+    "message_name",
+    "mode_numbers",
+]
+
+AUTOPILOT_COMPID: Final = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
+ONBOARD_COMPUTER_COMPID: Final = int(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
+
+
+def _field_offset(message: Any, field: str) -> int:
+    """Offset of a ``uint8_t`` field in the payload, in wire order; -1 if the message has none."""
+    names: list[str] = message.ordered_fieldnames
+    if field not in names:
+        return -1
+    sizes = {"b": 1, "B": 1, "c": 1, "h": 2, "H": 2, "i": 4, "I": 4, "f": 4, "q": 8, "Q": 8, "d": 8}
+    formats = bytes(message.native_format).decode()[1:]
+    offset = 0
+    for name, kind, count in zip(names, formats, message.array_lengths, strict=True):
+        if name == field:
+            return offset
+        offset += sizes[kind] * (count or 1)
+    raise LookupError(f"{message.msgname}.{field} is not in its own layout")
+
+
+CRC_EXTRA: Final[dict[int, bytes]] = {
+    msg_id: bytes([message.crc_extra]) for msg_id, message in mavlink.mavlink_map.items()
+}
+"""Message id -> the byte that its definition adds to the checksum."""
+
+TARGET_OFFSETS: Final[dict[int, tuple[int, int]]] = {
+    msg_id: offsets
+    for msg_id, message in mavlink.mavlink_map.items()
+    if (offsets := (_field_offset(message, "target_system"), _field_offset(message, "target_component")))[0]
+    >= 0
+}
+"""Message id -> payload offsets of (target_system, target_component); -1 where there is no component."""
+
+
+def message_name(msg_id: int) -> str:
+    """Name of a message, or ``UNKNOWN_<id>``."""
+    message = mavlink.mavlink_map.get(msg_id)
+    return str(message.msgname) if message is not None else f"UNKNOWN_{msg_id}"
+
+
+def enum_label(enum: str, value: int) -> str:
+    """Label of an enum's value without the enum's name in front, e.g. ``DENIED`` for MAV_RESULT 2."""
+    entry = mavlink.enums[enum].get(value)
+    return str(entry.name).removeprefix(enum + "_") if entry is not None else str(value)
+
+
+_COPTER_TYPES: Final = frozenset(
+    {
+        mavlink.MAV_TYPE_QUADROTOR,
+        mavlink.MAV_TYPE_COAXIAL,
+        mavlink.MAV_TYPE_HELICOPTER,
+        mavlink.MAV_TYPE_HEXAROTOR,
+        mavlink.MAV_TYPE_OCTOROTOR,
+        mavlink.MAV_TYPE_TRICOPTER,
+        mavlink.MAV_TYPE_DECAROTOR,
+        mavlink.MAV_TYPE_DODECAROTOR,
+    }
+)
+# 19..25 are the VTOL types; pymavlink's releases name 22..25 differently.
+_PLANE_TYPES: Final = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(mavlink.MAV_TYPE_VTOL_DUOROTOR, 26)})
+_GROUND_TYPES: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
+
+# The enum's spelling -> the one that ground stations and ArduPilot's own documentation use.
+_GROUND_STATION_SPELLING: Final = {
+    "FLY_BY_WIRE_A": "FBWA",
+    "FLY_BY_WIRE_B": "FBWB",
+    "INITIALIZING": "INITIALISING",
+    "LOITER_ALT_QLAND": "LOITERALTQLAND",
+}
+
+
+def is_plane(vehicle_type: int) -> bool:
+    """Whether a MAV_TYPE flies ArduPlane's modes (fixed wing and VTOL)."""
+    return vehicle_type in _PLANE_TYPES
+
+
+@cache
+def mode_numbers(vehicle_type: int) -> dict[str, int]:
+    """Mode name -> ArduPilot's ``custom_mode`` number for a MAV_TYPE; empty for a type without modes."""
+    if vehicle_type in _COPTER_TYPES:
+        enum = "COPTER_MODE"
+    elif vehicle_type in _PLANE_TYPES:
+        enum = "PLANE_MODE"
+    elif vehicle_type in _GROUND_TYPES:
+        enum = "ROVER_MODE"
+    elif vehicle_type == mavlink.MAV_TYPE_SUBMARINE:
+        enum = "SUB_MODE"
+    else:
+        return {}
+    labels = {number: entry.name.removeprefix(enum + "_") for number, entry in mavlink.enums[enum].items()}
+    return {
+        _GROUND_STATION_SPELLING.get(label, label): int(number)
+        for number, label in labels.items()
+        if label != "ENUM_END"
+    }
+
+
+class Encoder:
+    """Encodes messages as MAVLink 2 from one system and component, counting its own sequence."""
+
+    def __init__(self, sysid: int, compid: int) -> None:
+        if not 1 <= sysid <= 255 or not 1 <= compid <= 255:
+            raise ValueError(f"sysid {sysid} and compid {compid} must be in 1..255")
+        self.sysid = sysid
+        self.compid = compid
+        self._mav: Any = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+
+    def encode(self, message: Any) -> bytes:
+        """Bytes of a pymavlink message under the next sequence number."""
+        packed = bytes(message.pack(self._mav))
+        self._mav.seq = (self._mav.seq + 1) % 256
+        return packed

@@ -1,0 +1,98 @@
+"""A bounded queue in front of one transport: a peer that does not read costs drops, never memory or time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+__all__ = ["DEFAULT_LIMIT_BYTES", "Outbox", "OutboxCounters"]
+
+DEFAULT_LIMIT_BYTES: Final = 256 * 1024
+"""About 5000 messages, or 20 s of a busy link."""
+TRANSPORT_HIGH_WATER_BYTES: Final = 64 * 1024
+
+
+@dataclass(slots=True)
+class OutboxCounters:
+    """What was queued, and what became of it. ``queued = written + dropped + still waiting``."""
+
+    queued_frames: int = 0
+    written_frames: int = 0
+    written_bytes: int = 0
+    dropped_full: int = 0
+    """Oldest frames dropped because the peer did not read."""
+    dropped_closed: int = 0
+    """Frames for a peer that is not there, or that went away with frames waiting."""
+
+
+class Outbox:
+    """Whole frames wait here while the transport is full; the oldest go first when the limit is reached.
+
+    Frames put between two calls of ``flush`` leave in one write.
+    """
+
+    def __init__(self, limit_bytes: int = DEFAULT_LIMIT_BYTES) -> None:
+        if limit_bytes < 1024:
+            raise ValueError(f"an outbox needs at least 1024 bytes, not {limit_bytes}")
+        self.limit_bytes = limit_bytes
+        self.counters = OutboxCounters()
+        self._transport: asyncio.Transport | None = None
+        self._paused = False
+        self._waiting: deque[bytes] = deque()
+        self._waiting_bytes = 0
+
+    @property
+    def waiting_frames(self) -> int:
+        """Frames not yet handed to the transport."""
+        return len(self._waiting)
+
+    @property
+    def paused(self) -> bool:
+        """Whether the transport is full (the peer does not read fast enough)."""
+        return self._paused
+
+    def open(self, transport: asyncio.Transport) -> None:
+        """The connection is there."""
+        transport.set_write_buffer_limits(high=TRANSPORT_HIGH_WATER_BYTES)
+        self._transport, self._paused = transport, False
+
+    def close(self) -> None:
+        """The connection is gone: what waits is counted as dropped."""
+        self._transport = None
+        self.counters.dropped_closed += len(self._waiting)
+        self._waiting.clear()
+        self._waiting_bytes = 0
+
+    def put(self, frame: bytes) -> None:
+        """Queue one frame; it leaves with the next ``flush`` that finds room."""
+        self.counters.queued_frames += 1
+        if self._transport is None:
+            self.counters.dropped_closed += 1
+            return
+        self._waiting.append(frame)
+        self._waiting_bytes += len(frame)
+        while self._waiting_bytes > self.limit_bytes:
+            self._waiting_bytes -= len(self._waiting.popleft())
+            self.counters.dropped_full += 1
+
+    def flush(self) -> None:
+        """Hand everything to the transport, unless it is full."""
+        if self._paused or not self._waiting or self._transport is None:
+            return
+        data = b"".join(self._waiting)
+        self.counters.written_frames += len(self._waiting)
+        self.counters.written_bytes += len(data)
+        self._waiting.clear()
+        self._waiting_bytes = 0
+        self._transport.write(data)
+
+    def pause(self) -> None:
+        """The transport's buffer is full."""
+        self._paused = True
+
+    def resume(self) -> None:
+        """The transport's buffer has room again."""
+        self._paused = False
+        self.flush()

@@ -1,0 +1,42 @@
+"""Callbacks with the state, at a rate in the autopilot's own time."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from aps.telemetry import AircraftState
+
+__all__ = ["Subscription"]
+
+_log = logging.getLogger(__name__)
+
+
+class Subscription:
+    """Calls back with the state; ``cancel`` ends it."""
+
+    def __init__(
+        self,
+        callback: Callable[[AircraftState], None],
+        period_ms: float,
+        on_cancel: Callable[[Subscription], None],
+    ) -> None:
+        self._callback, self._period_ms, self._on_cancel = callback, period_ms, on_cancel
+        self._next_ms = 0.0
+
+    def cancel(self) -> None:
+        """Stop calling back."""
+        self._on_cancel(self)
+
+    def offer(self, state: AircraftState) -> None:
+        """Call back if the period has passed in the autopilot's time (or that time has gone back)."""
+        now_ms = state.time_boot_ms
+        if now_ms < self._next_ms <= now_ms + 2 * self._period_ms:
+            return
+        # Keep the grid, so that jitter of the telemetry does not slow the subscription down.
+        due_ms = self._next_ms + self._period_ms
+        self._next_ms = due_ms if now_ms < due_ms <= now_ms + self._period_ms else now_ms + self._period_ms
+        try:
+            self._callback(state)
+        except Exception:
+            _log.exception("a state callback failed")
