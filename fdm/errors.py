@@ -1,0 +1,33 @@
+"""What fdm raises. All are mistakes of the caller or of data files; nothing received from a socket raises.
+
+FdmError
+ +-- AirframeError       an airframe file or its JSBSim model is wrong
+ +-- PortInUseError      a UDP port cannot be bound
+ +-- ModelDivergedError  a flight model left the finite numbers (the exchange ends that UA and goes on)
+"""
+
+from __future__ import annotations
+
+
+class FdmError(Exception):
+    """Base of all errors of fdm; its text is meant for the user."""
+
+
+class AirframeError(FdmError):
+    """An airframe file, or the JSBSim model that it names, cannot be used."""
+
+
+class PortInUseError(FdmError):
+    """A UDP port cannot be bound.
+
+    Attributes:
+        port: the port's number.
+    """
+
+    def __init__(self, message: str, port: int) -> None:
+        super().__init__(message)
+        self.port = port
+
+
+class ModelDivergedError(FdmError):
+    """A flight model gave a value that is not finite, or left every plausible range."""

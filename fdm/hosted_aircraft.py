@@ -1,0 +1,133 @@
+"""One UA of an exchange: its lockstep, frame timing and flight model. No socket, no clock of its own."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
+
+from fdm.fleet_clock import Member
+from fdm.lockstep import STEPPING, FrameTimer, Lockstep, Verdict
+from fdm.sensor_frame import Encoder
+from fdm.servo_packet import Fields, unpack_servo_packet
+from fdm.truth import Truth
+
+
+class FlightModel(Protocol):
+    """What a UA needs of its flight model; see fdm.jsbsim_model.JsbsimModel."""
+
+    sense: Callable[[], tuple[float, ...]]
+    """Reads the numbers of a sensor frame, without its timestamp."""
+
+    def step(self, fields: Fields, rate_hz: int) -> None:
+        """Step by 1 / rate_hz with the servo outputs in `fields`."""
+
+    def truth(self, ua_id: int, sim_time_ns: int) -> Truth:
+        """The true state."""
+
+
+class HostedAircraft:
+    """One UA between its datagrams and its flight model.
+
+    Args:
+        member: its place in the fleet clock.
+        build_model: makes a flight model that stands at its home; called once now, and at each later boot of
+            the autopilot.
+        encode: makes the sensor frame's datagram.
+
+    Attributes:
+        ua_id: which UA.
+        member: its place in the fleet clock.
+        lockstep: state of the exchange with its autopilot.
+        frames: frames that were asked for in the usual way.
+        model: its flight model.
+    """
+
+    __slots__ = (
+        "_build_model",
+        "_counters",
+        "_encode",
+        "_offset_ns",
+        "_timer",
+        "_used",
+        "fields",
+        "frames",
+        "lockstep",
+        "member",
+        "model",
+        "ua_id",
+    )
+
+    def __init__(self, member: Member, build_model: Callable[[], FlightModel], encode: Encoder) -> None:
+        self.ua_id = member.ua_id
+        self.member = member
+        self.lockstep = Lockstep()
+        self.frames = 0
+        self.fields: Fields = ()
+        self.model = build_model()
+        self._build_model = build_model
+        self._encode = encode
+        self._timer = FrameTimer()
+        self._offset_ns = 0
+        self._used = False
+        self._counters: Counter[str] = Counter()
+
+    def receive(self, datagram: bytes, sender: object, wall_ns: int) -> Verdict | None:
+        """Judge a datagram.
+
+        Returns:
+            The verdict, or None if it was no servo packet (counted by reason). Never raises.
+        """
+        fields = unpack_servo_packet(datagram)
+        if fields.__class__ is str:
+            self._counters[fields] += 1
+            return None
+        verdict = self.lockstep.receive(fields[2], sender, wall_ns)  # type: ignore[arg-type]
+        if verdict is Verdict.ADVANCE:
+            self.frames += 1
+            self.fields = fields  # type: ignore[assignment]
+            return verdict
+        self._counters[verdict.value] += 1
+        if verdict in STEPPING:
+            self.fields = fields  # type: ignore[assignment]
+        return verdict
+
+    def reset(self) -> None:
+        """The autopilot booted: own time starts at 0, the model stands at its home."""
+        self._timer = FrameTimer()
+        if self._used:
+            self.model = self._build_model()
+        self._used = False
+
+    def set_fleet_time(self, sim_time_ns: int) -> None:
+        """The UA's present own time is `sim_time_ns` of fleet sim time."""
+        self._offset_ns = sim_time_ns - self._timer.time_ns
+
+    def target_ns(self) -> int:
+        """Fleet sim time after the frame that was asked for."""
+        return self._offset_ns + self._timer.next_ns(self.fields[1])
+
+    def step(self) -> bytes:
+        """Take the frame that was asked for; returns the reply's datagram.
+
+        Raises:
+            ModelDivergedError: the flight model is lost.
+        """
+        self._used = True
+        fields = self.fields
+        rate_hz = fields[1]
+        model = self.model
+        model.step(fields, rate_hz)
+        return self._encode((self._timer.advance(rate_hz) / 1e9, *model.sense()))
+
+    def truth(self) -> Truth:
+        """The true state, stamped with fleet sim time."""
+        return self.model.truth(self.ua_id, self.member.sim_time_ns)
+
+    def count(self, reason: str) -> None:
+        """Count something that is worth it."""
+        self._counters[reason] += 1
+
+    def counters(self) -> dict[str, int]:
+        """What was received and done so far, by name: ``frames``, and all that happened at least once."""
+        return {Verdict.ADVANCE.value: self.frames, **self._counters}

@@ -1,0 +1,155 @@
+r"""The sensor frame: what the physics answers, one datagram ``\n{...}\n`` per servo packet.
+
+It looks like JSON, and is, but ArduPilot (``SIM_JSON.cpp``) reads it with strstr and sscanf, so its shape is
+fixed:
+
+- a leading and a trailing newline (without the first, SITL loses its first frame);
+- no white space after ``:``; ``, `` between the numbers of an array;
+- numbers only: ``"no_time_sync":1``, as ``true`` reads as 0;
+- never NaN or infinity: SITL takes them, and dies later.
+
+Keys: ``timestamp`` s since the autopilot's boot; ``imu.gyro`` rad/s and ``imu.accel_body`` m/s^2 (specific
+force), FRD; ``position`` m and ``velocity`` m/s, NED from home; ``attitude`` rad roll, pitch, yaw;
+``airspeed`` m/s, equivalent.
+Optional: ``rng_1`` m (range finder, down), ``windvane`` (``direction`` rad from the nose, ``speed`` m/s).
+``no_time_sync`` 1: SITL does not pace itself; the exchange is its clock.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from fdm.errors import ModelDivergedError
+
+Vector = tuple[float, float, float]
+
+_BASE = (
+    b'\n{"timestamp":%.9f,"imu":{"gyro":[%.7f, %.7f, %.7f],"accel_body":[%.6f, %.6f, %.6f]},'
+    b'"position":[%.5f, %.5f, %.5f],"attitude":[%.8f, %.8f, %.8f],"velocity":[%.6f, %.6f, %.6f],'
+    b'"airspeed":%.5f'
+)
+_EXTRAS = {
+    "rangefinder": b',"rng_1":%.4f',
+    "windvane": b',"windvane":{"direction":%.5f,"speed":%.4f}',
+}
+_TAIL = b',"no_time_sync":1}\n'
+
+BASE_COUNT = 17
+"""Numbers in a frame without options: timestamp, gyro, accel, position, attitude, velocity, airspeed."""
+EXTRA_COUNTS = {"rangefinder": 1, "windvane": 2}
+"""Numbers that each optional sensor adds, in the order in which they are sent."""
+PLAUSIBLE_MAX = 1e8
+"""A frame whose numbers sum to more than this is no flight: the model has diverged."""
+
+Encoder = Callable[[tuple[float, ...]], bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFrame:
+    """One sensor frame as a client sees it; units as in the module's head."""
+
+    timestamp_s: float
+    gyro_frd_radps: Vector
+    specific_force_frd_mps2: Vector
+    position_ned_m: Vector
+    attitude_rad: Vector
+    velocity_ned_mps: Vector
+    airspeed_eas_mps: float
+    rangefinder_m: float | None = None
+    windvane_direction_rad: float | None = None
+    windvane_speed_mps: float | None = None
+
+
+def make_encoder(extras: Iterable[str] = ()) -> Encoder:
+    """An encoder for frames with the optional sensors `extras`.
+
+    Args:
+        extras: any of ``rangefinder``, ``windvane``.
+
+    Returns:
+        A function from the frame's numbers (BASE_COUNT, then those of the extras in the order of
+        EXTRA_COUNTS) to its datagram. It raises ModelDivergedError instead of sending a number that is not
+        finite or not plausible.
+
+    Raises:
+        ValueError: an unknown sensor.
+    """
+    wanted = tuple(extras)
+    for name in wanted:
+        if name not in _EXTRAS:
+            raise ValueError(f"unknown sensor {name!r}: known are {', '.join(_EXTRAS)}")
+    layout = _BASE + b"".join(_EXTRAS[name] for name in _EXTRAS if name in wanted) + _TAIL
+
+    def encode(values: tuple[float, ...]) -> bytes:
+        # One comparison catches NaN and infinity as well: NaN compares false.
+        if -PLAUSIBLE_MAX < sum(values) < PLAUSIBLE_MAX:
+            return layout % values
+        raise ModelDivergedError("the flight model gave " + ", ".join(f"{value:g}" for value in values))
+
+    return encode
+
+
+def encode_sensor_frame(frame: SensorFrame) -> bytes:
+    """The datagram of `frame`.
+
+    Raises:
+        ModelDivergedError: a number is not finite.
+    """
+    values: tuple[float, ...] = (
+        frame.timestamp_s,
+        *frame.gyro_frd_radps,
+        *frame.specific_force_frd_mps2,
+        *frame.position_ned_m,
+        *frame.attitude_rad,
+        *frame.velocity_ned_mps,
+        frame.airspeed_eas_mps,
+    )
+    extras: list[str] = []
+    if frame.rangefinder_m is not None:
+        extras.append("rangefinder")
+        values += (frame.rangefinder_m,)
+    if frame.windvane_direction_rad is not None and frame.windvane_speed_mps is not None:
+        extras.append("windvane")
+        values += (frame.windvane_direction_rad, frame.windvane_speed_mps)
+    return make_encoder(extras)(values)
+
+
+def decode_sensor_frame(datagram: bytes) -> SensorFrame | None:
+    """The frame in `datagram`, or None if it holds no complete and finite one. Never raises."""
+    try:
+        data = json.loads(datagram)
+        vane = data.get("windvane", {})
+        frame = SensorFrame(
+            float(data["timestamp"]),
+            _vector(data["imu"]["gyro"]),
+            _vector(data["imu"]["accel_body"]),
+            _vector(data["position"]),
+            _vector(data["attitude"]),
+            _vector(data["velocity"]),
+            float(data["airspeed"]),
+            _optional(data.get("rng_1")),
+            _optional(vane.get("direction")),
+            _optional(vane.get("speed")),
+        )
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        return None
+    return frame if isfinite(frame.timestamp_s) and isfinite(frame.airspeed_eas_mps) else None
+
+
+def _vector(values: Sequence[float]) -> Vector:
+    x, y, z = (float(value) for value in values)
+    if not (isfinite(x) and isfinite(y) and isfinite(z)):
+        raise ValueError("not finite")
+    return (x, y, z)
+
+
+def _optional(value: object) -> float | None:
+    if value is None:
+        return None
+    number = float(value)  # type: ignore[arg-type]
+    if not isfinite(number):
+        raise ValueError("not finite")
+    return number

@@ -1,0 +1,436 @@
+"""The exchange over real UDP sockets, with real JSBSim models and a client that is nothing but a socket."""
+
+import contextlib
+import math
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+
+from fdm.airframe import load_airframe
+from fdm.errors import ModelDivergedError, PortInUseError
+from fdm.events import EventKind
+from fdm.exchange import AircraftSpec, Exchange
+from fdm.geodesy import GeodeticPosition, Home
+from fdm.jsbsim_model import JsbsimModel
+from fdm.lockstep import RESEND_SILENCE_NS
+from fdm.sensor_frame import decode_sensor_frame
+from fdm.servo_packet import ServoPacket, encode_servo_packet
+
+HOME = Home(GeodeticPosition(47.0, 8.0, 400.0), 0.0)
+STANDING = (1000,) * 16
+WAIT_S = 20.0
+
+
+class Client:
+    """A stand-in for SITL's side of the wire."""
+
+    def __init__(self, port, rate_hz=400):
+        self.sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.sock.settimeout(WAIT_S)
+        self.address = ("127.0.0.1", port)
+        self.rate_hz = rate_hz
+        self.count = 0
+
+    def send(self, pwm=STANDING, count=None):
+        count = self.count if count is None else count
+        self.sock.sendto(encode_servo_packet(ServoPacket(self.rate_hz, count, tuple(pwm))), self.address)
+
+    def receive(self):
+        frame = decode_sensor_frame(self.sock.recv(4096))
+        assert frame is not None
+        return frame
+
+    def exchange(self, pwm=STANDING):
+        self.send(pwm)
+        frame = self.receive()
+        self.count += 1
+        return frame
+
+    def silent(self, wait_s=0.05):
+        self.sock.settimeout(wait_s)
+        try:
+            self.sock.recv(4096)
+        except TimeoutError:
+            return True
+        finally:
+            self.sock.settimeout(WAIT_S)
+        return False
+
+
+class Running:
+    """An exchange in a thread, with what it told."""
+
+    def __init__(self, ids=(0,), **settings):
+        self.truths, self.ticks, self.events = [], [], []
+        self.changed = threading.Condition()
+        airframe = load_airframe("f450")
+        self.exchange = Exchange(
+            [AircraftSpec(ua_id, airframe, HOME, 0) for ua_id in ids],
+            **{"speed": math.inf, **settings},
+            on_truth=self.truths.append,
+            on_tick=self._note(self.ticks),
+            on_event=self._note(self.events),
+        )
+        self.clients = {ua_id: Client(port) for ua_id, port in self.exchange.ports.items()}
+        self.thread = threading.Thread(target=self.exchange.run)
+        self.thread.start()
+
+    def _note(self, where):
+        def note(item):
+            with self.changed:
+                where.append(item)
+                self.changed.notify_all()
+
+        return note
+
+    def wait_for(self, condition):
+        with self.changed:
+            assert self.changed.wait_for(condition, WAIT_S)
+
+    def close(self):
+        self.exchange.stop()
+        self.thread.join(WAIT_S)
+        assert not self.thread.is_alive()
+        self.exchange.close()
+        for client in self.clients.values():
+            client.sock.close()
+
+
+@pytest.fixture
+def start():
+    with contextlib.ExitStack() as stack:
+
+        def start(*args, **settings):
+            running = Running(*args, **settings)
+            stack.callback(running.close)
+            return running
+
+        yield start
+
+
+def fly_together(running, frames):
+    """Send and receive for every client in turn: nobody is answered before the others have asked."""
+    last = {}
+    for _ in range(frames):
+        for client in running.clients.values():
+            client.send()
+        for ua_id, client in running.clients.items():
+            last[ua_id] = client.receive()
+            client.count += 1
+    return last
+
+
+def test_a_ua_at_rest_feels_the_ground_from_the_first_frame_on(start):
+    client = start().clients[0]
+    for number in range(1, 401):
+        frame = client.exchange()
+        assert frame.timestamp_s == pytest.approx(number * 0.0025, abs=1e-9)
+        assert frame.specific_force_frd_mps2 == pytest.approx((0, 0, -9.81), abs=0.08)
+        assert frame.gyro_frd_radps == pytest.approx((0, 0, 0), abs=1e-3)
+        assert frame.position_ned_m == pytest.approx((0, 0, -0.15), abs=0.01)
+
+
+def test_it_takes_off_when_the_motors_say_so(start):
+    running = start()
+    client = running.clients[0]
+    for _ in range(400):
+        frame = client.exchange((1600,) * 4 + (0,) * 12)
+    assert frame.position_ned_m[2] < -2.0
+    running.wait_for(lambda: len(running.ticks) == 21)
+    assert running.truths[-1].sim_time_ns == running.ticks[-1].sim_time_ns == 10**9
+    assert running.truths[-1].position_ned_m == pytest.approx(frame.position_ned_m, abs=1e-4)
+
+
+def test_two_ua_go_in_lockstep(start):
+    running = start(ids=(4, 7))
+    first, second = running.clients[4], running.clients[7]
+    first.send()
+    assert first.silent()
+    second.send()
+    assert first.receive().timestamp_s == second.receive().timestamp_s
+    first.count = second.count = 1
+    first.exchange()
+    first.send()
+    assert first.silent()  # one frame ahead: it waits for the other
+    second.exchange()
+    first.receive()
+
+
+def test_truth_of_every_ua_comes_before_the_tick_and_at_its_instant(start):
+    running = start(ids=(0, 1, 2), tick_period_ns=25_000_000)
+    fly_together(running, 101)
+    running.wait_for(lambda: len(running.ticks) == 11)
+    assert [tick.sim_time_ns for tick in running.ticks] == [k * 25_000_000 for k in range(11)]
+    assert [(t.sim_time_ns, t.ua_id) for t in running.truths] == [
+        (k * 25_000_000, ua_id) for k in range(11) for ua_id in (0, 1, 2)
+    ]
+
+
+def test_held_ticks_wait_for_their_release(start):
+    running = start(hold_ticks=True, tick_period_ns=5_000_000)
+    client = running.clients[0]
+    client.send()
+    running.wait_for(lambda: running.ticks)
+    assert client.silent()
+    running.exchange.release_tick(0)
+    client.receive()
+    client.count = 1
+    client.exchange()
+    client.send()
+    assert client.silent()
+    running.exchange.release_tick(5_000_000)
+    client.receive()
+    assert [tick.sim_time_ns for tick in running.ticks] == [0, 5_000_000]
+
+
+def test_a_release_from_within_on_tick_is_enough(start):
+    running = start(hold_ticks=True, tick_period_ns=2_500_000)
+    note = running.exchange._on_tick
+    running.exchange._on_tick = lambda s: (note(s), running.exchange.release_tick(s.sim_time_ns))
+    for _ in range(20):
+        running.clients[0].exchange()
+    assert len(running.ticks) >= 20
+
+
+def test_a_frame_count_is_answered_once_and_again_only_after_silence(start, monkeypatch):
+    running = start()
+    client = running.clients[0]
+    frame = client.exchange()
+    client.send(count=0)
+    client.send(count=0)
+    assert client.silent()
+    # Age the reply instead of waiting for a second.
+    lockstep = next(iter(running.exchange._seats.values())).aircraft.lockstep
+    lockstep._answered_at_ns -= RESEND_SILENCE_NS
+    client.send(count=0)
+    assert client.receive() == frame
+    client.send(count=0)
+    assert client.silent()
+    assert client.exchange().timestamp_s == pytest.approx(0.005)
+    counters = running.exchange.counters(0)
+    assert (counters["duplicates"], counters["replies_sent_again"]) == (3, 1)
+
+
+def test_garbage_gets_no_reply_and_is_counted_by_reason(start):
+    running = start()
+    client = running.clients[0]
+    client.exchange()
+    good = encode_servo_packet(ServoPacket(400, 1, STANDING))
+    for bad in (b"", b"x" * 5000, good[:-1], b"\0" + good[1:], good[:2] + b"\0\0" + good[4:]):
+        client.sock.sendto(bad, client.address)
+    assert client.silent()
+    client.exchange()
+    counters = running.exchange.counters(0)
+    assert {k: v for k, v in counters.items() if k.startswith("bad")} == {
+        "bad_length": 3,
+        "bad_magic": 1,
+        "bad_frame_rate": 1,
+    }
+
+
+def test_a_change_to_thirty_two_channels_is_followed(start):
+    client = start().clients[0]
+    for channels in (16, 32, 16):
+        for _ in range(10):
+            assert math.isfinite(client.exchange((1000,) * channels).timestamp_s)
+
+
+def test_an_autopilot_that_boots_anew_starts_from_zero_at_home(start):
+    running = start(ids=(0, 1))
+    fly_together(running, 50)
+    for _ in range(100):
+        for client in running.clients.values():
+            client.send((1700,) * 4 + (0,) * 12)
+        for client in running.clients.values():
+            airborne = client.receive()
+            client.count += 1
+    assert airborne.position_ned_m[2] < -0.3
+    old, running.clients[1] = running.clients[1], Client(running.exchange.ports[1])
+    old.sock.close()
+    running.clients[1].send()
+    running.clients[0].send()
+    assert running.clients[0].receive().timestamp_s == pytest.approx(151 / 400)
+    running.clients[0].count += 1
+    # The new one joins at the next tick (0.4 s): UA 0 gets there first.
+    for _ in range(9):
+        running.clients[0].exchange()
+    running.clients[0].send()
+    frame = running.clients[1].receive()
+    assert frame.timestamp_s == pytest.approx(1 / 400)
+    assert frame.position_ned_m[2] == pytest.approx(-0.15, abs=0.01)
+    running.clients[0].receive()
+    running.clients[0].count += 1
+    running.clients[1].count += 1
+    last = fly_together(running, 40)
+    assert last[1].timestamp_s == pytest.approx(41 / 400)
+    running.wait_for(lambda: running.ticks[-1].sim_time_ns >= 500_000_000)
+    assert running.ticks[-1].restarts == {0: 0, 1: 1}
+    assert EventKind.RESTARTED in [event.kind for event in running.events]
+    restarted = [t for t in running.truths if t.ua_id == 1 and t.sim_time_ns >= 450_000_000]
+    assert {t.sim_time_ns for t in restarted} == {450_000_000, 500_000_000}
+
+
+def test_a_mute_autopilot_is_let_go_and_taken_back(start):
+    running = start(ids=(0, 1), stall_timeout_s=0.2)
+    fly_together(running, 10)
+    for _ in range(30):
+        running.clients[0].exchange()
+    assert [(e.kind, e.ua_id) for e in running.events if e.kind is EventKind.STALLED] == [
+        (EventKind.STALLED, 1)
+    ]
+    running.wait_for(lambda: running.ticks[-1].stalled_ua == (1,))
+    running.clients[1].send()
+    running.wait_for(lambda: running.events[-1].kind is EventKind.RETURNED)
+    for _ in range(20):
+        running.clients[0].exchange()
+        if running.clients[0].count * 2_500_000 > running.events[-1].sim_time_ns:
+            break
+    assert running.clients[1].receive().timestamp_s == pytest.approx(11 / 400)
+    running.clients[1].count += 1
+    fly_together(running, 40)
+    assert running.ticks[-1].stalled_ua == ()
+
+
+def test_a_diverged_model_ends_its_ua_and_no_other(start):
+    class Fragile(JsbsimModel):
+        steps = 0
+
+        def step(self, fields, rate_hz):
+            super().step(fields, rate_hz)
+            self.steps += 1
+            if self.steps == 5 and fields[3] == 1999:
+                raise ModelDivergedError("it broke")
+
+    running = start(ids=(0, 1), build_model=Fragile)
+    weak, strong = running.clients[0], running.clients[1]
+    for _ in range(4):
+        weak.send((1999,) * 16)
+        strong.send()
+        last = weak.receive()
+        strong.receive()
+        weak.count += 1
+        strong.count += 1
+    weak.send((1999,) * 16)
+    for _ in range(30):
+        strong.exchange()
+    assert weak.silent()
+    event = running.events[-1]
+    assert (event.kind, event.ua_id, event.last_frame) == (EventKind.DIVERGED, 0, last)
+    running.wait_for(lambda: running.ticks[-1].ended_ua == (0,))
+    reborn = Client(running.exchange.ports[0])
+    reborn.send()
+    for _ in range(30):
+        strong.exchange()
+        if strong.count * 2_500_000 >= 100_000_000:
+            break
+    reborn.send((1000,) * 16)
+    strong.send()
+    assert reborn.receive().timestamp_s == pytest.approx(1 / 400)
+    reborn.sock.close()
+
+
+def test_no_number_that_is_not_finite_is_ever_sent(start):
+    running = start()
+    client = running.clients[0]
+    client.exchange()
+    seat = next(iter(running.exchange._seats.values()))
+    sense = seat.aircraft.model.sense
+    seat.aircraft.model.sense = lambda: (math.nan, *sense()[1:])
+    client.send()
+    running.wait_for(lambda: running.events[-1].kind is EventKind.DIVERGED)
+    assert client.silent()
+
+
+def test_real_time_is_kept(start):
+    running = start(speed=2.0)
+    begin_ns = time.monotonic_ns()
+    for _ in range(400):
+        running.clients[0].exchange()
+    assert (time.monotonic_ns() - begin_ns) / 1e9 >= 0.49
+
+
+def test_pause_and_resume_from_another_thread(start):
+    running = start()
+    client = running.clients[0]
+    client.exchange()
+    running.exchange.pause()
+    client.send()
+    assert client.silent()
+    running.exchange.step(2_500_000)
+    client.receive()
+    client.count += 1
+    client.send()
+    assert client.silent()
+    running.exchange.resume()
+    client.receive()
+
+
+def test_a_port_in_use_is_named():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        spec = AircraftSpec(0, load_airframe("f450"), HOME, port)
+        with pytest.raises(PortInUseError, match=f"UDP port {port} .*in use") as caught:
+            Exchange([spec, replace(spec, ua_id=1)])
+        assert caught.value.port == port
+
+
+def test_mistakes_of_the_caller_are_refused():
+    spec = AircraftSpec(0, load_airframe("f450"), HOME, 0)
+    with pytest.raises(ValueError, match="twice"):
+        Exchange([spec, spec])
+    with pytest.raises(ValueError, match="at least one"):
+        Exchange([])
+    with pytest.raises(ValueError, match="speed"):
+        Exchange([spec], speed=0.0)
+
+
+def command(*arguments):
+    return [sys.executable, "-m", "fdm", "--home", "47,8,400,0", *arguments]
+
+
+def test_the_command_serves_until_it_is_ended():
+    process = subprocess.Popen(
+        command("--port", "0", "--speed", "max"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        ready = process.stdout.readline()
+        port = int(re.fullmatch(r"ready: UA 0, f450, UDP 127\.0\.0\.1:(\d+)\n", ready).group(1))
+        client = Client(port)
+        for _ in range(10):
+            client.exchange()
+        client.sock.close()
+        os.kill(process.pid, signal.SIGTERM)
+        out, err = process.communicate(timeout=WAIT_S)
+    finally:
+        process.kill()
+        process.communicate()
+    assert process.returncode == 0
+    assert out == "served: boots 1, frames 9\n"
+    assert "Traceback" not in err
+
+
+def test_the_command_explains_a_port_in_use():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        done = subprocess.run(command("--port", str(port)), capture_output=True, text=True, timeout=WAIT_S)
+    assert done.returncode == 2
+    assert f"UDP port {port}" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_help_says_how_to_start_ardupilot():
+    done = subprocess.run(
+        [sys.executable, "-m", "fdm", "--help"], capture_output=True, text=True, timeout=WAIT_S
+    )
+    assert done.returncode == 0
+    assert "arducopter --model JSON:127.0.0.1 -I3" in done.stdout
