@@ -1,0 +1,13 @@
+"""Agents: what runs on board beside the autopilot, sees only its own node, and talks over the radio.
+
+A scenario names one per UA; `AGENTS` knows them by name. Write your own by subclassing `Agent`.
+"""
+
+from bridge.agents.agent import Agent
+from bridge.agents.hold import Hold
+from bridge.agents.out_and_back import OutAndBack
+from bridge.agents.still import Still
+
+AGENTS: dict[str, type[Agent]] = {"hold": Hold, "out_and_back": OutAndBack, "still": Still}
+
+__all__ = ["AGENTS", "Agent", "Hold", "OutAndBack", "Still"]

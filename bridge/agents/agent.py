@@ -1,0 +1,59 @@
+"""The base of all agents: tells the others its state (Table II) at every tick, and flies what `fly` says."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from bridge.client import UaClient
+from bridge.messages import AircraftState, DataPackage, Header, Waypoint
+from bridge.scenario import Aircraft, Transmit
+
+
+class Agent:
+    """One UA's agent.
+
+    Attributes:
+        open_ended: it has no end of its own; the run does not wait for it.
+        ua: the node as the agent sees it.
+        waypoints: what it plans to fly; told to the others.
+        latest: newest package of each other node.
+    """
+
+    open_ended: ClassVar[bool] = False
+
+    def __init__(self, ua: UaClient, aircraft: Aircraft, transmit: Transmit) -> None:
+        self.ua = ua
+        self.aircraft = aircraft
+        self.transmit_config = transmit
+        self.waypoints: tuple[Waypoint, ...] = ()
+        self.measurements_dbm: tuple[float, ...] = ()
+        self._ticks = 0
+
+    async def fly(self) -> None:
+        """What the agent does, once; the run is over when every agent is back from here."""
+
+    def on_tick(self, sim_time_ns: int) -> None:
+        """What the agent does at each tick of the fleet clock. It must not wait: the clock waits for it."""
+        if self._ticks % self.transmit_config.every_ticks == 0:
+            self.ua.transmit(self.transmit_config.channel, self.package(sim_time_ns))
+        self._ticks += 1
+
+    def package(self, sim_time_ns: int) -> DataPackage:
+        """The data package of Moon et al. 2020, Table II."""
+        return DataPackage(
+            Header.at(sim_time_ns, self.ua.node),
+            self.transmit_config.frequency_mhz,
+            self.ua.state or AircraftState(),
+            self.waypoints,
+            self.measurements_dbm,
+        )
+
+    async def take_off(self, altitude_rel_m: float) -> AircraftState:
+        """Wait until the autopilot can be armed, then arm and climb. Returns the state on the ground."""
+        self.ua.report("waits until the autopilot is ready to arm")
+        home = await self.ua.wait_for(lambda state: state.ready_to_arm)
+        self.ua.report(f"takes off to {altitude_rel_m:g} m")
+        await self.ua.set_mode("GUIDED")
+        await self.ua.arm()
+        await self.ua.takeoff(altitude_rel_m)
+        return home

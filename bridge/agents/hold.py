@@ -1,0 +1,19 @@
+"""Takes off and holds."""
+
+from __future__ import annotations
+
+from bridge.agents.agent import Agent
+from bridge.scenario import HoldAgent
+
+
+class Hold(Agent):
+    """Climbs to the configured altitude and stays there; others decide when the run is over."""
+
+    open_ended = True
+
+    async def fly(self) -> None:
+        """Take off; GUIDED then holds by itself."""
+        config = self.aircraft.agent
+        assert isinstance(config, HoldAgent)
+        await self.take_off(config.altitude_m)
+        self.ua.report(f"holds at {config.altitude_m:g} m")

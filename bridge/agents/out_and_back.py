@@ -1,0 +1,39 @@
+"""Flies straight out and back."""
+
+from __future__ import annotations
+
+import math
+
+from bridge.agents.agent import Agent
+from bridge.messages import AircraftState, Waypoint
+from bridge.scenario import OutAndBackAgent
+from fdm.geodesy import GeodeticPosition, geodetic_from_ned
+
+
+class OutAndBack(Agent):
+    """Climbs, flies ``distance_m`` along ``bearing_deg`` from home, turns and comes back."""
+
+    async def fly(self) -> None:
+        """Take off, fly out, fly back."""
+        config = self.aircraft.agent
+        assert isinstance(config, OutAndBackAgent)
+        home = await self.take_off(config.altitude_m)
+        self.waypoints = _waypoints(home, config)
+        for activity, point in zip(("flies out", "flies back"), self.waypoints, strict=True):
+            self.ua.report(f"{activity} at {config.speed_mps:g} m/s")
+            await self.ua.goto(
+                point.latitude_deg, point.longitude_deg, point.altitude_rel_m, speed_mps=config.speed_mps
+            )
+        self.ua.report("is back")
+
+
+def _waypoints(home: AircraftState, config: OutAndBackAgent) -> tuple[Waypoint, Waypoint]:
+    """The far point and the point over home."""
+    start = GeodeticPosition(home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)
+    bearing_rad = math.radians(config.bearing_deg)
+    north_m, east_m = config.distance_m * math.cos(bearing_rad), config.distance_m * math.sin(bearing_rad)
+    far = geodetic_from_ned(start, (north_m, east_m, 0.0))
+    return (
+        Waypoint(far.lon_deg, far.lat_deg, config.altitude_m),
+        Waypoint(start.lon_deg, start.lat_deg, config.altitude_m),
+    )

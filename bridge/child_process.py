@@ -1,0 +1,114 @@
+"""Child processes of the supervisor: started apart from the terminal, and ended for sure."""
+
+from __future__ import annotations
+
+import asyncio
+import ctypes
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None, use_errno=True) if sys.platform == "linux" else None
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSpec:
+    """What to start.
+
+    Attributes:
+        name: for messages, the log's name and the liveliness token.
+        command: program and arguments.
+        log_path: where its output goes.
+        cwd: its working directory; None for ours.
+        environment: all of its environment variables; None for ours.
+        stop_signal: how it is asked to end.
+    """
+
+    name: str
+    command: Sequence[str]
+    log_path: Path
+    cwd: Path | None = None
+    environment: Mapping[str, str] | None = field(default=None, hash=False)
+    stop_signal: signal.Signals = signal.SIGTERM
+
+
+class Child:
+    """A running child process."""
+
+    def __init__(self, spec: ProcessSpec, process: asyncio.subprocess.Process) -> None:
+        self.spec = spec
+        self._process = process
+        self.ended = asyncio.create_task(process.wait(), name=f"wait for {spec.name}")
+
+    @classmethod
+    async def start(cls, spec: ProcessSpec) -> Child:
+        """Start the process; its output goes to its log.
+
+        Raises:
+            OSError: if the program or its working directory is not there.
+        """
+        with spec.log_path.open("wb") as log:
+            process = await asyncio.create_subprocess_exec(
+                *spec.command,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=log,
+                stderr=asyncio.subprocess.STDOUT,
+                cwd=spec.cwd,
+                env=spec.environment,
+                start_new_session=True,  # Ctrl-C reaches the supervisor only, which ends the others in order
+                preexec_fn=_die_with_parent if _LIBC is not None else None,
+            )
+        return cls(spec, process)
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def how_it_ended(self) -> str:
+        """Exit status or signal, in words."""
+        status = self._process.returncode
+        if status is None:
+            return "still runs"
+        return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+
+    def ask_to_end(self) -> None:
+        """Send its stop signal."""
+        self._signal(self.spec.stop_signal)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._signal(signal.SIGKILL)
+
+    def _signal(self, number: signal.Signals) -> None:
+        if self._process.returncode is None:
+            self._process.send_signal(number)
+
+    def log_tail(self, lines: int = 5) -> str:
+        """The last lines of its log."""
+        text = self.spec.log_path.read_text(encoding="utf-8", errors="replace")
+        return "\n".join(text.rstrip().splitlines()[-lines:])
+
+
+def _die_with_parent() -> None:
+    """Between fork and exec: have the kernel end this process should the supervisor be killed."""
+    if _LIBC is not None:
+        _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+async def end_all(children: Sequence[Child], grace_s: float) -> list[str]:
+    """Ask all to end, wait ``grace_s`` (wall time), kill those that are left. Returns the names of the killed."""
+    for child in children:
+        child.ask_to_end()
+    waiting = [child.ended for child in children]
+    if waiting:
+        await asyncio.wait(waiting, timeout=grace_s)
+    late = [child for child in children if not child.ended.done()]
+    for child in late:
+        child.kill()
+    await asyncio.gather(*waiting)
+    return [child.spec.name for child in late]

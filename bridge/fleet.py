@@ -1,0 +1,292 @@
+"""The supervisor: starts the processes of a run in order, watches them, and ends them all."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, TypeVar
+
+from bridge.agents import AGENTS
+from bridge.autopilots import LAUNCHERS, AutopilotError, Launcher, LaunchPlan
+from bridge.child_process import Child, ProcessSpec, end_all
+from bridge.inbox import Inbox
+from bridge.keys import Keys
+from bridge.messages import AgentStatus, Clock, DecodeError, Link, Message, Truth, decode
+from bridge.ports import HOST, conflicts, ports_of
+from bridge.processes.physics import home_of
+from bridge.run_directory import RunDirectory
+from bridge.scenario import Scenario
+from bridge.session import Sample, Session, SessionError, free_port, open_client
+from fdm.airframe import load_airframe
+
+START_TIMEOUT_S = 60.0
+AGENT_GRACE_S = 1.0
+FLIGHT_GRACE_S = 1.5
+ROUTER_GRACE_S = 1.5
+SILENCE_S = 20.0
+"""Wall time without a tick after which the run is given up."""
+
+
+T = TypeVar("T")
+
+
+class FleetError(RuntimeError):
+    """The run could not start or broke off; the text says which process and where its log is."""
+
+
+class _Over(Exception):
+    """The run ended while something was being waited for."""
+
+
+class Ending(StrEnum):
+    """Why a run ended."""
+
+    DONE = "done"
+    DURATION = "duration"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True, slots=True)
+class Observer:
+    """What the supervisor tells of the run while it goes on."""
+
+    on_phase: Callable[[str], object]
+    on_message: Callable[[Message], object]
+
+
+class Fleet:
+    """All processes of one run.
+
+    Args:
+        scenario: what to fly.
+        run: its directory, already there.
+        observer: told of phases and messages.
+        ardupilot_dir: where real binaries are, if that was said.
+    """
+
+    def __init__(
+        self, scenario: Scenario, run: RunDirectory, observer: Observer, ardupilot_dir: Path | None = None
+    ) -> None:
+        self._scenario = scenario
+        self._run = run
+        self._observer = observer
+        self._launcher = launcher_of(scenario, ardupilot_dir)
+        self._children: list[Child] = []
+        self._router: Child | None = None
+        self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
+        with_a_task = {ua.node for ua in scenario.ua if not AGENTS[ua.agent.type].open_ended}
+        self._has_task = bool(with_a_task)
+        self._pending = with_a_task
+        self._last_tick = asyncio.get_running_loop().time()
+        self.sim_time_ns = 0
+
+    def interrupt(self) -> None:
+        """End the run now."""
+        self._settle(Ending.INTERRUPTED)
+
+    async def fly(self) -> Ending:
+        """Start everything, wait for the end of the flight, end everything.
+
+        Raises:
+            FleetError: if a process does not start, dies or reports failure.
+        """
+        try:
+            return await self._fly()
+        finally:
+            await asyncio.shield(self._end())
+
+    async def _fly(self) -> Ending:
+        endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
+        info = self._run.write(self._scenario, endpoint)
+        self._observer.on_phase("starts the radio router")
+        self._router = await self._start(self._python("router"))
+        try:
+            with await self._unless_over(_connect(endpoint)) as session:
+                self._listen(session, Keys(info.run))
+                await self._start_all(session, Keys(info.run))
+                return await self._unless_over(self._watch_clock())
+        except _Over:
+            return self._outcome.result()
+
+    async def _start_all(self, session: Session, keys: Keys) -> None:
+        self._observer.on_phase("starts flight dynamics, APS daemons and agents")
+        specs = [self._python("physics")]
+        for node in self._scenario.nodes:
+            specs += [self._python("aircraft", node), self._python("agent", node)]
+        for spec in specs:
+            await self._start(spec)
+        await self._unless_over(self._all_alive(session, keys, {spec.name for spec in specs}))
+        self._observer.on_phase(f"starts autopilots ({self._scenario.autopilot})")
+        for ua in self._scenario.ua:
+            home = home_of(ua, self._scenario.origin)
+            plan = LaunchPlan(self._run, self._scenario, ua, load_airframe(ua.airframe), home)
+            autopilot = self._launcher.process(plan)
+            if autopilot is not None:
+                await self._start(autopilot)
+        self._observer.on_phase("waits for the autopilots")
+
+    def _python(self, module: str, node: str = "") -> ProcessSpec:
+        name = f"{module}-{node}" if node else module
+        command = [sys.executable, "-m", f"bridge.processes.{module}", "--run-dir", str(self._run.path)]
+        command += ["--ua", node] if node else []
+        return ProcessSpec(name, command, self._run.log_path(name))
+
+    async def _start(self, spec: ProcessSpec) -> Child:
+        try:
+            child = await Child.start(spec)
+        except OSError as error:
+            raise FleetError(f"{spec.name} could not be started: {error}") from error
+        self._children.append(child)
+        child.ended.add_done_callback(lambda _: self._child_ended(child))
+        return child
+
+    def _child_ended(self, child: Child) -> None:
+        text = f"{child.spec.name} {child.how_it_ended}; its log is {child.spec.log_path}"
+        tail = child.log_tail()
+        self._settle(FleetError(f"{text}\n{tail}" if tail else text))
+
+    def _settle(self, outcome: Ending | FleetError) -> None:
+        if self._outcome.done():
+            return
+        if isinstance(outcome, Ending):
+            self._outcome.set_result(outcome)
+        else:
+            self._outcome.set_exception(outcome)
+
+    async def _unless_over(self, work: Coroutine[Any, Any, T]) -> T:
+        """Wait for ``work``, but not longer than the run lasts."""
+        task = asyncio.create_task(work)
+        try:
+            waiting: set[asyncio.Future[Any]] = {task, self._outcome}
+            await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+            if self._outcome.done():
+                raise _Over
+            return task.result()
+        finally:
+            task.cancel()
+
+    async def _end(self) -> None:
+        """End everything: agents first, so that nobody transmits into a dying router; the router last."""
+        self._settle(Ending.INTERRUPTED)
+        self._observer.on_phase("ends all processes")
+        agents = [child for child in self._children if child.spec.name.startswith("agent-")]
+        await end_all(agents, AGENT_GRACE_S)
+        await end_all(
+            [c for c in self._children if c not in agents and c is not self._router], FLIGHT_GRACE_S
+        )
+        if self._router is not None:
+            await end_all([self._router], ROUTER_GRACE_S)
+
+    # --- what the processes tell
+
+    def _listen(self, session: Session, keys: Keys) -> None:
+        inbox: Inbox[tuple[type[Message], Sample]] = Inbox(asyncio.get_running_loop(), self._on_sample)
+
+        def subscribe(key_expr: str, cls: type[Message]) -> None:
+            session.subscribe(key_expr, lambda sample: inbox.push((cls, sample)))
+
+        subscribe(keys.clock, Clock)
+        subscribe(keys.truth("*"), Truth)
+        subscribe(keys.link("*", "*"), Link)
+        subscribe(keys.agent("*"), AgentStatus)
+
+    def _on_sample(self, item: tuple[type[Message], Sample]) -> None:
+        cls, sample = item
+        try:
+            message = decode(sample.payload.to_bytes(), cls)
+        except DecodeError as error:
+            self._observer.on_phase(f"ignores a malformed message on {sample.key_expr}: {error}")
+            return
+        if isinstance(message, Clock):
+            self._on_clock(message)
+        elif isinstance(message, AgentStatus):
+            self._on_agent(message)
+        self._observer.on_message(message)
+
+    def _on_clock(self, clock: Clock) -> None:
+        self._last_tick = asyncio.get_running_loop().time()
+        self.sim_time_ns = clock.header.stamp.ns
+        if self.sim_time_ns >= self._scenario.duration_s * 1e9:
+            self._settle(Ending.DURATION)
+
+    def _on_agent(self, status: AgentStatus) -> None:
+        node = status.header.frame_id
+        if status.failed:
+            log = self._run.log_path(f"agent-{node}")
+            self._settle(FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}"))
+        if status.done:
+            self._pending.discard(node)
+            if not self._pending and self._has_task:
+                self._settle(Ending.DONE)
+
+    async def _all_alive(self, session: Session, keys: Keys, names: set[str]) -> None:
+        everybody = asyncio.Event()
+        missing = set(names)
+
+        def on_token(token: tuple[str, bool]) -> None:
+            key, is_alive = token
+            if is_alive:
+                missing.discard(keys.last_chunk(key))
+            if not missing:
+                everybody.set()
+
+        inbox: Inbox[tuple[str, bool]] = Inbox(asyncio.get_running_loop(), on_token)
+        session.watch_alive(keys.alive("*"), lambda key, is_alive: inbox.push((key, is_alive)))
+        try:
+            await asyncio.wait_for(everybody.wait(), START_TIMEOUT_S)
+        except TimeoutError:
+            logs = ", ".join(str(self._run.log_path(name)) for name in sorted(missing))
+            late = ", ".join(sorted(missing))
+            raise FleetError(f"not ready within {START_TIMEOUT_S:g} s: {late}; see {logs}") from None
+
+    async def _watch_clock(self) -> Ending:
+        """Wait for the end of the run; give it up when time stands still."""
+        loop = asyncio.get_running_loop()
+        self._last_tick = loop.time()
+        patience_s = SILENCE_S if self._scenario.autopilot != "external" else float("inf")
+        while True:
+            await asyncio.sleep(1.0)
+            silence_s = loop.time() - self._last_tick
+            if silence_s > patience_s:
+                raise FleetError(
+                    f"sim time has stood at {self.sim_time_ns / 1e9:.2f} s for {silence_s:.0f} s: an agent does not "
+                    f"answer its tick, or no autopilot sends servo outputs; see the logs in {self._run.path / 'logs'}"
+                )
+
+
+async def _connect(endpoint: str) -> Session:
+    """Join the router once it listens, in short tries, so that an interrupted start ends soon."""
+    deadline = asyncio.get_running_loop().time() + START_TIMEOUT_S
+    while True:
+        try:
+            return await asyncio.to_thread(open_client, endpoint, timeout_s=0.5)
+        except SessionError as error:
+            if asyncio.get_running_loop().time() > deadline:
+                raise FleetError(str(error)) from error
+
+
+def launcher_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launcher:
+    """The source of autopilots that the scenario names."""
+    return LAUNCHERS[scenario.autopilot](os.environ, ardupilot_dir)
+
+
+def preflight(scenario: Scenario, ardupilot_dir: Path | None = None) -> None:
+    """See, before anything is started, that the run can start.
+
+    Raises:
+        FleetError: if a port is taken or an autopilot is missing; the text says what to do.
+    """
+    launcher = launcher_of(scenario, ardupilot_dir)
+    try:
+        for ua in scenario.ua:
+            launcher.check(load_airframe(ua.airframe))
+    except AutopilotError as error:
+        raise FleetError(str(error)) from error
+    taken = conflicts(ports_of(scenario))
+    if taken:
+        raise FleetError("\n".join(taken))

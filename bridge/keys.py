@@ -1,0 +1,95 @@
+"""The Zenoh key space of one run: `lostlink/<run>/...`.
+
+A node is anything with an antenna and a position; a UA is a node whose id is its index as text.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+ROOT = "lostlink"
+VERBS = ("arm", "disarm", "mode", "takeoff", "goto", "rtl", "land")
+_CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
+def checked_chunk(value: str) -> str:
+    """Return ``value`` if it can stand between two slashes of a key, else raise ValueError."""
+    if not _CHUNK.fullmatch(value):
+        raise ValueError(f"{value!r} cannot be part of a key: use letters, digits, '_', '-' and '.'")
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """Builds the keys of the run called ``run``; ``"*"`` is allowed wherever an id is, for subscribing."""
+
+    run: str
+
+    @property
+    def prefix(self) -> str:
+        """The part that all keys of the run share."""
+        return f"{ROOT}/{self.run}"
+
+    @property
+    def clock(self) -> str:
+        """Fleet time, one message per tick; written by the fleet clock."""
+        return f"{self.prefix}/clock"
+
+    @property
+    def clock_release(self) -> str:
+        """The tick that everybody has answered; written by the radio router, read by the fleet clock."""
+        return f"{self.prefix}/clock/release"
+
+    def clock_answer(self, node: str) -> str:
+        """A regulated agent's word that it is done with a tick."""
+        return f"{self.prefix}/clock/answer/{node}"
+
+    def truth(self, node: str) -> str:
+        """True state of a node; written by the flight dynamics."""
+        return f"{self.prefix}/truth/{node}"
+
+    def state(self, node: str) -> str:
+        """Table I, as the node's autopilot reports it."""
+        return f"{self.prefix}/ua/{node}/state"
+
+    def command(self, node: str, verb: str) -> str:
+        """Queryable that carries out ``verb``, one of VERBS."""
+        return f"{self.prefix}/ua/{node}/cmd/{verb}"
+
+    def agent(self, node: str) -> str:
+        """What the node's agent says of itself."""
+        return f"{self.prefix}/ua/{node}/agent"
+
+    def tx(self, node: str, channel: str) -> str:
+        """What a node gives to the radio; only the radio router reads it."""
+        return f"{self.prefix}/ua/{node}/tx/{channel}"
+
+    def rx(self, node: str, sender: str, channel: str) -> str:
+        """What the radio delivered to a node; only the radio router writes it."""
+        return f"{self.prefix}/ua/{node}/rx/{sender}/{channel}"
+
+    def comm_status(self, node: str) -> str:
+        """Which other nodes' latest packets reached this one."""
+        return f"{self.prefix}/ua/{node}/comm_status"
+
+    def link(self, tx: str, rx: str) -> str:
+        """Power, SNR, PER and counts of one directed link."""
+        return f"{self.prefix}/link/{tx}/{rx}"
+
+    def alive(self, process: str) -> str:
+        """Liveliness token of a process of the run, declared once it is ready."""
+        return f"{self.prefix}/alive/{process}"
+
+    def last_chunk(self, key: str) -> str:
+        """The part of a key of this run after its last slash."""
+        return key.rsplit("/", 1)[1]
+
+    def node_of(self, key: str) -> str:
+        """The node of a key below ``ua/``."""
+        return key[len(self.prefix) + 1 :].split("/", 2)[1]
+
+    def sender_and_channel(self, tx_key: str) -> tuple[str, str]:
+        """Split a ``tx`` key into node and channel."""
+        _, node, _, channel = tx_key[len(self.prefix) + 1 :].split("/", 3)
+        return node, channel

@@ -1,0 +1,221 @@
+"""Frozen records with the fields of `msg/*.msg`, in their order; what each field means stands there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+PACKAGE = "lostlink_msgs"
+NANOSECONDS = 1_000_000_000
+
+
+class Message:
+    """Base of everything that travels in CDR. ``TYPE`` is the ROS 2 type name."""
+
+    TYPE: ClassVar[str]
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Time(Message):
+    """builtin_interfaces/Time: here always sim time."""
+
+    TYPE = "builtin_interfaces/msg/Time"
+    sec: int = 0
+    nanosec: int = 0
+
+    @classmethod
+    def from_ns(cls, sim_time_ns: int) -> Time:
+        """Split integer nanoseconds."""
+        return cls(*divmod(sim_time_ns, NANOSECONDS))
+
+    @property
+    def ns(self) -> int:
+        """Integer nanoseconds."""
+        return self.sec * NANOSECONDS + self.nanosec
+
+
+@dataclass(frozen=True, slots=True)
+class Header(Message):
+    """std_msgs/Header: sim time and, as ``frame_id``, a node id."""
+
+    TYPE = "std_msgs/msg/Header"
+    stamp: Time = field(default_factory=Time)
+    frame_id: str = ""
+
+    @classmethod
+    def at(cls, sim_time_ns: int, frame_id: str) -> Header:
+        """Header for an instant of sim time."""
+        return cls(Time.from_ns(sim_time_ns), frame_id)
+
+
+@dataclass(frozen=True, slots=True)
+class Vector3(Message):
+    """geometry_msgs/Vector3."""
+
+    TYPE = "geometry_msgs/msg/Vector3"
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+    @property
+    def xyz(self) -> tuple[float, float, float]:
+        """The components as a tuple."""
+        return (self.x, self.y, self.z)
+
+
+@dataclass(frozen=True, slots=True)
+class Quaternion(Message):
+    """geometry_msgs/Quaternion."""
+
+    TYPE = "geometry_msgs/msg/Quaternion"
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    w: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class AircraftState(Message):
+    """State of one UA as its autopilot reports it (Moon et al. 2020, Table I)."""
+
+    TYPE = f"{PACKAGE}/msg/AircraftState"
+    header: Header = field(default_factory=Header)
+    mav_id: int = 0
+    euler_rad: Vector3 = field(default_factory=Vector3)
+    longitude_deg: float = 0.0
+    latitude_deg: float = 0.0
+    altitude_amsl_m: float = 0.0
+    altitude_rel_m: float = 0.0
+    position_ned_m: Vector3 = field(default_factory=Vector3)
+    velocity_ned_mps: Vector3 = field(default_factory=Vector3)
+    indicated_airspeed_mps: float = 0.0
+    groundspeed_mps: float = 0.0
+    airspeed_mps: float = 0.0
+    mode: str = ""
+    base_mode: str = ""
+    heartbeat_age_s: float = 0.0
+    flight_time_s: float = 0.0
+    voltage_v: float = 0.0
+    current_a: float = 0.0
+    wind_body_mps: Vector3 = field(default_factory=Vector3)
+    throttle_percent: float = 0.0
+    armed: bool = False
+    ready_to_arm: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint(Message):
+    """One planned point of a UA."""
+
+    TYPE = f"{PACKAGE}/msg/Waypoint"
+    longitude_deg: float = 0.0
+    latitude_deg: float = 0.0
+    altitude_rel_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class DataPackage(Message):
+    """What one UA transmits to the others (Moon et al. 2020, Table II)."""
+
+    TYPE = f"{PACKAGE}/msg/DataPackage"
+    header: Header = field(default_factory=Header)
+    frequency_mhz: int = 0
+    state: AircraftState = field(default_factory=AircraftState)
+    waypoints: tuple[Waypoint, ...] = ()
+    received_power_dbm: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class CommunicationStatus(Message):
+    """Which other nodes' latest packets reached this one (Moon et al. 2020, eq. 9)."""
+
+    TYPE = f"{PACKAGE}/msg/CommunicationStatus"
+    header: Header = field(default_factory=Header)
+    node: tuple[str, ...] = ()
+    delivered: tuple[bool, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Truth(Message):
+    """True state of one UA, from the flight dynamics."""
+
+    TYPE = f"{PACKAGE}/msg/Truth"
+    header: Header = field(default_factory=Header)
+    longitude_deg: float = 0.0
+    latitude_deg: float = 0.0
+    altitude_amsl_m: float = 0.0
+    position_ned_m: Vector3 = field(default_factory=Vector3)
+    velocity_ned_mps: Vector3 = field(default_factory=Vector3)
+    attitude: Quaternion = field(default_factory=Quaternion)
+    body_rates_frd_radps: Vector3 = field(default_factory=Vector3)
+    specific_force_frd_mps2: Vector3 = field(default_factory=Vector3)
+    airspeed_mps: float = 0.0
+    wind_ned_mps: Vector3 = field(default_factory=Vector3)
+
+
+@dataclass(frozen=True, slots=True)
+class Clock(Message):
+    """Fleet time, one message per tick."""
+
+    TYPE = f"{PACKAGE}/msg/Clock"
+    header: Header = field(default_factory=Header)
+    speed: float = 1.0
+    real_time_factor: float = 0.0
+    paused: bool = False
+    stalled: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Link(Message):
+    """One directed radio link: the latest packet and the counts so far."""
+
+    TYPE = f"{PACKAGE}/msg/Link"
+    header: Header = field(default_factory=Header)
+    tx: str = ""
+    rx: str = ""
+    distance_m: float = 0.0
+    received_power_dbm: float = 0.0
+    snr_db: float = 0.0
+    per: float = 0.0
+    sent: int = 0
+    delivered: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class CommandGoal(Message):
+    """A request to ``ua/<id>/cmd/<verb>``; fields that the verb does not use are left 0 or empty."""
+
+    TYPE = f"{PACKAGE}/msg/CommandGoal"
+    mode: str = ""
+    longitude_deg: float = 0.0
+    latitude_deg: float = 0.0
+    altitude_rel_m: float = 0.0
+    speed_mps: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class CommandEvent(Message):
+    """A reply to a CommandGoal: accepted, then feedback as it goes, then one result."""
+
+    TYPE = f"{PACKAGE}/msg/CommandEvent"
+    ACCEPTED: ClassVar[int] = 0
+    FEEDBACK: ClassVar[int] = 1
+    RESULT: ClassVar[int] = 2
+    phase: int = 0
+    success: bool = False
+    text: str = ""
+    remaining_m: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class AgentStatus(Message):
+    """What an agent says of itself."""
+
+    TYPE = f"{PACKAGE}/msg/AgentStatus"
+    header: Header = field(default_factory=Header)
+    activity: str = ""
+    done: bool = False
+    failed: bool = False
+    sent: int = 0
+    received: int = 0

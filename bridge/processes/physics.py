@@ -1,0 +1,80 @@
+"""The flight dynamics process: hosts every UA's airframe, and keeps the fleet's time."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+from bridge.messages import DecodeError, Header, decode
+from bridge.processes.common import on_stop_signal, parse_arguments
+from bridge.run_directory import RunDirectory
+from bridge.scenario import Aircraft, Origin, Scenario
+from bridge.session import Sample, Session, SessionError, open_client
+from bridge.truth import clock_message, truth_message
+from fdm.airframe import load_airframe
+from fdm.exchange import AircraftSpec, Exchange
+from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
+
+log = logging.getLogger("physics")
+
+
+def origin_of(origin: Origin) -> GeodeticPosition:
+    """The fleet's origin."""
+    return GeodeticPosition(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m)
+
+
+def home_of(ua: Aircraft, origin: Origin) -> Home:
+    """Home of a UA on the earth."""
+    position = geodetic_from_ned(origin_of(origin), (ua.home.north_m, ua.home.east_m, 0.0))
+    return Home(position, ua.home.heading_deg)
+
+
+def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exchange:
+    """The exchange of a scenario, publishing truth and clock."""
+    keys, origin = run.keys, origin_of(scenario.origin)
+    specs = [
+        AircraftSpec(ua.id, load_airframe(ua.airframe), home_of(ua, scenario.origin), scenario.fdm_port(ua))
+        for ua in scenario.ua
+    ]
+    return Exchange(
+        specs,
+        speed=scenario.speed_factor,
+        tick_period_ns=scenario.tick_period_ns,
+        hold_ticks=True,
+        on_truth=lambda truth: session.put(
+            keys.truth(str(truth.ua_id)), truth_message(truth, origin), must_arrive=True
+        ),
+        on_tick=lambda status: session.put(keys.clock, clock_message(status), must_arrive=True),
+    )
+
+
+def main() -> int:
+    """Run the process."""
+    run, _ = parse_arguments("physics", __doc__ or "", per_ua=False)
+    try:
+        scenario = run.scenario
+        with open_client(run.info.endpoint) as session:
+            exchange = exchange_of(scenario, session, run)
+
+            def on_release(sample: Sample) -> None:
+                try:
+                    exchange.release_tick(decode(sample.payload.to_bytes(), Header).stamp.ns)
+                except DecodeError as error:
+                    log.warning("%s", error)
+
+            on_stop_signal(exchange.stop)
+            session.subscribe(run.keys.clock_release, on_release)
+            session.declare_alive(run.keys.alive("physics"))
+            log.info("serving UA on UDP ports %s", exchange.ports)
+            try:
+                exchange.run()
+            finally:
+                exchange.close()
+    except (SessionError, OSError, ValueError) as error:
+        log.error("%s", error)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

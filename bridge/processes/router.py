@@ -1,0 +1,143 @@
+"""The router process: Zenoh's router and, in its session, the virtual radio."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import sys
+from collections.abc import Callable, Iterable
+from time import monotonic
+
+from bridge.keys import Keys
+from bridge.messages import AgentStatus, Clock, DecodeError, Header, Truth, decode
+from bridge.processes.common import on_stop_signal, parse_arguments
+from bridge.radio_router import Action, Forward, RadioRouter, Refused
+from bridge.recorder import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
+from bridge.run_directory import RunDirectory
+from bridge.session import Sample, Session, SessionError, Stamp, open_router
+from channel.medium import Medium
+from channel.presets import load_radio, radio_from_mapping
+from channel.radio import Radio
+
+FLUSH_PERIOD_S = 1.0
+log = logging.getLogger("router")
+Handler = Callable[[str, Sample], list[Action]]
+
+
+def radio_of(setting: str | dict[str, object]) -> Radio:
+    """The radio that a scenario's ``radio`` names or spells out."""
+    return Radio(load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting))
+
+
+class RouterProcess:
+    """Moves samples between Zenoh and the core, in one thread and in the order in which they came."""
+
+    def __init__(self, session: Session, run: RunDirectory) -> None:
+        scenario, keys = run.scenario, run.keys
+        self._keys: Keys = keys
+        self._session = session
+        self._run = run
+        medium = Medium(radio_of(scenario.radio), seed=scenario.seed, nodes=scenario.nodes)
+        self._core = RadioRouter(keys, medium, scenario.nodes, regulated=scenario.nodes)
+        self._writer = DeliveriesWriter(run.path / DELIVERIES)
+        self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
+        for key_expr, handler in self._handlers():
+            session.subscribe(key_expr, lambda sample, handler=handler: self._queue.put((handler, sample)))  # type: ignore[misc]
+
+    def _handlers(self) -> Iterable[tuple[str, Handler]]:
+        yield self._keys.truth("*"), self._on_truth
+        yield self._keys.tx("*", "*"), self._on_packet
+        yield self._keys.clock_answer("*"), self._on_answer
+        yield self._keys.clock, self._on_clock
+        yield self._keys.agent("*"), self._on_agent
+
+    def stop(self) -> None:
+        """End `run`; callable from a signal handler."""
+        self._queue.put(None)
+
+    def run(self) -> None:
+        """Serve until `stop`."""
+        next_flush = monotonic() + FLUSH_PERIOD_S
+        while True:
+            try:
+                item = self._queue.get(timeout=FLUSH_PERIOD_S)
+                if item is None:
+                    break
+                self._handle(*item)
+            except queue.Empty:
+                next_flush = 0.0
+            if monotonic() >= next_flush:
+                self._writer.flush()
+                next_flush = monotonic() + FLUSH_PERIOD_S
+        self._perform(self._core.finish())
+        self._writer.close()
+        write_ledger(self._run.path / LEDGER, self._core.ledger)
+        if self._core.refused:
+            log.warning("refused: %s", {reason.value: n for reason, n in self._core.refused.items()})
+
+    def _handle(self, handler: Handler, sample: Sample) -> None:
+        try:
+            actions = handler(str(sample.key_expr), sample)
+        except DecodeError as error:
+            self._core.refused[Refused.MALFORMED] += 1
+            log.warning("%s: %s", sample.key_expr, error)
+            return
+        self._perform(actions)
+
+    def _perform(self, actions: Iterable[Action]) -> None:
+        for action in actions:
+            if isinstance(action, Forward):
+                packet = action.packet
+                self._session.put_bytes(
+                    action.key, packet.payload, encoding=packet.encoding, attachment=action.attachment
+                )
+            else:
+                self._session.put(action.key, action.message, must_arrive=action.must_arrive)
+        self._writer.write(self._core.settled)
+        self._core.settled.clear()
+
+    def _on_truth(self, key: str, sample: Sample) -> list[Action]:
+        truth = decode(sample.payload.to_bytes(), Truth)
+        q = truth.attitude
+        return self._core.on_truth(
+            self._keys.last_chunk(key), truth.header.stamp.ns, truth.position_ned_m.xyz, (q.w, q.x, q.y, q.z)
+        )
+
+    def _on_packet(self, key: str, sample: Sample) -> list[Action]:
+        node, channel = self._keys.sender_and_channel(key)
+        return self._core.on_packet(
+            node, channel, sample.payload.to_bytes(), sample.encoding, Stamp.from_sample(sample)
+        )
+
+    def _on_answer(self, key: str, sample: Sample) -> list[Action]:
+        return self._core.on_answer(
+            self._keys.last_chunk(key), decode(sample.payload.to_bytes(), Header).stamp.ns
+        )
+
+    def _on_clock(self, _key: str, sample: Sample) -> list[Action]:
+        return self._core.on_tick(decode(sample.payload.to_bytes(), Clock).header.stamp.ns)
+
+    def _on_agent(self, key: str, sample: Sample) -> list[Action]:
+        status = decode(sample.payload.to_bytes(), AgentStatus)
+        self._core.on_sent_total(self._keys.node_of(key), status.sent)
+        return []
+
+
+def main() -> int:
+    """Run the process."""
+    run, _ = parse_arguments("router", __doc__ or "", per_ua=False)
+    try:
+        with open_router(run.info.endpoint) as session:
+            process = RouterProcess(session, run)
+            on_stop_signal(process.stop)
+            session.declare_alive(run.keys.alive("router"))
+            log.info("routing run %s at %s", run.info.run, run.info.endpoint)
+            process.run()
+    except (SessionError, OSError, ValueError) as error:
+        log.error("%s", error)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

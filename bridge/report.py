@@ -1,0 +1,141 @@
+"""What a run has to say in the end: `summary.json`, a table, a figure and one line of verdict."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from bridge.recorder import LEDGER
+from bridge.run_directory import SUMMARY_FILE, RunDirectory
+from bridge.scenario import Scenario
+from channel.intervals import proportion_interval
+from channel.radio import Radio
+
+SCHEMA = 1
+FIGURE_FILE = "probability_of_delivery.png"
+BIN_SENT_MIN = 50
+"""Bins with fewer packets are shown but not judged."""
+BINS_WITHIN_MIN = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How long a run took, from the first tick of sim time on."""
+
+    sim_duration_s: float
+    wall_duration_s: float
+
+    @property
+    def real_time_factor(self) -> float:
+        """Sim time per wall time."""
+        return self.sim_duration_s / self.wall_duration_s if self.wall_duration_s > 0 else 0.0
+
+
+def summarise(scenario: Scenario, run: RunDirectory, timing: Timing, ending: str) -> dict[str, Any]:
+    """The content of `summary.json`; docs/run-output.md describes it.
+
+    Raises:
+        OSError, ValueError: if the router left no ledger.
+    """
+    ledger = json.loads((run.path / LEDGER).read_text(encoding="ascii"))
+    judged = [row for row in ledger["bins"] if row["sent"] >= BIN_SENT_MIN]
+    within = sum(row["ci99"][0] <= row["measured"] <= row["ci99"][1] for row in judged)
+    return {
+        "schema": SCHEMA,
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "autopilot": scenario.autopilot,
+        "radio": scenario.radio,
+        "speed": scenario.speed,
+        "ending": ending,
+        "sim_duration_s": timing.sim_duration_s,
+        "wall_duration_s": timing.wall_duration_s,
+        "real_time_factor": timing.real_time_factor,
+        "links": ledger["links"],
+        "bins": ledger["bins"],
+        "bins_judged": len(judged),
+        "bins_within": within,
+        "verdict": _verdict(len(judged), within, ledger["links"], ending),
+    }
+
+
+def _verdict(judged: int, within: int, links: Sequence[dict[str, Any]], ending: str) -> str:
+    sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
+    counts = f"{delivered} of {sent} packets delivered"
+    if ending == "interrupted":
+        return f"interrupted: {counts}"
+    if not judged:
+        return f"no verdict: {counts}; no distance bin has {BIN_SENT_MIN} packets or more"
+    agreement = f"{within} of {judged} distance bins within the 99 % interval of the model"
+    return f"{'pass' if within >= BINS_WITHIN_MIN * judged else 'fail'}: {agreement}; {counts}"
+
+
+def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:
+    """Write `summary.json`."""
+    (run.path / SUMMARY_FILE).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+
+
+def bins_table(summary: dict[str, Any]) -> Table:
+    """The table for people: a row per distance bin, both directions of all links."""
+    table = Table(box=box.SIMPLE_HEAD, title="Probability of delivery by distance", title_justify="left")
+    for name in ("link", "distance, m", "sent", "delivered", "measured", "predicted", "99 % interval"):
+        table.add_column(name, justify="left" if name == "link" else "right")
+    for row in summary["bins"]:
+        low, high = row["ci99"]
+        judged = row["sent"] >= BIN_SENT_MIN
+        outside = judged and not low <= row["measured"] <= high
+        table.add_row(
+            f"{row['tx']} -> {row['rx']}",
+            f"{row['distance_min_m']:.0f}-{row['distance_max_m']:.0f}",
+            str(row["sent"]),
+            str(row["delivered"]),
+            f"{row['measured']:.3f}{' !' if outside else ''}",
+            f"{row['predicted']:.3f}",
+            f"{low:.3f}-{high:.3f}",
+            style="red" if outside else ("" if judged else "dim"),
+        )
+    return table
+
+
+def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Path) -> None:
+    """Measured probability of delivery over the model's curve, as in Moon et al. 2020, Fig. 6."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
+    farthest_m = max((row["distance_max_m"] for row in summary["bins"]), default=100.0)
+    distance_m = np.linspace(1.0, farthest_m, 600)
+    axes.plot(distance_m, radio.probability_of_delivery(distance_m), color="0.3", label="model", zorder=1)
+    links = sorted({(row["tx"], row["rx"]) for row in summary["bins"]})
+    for (tx, rx), marker in zip(links, "os^vD<>Pp*" * (1 + len(links) // 10), strict=False):
+        rows = [row for row in summary["bins"] if (row["tx"], row["rx"]) == (tx, rx)]
+        centre_m, measured = np.array([_middle(r) for r in rows]), np.array([r["measured"] for r in rows])
+        low, high = proportion_interval([r["delivered"] for r in rows], [r["sent"] for r in rows])
+        error = np.maximum([measured - low, high - measured], 0.0)
+        axes.errorbar(
+            centre_m, measured, error, fmt=marker, markersize=4, capsize=2, lw=1, label=f"UA {tx} to UA {rx}"
+        )
+    axes.set(xlabel="distance, m", ylabel="probability of delivery", ylim=(-0.03, 1.03), xlim=(0, farthest_m))
+    name = (
+        summary["radio"] if isinstance(summary["radio"], str) else summary["radio"].get("preset", "own radio")
+    )
+    axes.set_title(
+        f"{summary['scenario']}: {name}, seed {summary['seed']} (measured with 99 % binomial intervals)"
+    )
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def _middle(row: dict[str, Any]) -> float:
+    return float(row["distance_min_m"] + row["distance_max_m"]) / 2

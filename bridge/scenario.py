@@ -1,0 +1,196 @@
+"""What a scenario says: typed, checked once and frozen. `scenario_file` reads it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+
+SCHEMA = 1
+MAX = "max"
+SPEED_MIN = 0.1
+
+Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
+Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Port = Annotated[int, Field(ge=0, le=65535)]
+Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+
+
+def _speed(value: object) -> object:
+    if value == MAX or (isinstance(value, int | float) and SPEED_MIN <= value < float("inf")):
+        return value
+    raise ValueError(f"has to be {MAX!r} or a real-time factor of at least {SPEED_MIN}")
+
+
+def _radio(value: object) -> object:
+    if isinstance(value, str | dict):
+        return value
+    raise ValueError(
+        "has to be the name of a radio preset, or a mapping with 'preset' and what differs from it"
+    )
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Origin(_Part):
+    """Where the fleet's north-east-down frame has its zero."""
+
+    lat_deg: Latitude
+    lon_deg: Longitude
+    alt_amsl_m: Finite
+
+
+class HomePlace(_Part):
+    """Home of a UA relative to the fleet's origin."""
+
+    north_m: Finite = 0.0
+    east_m: Finite = 0.0
+    heading_deg: Finite = 0.0
+
+
+class HoldAgent(_Part):
+    """Takes off and holds over home until the others are done."""
+
+    type: Literal["hold"]
+    altitude_m: Positive
+
+
+class OutAndBackAgent(_Part):
+    """Takes off, flies straight out, turns and flies back."""
+
+    type: Literal["out_and_back"]
+    altitude_m: Positive
+    distance_m: Positive
+    bearing_deg: Finite = 0.0
+    speed_mps: Positive = 10.0
+
+
+class StillAgent(_Part):
+    """Stays on the ground and transmits: for links without flight, and for tests."""
+
+    type: Literal["still"]
+
+
+AgentConfig = Annotated[HoldAgent | OutAndBackAgent | StillAgent, Field(discriminator="type")]
+
+
+class Aircraft(_Part):
+    """One UA."""
+
+    id: Annotated[int, Field(ge=0, le=249)]
+    airframe: str = "f450"
+    home: HomePlace = HomePlace()
+    agent: AgentConfig
+
+    @property
+    def node(self) -> str:
+        """Its node id."""
+        return str(self.id)
+
+    @property
+    def sysid(self) -> int:
+        """Its MAVLink system id."""
+        return self.id + 1
+
+
+class Transmit(_Part):
+    """What every agent gives to the radio."""
+
+    channel: Slug = "team"
+    every_ticks: Annotated[int, Field(ge=1)] = 1
+    frequency_mhz: Annotated[int, Field(ge=1, le=65535)] = 2412
+
+
+class Ports(_Part):
+    """First port of each kind; UA I uses ``first + 10 * (I + first_slot)``. 0 for zenoh: any free port."""
+
+    fdm: Port = 9002
+    autopilot: Port = 5760
+    aps: Port = 6760
+    zenoh: Port = 7447
+    first_slot: Annotated[int, Field(ge=0, le=4000)] = 0
+
+
+class Scenario(_Part):
+    """A whole run."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    name: Slug
+    description: str = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    autopilot: Literal["standin", "ardupilot", "external"] = "standin"
+    speed: Annotated[float | str, BeforeValidator(_speed)] = 1.0
+    duration_s: Positive
+    tick_rate_hz: Annotated[int, Field(ge=1, le=100)] = 20
+    origin: Origin
+    radio: Annotated[str | dict[str, Any], BeforeValidator(_radio)]
+    transmit: Transmit = Transmit()
+    ports: Ports = Ports()
+    ua: Annotated[tuple[Aircraft, ...], Field(min_length=1)]
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+    @field_validator("tick_rate_hz")
+    @classmethod
+    def _whole_nanoseconds(cls, rate_hz: int) -> int:
+        if 1_000_000_000 % rate_hz:
+            raise ValueError(
+                "must divide a second into whole nanoseconds (1, 2, 4, 5, 8, 10, 16, 20, 25, ...)"
+            )
+        return rate_hz
+
+    @field_validator("ua")
+    @classmethod
+    def _ids_differ(cls, aircraft: tuple[Aircraft, ...]) -> tuple[Aircraft, ...]:
+        ids = [ua.id for ua in aircraft]
+        twice = sorted({i for i in ids if ids.count(i) > 1})
+        if twice:
+            raise ValueError(f"id {twice[0]} is used more than once")
+        return aircraft
+
+    @property
+    def tick_period_ns(self) -> int:
+        """Sim time between two ticks."""
+        return 1_000_000_000 // self.tick_rate_hz
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """All node ids."""
+        return tuple(ua.node for ua in self.ua)
+
+    @property
+    def speed_factor(self) -> float:
+        """Target real-time factor; ``inf`` for max."""
+        return float("inf") if self.speed == MAX else float(self.speed)
+
+    def aircraft(self, node: str) -> Aircraft:
+        """The UA with this node id."""
+        return next(ua for ua in self.ua if ua.node == node)
+
+    def fdm_port(self, ua: Aircraft) -> int:
+        """UDP port of the flight dynamics exchange of ``ua``."""
+        return self._port(self.ports.fdm, ua)
+
+    def autopilot_port(self, ua: Aircraft) -> int:
+        """TCP port of the autopilot of ``ua``."""
+        return self._port(self.ports.autopilot, ua)
+
+    def aps_port(self, ua: Aircraft) -> int:
+        """TCP port of the MAVLink server of ``ua``."""
+        return self._port(self.ports.aps, ua)
+
+    def instance(self, ua: Aircraft) -> int:
+        """ArduPilot's instance number: what its ports are counted by."""
+        return ua.id + self.ports.first_slot
+
+    def _port(self, first: int, ua: Aircraft) -> int:
+        return first + 10 * self.instance(ua)
+
+    def to_yaml(self) -> str:
+        """The scenario as resolved."""
+        return yaml.safe_dump(self.model_dump(mode="json", by_alias=True), sort_keys=False)
