@@ -1,0 +1,45 @@
+"""Where the two ends of a link are, in what the models need: distances, heights, angles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from channel.checks import FloatArray
+
+MIN_HEIGHT_M = 0.1
+"""Antennas are never lower than this above the ground plane: a UA on its legs still has an aerial above it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """One or many links; all fields broadcast against each other.
+
+    Attributes:
+        frequency_hz: carrier.
+        distance_m: slant distance between the antennas, already clamped to the radio's minimum.
+        height_tx_m: height of the transmitting antenna above ground.
+        height_rx_m: height of the receiving antenna above ground.
+        position_tx_ned_m: shape (..., 3), or None if only distances are known.
+        position_rx_ned_m: shape (..., 3), or None.
+    """
+
+    frequency_hz: float | FloatArray
+    distance_m: FloatArray
+    height_tx_m: float | FloatArray
+    height_rx_m: float | FloatArray
+    position_tx_ned_m: FloatArray | None = None
+    position_rx_ned_m: FloatArray | None = None
+
+    @property
+    def ground_distance_m(self) -> FloatArray:
+        """Horizontal distance between the antennas, m."""
+        drop = np.subtract(self.height_tx_m, self.height_rx_m)
+        return np.asarray(np.sqrt(np.maximum(np.square(self.distance_m) - np.square(drop), 0.0)))
+
+    @property
+    def elevation_deg(self) -> FloatArray:
+        """Elevation angle of the higher end seen from the lower one, degrees in [0, 90]."""
+        rise = np.abs(np.subtract(self.height_tx_m, self.height_rx_m))
+        return np.degrees(np.arcsin(np.minimum(rise / self.distance_m, 1.0)))

@@ -1,0 +1,109 @@
+"""Path loss: what the way from one antenna to the other costs, in dB, positive."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from channel import checks
+from channel.checks import FloatArray
+from channel.geometry import Path
+from channel.units import SPEED_OF_LIGHT_MPS
+from channel.variant import Variant
+
+_FRIIS_CONSTANT_DB = 20.0 * math.log10(4.0 * math.pi / SPEED_OF_LIGHT_MPS)
+
+
+class PathLossModel(Protocol):
+    """A propagation law: geometry and frequency in, loss out."""
+
+    def path_loss_db(self, path: Path) -> FloatArray:
+        """Return the loss in dB, positive when power is lost, in the broadcast shape of `path`."""
+        ...
+
+
+def friis_loss_db(distance_m: ArrayLike, frequency_hz: ArrayLike) -> FloatArray:
+    """Return the free-space loss between isotropic antennas, dB.
+
+    20 log10(4 pi d f / c); ITU-R P.525-4, eq. 3. No loss below zero is hidden: in the near field
+    (d < lambda / 4 pi) the formula, and this function, give a gain.
+
+    Args:
+        distance_m: > 0, any shape.
+        frequency_hz: > 0, broadcasts against the distance.
+
+    Raises:
+        ChannelInputError: a value is not finite and positive.
+    """
+    distance = checks.finite("distance_m", distance_m, 0.0, low_open=True)
+    frequency = checks.finite("frequency_hz", frequency_hz, 0.0, low_open=True)
+    checks.broadcast(distance_m=distance, frequency_hz=frequency)
+    return _friis_db(distance, frequency)
+
+
+def log_distance_loss_db(
+    distance_m: ArrayLike, exponent: float, reference_loss_db: ArrayLike, reference_distance_m: float = 1.0
+) -> FloatArray:
+    """Return reference_loss_db + 10 n log10(d / d0), dB (Rappaport, Wireless Communications, eq. 4.68).
+
+    Raises:
+        ChannelInputError: distance or reference distance not positive, or a value not finite.
+    """
+    distance = checks.finite("distance_m", distance_m, 0.0, low_open=True)
+    reference = checks.finite("reference_distance_m", reference_distance_m, 0.0, low_open=True)
+    loss = checks.finite("reference_loss_db", reference_loss_db)
+    slope = checks.finite("exponent", exponent)
+    checks.broadcast(distance_m=distance, reference_loss_db=loss)
+    return np.add(loss, 10.0 * slope * np.log10(distance / reference))
+
+
+def _friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -> FloatArray:
+    return 20.0 * np.log10(np.multiply(distance_m, frequency_hz)) + _FRIIS_CONSTANT_DB
+
+
+class FreeSpace(Variant):
+    """Free space between the two antennas (Friis; ITU-R P.525)."""
+
+    model: Literal["free-space"] = "free-space"
+
+    def path_loss_db(self, path: Path) -> FloatArray:
+        """Return 20 log10(4 pi d f / c)."""
+        return _friis_db(path.distance_m, path.frequency_hz)
+
+
+class LogDistance(Variant):
+    """Power law beyond a reference distance; the law that Moon et al. 2020 call Hata-Okumura (eq. 4).
+
+    With no `reference_loss_db` the loss at the reference distance is that of free space.
+    """
+
+    model: Literal["log-distance"] = "log-distance"
+    exponent: float = Field(default=2.0, ge=0.0, le=20.0, description="n in 10 n log10(d / d0)")
+    reference_distance_m: float = Field(default=1.0, gt=0.0, description="d0")
+    reference_loss_db: float | None = Field(default=None, description="loss at d0; free space if not given")
+
+    def path_loss_db(self, path: Path) -> FloatArray:
+        """Return the loss at d0 plus 10 n log10(d / d0)."""
+        at_reference = (
+            _friis_db(self.reference_distance_m, path.frequency_hz)
+            if self.reference_loss_db is None
+            else self.reference_loss_db
+        )
+        slope = 10.0 * self.exponent
+        return slope * np.log10(path.distance_m) + (
+            at_reference - slope * math.log10(self.reference_distance_m)
+        )
+
+
+class NoPathLoss(Variant):
+    """No loss at any distance: for the baselines that ignore the way."""
+
+    model: Literal["none"] = "none"
+
+    def path_loss_db(self, path: Path) -> FloatArray:
+        """Return zeros in the shape of the distance."""
+        return np.zeros_like(path.distance_m)

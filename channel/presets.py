@@ -1,0 +1,239 @@
+"""Radios by name: YAML data, extended and overridden key by key, every mistake named with file, line and key."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from channel.config import RadioConfig
+
+Tree = dict[str, Any]
+
+
+class PresetError(ValueError):
+    """A radio that cannot be: `key` is the dotted place, `file` and `line` where it was written if known."""
+
+    def __init__(
+        self, problem: str, *, key: str = "", file: str | None = None, line: int | None = None
+    ) -> None:
+        place = ":".join(str(part) for part in (file, line) if part is not None)
+        super().__init__(": ".join(part for part in (place, key, problem) if part))
+        self.problem = problem
+        self.key = key
+        self.file = file
+        self.line = line
+
+
+def presets_directory() -> Path:
+    """Return the directory of the presets that ship."""
+    return Path(str(resources.files("sitl_configs").joinpath("radios")))
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the presets that ship, sorted."""
+    return tuple(sorted(path.stem for path in presets_directory().glob("*.yaml")))
+
+
+def load_radio(name_or_path: str | Path, overrides: Mapping[str, Any] | None = None) -> RadioConfig:
+    """Return the radio of a preset's name or a YAML file's path, with overrides merged key by key.
+
+    Raises:
+        PresetError: no such preset or file, not YAML, an unknown key or a bad value.
+    """
+    file = _preset_file(str(name_or_path))
+    tree = merged(_read(file), overrides or {})
+    return _validated(tree, file, () if overrides is None else tuple(dotted_keys(overrides)))
+
+
+def radio_from_mapping(mapping: Mapping[str, Any]) -> RadioConfig:
+    """Return the radio of a mapping; with a `preset` key, that preset overridden by the other keys.
+
+    Raises:
+        PresetError: an unknown preset, an unknown key or a bad value.
+    """
+    return _validated(_resolved(dict(mapping), None), None, ())
+
+
+def radio_to_yaml(config: RadioConfig) -> str:
+    """Return the YAML text that `load_radio` reads back as the same radio."""
+    tree = config.model_dump(mode="json", by_alias=True, exclude_defaults=False, exclude_none=True)
+    return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+
+
+def merged(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> Tree:
+    """Return `base` with `overrides` laid over it, group by group.
+
+    A group whose `model` changes is replaced and keeps nothing of the old model's parameters.
+    """
+    out: Tree = dict(base)
+    for key, value in overrides.items():
+        old = out.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            same_model = "model" not in value or value["model"] == old.get("model")
+            out[key] = merged(old, value) if same_model else dict(value)
+        else:
+            out[key] = value
+    return out
+
+
+def overrides_from_settings(settings: Iterable[str]) -> Tree:
+    """Return the mapping that `group.key=value` texts describe; values are read as YAML.
+
+    Raises:
+        PresetError: a text without `=` or without a key, or a value that is not YAML.
+    """
+    out: Tree = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals or not all(key.split(".")):
+            raise PresetError(f"{setting!r} is not KEY=VALUE, as in propagation.exponent=2.5")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise PresetError(f"{text!r} is not a YAML value", key=key) from error
+        _put(out, key.split("."), _number_if_exponent(value))
+    return out
+
+
+def dotted_keys(tree: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """Return the dotted names of all leaves of nested mappings."""
+    out: list[str] = []
+    for key, value in tree.items():
+        name = f"{prefix}{key}"
+        out += dotted_keys(value, f"{name}.") if isinstance(value, Mapping) else [name]
+    return out
+
+
+def _number_if_exponent(value: object) -> object:
+    """Read 2.4e9 as a number: YAML 1.1 wants a sign in the exponent and gives a text otherwise."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
+
+
+def _put(tree: Tree, keys: list[str], value: object) -> None:
+    for key in keys[:-1]:
+        inner = tree.setdefault(key, {})
+        if not isinstance(inner, dict):
+            raise PresetError("is given both as a value and as a group", key=key)
+        tree = inner
+    tree[keys[-1]] = value
+
+
+def _preset_file(name: str) -> Path:
+    if name in preset_names():
+        return presets_directory() / f"{name}.yaml"
+    path = Path(name)
+    if path.suffix in {".yaml", ".yml"} and path.is_file():
+        return path
+    close = difflib.get_close_matches(name, preset_names(), n=1)
+    hint = f"; did you mean {close[0]}?" if close else ""
+    known = ", ".join(preset_names())
+    raise PresetError(f"no radio preset or YAML file {name!r}{hint} Presets: {known}", key="preset")
+
+
+def _read(file: Path) -> Tree:
+    try:
+        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = None if mark is None else mark.line + 1
+        raise PresetError("is not YAML", file=str(file), line=line) from error
+    if not isinstance(tree, dict):
+        raise PresetError("is not a mapping of keys to values", file=str(file))
+    return _resolved({"name": file.stem, **tree}, file)
+
+
+def _resolved(tree: Tree, file: Path | None) -> Tree:
+    """Return the tree with the preset it names, if any, laid under it."""
+    preset = tree.pop("preset", None)
+    if preset is None:
+        return tree
+    base_file = _preset_file(str(preset))
+    if file is not None and base_file.resolve() == file.resolve():
+        raise PresetError("extends itself", key="preset", file=str(file))
+    return merged(_read(base_file), tree)
+
+
+def _validated(tree: Tree, file: Path | None, overridden: tuple[str, ...]) -> RadioConfig:
+    try:
+        return RadioConfig.model_validate(tree)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = _key_of(first["loc"], tree)
+        problem = _problem(first, key)
+        if file is None or key in overridden:
+            raise PresetError(problem, key=key) from error
+        raise PresetError(problem, key=key, file=str(file), line=_line_of(file, key)) from error
+
+
+def _key_of(location: tuple[int | str, ...], tree: object) -> str:
+    """Return the dotted key of a validation error, without the model names that pydantic puts between."""
+    parts: list[str] = []
+    for part in location:
+        inside = isinstance(tree, Mapping) and part in tree
+        if isinstance(tree, Mapping) and not inside and part == tree.get("model"):
+            continue
+        parts.append(str(part))
+        if isinstance(tree, Mapping):
+            tree = tree.get(part)
+        elif isinstance(tree, list) and isinstance(part, int) and part < len(tree):
+            tree = tree[part]
+    return ".".join(parts)
+
+
+def _problem(error: Mapping[str, Any], key: str) -> str:
+    if error["type"] == "extra_forbidden":
+        return f"unknown key{_did_you_mean(key.rsplit('.', 1)[-1])}"
+    if error["type"] == "missing":
+        return "is missing"
+    if error["type"] == "union_tag_invalid":
+        context = error["ctx"]
+        return f"no model {context['tag']!r}; allowed: {context['expected_tags']}"
+    return f"{error['msg']}, not {error['input']!r}"
+
+
+def _did_you_mean(word: str) -> str:
+    close = difflib.get_close_matches(word, sorted(_field_names(RadioConfig)), n=1)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def _field_names(model: type[BaseModel]) -> set[str]:
+    names: set[str] = set()
+    for name, field in model.model_fields.items():
+        names.add(field.alias or name)
+        for inner in _models_in(field.annotation):
+            names |= _field_names(inner)
+    return names
+
+
+def _models_in(annotation: object) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in getattr(annotation, "__args__", ()) for model in _models_in(part)]
+
+
+def _line_of(file: Path, key: str) -> int | None:
+    """Return the line on which the deepest part of a dotted key stands in a YAML file."""
+    node = yaml.compose(file.read_text(encoding="utf-8"))
+    line: int | None = None
+    for part in key.split("."):
+        if isinstance(node, yaml.SequenceNode) and part.isdigit() and int(part) < len(node.value):
+            node = node.value[int(part)]
+            line = node.start_mark.line + 1
+            continue
+        pairs = node.value if isinstance(node, yaml.MappingNode) else []
+        found = next((pair for pair in pairs if pair[0].value == part), None)
+        if found is None:
+            return line
+        line, node = found[0].start_mark.line + 1, found[1]
+    return line

@@ -1,0 +1,77 @@
+"""Shadowing: the slow random part of the loss, one value per packet and link, in dB."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+import numpy as np
+from pydantic import Field
+from scipy.special import ndtri
+
+from channel.checks import FloatArray
+from channel.variant import Variant
+
+
+class ShadowingModel(Protocol):
+    """A random loss, given as a function of one standard normal variable."""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether the loss varies at all."""
+        ...
+
+    def loss_db(self, standard_normal: FloatArray) -> FloatArray:
+        """Return the loss in dB for draws z ~ N(0, 1), same shape."""
+        ...
+
+
+class NoShadowing(Variant):
+    """No shadowing."""
+
+    model: Literal["none"] = "none"
+
+    @property
+    def is_random(self) -> bool:
+        """False: there is nothing to draw."""
+        return False
+
+    def loss_db(self, standard_normal: FloatArray) -> FloatArray:
+        """Return zeros."""
+        return np.zeros_like(standard_normal)
+
+
+class OneSidedNormalShadowing(Variant):
+    """|v| with v ~ N(0, sigma^2): shadowing can only cost (Moon et al. 2020, eq. 4)."""
+
+    model: Literal["one-sided-normal"] = "one-sided-normal"
+    sigma_db: float = Field(ge=0.0, le=60.0, description="standard deviation of v, not of |v|")
+
+    @property
+    def is_random(self) -> bool:
+        """Whether sigma is above zero."""
+        return self.sigma_db > 0.0
+
+    def loss_db(self, standard_normal: FloatArray) -> FloatArray:
+        """Return sigma |z|."""
+        return self.sigma_db * np.abs(standard_normal)
+
+
+class NormalShadowing(Variant):
+    """v ~ N(0, sigma^2): log-normal shadowing (Rappaport, eq. 4.69)."""
+
+    model: Literal["normal"] = "normal"
+    sigma_db: float = Field(ge=0.0, le=60.0, description="standard deviation")
+
+    @property
+    def is_random(self) -> bool:
+        """Whether sigma is above zero."""
+        return self.sigma_db > 0.0
+
+    def loss_db(self, standard_normal: FloatArray) -> FloatArray:
+        """Return -sigma z: a loss for negative draws, a gain for positive ones."""
+        return -self.sigma_db * standard_normal
+
+
+def standard_normal_from_uniform(uniform: FloatArray) -> FloatArray:
+    """Return z with the standard normal law for u ~ U(0, 1), the open interval."""
+    return np.asarray(ndtri(uniform))

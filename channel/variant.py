@@ -1,0 +1,17 @@
+"""The base of everything that a scenario chooses by name: frozen, validated, unknown keys refused."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Variant(BaseModel):
+    """A model chosen by its `model` key. Its fields are its parameters, its methods are the physics."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Settings(BaseModel):
+    """A group of keys with no choice of model."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -1,0 +1,82 @@
+import pytest
+
+from channel import presets
+from channel.presets import PresetError
+
+
+def test_first_presets_ship():
+    assert {"moon2020", "moon2020-table3", "corrected", "disk", "perfect"} <= set(presets.preset_names())
+
+
+@pytest.mark.parametrize("name", presets.preset_names())
+def test_each_preset_says_what_it_is_and_survives_a_round_trip(name, tmp_path):
+    config = presets.load_radio(name)
+    assert config.name == name
+    assert config.description
+    assert config.source
+    file = tmp_path / "copy.yaml"
+    file.write_text(presets.radio_to_yaml(config))
+    assert presets.load_radio(file) == config
+
+
+def test_extending_a_preset_keeps_the_other_keys_of_a_group():
+    config = presets.radio_from_mapping({"preset": "moon2020", "propagation": {"exponent": 9.0}})
+    assert config.propagation.model == "log-distance"
+    assert config.propagation.exponent == 9.0
+    assert config.noise == presets.load_radio("moon2020").noise
+
+
+def test_another_model_in_a_group_keeps_nothing_of_the_old():
+    config = presets.radio_from_mapping(
+        {"preset": "moon2020", "noise": {"model": "thermal", "noise_figure_db": 3}}
+    )
+    assert config.noise.noise_figure_db == 3.0
+
+
+@pytest.mark.parametrize(
+    ("mapping", "key", "problem"),
+    [
+        ({"preset": "moon2020", "propagation": {"exponnet": 3}}, "propagation.exponnet", "exponent"),
+        ({"preset": "moon2020", "propagation": {"model": "magic"}}, "propagation", "log-distance"),
+        ({"preset": "moon2020", "frequency_hz": -1}, "frequency_hz", "greater than 0"),
+        ({"preset": "moon2020", "frequency_hz": float("nan")}, "frequency_hz", "finite"),
+        ({"preset": "mon2020"}, "preset", "did you mean moon2020"),
+        ({"name": "empty"}, "frequency_hz", "missing"),
+    ],
+)
+def test_mistakes_name_the_key_and_what_is_allowed(mapping, key, problem):
+    with pytest.raises(PresetError) as caught:
+        presets.radio_from_mapping(mapping)
+    assert caught.value.key == key
+    assert problem in str(caught.value)
+
+
+def test_mistakes_in_a_file_name_file_and_line(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("preset: moon2020\n\nshadowing:\n  sigma_db: -3\n")
+    with pytest.raises(PresetError) as caught:
+        presets.load_radio(file)
+    assert (caught.value.file, caught.value.line, caught.value.key) == (str(file), 4, "shadowing.sigma_db")
+
+
+def test_text_that_is_not_yaml(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("a: [1\nb: }\n")
+    with pytest.raises(PresetError, match=r"mine\.yaml:2: is not YAML"):
+        presets.load_radio(file)
+
+
+def test_settings_become_overrides():
+    tree = presets.overrides_from_settings(
+        ["propagation.exponent=3", "frequency_hz=2.4e9", "noise.model=thermal"]
+    )
+    config = presets.load_radio("moon2020", tree)
+    assert config.propagation.exponent == 3.0
+    assert config.frequency_hz == 2.4e9
+    assert config.noise.model == "thermal"
+
+
+@pytest.mark.parametrize("setting", ["exponent", "=3", "a..b=1", "a=[1"])
+def test_settings_that_are_none(setting):
+    with pytest.raises(PresetError):
+        presets.overrides_from_settings([setting])
