@@ -10,6 +10,7 @@ import click
 from bridge.commands.doctor import doctor
 from bridge.commands.echo import echo
 from bridge.commands.run import run
+from channel.cli import main as channel_commands
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -27,9 +28,8 @@ def lostlink() -> None:
     """
 
 
-lostlink.add_command(run)
-lostlink.add_command(doctor)
-lostlink.add_command(echo)
+for command in (run, doctor, echo, *channel_commands.commands.values()):
+    lostlink.add_command(command)
 
 
 def main() -> None:

@@ -18,11 +18,10 @@ from bridge.inbox import Inbox
 from bridge.keys import Keys
 from bridge.messages import AgentStatus, Clock, DecodeError, Link, Message, Truth, decode
 from bridge.ports import HOST, conflicts, ports_of
-from bridge.processes.physics import home_of
+from bridge.resolve import airframe_of, home_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario import Scenario
 from bridge.session import Sample, Session, SessionError, free_port, open_client
-from fdm.airframe import load_airframe
 
 START_TIMEOUT_S = 60.0
 AGENT_GRACE_S = 1.0
@@ -124,7 +123,7 @@ class Fleet:
         self._observer.on_phase(f"starts autopilots ({self._scenario.autopilot})")
         for ua in self._scenario.ua:
             home = home_of(ua, self._scenario.origin)
-            plan = LaunchPlan(self._run, self._scenario, ua, load_airframe(ua.airframe), home)
+            plan = LaunchPlan(self._run, self._scenario, ua, airframe_of(ua), home)
             autopilot = self._launcher.process(plan)
             if autopilot is not None:
                 await self._start(autopilot)
@@ -284,7 +283,7 @@ def preflight(scenario: Scenario, ardupilot_dir: Path | None = None) -> None:
     launcher = launcher_of(scenario, ardupilot_dir)
     try:
         for ua in scenario.ua:
-            launcher.check(load_airframe(ua.airframe))
+            launcher.check(airframe_of(ua))
     except AutopilotError as error:
         raise FleetError(str(error)) from error
     taken = conflicts(ports_of(scenario))

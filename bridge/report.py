@@ -23,6 +23,7 @@ FIGURE_FILE = "probability_of_delivery.png"
 BIN_SENT_MIN = 50
 """Bins with fewer packets are shown but not judged."""
 BINS_WITHIN_MIN = 0.95
+MARKERS = "os^vD<>Pp*"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,13 +117,24 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Pa
     distance_m = np.linspace(1.0, farthest_m, 600)
     axes.plot(distance_m, radio.probability_of_delivery(distance_m), color="0.3", label="model", zorder=1)
     links = sorted({(row["tx"], row["rx"]) for row in summary["bins"]})
-    for (tx, rx), marker in zip(links, "os^vD<>Pp*" * (1 + len(links) // 10), strict=False):
+    for index, (tx, rx) in enumerate(links):
+        aside_m = 3.0 * (index - (len(links) - 1) / 2) / max(1, len(links) - 1)
         rows = [row for row in summary["bins"] if (row["tx"], row["rx"]) == (tx, rx)]
-        centre_m, measured = np.array([_middle(r) for r in rows]), np.array([r["measured"] for r in rows])
+        centre_m, measured = (
+            np.array([_middle(r) for r in rows]) + aside_m,
+            np.array([r["measured"] for r in rows]),
+        )
         low, high = proportion_interval([r["delivered"] for r in rows], [r["sent"] for r in rows])
         error = np.maximum([measured - low, high - measured], 0.0)
         axes.errorbar(
-            centre_m, measured, error, fmt=marker, markersize=4, capsize=2, lw=1, label=f"UA {tx} to UA {rx}"
+            centre_m,
+            measured,
+            error,
+            fmt=MARKERS[index % len(MARKERS)],
+            markersize=4,
+            capsize=2,
+            lw=1,
+            label=f"UA {tx} to UA {rx}",
         )
     axes.set(xlabel="distance, m", ylabel="probability of delivery", ylim=(-0.03, 1.03), xlim=(0, farthest_m))
     name = (

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from bridge.resolve import airframe_of, radio_of
 from bridge.scenario import (
     Aircraft,
     HoldAgent,
@@ -22,6 +23,8 @@ from bridge.scenario import (
     StillAgent,
     Transmit,
 )
+from channel.presets import PresetError
+from fdm.errors import AirframeError
 
 SCENARIOS = resources.files("sitl_configs") / "scenarios"
 DEFAULT_SCENARIO = "separation"
@@ -122,9 +125,29 @@ def parse_scenario(text: str, source_name: str) -> Scenario:
     except RecursionError as error:
         raise ScenarioError(f"{source_name}: nested too deeply") from error
     try:
-        return Scenario.model_validate(content)
+        scenario = Scenario.model_validate(content)
     except ValidationError as error:
         raise ScenarioError("\n".join(_mistakes(source, error))) from error
+    _refuse_unknown_names(source, scenario)
+    return scenario
+
+
+def _refuse_unknown_names(source: _Source, scenario: Scenario) -> None:
+    """See that the radio and the airframes that the scenario names are there and right."""
+    mistakes: list[str] = []
+    try:
+        radio_of(scenario)
+    except PresetError as error:
+        path = ("radio", *error.key.split("."))
+        mistakes.append(f"{source.name}:{source.line_of(path)}: radio: {error}")
+    for index, ua in enumerate(scenario.ua):
+        try:
+            airframe_of(ua)
+        except AirframeError as error:
+            line = source.line_of(("ua", index, "airframe"))
+            mistakes.append(f"{source.name}:{line}: ua.{index}.airframe: {error}")
+    if mistakes:
+        raise ScenarioError("\n".join(mistakes))
 
 
 def _refuse_duplicate_keys(source: _Source, node: yaml.Node) -> None:

@@ -15,7 +15,6 @@ from rich.console import Console
 
 from bridge.fleet import Ending, Fleet, FleetError, Observer, preflight
 from bridge.messages import Clock, Message
-from bridge.processes.router import radio_of
 from bridge.progress import Progress
 from bridge.report import (
     FIGURE_FILE,
@@ -25,6 +24,7 @@ from bridge.report import (
     summarise,
     write_summary,
 )
+from bridge.resolve import radio_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario import Scenario
 from bridge.scenario_file import DEFAULT_SCENARIO, ScenarioError, read_scenario, with_changes
@@ -163,7 +163,7 @@ class _Run:
         summary = summarise(self.scenario, self.directory, Timing(sim_time_ns / 1e9, wall_s), ending.value)
         write_summary(summary, self.directory)
         if ending is not Ending.INTERRUPTED:
-            radio = radio_of(self.scenario.radio)
+            radio = radio_of(self.scenario)
             draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
         if self.as_json:
             click.echo(json.dumps(summary))

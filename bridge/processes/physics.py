@@ -7,33 +7,21 @@ import sys
 
 from bridge.messages import DecodeError, Header, decode
 from bridge.processes.common import on_stop_signal, parse_arguments
+from bridge.resolve import airframe_of, home_of, origin_of
 from bridge.run_directory import RunDirectory
-from bridge.scenario import Aircraft, Origin, Scenario
+from bridge.scenario import Scenario
 from bridge.session import Sample, Session, SessionError, open_client
 from bridge.truth import clock_message, truth_message
-from fdm.airframe import load_airframe
 from fdm.exchange import AircraftSpec, Exchange
-from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
 
 log = logging.getLogger("physics")
-
-
-def origin_of(origin: Origin) -> GeodeticPosition:
-    """The fleet's origin."""
-    return GeodeticPosition(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m)
-
-
-def home_of(ua: Aircraft, origin: Origin) -> Home:
-    """Home of a UA on the earth."""
-    position = geodetic_from_ned(origin_of(origin), (ua.home.north_m, ua.home.east_m, 0.0))
-    return Home(position, ua.home.heading_deg)
 
 
 def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exchange:
     """The exchange of a scenario, publishing truth and clock."""
     keys, origin = run.keys, origin_of(scenario.origin)
     specs = [
-        AircraftSpec(ua.id, load_airframe(ua.airframe), home_of(ua, scenario.origin), scenario.fdm_port(ua))
+        AircraftSpec(ua.id, airframe_of(ua), home_of(ua, scenario.origin), scenario.fdm_port(ua))
         for ua in scenario.ua
     ]
     return Exchange(

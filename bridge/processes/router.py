@@ -13,20 +13,14 @@ from bridge.messages import AgentStatus, Clock, DecodeError, Header, Truth, deco
 from bridge.processes.common import on_stop_signal, parse_arguments
 from bridge.radio_router import Action, Forward, RadioRouter, Refused
 from bridge.recorder import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
+from bridge.resolve import radio_of
 from bridge.run_directory import RunDirectory
 from bridge.session import Sample, Session, SessionError, Stamp, open_router
 from channel.medium import Medium
-from channel.presets import load_radio, radio_from_mapping
-from channel.radio import Radio
 
 FLUSH_PERIOD_S = 1.0
 log = logging.getLogger("router")
 Handler = Callable[[str, Sample], list[Action]]
-
-
-def radio_of(setting: str | dict[str, object]) -> Radio:
-    """The radio that a scenario's ``radio`` names or spells out."""
-    return Radio(load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting))
 
 
 class RouterProcess:
@@ -37,7 +31,7 @@ class RouterProcess:
         self._keys: Keys = keys
         self._session = session
         self._run = run
-        medium = Medium(radio_of(scenario.radio), seed=scenario.seed, nodes=scenario.nodes)
+        medium = Medium(radio_of(scenario), seed=scenario.seed, nodes=scenario.nodes)
         self._core = RadioRouter(keys, medium, scenario.nodes, regulated=scenario.nodes)
         self._writer = DeliveriesWriter(run.path / DELIVERIES)
         self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()

@@ -1,0 +1,39 @@
+"""From what a scenario names to the objects of the packages that know them: radio, airframe, home."""
+
+from __future__ import annotations
+
+from bridge.scenario import Aircraft, Origin, Scenario
+from channel.presets import load_radio, radio_from_mapping
+from channel.radio import Radio
+from fdm.airframe import Airframe, load_airframe
+from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
+
+
+def radio_of(scenario: Scenario) -> Radio:
+    """The radio that a scenario names or spells out.
+
+    Raises:
+        PresetError: there is no such preset, or a key or value is wrong.
+    """
+    setting = scenario.radio
+    return Radio(load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting))
+
+
+def airframe_of(ua: Aircraft) -> Airframe:
+    """The airframe of a UA.
+
+    Raises:
+        AirframeError: there is no such airframe, or its file is wrong.
+    """
+    return load_airframe(ua.airframe)
+
+
+def origin_of(origin: Origin) -> GeodeticPosition:
+    """The fleet's origin."""
+    return GeodeticPosition(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m)
+
+
+def home_of(ua: Aircraft, origin: Origin) -> Home:
+    """Home of a UA on the earth."""
+    position = geodetic_from_ned(origin_of(origin), (ua.home.north_m, ua.home.east_m, 0.0))
+    return Home(position, ua.home.heading_deg)

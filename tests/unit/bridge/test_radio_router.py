@@ -1,0 +1,149 @@
+"""The radio router's core: what it forwards, books, refuses and releases."""
+
+from __future__ import annotations
+
+import pytest
+
+from bridge.keys import Keys
+from bridge.messages import CommunicationStatus, Header, Link
+from bridge.radio_router import TRANSPORT, Action, Forward, Publish, RadioRouter, Refused
+from bridge.session import Stamp
+from channel.medium import Medium
+from channel.presets import load_radio
+from channel.radio import Radio
+
+KEYS = Keys("r")
+TICK_NS = 50_000_000
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def router(
+    preset: str = "perfect", nodes: tuple[str, ...] = ("0", "1"), regulated: bool = True
+) -> RadioRouter:
+    medium = Medium(Radio(load_radio(preset)), seed=1, nodes=nodes)
+    return RadioRouter(KEYS, medium, nodes, nodes if regulated else ())
+
+
+def place(core: RadioRouter, sim_time_ns: int, **north_m: float) -> list[Action]:
+    actions: list[Action] = []
+    for node, north in north_m.items():
+        actions += core.on_truth(node.removeprefix("n"), sim_time_ns, (north, 0.0, -40.0), LEVEL)
+    return actions
+
+
+def forwards(actions: list[Action]) -> list[Forward]:
+    return [action for action in actions if isinstance(action, Forward)]
+
+
+def published(actions: list[Action], kind: type) -> list[Publish]:
+    return [a for a in actions if isinstance(a, Publish) and isinstance(a.message, kind)]
+
+
+def test_packet_goes_on_with_its_bytes_stamp_and_encoding() -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=100.0)
+    (forward,) = forwards(core.on_packet("0", "team", b"\x00payload", "text/plain", Stamp(0, 0)))
+    assert forward.key == "lostlink/r/ua/1/rx/0/team"
+    assert (forward.packet.payload, forward.packet.encoding) == (b"\x00payload", "text/plain")
+    assert len(forward.attachment) == 33
+
+
+def test_packet_waits_for_the_truth_of_its_instant() -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=100.0)
+    assert not forwards(core.on_packet("0", "team", b"x", None, Stamp(0, TICK_NS)))
+    assert not forwards(place(core, TICK_NS, n0=0.0))
+    assert forwards(place(core, TICK_NS, n1=100.0))
+
+
+def test_out_of_range_is_lost_and_booked() -> None:
+    core = router("disk")
+    place(core, 0, n0=0.0, n1=1e6)
+    assert not forwards(core.on_packet("0", "team", b"x", None, Stamp(0, 0)))
+    (row,) = core.settled
+    assert (row.tx, row.rx, row.fate) == ("0", "1", "out_of_range")
+    assert core.ledger.links["0", "1"].lost == {"out_of_range": 1}
+
+
+def test_packet_without_stamp_gets_number_and_time() -> None:
+    core = router()
+    place(core, TICK_NS, n0=0.0, n1=1.0)
+    core.on_packet("0", "team", b"a")
+    core.on_packet("0", "team", b"b")
+    assert [(row.seq, row.sim_time_ns) for row in core.settled] == [(0, TICK_NS), (1, TICK_NS)]
+
+
+def test_missing_numbers_are_the_hosts_losses() -> None:
+    core = router(nodes=("0", "1", "2"))
+    place(core, 0, n0=0.0, n1=1.0, n2=2.0)
+    core.on_packet("0", "team", b"x", None, Stamp(3, 0))
+    assert core.ledger.links["0", "1"].lost == {TRANSPORT: 3}
+    assert core.ledger.links["0", "2"].sent == 4
+    core.on_sent_total("0", 6)
+    assert core.ledger.links["0", "1"].lost == {TRANSPORT: 5}
+    core.on_sent_total("0", 6)
+    assert core.ledger.links["0", "1"].sent == 6
+    core.finish()
+
+
+@pytest.mark.parametrize(
+    ("tx", "stamp", "payload", "reason"),
+    [
+        ("9", Stamp(0, 0), b"x", Refused.UNKNOWN_NODE),
+        ("0", Stamp(0, 0), b"x", Refused.REPEATED),
+        ("0", Stamp(-5, 0), b"x", Refused.REPEATED),
+        ("0", Stamp(2**62, 0), b"x", Refused.MALFORMED),
+        ("0", Stamp(1, 0), bytes((1 << 20) + 1), Refused.TOO_LONG),
+    ],
+)
+def test_what_is_refused_is_counted_by_reason(tx: str, stamp: Stamp, payload: bytes, reason: Refused) -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    core.on_packet("0", "team", b"x", None, Stamp(0, 0))
+    rows = len(core.settled)
+    assert core.on_packet(tx, "team", payload, None, stamp) == []
+    assert core.refused == {reason: 1}
+    assert len(core.settled) == rows
+
+
+def test_clock_is_released_when_all_have_answered() -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    assert core.on_answer("0", 0) == []
+    (release,) = [a for a in core.on_answer("1", 0) if isinstance(a, Publish) and a.key == KEYS.clock_release]
+    assert release == Publish(KEYS.clock_release, Header.at(0, ""), must_arrive=True)
+    assert core.on_answer("1", 0) == []
+    assert core.on_answer("9", 0) == []
+    assert core.refused == {Refused.UNKNOWN_NODE: 1}
+
+
+def test_release_comes_after_what_the_tick_delivered() -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    core.on_packet("0", "team", b"x", None, Stamp(0, 0))
+    core.on_answer("0", 0)
+    actions = core.on_answer("1", 0)
+    (status,) = published(actions, CommunicationStatus)
+    assert status.message == CommunicationStatus(status.message.header, ("0",), (True,))  # type: ignore[attr-defined]
+    (link,) = published(actions, Link)
+    assert (link.message.sent, link.message.delivered) == (1, 1)  # type: ignore[attr-defined]
+    assert isinstance(actions[-1], Publish)
+    assert actions[-1].key == KEYS.clock_release
+
+
+def test_without_regulated_agents_reports_go_by_the_clock() -> None:
+    core = router(regulated=False)
+    place(core, 0, n0=0.0, n1=1.0)
+    core.on_packet("0", "team", b"x", None, Stamp(0, 0))
+    actions = core.on_tick(TICK_NS)
+    assert published(actions, CommunicationStatus)
+    assert published(actions, Link)
+
+
+def test_books_balance_when_the_run_ends_with_packets_that_wait() -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    core.on_packet("0", "team", b"x", None, Stamp(0, 10 * TICK_NS))
+    core.finish()
+    account = core.ledger.links["0", "1"]
+    assert (account.sent, account.in_flight) == (1, 0)

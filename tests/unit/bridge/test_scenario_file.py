@@ -1,0 +1,110 @@
+"""Scenario files: what ships is right, and every mistake is named with file, line, key and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bridge.scenario_file import (
+    SCENARIOS,
+    ScenarioError,
+    parse_scenario,
+    read_scenario,
+    scenario_names,
+    with_changes,
+)
+
+TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
+
+
+def line_of(word: str, text: str) -> int:
+    return next(i for i, line in enumerate(text.splitlines(), 1) if word in line)
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
+    scenario = read_scenario(name)
+    assert parse_scenario(scenario.to_yaml(), "again") == scenario
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "says"),
+    [
+        ("seed: 1", "sead: 1", "sead", "unknown key; allowed here: schema, name"),
+        ("speed: max", "speed: fast", "speed", "'max' or a real-time factor of at least 0.1 (got 'fast')"),
+        ("speed: max", "speed: 0.01", "speed", "at least 0.1"),
+        ("lat_deg: 40.1331", "lat_deg: 400", "origin.lat_deg", "less than or equal to 90 (got 400)"),
+        ("tick_rate_hz: 20", "tick_rate_hz: 3", "tick_rate_hz", "whole nanoseconds"),
+        ("type: hold", "type: hang", "ua.0.agent", "type has to be one of: hold, out_and_back, still"),
+        (
+            "altitude_m: 40}",
+            "altitude_m: 40, speed: 2}",
+            "ua.0.agent.speed",
+            "allowed here: type, altitude_m",
+        ),
+        ("north_m: 5", "nort_m: 5", "ua.1.home.nort_m", "allowed here: north_m, east_m, heading_deg"),
+        ("radio: moon2020", "radio: moon2021", "radio", "did you mean moon2020?"),
+        (
+            "radio: moon2020",
+            "radio: {preset: moon2020, nose: {}}",
+            "radio",
+            "unknown key; did you mean noise?",
+        ),
+        ("radio: moon2020", "radio: 5", "radio", "name of a radio preset"),
+        ("schema: 1", "schema: 2", "schema", "should be 1"),
+        ("seed: 1", "seed: 1\nseed: 2", "seed", "given twice"),
+        ("duration_s: 600 ", "duration_s: .inf ", "duration_s", "finite"),
+    ],
+)
+def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: str) -> None:
+    assert old in TEXT
+    text = TEXT.replace(old, new, 1)
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(text, "mine.yaml")
+    line = line_of(new.splitlines()[-1], text)
+    assert f"mine.yaml:{line}: {key}: " in str(caught.value)
+    assert says in str(caught.value)
+
+
+def test_unknown_airframe_is_named_with_the_known_ones() -> None:
+    with pytest.raises(
+        ScenarioError, match=r"x:\d+: ua\.0\.airframe: unknown airframe 'f451': known are .*f450"
+    ):
+        parse_scenario(TEXT.replace("airframe: f450", "airframe: f451", 1), "x")
+
+
+def test_missing_keys_are_all_named() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario("schema: 1\nname: x\n", "x.yaml")
+    assert {line.split(": ")[1] for line in str(caught.value).splitlines()} == {
+        "duration_s",
+        "origin",
+        "radio",
+        "ua",
+    }
+
+
+def test_id_used_twice() -> None:
+    with pytest.raises(ScenarioError, match="id 0 is used more than once"):
+        parse_scenario(TEXT.replace("id: 1", "id: 0"), "x")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "a", "1: [", "? [a]: b", "a: &x [*x]", "\t", "{" * 2000])
+def test_what_is_no_scenario_is_refused(text: str) -> None:
+    with pytest.raises(ScenarioError, match=r"^x"):
+        parse_scenario(text, "x")
+
+
+def test_unknown_name_lists_the_known(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"no such file.*separation"):
+        read_scenario(str(tmp_path / "nothing.yaml"))
+
+
+def test_changes_of_the_command_line_are_checked_too() -> None:
+    scenario = read_scenario("separation")
+    changed = with_changes(scenario, {"seed": 7, "ports.first_slot": 3})
+    assert (changed.seed, changed.ports.first_slot) == (7, 3)
+    assert changed.fdm_port(changed.ua[1]) == 9002 + 10 * 4
+    with pytest.raises(ScenarioError, match=r"duration_s: .*greater than 0"):
+        with_changes(scenario, {"duration_s": -1.0})
