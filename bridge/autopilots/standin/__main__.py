@@ -1,0 +1,5 @@
+"""``python -m bridge.autopilots.standin``."""
+
+from bridge.autopilots.standin.cli import main
+
+raise SystemExit(main())

@@ -1,0 +1,54 @@
+"""What the vehicle tells the ground of its own accord; the MAVLink side turns these into messages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Severity(IntEnum):
+    """MAV_SEVERITY."""
+
+    EMERGENCY = 0
+    ALERT = 1
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+    DEBUG = 7
+
+
+@dataclass(frozen=True, slots=True)
+class StatusText:
+    """A line for people."""
+
+    severity: Severity
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ItemReached:
+    """A mission item was reached."""
+
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentItemChanged:
+    """Another mission item is flown now."""
+
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class HomeChanged:
+    """Home was set."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChanged:
+    """The flight mode or the arming state changed: the heartbeat should not wait."""
+
+
+Event = StatusText | ItemReached | CurrentItemChanged | HomeChanged | ModeChanged
