@@ -197,6 +197,8 @@ class Daemon:
     def _autopilot_up(self) -> None:
         self.framer.reset()
         self._heard = False
+        self._heartbeat_due_ns = 0  # introduce ourselves at once
+        self._arm_timer()
         self.commands.on_link(True)
 
     def _autopilot_down(self) -> None:
@@ -259,7 +261,7 @@ class Daemon:
             self._heard = True
             self._heard_event.set()
             _log.info("autopilot of system %d heard: %s", self.config.sysid, self.state.mode)
-        elif self._silent_heartbeats < SILENT_HEARTBEATS:
+        elif self._silent_heartbeats < SILENT_HEARTBEATS or not self.streams.idle:
             return
         else:
             _log.warning("the autopilot's streams have stopped: asking for them anew")

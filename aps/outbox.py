@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
@@ -12,6 +13,8 @@ __all__ = ["DEFAULT_LIMIT_BYTES", "Outbox", "OutboxCounters"]
 DEFAULT_LIMIT_BYTES: Final = 256 * 1024
 """About 5000 messages, or 20 s of a busy link."""
 TRANSPORT_HIGH_WATER_BYTES: Final = 64 * 1024
+KERNEL_BUFFER_BYTES: Final = 128 * 1024
+"""The kernel would buffer megabytes for a peer that does not read: minutes of stale telemetry."""
 
 
 @dataclass(slots=True)
@@ -56,6 +59,9 @@ class Outbox:
     def open(self, transport: asyncio.Transport) -> None:
         """The connection is there."""
         transport.set_write_buffer_limits(high=TRANSPORT_HIGH_WATER_BYTES)
+        connection = transport.get_extra_info("socket")
+        if connection is not None:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BUFFER_BYTES)
         self._transport, self._paused = transport, False
 
     def close(self) -> None:

@@ -258,6 +258,11 @@ class StreamArbiter:
             return msg_id, interval_us
         return None
 
+    @property
+    def idle(self) -> bool:
+        """Whether everything that is wanted has been asked for and answered."""
+        return self._outstanding is None and not self._queue
+
     def deadline_ns(self) -> int | None:
         """When to poll again without an acknowledgement; ``None`` when nothing is outstanding."""
         return None if self._outstanding is None else self._outstanding.deadline_ns

@@ -1,0 +1,192 @@
+"""A scripted autopilot on a real TCP port, and real pymavlink clients."""
+
+import asyncio
+import contextlib
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+STEP_S = 0.01
+"""Wall time per tick; each is 100 ms of the scripted autopilot's own clock."""
+TICK_MS = 100
+
+
+class ScriptedAutopilot:
+    """Just enough of an ArduCopter: heartbeat, streams, acknowledgements, and motion by jumps.
+
+    Its streams are those that SET_MESSAGE_INTERVAL asked for; a new boot forgets them.
+    """
+
+    def __init__(self, sysid=2):
+        self.sysid = sysid
+        self.mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=1)
+        self.parser = mavlink.MAVLink(None)
+        self.parser.robust_parsing = True
+        self.refuse = {}
+        """Command -> (MAV_RESULT, text)."""
+        self.mute = set()
+        """Commands that get no answer."""
+        self.heard = []
+        self.commands = []
+        self.port = 0
+        self.connections = 0
+        self.reading = asyncio.Event()
+        self.reading.set()
+        self._server = self._writer = self._task = None
+        self.boot()
+
+    def boot(self):
+        self.clock_ms, self.mode, self.armed, self.height_m = 1000, 0, False, 0.0
+        self.lat, self.lon, self.goal_m = 470_000_000, 80_000_000, 0.0
+        self.intervals_us = {}
+
+    async def start(self):
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", self.port)
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    async def stop(self):
+        self._server.close()
+        if self._writer is not None:
+            self._writer.transport.abort()
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _serve(self, reader, writer):
+        self.connections += 1
+        self._writer = writer
+        self._task = asyncio.create_task(self._tick())
+        with contextlib.suppress(ConnectionError):
+            while data := await reader.read(4096):
+                await self.reading.wait()
+                for message in self.parser.parse_buffer(data) or []:
+                    self.heard.append(message)
+                    self._handle(message)
+        self._task.cancel()
+        writer.close()
+
+    def send(self, message):
+        self.send_raw(bytes(message.pack(self.mav)))
+
+    def send_raw(self, data):
+        if self._writer is not None and not self._writer.is_closing():
+            self._writer.write(data)
+
+    async def _tick(self):
+        while True:
+            self.clock_ms += TICK_MS
+            self.height_m += max(-2.0, min(2.0, self.goal_m - self.height_m))
+            if self.mode in (6, 9) and self.height_m <= 0.0:
+                self.armed = False
+            if self.clock_ms % 1000 == 0:
+                base = 0x59 | (0x80 if self.armed else 0)
+                self.send(mavlink.MAVLink_heartbeat_message(2, 3, base, self.mode, 4, 3))
+            for message in self._streams():
+                if message.id in self.intervals_us:
+                    self.send(message)
+            await asyncio.sleep(STEP_S)
+
+    def _streams(self):
+        prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        height_mm = round(self.height_m * 1000)
+        landed = 2 if self.height_m > 0.1 else 1
+        yield mavlink.MAVLink_attitude_message(self.clock_ms, 0.1, 0, 0, 0, 0, 0)
+        yield mavlink.MAVLink_global_position_int_message(
+            self.clock_ms, self.lat, self.lon, 400_000 + height_mm, height_mm, 0, 0, 0, 0
+        )
+        yield mavlink.MAVLink_sys_status_message(prearm, prearm, prearm, 0, 12000, 0, 90, 0, 0, 0, 0, 0, 0)
+        yield mavlink.MAVLink_extended_sys_state_message(0, landed)
+
+    def _handle(self, message):
+        if message.get_type() not in ("COMMAND_LONG", "COMMAND_INT"):
+            return
+        self.commands.append(message)
+        if message.command in self.mute:
+            return
+        result, text = self.refuse.get(message.command, (0, ""))
+        if result:
+            self.send(mavlink.MAVLink_statustext_message(2, text.encode()))
+        else:
+            self._obey(message)
+        ack = mavlink.MAVLink_command_ack_message(
+            message.command, result, 255, 0, message.get_srcSystem(), message.get_srcComponent()
+        )
+        self.send(ack)
+
+    def _obey(self, message):
+        match message.command:
+            case 511:
+                self.intervals_us[int(message.param1)] = int(message.param2)
+            case 400:
+                self.armed = bool(message.param1)
+            case 176:
+                self.mode = int(message.param2)
+                if self.mode in (6, 9):
+                    self.goal_m = 0.0
+            case 22:
+                self.goal_m = message.param7
+            case 192:
+                self.lat, self.lon, self.goal_m = message.x, message.y, message.z
+
+
+class Client:
+    """A pymavlink client: pymavlink encodes what it sends and parses what it gets."""
+
+    def __init__(self, reader, writer, sysid, compid):
+        self.reader, self.writer = reader, writer
+        self.mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+        self.mav.robust_parsing = True
+        self._waiting = []
+
+    def send(self, message):
+        self.writer.write(bytes(message.pack(self.mav)))
+
+    async def next(self, kind, where=lambda message: True, timeout_s=10.0):
+        """The next message of a type for which ``where`` holds."""
+        async with asyncio.timeout(timeout_s):
+            while True:
+                while self._waiting:
+                    message = self._waiting.pop(0)
+                    if message.get_type() == kind and where(message):
+                        return message
+                data = await self.reader.read(65536)
+                assert data, f"connection closed while waiting for {kind}"
+                self._waiting = self.mav.parse_buffer(data) or []
+
+    def close(self):
+        self.writer.transport.abort()
+
+
+@pytest.fixture
+async def autopilot():
+    autopilot = ScriptedAutopilot()
+    await autopilot.start()
+    yield autopilot
+    await autopilot.stop()
+
+
+@pytest.fixture
+async def connect():
+    """Call with a port: a pymavlink client connected to it."""
+    clients = []
+
+    async def connect(port, sysid=255, compid=190):
+        client = Client(*await asyncio.open_connection("127.0.0.1", port), sysid, compid)
+        clients.append(client)
+        return client
+
+    yield connect
+    for client in clients:
+        client.close()
+
+
+@pytest.fixture
+async def eventually():
+    """Wait for a condition on local objects, with a time limit."""
+
+    async def eventually(condition, timeout_s=10.0):
+        async with asyncio.timeout(timeout_s):
+            while not condition():  # noqa: ASYNC110 (any condition on plain objects; nobody sets an event)
+                await asyncio.sleep(0.005)
+
+    return eventually

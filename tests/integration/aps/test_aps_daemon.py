@@ -1,0 +1,199 @@
+"""The daemon between a scripted autopilot and pymavlink clients, over real sockets."""
+
+import asyncio
+import itertools
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.commands import Outcome
+from aps.daemon import Daemon, DaemonConfig
+
+
+def config(autopilot, **kwargs):
+    return DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=2, **kwargs)
+
+
+@pytest.fixture
+async def daemon(autopilot):
+    async with Daemon(config(autopilot)) as daemon:
+        yield daemon
+
+
+async def ready(daemon, eventually):
+    await asyncio.wait_for(daemon.wait_heard(), 10)
+    await eventually(lambda: daemon.state.ready_to_arm and daemon.state.lat_deg == 47.0)
+
+
+async def test_state_arrives_and_streams_are_asked_for(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    await eventually(lambda: set(autopilot.intervals_us) == set(daemon.config.stream_rates_hz))
+    assert autopilot.intervals_us[33] == 50_000
+    state = daemon.state
+    assert (state.mode, state.landed_state, state.voltage_v) == ("STABILIZE", "on_ground", 12.0)
+    assert state.connected
+
+
+async def test_our_heartbeat_is_an_onboard_computer_of_the_ua(daemon, autopilot, connect, eventually):
+    await eventually(lambda: any(message.get_type() == "HEARTBEAT" for message in autopilot.heard))
+    heartbeat = next(message for message in autopilot.heard if message.get_type() == "HEARTBEAT")
+    assert (heartbeat.get_srcSystem(), heartbeat.get_srcComponent()) == (2, 191)
+    assert heartbeat.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+    client = await connect(daemon.listen_port)
+    await client.next("HEARTBEAT", lambda message: message.get_srcComponent() == 191)
+
+
+async def test_two_clients_see_heartbeats_and_state(daemon, connect):
+    clients = [await connect(daemon.listen_port), await connect(daemon.listen_port, 254)]
+    for client in clients:
+        heartbeat = await client.next("HEARTBEAT", lambda message: message.get_srcComponent() == 1)
+        assert heartbeat.get_srcSystem() == 2
+        position = await client.next("GLOBAL_POSITION_INT")
+        assert position.lat == 470_000_000
+
+
+async def test_command_of_a_client_is_answered_to_it_alone(daemon, autopilot, connect):
+    alice, bob = await connect(daemon.listen_port), await connect(daemon.listen_port, 254)
+    for client in (alice, bob):
+        client.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+        await client.next("HEARTBEAT", lambda message: message.get_srcComponent() == 1)
+    alice.send(mavlink.MAVLink_command_long_message(2, 1, 176, 0, 1, 5, 0, 0, 0, 0, 0))
+    ack = await alice.next("COMMAND_ACK")
+    assert (ack.command, ack.result, ack.target_system) == (176, 0, 255)
+    bob.send(mavlink.MAVLink_command_long_message(2, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert (await bob.next("COMMAND_ACK")).command == 400
+    assert [command.get_srcSystem() for command in autopilot.commands if command.command in (176, 400)] == [
+        255,
+        254,
+    ]
+
+
+async def test_fastest_stream_request_wins_and_survives_the_others_and_a_reboot(
+    daemon, autopilot, connect, eventually
+):
+    alice, bob = await connect(daemon.listen_port), await connect(daemon.listen_port, 254)
+    alice.send(mavlink.MAVLink_command_long_message(2, 1, 511, 0, 30, 20_000, 0, 0, 0, 0, 0))
+    assert (await alice.next("COMMAND_ACK")).result == 0
+    bob.send(mavlink.MAVLink_command_long_message(2, 1, 511, 0, 30, 500_000, 0, 0, 0, 0, 0))
+    assert (await bob.next("COMMAND_ACK")).result == 0
+    assert autopilot.intervals_us[30] == 20_000
+    bob.send(mavlink.MAVLink_request_data_stream_message(2, 1, 1, 8, 1))
+    await eventually(lambda: autopilot.intervals_us.get(27) == 125_000)
+    assert not any(message.get_type() == "REQUEST_DATA_STREAM" for message in autopilot.heard)
+
+    autopilot.boot()
+    await eventually(lambda: autopilot.intervals_us.get(30) == 20_000)
+    await eventually(lambda: autopilot.intervals_us.get(27) == 125_000)
+    alice.close()
+    await eventually(lambda: autopilot.intervals_us[30] == 100_000)
+
+
+async def test_flight_by_commands(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    progress = []
+    commands = daemon.commands
+    assert (await commands.set_mode("GUIDED")).reached
+    assert (await commands.arm()).reached
+    assert (await commands.takeoff(30.0, progress.append)).reached
+    assert daemon.state.alt_rel_m >= 28.5
+    assert progress[0].phase == "accepted"
+    remaining = [event.remaining_m for event in progress if event.phase == "feedback"]
+    assert len(remaining) >= 2
+    assert remaining == sorted(remaining, reverse=True)
+    assert (await commands.goto(47.001, 8.001, 40.0)).reached
+    assert (daemon.state.lat_deg, daemon.state.lon_deg) == pytest.approx((47.001, 8.001), abs=1e-6)
+    assert (await commands.rtl()).reached
+    assert daemon.state.flight_time_s > 1.0
+    assert autopilot.height_m < 0.5
+
+
+async def test_refusal_gives_the_autopilots_reason(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    autopilot.refuse[400] = (4, "Arm: Compass not calibrated")
+    result = await daemon.commands.arm()
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "FAILED: Arm: Compass not calibrated")
+
+
+async def test_unanswered_command_is_repeated(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    autopilot.mute.add(400)
+    arming = asyncio.create_task(daemon.commands.arm())
+    await eventually(lambda: [c.confirmation for c in autopilot.commands if c.command == 400] == [0, 1])
+    autopilot.mute.clear()
+    assert (await asyncio.wait_for(arming, 10)).reached
+
+
+async def test_newer_flight_command_interrupts_the_older(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    await daemon.commands.arm()
+    climbing = asyncio.create_task(daemon.commands.takeoff(500.0))
+    await eventually(lambda: autopilot.height_m > 5.0)
+    landing = asyncio.create_task(daemon.commands.land())
+    result = await asyncio.wait_for(climbing, 10)
+    assert (result.outcome, result.reason) == (Outcome.INTERRUPTED, "by land")
+    assert (await asyncio.wait_for(landing, 20)).reached
+
+
+async def test_command_without_autopilot_is_refused_at_once(autopilot):
+    await autopilot.stop()
+    async with Daemon(config(autopilot)) as daemon:
+        result = await daemon.commands.arm()
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "the autopilot has not been heard")
+
+
+async def test_autopilot_goes_away_and_comes_back(daemon, autopilot, connect, eventually):
+    await ready(daemon, eventually)
+    client = await connect(daemon.listen_port)
+    await client.next("ATTITUDE")
+    await autopilot.stop()
+    await eventually(lambda: not daemon.link.up)
+    autopilot.boot()
+    await autopilot.start()
+    await eventually(lambda: daemon.link.up and autopilot.connections == 2)
+    await asyncio.wait_for(daemon.wait_heard(), 10)
+    await eventually(lambda: set(autopilot.intervals_us) == set(daemon.config.stream_rates_hz))
+    attitude = await client.next("ATTITUDE", lambda message: message.time_boot_ms < 60_000)
+    assert attitude.get_srcSystem() == 2
+    assert (await daemon.commands.arm()).reached
+
+
+async def test_reboot_interrupts_a_flight(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    await eventually(lambda: daemon.state.time_boot_ms > 5000)
+    await daemon.commands.arm()
+    climbing = asyncio.create_task(daemon.commands.takeoff(500.0))
+    await eventually(lambda: autopilot.height_m > 5.0)
+    autopilot.boot()
+    autopilot.intervals_us = {30: 1}
+    result = await asyncio.wait_for(climbing, 10)
+    assert (result.outcome, result.reason) == (Outcome.INTERRUPTED, "the autopilot rebooted")
+
+
+async def test_streams_that_stop_are_asked_for_anew(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    await eventually(lambda: len(autopilot.intervals_us) == len(daemon.config.stream_rates_hz))
+    autopilot.intervals_us = {}  # nothing but heartbeats from now on
+    await eventually(lambda: len(autopilot.intervals_us) == len(daemon.config.stream_rates_hz))
+
+
+async def test_subscription_at_a_rate_of_the_autopilots_time(daemon, eventually):
+    await ready(daemon, eventually)
+    states = []
+    subscription = daemon.subscribe(states.append, rate_hz=2.0)
+    await eventually(lambda: len(states) >= 6)
+    subscription.cancel()
+    count = len(states)
+    steps = {after.time_boot_ms - before.time_boot_ms for before, after in itertools.pairwise(states)}
+    assert max(steps) <= 600
+    assert sum(steps) / len(steps) == pytest.approx(500, abs=100)
+    now = daemon.state.time_boot_ms
+    await eventually(lambda: daemon.state.time_boot_ms > now + 1500)
+    assert len(states) == count
+    with pytest.raises(ValueError, match="rate_hz must be positive, not 0"):
+        daemon.subscribe(states.append, rate_hz=0)
+
+
+async def test_autopilot_of_another_system_is_told(autopilot, caplog, eventually):
+    async with Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=9)) as daemon:
+        await eventually(lambda: "calls itself system 2, expected 9" in caplog.text)
+        assert daemon.state.mode == ""
