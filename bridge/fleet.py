@@ -16,7 +16,7 @@ from bridge.autopilots import LAUNCHERS, AutopilotError, Launcher, LaunchPlan
 from bridge.child_process import Child, ProcessSpec, end_all
 from bridge.inbox import Inbox
 from bridge.keys import Keys
-from bridge.messages import AgentStatus, Clock, DecodeError, Link, Message, Truth, decode
+from bridge.messages import AgentStatus, Clock, DecodeError, Link, Message, decode
 from bridge.ports import HOST, conflicts, ports_of
 from bridge.resolve import airframe_of, home_of
 from bridge.run_directory import RunDirectory
@@ -190,7 +190,6 @@ class Fleet:
             session.subscribe(key_expr, lambda sample: inbox.push((cls, sample)))
 
         subscribe(keys.clock, Clock)
-        subscribe(keys.truth("*"), Truth)
         subscribe(keys.link("*", "*"), Link)
         subscribe(keys.agent("*"), AgentStatus)
 

@@ -159,6 +159,10 @@ class _Run:
         return ending, fleet.sim_time_ns
 
     def _report(self, ending: Ending, sim_time_ns: int) -> int:
+        interrupted = 128 + self.signal if self.signal is not None else 0
+        if interrupted and self._first_tick is None:
+            click.echo("lostlink: interrupted before sim time began", err=True)
+            return interrupted
         wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
         summary = summarise(self.scenario, self.directory, Timing(sim_time_ns / 1e9, wall_s), ending.value)
         write_summary(summary, self.directory)
@@ -173,6 +177,6 @@ class _Run:
             self.console.print(bins_table(summary))
             self.console.print(f"{self.directory.path}", highlight=False, soft_wrap=True)
             self.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
-        if self.signal is not None:
-            return 128 + self.signal
+        if interrupted:
+            return interrupted
         return EXIT_FAILED if summary["verdict"].startswith("fail") else 0

@@ -1,0 +1,68 @@
+"""What tests of several kinds share."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+BINARIES = ("arducopter", "arduplane")
+
+
+def ardupilot_binary(name: str) -> Path | None:
+    """A real binary through ARDUPILOT_HOME or PATH."""
+    root = os.environ.get("ARDUPILOT_HOME")
+    for place in (Path(root) / part / name for part in ("", "bin", "build/sitl/bin") if root):
+        if os.access(place, os.X_OK):
+            return place
+    found = shutil.which(name)
+    return Path(found) if found else None
+
+
+@pytest.fixture
+def arducopter() -> Path:
+    """A real ArduCopter, or the test is skipped."""
+    found = ardupilot_binary("arducopter")
+    if found is None:
+        pytest.skip("no arducopter: neither ARDUPILOT_HOME nor PATH leads to one")
+    return found
+
+
+def _is_free(kind: socket.SocketKind, port: int) -> bool:
+    with socket.socket(type=kind) as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def _slot_is_free(slot: int, count: int) -> bool:
+    tcp = [
+        base + 10 * (slot + i) + extra
+        for i in range(count)
+        for base, extra in ((5760, 0), (5760, 2), (5760, 3))
+    ]
+    tcp += [6760 + 10 * (slot + i) for i in range(count)]
+    udp = [base + 10 * (slot + i) for i in range(count) for base in (9002, 5501)]
+    return all(_is_free(socket.SOCK_STREAM, p) for p in tcp) and all(
+        _is_free(socket.SOCK_DGRAM, p) for p in udp
+    )
+
+
+@pytest.fixture
+def free_slot() -> Callable[[int], int]:
+    """Find a port slot at which ``count`` UA find all their ports free; each call gives another."""
+    candidates: Iterator[int] = iter(range(100 + os.getpid() % 500, 2000))
+
+    def find(count: int) -> int:
+        slot = next(s for s in candidates if _slot_is_free(s, count))
+        for _ in range(count - 1):
+            next(candidates)
+        return slot
+
+    return find

@@ -1,0 +1,118 @@
+"""Real runs of `lostlink`, as a user starts them."""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import psutil
+import pytest
+
+LOSTLINK = [sys.executable, "-m", "bridge.cli"]
+STILL = """\
+schema: 1
+name: still
+description: Two UA on the ground, 410 m apart.
+seed: 3
+speed: {speed}
+duration_s: {duration_s}
+origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690.0}}
+radio: moon2020
+ports: {{zenoh: 0, first_slot: {slot}}}
+ua:
+  - {{id: 0, agent: {{type: still}}}}
+  - {{id: 1, home: {{north_m: 410}}, agent: {{type: still}}}}
+"""
+
+
+@dataclass
+class Run:
+    """A `lostlink run` in the background."""
+
+    out: Path
+    process: subprocess.Popen[bytes]
+    slot: int
+    output: bytearray = field(default_factory=bytearray)
+
+    @property
+    def directory(self) -> Path:
+        """The run's directory."""
+        (found,) = self.out.iterdir()
+        return found
+
+    def wait_for(self, text: str, timeout_s: float = 60.0) -> None:
+        """Wait until the run has printed ``text``."""
+        deadline = time.monotonic() + timeout_s
+        assert self.process.stdout is not None
+        with selectors.DefaultSelector() as selector:
+            selector.register(self.process.stdout, selectors.EVENT_READ)
+            while text.encode() not in self.output:
+                assert selector.select(max(0.0, deadline - time.monotonic())), (
+                    f"no {text!r} in {self.output.decode()}"
+                )
+                chunk = os.read(self.process.stdout.fileno(), 65536)
+                assert chunk, f"ended before {text!r}: {self.output.decode()}"
+                self.output += chunk
+
+    def finish(self, timeout_s: float = 90.0) -> int:
+        """Wait for its end; returns the exit status."""
+        rest, _ = self.process.communicate(timeout=timeout_s)
+        self.output += rest or b""
+        return self.process.returncode
+
+    def stop(self, number: signal.Signals) -> float:
+        """Send a signal and wait for the end; returns how long that took, s."""
+        start = time.monotonic()
+        self.process.send_signal(number)
+        self.finish(20.0)
+        return time.monotonic() - start
+
+    def child(self, name: str) -> psutil.Process:
+        """The run's process whose command line has ``name`` in it."""
+        children = psutil.Process(self.process.pid).children(recursive=True)
+        return next(c for c in children if name in " ".join(c.cmdline()))
+
+    def children(self) -> list[psutil.Process]:
+        """All processes below it."""
+        return psutil.Process(self.process.pid).children(recursive=True)
+
+    @property
+    def endpoint(self) -> str:
+        """Where its Zenoh router listens."""
+        return str(json.loads((self.directory / "run.json").read_text())["endpoint"])
+
+
+StartRun = Callable[..., Run]
+
+
+@pytest.fixture
+def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[StartRun]:
+    """Start a run; whatever is left of it in the end is killed."""
+    started: list[Run] = []
+
+    def start(*arguments: str, scenario: str = STILL, speed: str = "max", duration_s: float = 600.0) -> Run:
+        slot = free_slot(2)
+        file = tmp_path / f"scenario-{len(started)}.yaml"
+        file.write_text(scenario.format(speed=speed, duration_s=duration_s, slot=slot))
+        out = tmp_path / f"out-{len(started)}"
+        command = [*LOSTLINK, "run", str(file), "--out", str(out), *arguments]
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        started.append(Run(out, process, slot))
+        return started[-1]
+
+    yield start
+    for run in started:
+        if run.process.poll() is None:
+            for child in [*run.children(), psutil.Process(run.process.pid)]:
+                child.kill()
+        run.process.communicate()

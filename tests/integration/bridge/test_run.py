@@ -1,0 +1,207 @@
+"""`lostlink run` as a user sees it: results, clean ends, broken processes, mistakes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import socket
+import subprocess
+from collections import Counter
+from pathlib import Path
+
+import psutil
+import pytest
+
+from bridge.recorder import COLUMNS
+from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+
+
+def ports_of(run: Run) -> list[tuple[socket.SocketKind, int]]:
+    tcp = [base + 10 * (run.slot + i) for base in (5760, 6760) for i in range(2)]
+    tcp.append(int(run.endpoint.rsplit(":", 1)[1]))
+    udp = [9002 + 10 * (run.slot + i) for i in range(2)]
+    return [(socket.SOCK_STREAM, p) for p in tcp] + [(socket.SOCK_DGRAM, p) for p in udp]
+
+
+def assert_nothing_is_left(
+    children: list[psutil.Process], ports: list[tuple[socket.SocketKind, int]]
+) -> None:
+    _, alive = psutil.wait_procs(children, timeout=0)
+    assert not alive
+    for kind, port in ports:
+        with socket.socket(type=kind) as probe:
+            if kind == socket.SOCK_STREAM:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", port))
+
+
+def rows_of(run: Run) -> list[dict[str, str]]:
+    with (run.directory / "deliveries.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
+    run = start_run(duration_s=20.0)
+    assert run.finish() == 0, run.output.decode()
+    summary = json.loads((run.directory / "summary.json").read_text())
+    rows = rows_of(run)
+    assert tuple(rows[0]) == COLUMNS
+    counts = Counter((row["tx"], row["rx"], row["fate"]) for row in rows)
+    for link in summary["links"]:
+        assert link["sent"] == link["delivered"] + sum(link["lost"].values())
+        assert link["sent"] >= 400
+        assert link["delivered"] == counts[link["tx"], link["rx"], "delivered"]
+        for cause, number in link["lost"].items():
+            assert number == counts[link["tx"], link["rx"], cause]
+        assert sorted(link["lost"]) == ["channel_erasure"]
+    assert {(link["tx"], link["rx"]) for link in summary["links"]} == {("0", "1"), ("1", "0")}
+    assert summary["verdict"].startswith("pass: 2 of 2"), summary["verdict"]
+    assert summary["ending"] == "duration"
+    left = {path.name for path in run.directory.iterdir()}
+    assert left == {
+        "deliveries.csv",
+        "ledger.json",
+        "logs",
+        "probability_of_delivery.png",
+        "run.json",
+        "scenario.yaml",
+        "summary.json",
+    }
+    logs = {path.stem for path in (run.directory / "logs").iterdir()}
+    assert logs == {
+        "router",
+        "physics",
+        *(f"{r}-{i}" for r in ("aircraft", "agent", "autopilot") for i in (0, 1)),
+    }
+
+
+def fates(run: Run, until_ns: int) -> dict[tuple[str, str, str], tuple[str, str]]:
+    rows = [row for row in rows_of(run) if int(row["sim_time_ns"]) <= until_ns]
+    return {(row["tx"], row["rx"], row["seq"]): (row["fate"], row["distance_m"]) for row in rows}
+
+
+def test_same_seed_same_fates_at_any_speed_and_another_seed_differs(start_run: StartRun) -> None:
+    until_ns = 5_000_000_000
+    runs = [
+        start_run(duration_s=5.0),
+        start_run("--speed", "2", duration_s=5.0),
+        start_run("--seed", "4", duration_s=5.0),
+    ]
+    for run in runs:
+        assert run.finish() == 0, run.output.decode()
+    first, slower, other = (fates(run, until_ns) for run in runs)
+    assert len(first) >= 200
+    assert slower == first
+    assert {key: fate for key, (fate, _) in other.items()} != {key: fate for key, (fate, _) in first.items()}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("moment", ["starts the radio router", "starts flight dynamics", "sim time"])
+def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.Signals, moment: str) -> None:
+    run = start_run()
+    run.wait_for(moment)
+    children = run.children()
+    assert run.stop(number) < 5.0
+    assert run.process.returncode == 128 + number, run.output.decode()
+    assert b"Traceback" not in run.output
+    assert_nothing_is_left(children, ports_of(run))
+
+
+@pytest.mark.parametrize(
+    ("victim", "name"),
+    [
+        ("bridge.autopilots.standin --sysid 2", "autopilot-1"),
+        ("bridge.processes.router", "router"),
+        ("bridge.processes.physics", "physics"),
+        ("bridge.processes.aircraft", "aircraft-0"),
+    ],
+)
+def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim: str, name: str) -> None:
+    run = start_run()
+    run.wait_for("sim time")
+    children = run.children()
+    run.child(victim).kill()
+    assert run.finish(15.0) == 1
+    text = run.output.decode()
+    assert f"{name} was ended by SIGKILL" in text
+    assert str(run.directory / "logs" / f"{name}.log") in text
+    assert "Traceback" not in text
+    assert_nothing_is_left(children, ports_of(run))
+
+
+def test_killed_supervisor_leaves_no_process(start_run: StartRun) -> None:
+    run = start_run()
+    run.wait_for("sim time")
+    children = run.children()
+    assert len(children) == 8
+    run.process.kill()
+    _, alive = psutil.wait_procs(children, timeout=10)
+    assert not alive
+
+
+def lostlink(
+    *arguments: str, cwd: Path, env: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*LOSTLINK, *arguments], cwd=cwd, env=env, capture_output=True, text=True, timeout=60
+    )
+
+
+def test_mistake_in_the_scenario_ends_with_status_2_and_its_place(tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text("schema: 1\nname: bad\nspeeed: max\n")
+    done = lostlink("run", "bad.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "bad.yaml:3: speeed: unknown key; allowed here: schema, name" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_port_in_use_is_named_with_its_owner_and_how_to_move(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        done = lostlink("run", "--zenoh-port", str(port), cwd=tmp_path)
+    assert done.returncode == 2
+    assert f"TCP port {port} (Zenoh router) is in use" in done.stderr
+    assert f"(pid {psutil.Process().pid})" in done.stderr
+    assert "--zenoh-port" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_missing_ardupilot_says_where_it_looked_and_how_to_point_to_it(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    env = {"PATH": "/usr/bin", "ARDUPILOT_HOME": str(tmp_path / "home")}
+    done = lostlink("run", "--autopilot", "ardupilot", "--ardupilot-dir", "empty", cwd=tmp_path, env=env)
+    assert done.returncode == 2
+    for place in (
+        "empty/arducopter",
+        f"{tmp_path}/home/build/sitl/bin/arducopter",
+        "on PATH",
+        "--ardupilot-dir",
+    ):
+        assert place in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [
+        ("--speed", "0.01", "at least 0.1"),
+        ("--speed", "fast", "neither a number nor 'max'"),
+        ("--duration", "-1", "greater than 0"),
+        ("--seed", "-1", "greater than or equal to 0"),
+    ],
+)
+def test_bad_option_is_status_2(tmp_path: Path, option: str, value: str, says: str) -> None:
+    done = lostlink("run", option, value, cwd=tmp_path)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_json_output_is_the_summary_and_nothing_else(start_run: StartRun) -> None:
+    run = start_run("--json", duration_s=1.0)
+    assert run.finish() == 0, run.output.decode()
+    assert json.loads(run.output) == json.loads((run.directory / "summary.json").read_text())
