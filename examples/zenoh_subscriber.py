@@ -1,15 +1,16 @@
-"""Print what the radio delivers in the run that listens at 127.0.0.1:7447. Ctrl-C ends it."""
+"""Print what the radio delivers in a run: python zenoh_subscriber.py [tcp/127.0.0.1:7447]. Ctrl-C ends it."""
 
-import time
+import json
+import sys
 
 import zenoh
 
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", '["tcp/127.0.0.1:7447"]')
+config.insert_json5(
+    "connect/endpoints", json.dumps([sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7447"])
+)
 with zenoh.open(config) as session:
-    session.declare_subscriber(
-        "lostlink/*/ua/*/rx/**", lambda s: print(s.key_expr, len(s.payload.to_bytes()), "bytes", flush=True)
-    )
-    while True:
-        time.sleep(1)
+    subscriber = session.declare_subscriber("lostlink/*/ua/*/rx/**")
+    for sample in subscriber:
+        print(sample.key_expr, len(sample.payload.to_bytes()), "bytes", flush=True)
