@@ -154,22 +154,28 @@ class Exchange:
 
     def run(self) -> None:
         """Serve until `stop` is called. Errors of the callbacks end it and come out of it."""
-        clock, monotonic_ns = self._clock, time.monotonic_ns
-        seats, wake_fd, poller = self._seats, self._wake_receiver.fileno(), self._poller
+        turn = self.turn
         while not self._stopping:
-            timeout_ns = clock.wake_at_ns() - monotonic_ns()
-            ready = poller.wait(timeout_ns)
-            wall_ns = monotonic_ns()
-            clock.update(wall_ns)
-            for fd in ready:
-                if fd == wake_fd:
-                    self._drain_wakes()
-                else:
-                    self._hear(seats[fd], wall_ns)
+            turn()
+
+    def turn(self) -> None:
+        """Once round the loop: wait until something is there to do, and do it. What `run` repeats."""
+        clock = self._clock
+        # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
+        ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
+        wall_ns = time.monotonic_ns()
+        clock.update(wall_ns)
+        seats = self._seats
+        for fd in ready:
+            seat = seats.get(fd)
+            if seat is None:
+                self._drain_wakes()
+            else:
+                self._hear(seat, wall_ns)
+        self._progress(wall_ns)
+        for member in clock.take_stalled():
+            self._tell(EventKind.STALLED, member, "its autopilot does not answer")
             self._progress(wall_ns)
-            for member in clock.take_stalled():
-                self._tell(EventKind.STALLED, member, "its autopilot does not answer")
-                self._progress(wall_ns)
 
     def stop(self) -> None:
         """Let `run` return soon."""

@@ -117,6 +117,7 @@ class FleetClock:
         wall_ns: the present instant.
 
     Attributes:
+        wall_ns: instant of the latest `update`.
         limits_version: changes whenever a UA that was refused a step might be granted it now.
     """
 
@@ -137,7 +138,7 @@ class FleetClock:
         self._next_tick_ns = 0
         self._released_ns = -1
         self._tick_bound_ns = 0
-        self._wall_ns = self._begin_ns = self._pace_wall_ns = self._stall_check_ns = wall_ns
+        self.wall_ns = self._begin_ns = self._pace_wall_ns = self._stall_check_ns = wall_ns
         self._pace_sim_ns = 0
         self._pace_limit_ns = 0
         self._rate_wall_ns, self._rate_sim_ns, self._rate = wall_ns, 0, 0.0
@@ -177,8 +178,8 @@ class FleetClock:
 
     def update(self, wall_ns: int) -> None:
         """Let wall time reach `wall_ns`: the pace moves on; the start and stall timeouts are looked at."""
-        gap_ns = wall_ns - self._wall_ns
-        self._wall_ns = wall_ns
+        gap_ns = wall_ns - self.wall_ns
+        self.wall_ns = wall_ns
         if not self.started:
             if wall_ns - self._begin_ns >= self._settings.start_timeout_ns:
                 self._start()
@@ -220,10 +221,10 @@ class FleetClock:
         A stall is looked for only every tenth of the stall timeout.
         """
         timeout_ns = self._settings.stall_timeout_ns
-        elapsed_ns = self._wall_ns - self._stall_check_ns
+        elapsed_ns = self.wall_ns - self._stall_check_ns
         if not self.started or elapsed_ns < timeout_ns // 10:
             return []
-        self._stall_check_ns = self._wall_ns
+        self._stall_check_ns = self.wall_ns
         stalled = []
         for member in self._live:
             if not member.waiting:
@@ -325,9 +326,9 @@ class FleetClock:
 
     def _start(self) -> None:
         self.started = True
-        self._stall_check_ns = self._wall_ns
+        self._stall_check_ns = self.wall_ns
         self._find_slowest()
-        self._rate_wall_ns = self._wall_ns
+        self._rate_wall_ns = self.wall_ns
         self._restart_pace()
 
     def _drop(self, member: Member) -> None:
@@ -355,7 +356,7 @@ class FleetClock:
         self.limits_version += 1
 
     def _restart_pace(self) -> None:
-        self._pace_sim_ns, self._pace_wall_ns = self._slowest_ns, self._wall_ns
+        self._pace_sim_ns, self._pace_wall_ns = self._slowest_ns, self.wall_ns
         if self.paused:
             return
         self._pace_limit_ns = NEVER_NS if self.speed == inf else self._slowest_ns
@@ -372,11 +373,11 @@ class FleetClock:
             self.limits_version += 1
 
     def _measure_rate(self, sim_time_ns: int) -> None:
-        elapsed_ns = self._wall_ns - self._rate_wall_ns
+        elapsed_ns = self.wall_ns - self._rate_wall_ns
         if elapsed_ns >= RATE_WINDOW_NS or (self._rate == 0.0 and elapsed_ns > 0):
             self._rate = (sim_time_ns - self._rate_sim_ns) / elapsed_ns
         if elapsed_ns >= RATE_WINDOW_NS:
-            self._rate_wall_ns, self._rate_sim_ns = self._wall_ns, sim_time_ns
+            self._rate_wall_ns, self._rate_sim_ns = self.wall_ns, sim_time_ns
 
 
 def check_speed(speed: float) -> None:
