@@ -264,7 +264,7 @@ class Daemon:
         elif self._silent_heartbeats < SILENT_HEARTBEATS or not self.streams.idle:
             return
         else:
-            _log.warning("the autopilot's streams have stopped: asking for them anew")
+            _log.info("nothing but heartbeats from the autopilot: asking for its streams anew")
         self._silent_heartbeats = 0
         self._ask_for_streams()
 

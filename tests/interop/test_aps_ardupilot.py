@@ -1,0 +1,155 @@
+"""The daemon with real ArduCopter and ArduPlane on SITL's built-in vehicles."""
+
+import asyncio
+import contextlib
+import itertools
+import math
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from aps.commands import Outcome
+from aps.daemon import Daemon, DaemonConfig
+
+pytestmark = pytest.mark.ardupilot
+
+HOME = "-35.363262,149.165237,584,353"
+SYSID = 4
+COPTER_PARAMETERS = Path(__file__).parents[2] / "sitl_configs" / "params" / "copter.parm"
+# The built-in vehicles count as uncalibrated without offsets of the accelerometers.
+CALIBRATED = "".join(
+    f"INS_ACC{n}OFFS_{axis} 0.001\nINS_ACC{n}SCAL_{axis} 1.001\n" for n in ("", 2) for axis in "XYZ"
+)
+COPTER = "FRAME_CLASS 1\nFRAME_TYPE 0\nBATT_MONITOR 4\n" + CALIBRATED
+PLANE = CALIBRATED + (
+    "FS_GCS_ENABL 0\nTHR_FAILSAFE 0\nRTL_RADIUS 80\nRTL_ALTITUDE 100\nAIRSPEED_CRUISE 22\nAIRSPEED_MIN 10\n"
+    "COMPASS_OFS_X 5\nCOMPASS_OFS_Y 13\nCOMPASS_OFS_Z -18\nARSPD_TYPE 2\nARSPD_USE 1\nARSPD_BUS 2\n"
+    "TRIM_THROTTLE 50\nROLL_LIMIT_DEG 65\nPTCH_LIM_MAX_DEG 25\nPTCH_LIM_MIN_DEG -25\nSIM_RATE_HZ 400\n"
+    "RC3_MIN 1000\nRC3_TRIM 1000\nTKOFF_LVL_ALT 20\n"
+)
+
+
+def free_instance():
+    """A value for ``-I`` with free TCP ports. SITL keeps it in 8 bits."""
+    for number in range(100):
+        instance = 100 + (os.getpid() + number) % 150
+        with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
+            for serial in (0, 2, 3):
+                stack.enter_context(socket.create_server(("127.0.0.1", 5760 + 10 * instance + serial)))
+            return instance
+    raise AssertionError("no free instance")
+
+
+@contextlib.asynccontextmanager
+async def sitl(binary, model, parameters, directory, speedup):
+    """A real autopilot in a directory of its own; gives its MAVLink port."""
+    instance = free_instance()
+    own = directory / "own.parm"
+    own.write_text(parameters)
+    log = (directory / "sitl.log").open("wb")
+    defaults = f"{COPTER_PARAMETERS},{own}" if model == "quad" else str(own)
+    process = await asyncio.create_subprocess_exec(
+        str(binary),
+        *("--wipe", "--model", model, "-I", str(instance), "--sysid", str(SYSID), "--home", HOME),
+        *("--defaults", defaults, "--serial0", "tcp:0", "--speedup", str(speedup)),
+        cwd=directory,
+        stdout=log,
+        stderr=log,
+    )
+    try:
+        yield 5760 + 10 * instance
+    finally:
+        process.kill()
+        await process.wait()
+        log.close()
+
+
+async def until(daemon, condition, timeout_s=60.0):
+    """Wait for a state."""
+    there = asyncio.Event()
+    subscription = daemon.subscribe(lambda state: there.set() if condition(state) else None)
+    try:
+        await asyncio.wait_for(there.wait(), timeout_s)
+    finally:
+        subscription.cancel()
+
+
+@pytest.fixture
+async def copter(arducopter, tmp_path):
+    async with (
+        sitl(arducopter, "quad", COPTER, tmp_path, speedup=10) as port,
+        Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{port}", sysid=SYSID)) as daemon,
+    ):
+        yield daemon
+
+
+async def test_arducopter_state_streams_and_commands(copter):
+    commands = copter.commands
+    await asyncio.wait_for(copter.wait_heard(), 30)
+    too_early = await commands.arm()
+    assert too_early.outcome is Outcome.REFUSED
+    assert "Arm: " in too_early.reason or "PreArm: " in too_early.reason
+    assert (await commands.set_mode("GUIDED")).reached
+    await until(copter, lambda state: state.ready_to_arm and state.position_ok)
+    home = copter.state
+    assert (home.lat_deg, home.lon_deg) == pytest.approx((-35.363262, 149.165237), abs=1e-5)
+    assert home.alt_amsl_m == pytest.approx(584.0, abs=1.5)
+    assert (home.landed_state, home.system_status, home.gps_fix_type) == ("on_ground", "STANDBY", 6)
+    assert home.voltage_v == pytest.approx(12.6, abs=0.2)
+    on_ground = await commands.takeoff(20.0)
+    assert on_ground.outcome is Outcome.REFUSED
+
+    for result in (await commands.arm(), await commands.takeoff(20.0)):
+        assert result.reached, result
+    states = []
+    subscription = copter.subscribe(states.append, rate_hz=10.0)
+    target_deg = home.lat_deg + math.degrees(60.0 / 6_378_137.0)
+    result = await commands.goto(target_deg, home.lon_deg, 25.0, speed_mps=6.0)
+    subscription.cancel()
+    assert result.reached, result
+    assert max(state.groundspeed_mps for state in states) == pytest.approx(6.0, abs=0.6)
+    steps_ms = [after.time_boot_ms - before.time_boot_ms for before, after in itertools.pairwise(states)]
+    assert sum(steps_ms) / len(steps_ms) == pytest.approx(100.0, abs=15.0)
+    assert copter.state.position_ned_m[0] == pytest.approx(60.0, abs=3.0)
+    assert (await commands.disarm()).outcome is Outcome.REFUSED
+    result = await commands.rtl()
+    assert result.reached, result
+    assert math.hypot(*copter.state.position_ned_m[:2]) < 2.0
+    counters = copter.framer.counters
+    assert (counters.bad_crc, counters.bad_flags, counters.unknown_id) == (0, 0, 0)
+    assert counters.skipped_bytes in (0, len("Init Gyro**\n"))  # printed between frames at boot
+    assert copter.streams.refused == set()
+    assert copter.streams.counters.accepted >= len(copter.config.stream_rates_hz)
+
+
+@pytest.fixture
+async def plane(arducopter, tmp_path):
+    binary = arducopter.with_name("arduplane")
+    if not binary.is_file():
+        pytest.skip(f"no arduplane beside {arducopter}")
+    async with (
+        sitl(binary, "plane", PLANE, tmp_path, speedup=20) as port,
+        Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{port}", sysid=SYSID)) as daemon,
+    ):
+        yield daemon
+
+
+async def test_arduplane_takes_off_circles_and_returns(plane):
+    commands = plane.commands
+    await asyncio.wait_for(plane.wait_heard(), 30)
+    assert (await commands.set_mode("FBWA")).reached
+    await until(plane, lambda state: state.ready_to_arm and state.position_ok)
+    home = plane.state
+    for result in (await commands.arm(), await commands.takeoff(60.0)):
+        assert result.reached, result
+    target_deg = home.lat_deg + math.degrees(500.0 / 6_378_137.0)
+    result = await commands.goto(target_deg, home.lon_deg, 90.0)
+    assert result.reached, result
+    assert plane.state.mode == "GUIDED"
+    assert plane.state.alt_rel_m == pytest.approx(90.0, abs=16.0)
+    assert plane.state.indicated_airspeed_mps > 10.0
+    result = await commands.rtl()
+    assert result.reached, result
+    assert math.hypot(*plane.state.position_ned_m[:2]) < 130.0
