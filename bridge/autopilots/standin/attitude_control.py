@@ -12,7 +12,7 @@ from bridge.autopilots.standin.quaternion import Quaternion, Vector, rotation_er
 
 TORQUE_MAX = 1.0
 INTEGRAL_MAX = 0.25
-DERIVATIVE_FILTER_HZ = 40.0
+DERIVATIVE_FILTER_TIME_S = 1.0 / (2.0 * pi * 40.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +62,12 @@ class AttitudeController:
         """
         gains = self.gains
         roll_error, pitch_error, yaw_error = rotation_error(attitude, target)
-        limit = gains.rate_max_radps
-        roll_rate = max(-limit, min(limit, gains.angle_p * roll_error))
-        pitch_rate = max(-limit, min(limit, gains.angle_p * pitch_error))
-        limit = gains.yaw_rate_max_radps
-        yaw_rate = max(-limit, min(limit, gains.yaw_angle_p * yaw_error + yaw_rate_radps))
-        return self.update_rates(gyro_radps, (roll_rate, pitch_rate, yaw_rate), step_s)
+        rates = (
+            _limited(gains.angle_p * roll_error, gains.rate_max_radps),
+            _limited(gains.angle_p * pitch_error, gains.rate_max_radps),
+            _limited(gains.yaw_angle_p * yaw_error + yaw_rate_radps, gains.yaw_rate_max_radps),
+        )
+        return self.update_rates(gyro_radps, rates, step_s)
 
     def update_rates(self, gyro_radps: Vector, target_radps: Vector, step_s: float) -> Vector:
         """Return the torque commands for body rates wanted."""
@@ -75,24 +75,20 @@ class AttitudeController:
         p, q, r = gyro_radps
         old_p, old_q, _ = self._gyro_radps
         self._gyro_radps = gyro_radps
-        blend = step_s / (step_s + 1.0 / (2.0 * pi * DERIVATIVE_FILTER_HZ))
+        blend = step_s / (step_s + DERIVATIVE_FILTER_TIME_S)
         self._roll_d += blend * ((p - old_p) / step_s - self._roll_d)
         self._pitch_d += blend * ((q - old_q) / step_s - self._pitch_d)
         roll_error, pitch_error, yaw_error = target_radps[0] - p, target_radps[1] - q, target_radps[2] - r
         gain = gains.rate_i * step_s
-        self._roll_i = max(-INTEGRAL_MAX, min(INTEGRAL_MAX, self._roll_i + gain * roll_error))
-        self._pitch_i = max(-INTEGRAL_MAX, min(INTEGRAL_MAX, self._pitch_i + gain * pitch_error))
-        self._yaw_i = max(
-            -INTEGRAL_MAX, min(INTEGRAL_MAX, self._yaw_i + gains.yaw_rate_i * step_s * yaw_error)
-        )
+        roll_i = self._roll_i = _limited(self._roll_i + gain * roll_error, INTEGRAL_MAX)
+        pitch_i = self._pitch_i = _limited(self._pitch_i + gain * pitch_error, INTEGRAL_MAX)
+        yaw_i = self._yaw_i = _limited(self._yaw_i + gains.yaw_rate_i * step_s * yaw_error, INTEGRAL_MAX)
         return (
-            max(
-                -TORQUE_MAX,
-                min(TORQUE_MAX, gains.rate_p * roll_error + self._roll_i - gains.rate_d * self._roll_d),
-            ),
-            max(
-                -TORQUE_MAX,
-                min(TORQUE_MAX, gains.rate_p * pitch_error + self._pitch_i - gains.rate_d * self._pitch_d),
-            ),
-            max(-TORQUE_MAX, min(TORQUE_MAX, gains.yaw_rate_p * yaw_error + self._yaw_i)),
+            _limited(gains.rate_p * roll_error + roll_i - gains.rate_d * self._roll_d, TORQUE_MAX),
+            _limited(gains.rate_p * pitch_error + pitch_i - gains.rate_d * self._pitch_d, TORQUE_MAX),
+            _limited(gains.yaw_rate_p * yaw_error + yaw_i, TORQUE_MAX),
         )
+
+
+def _limited(value: float, size: float) -> float:
+    return size if value > size else -size if value < -size else value

@@ -13,7 +13,6 @@ from bridge.autopilots.standin.events import Severity
 from bridge.autopilots.standin.flight_modes import ModeNumber
 from bridge.autopilots.standin.framer import Message
 from bridge.autopilots.standin.guided_targets import location_from
-from bridge.autopilots.standin.location import Location
 from bridge.autopilots.standin.mode_auto import Auto, turn_to_condition
 from bridge.autopilots.standin.mode_guided import Guided, GuidedTarget
 from bridge.autopilots.standin.streams import Streams
@@ -50,6 +49,8 @@ class CommandRequest:
     lon_deg: float
     alt_m: float
     frame: int
+    whole_degrees: bool
+    """Whether the position came as integers (COMMAND_INT)."""
 
 
 def request_from(message: Message) -> CommandRequest:
@@ -57,12 +58,14 @@ def request_from(message: Message) -> CommandRequest:
     parameters = (message.param1, message.param2, message.param3, message.param4)
     if message.get_type() == "COMMAND_INT":
         return CommandRequest(
-            message.command, *parameters, message.x * 1e-7, message.y * 1e-7, message.z, message.frame
+            message.command, *parameters, message.x * 1e-7, message.y * 1e-7, message.z, message.frame, True
         )
     frame = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT
     if message.command in (dialect.MAV_CMD_DO_SET_HOME,):
         frame = dialect.MAV_FRAME_GLOBAL
-    return CommandRequest(message.command, *parameters, message.param5, message.param6, message.param7, frame)
+    return CommandRequest(
+        message.command, *parameters, message.param5, message.param6, message.param7, frame, False
+    )
 
 
 class Commands:
@@ -75,6 +78,7 @@ class Commands:
         self._telemetry = telemetry
         self._streams = streams
         self._send = send
+        self._requested: list[Message] = []
         self._handlers: dict[int, Callable[[CommandRequest], Result]] = {
             dialect.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             dialect.MAV_CMD_RUN_PREARM_CHECKS: self._run_prearm_checks,
@@ -101,6 +105,11 @@ class Commands:
         """Run one request; return its MAV_RESULT."""
         handler = self._handlers.get(request.command)
         return Result.UNSUPPORTED if handler is None else handler(request)
+
+    def take_requested(self) -> list[Message]:
+        """Return and forget the messages that follow the acknowledgement."""
+        requested, self._requested = self._requested, []
+        return requested
 
     def _arm_disarm(self, request: CommandRequest) -> Result:
         force = request.param2 in FORCE_MAGIC
@@ -148,10 +157,12 @@ class Commands:
         seq = int_or_zero(request.param1)
         if not self._vehicle.mission.set_current(seq):
             return Result.DENIED
-        self._send(self._telemetry.mission_current())
+        self._requested.append(self._telemetry.mission_current())
         return Result.ACCEPTED
 
     def _reposition(self, request: CommandRequest) -> Result:
+        if not request.whole_degrees:
+            return Result.UNSUPPORTED  # COMMAND_LONG would lose metres: ArduPilot takes COMMAND_INT only
         vehicle = self._vehicle
         change_mode = int_or_zero(request.param2) & dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
         location = location_from(vehicle, request.lat_deg, request.lon_deg, request.alt_m, request.frame)
@@ -162,7 +173,8 @@ class Commands:
         if isfinite(request.param1) and request.param1 > 0.0:
             vehicle.speed_override_mps = min(request.param1, SPEED_MAX_MPS)
         target = GuidedTarget(vehicle.origin.ned_to(location))
-        return Result.ACCEPTED if vehicle.mode.fly(vehicle, target) else Result.FAILED
+        vehicle.mode.fly(vehicle, target)  # accepted on the ground too, where it moves nothing
+        return Result.ACCEPTED
 
     def _change_speed(self, request: CommandRequest) -> Result:
         if request.param1 not in SPEED_TYPES or not request.param2 > 0.0:
@@ -187,13 +199,13 @@ class Commands:
 
     def _set_home(self, request: CommandRequest) -> Result:
         vehicle = self._vehicle
-        if request.param1 == 1.0:
-            vehicle.set_home(vehicle.location)
+        if request.param1 == 1.0 or (request.lat_deg, request.lon_deg, request.alt_m) == (0.0, 0.0, 0.0):
+            vehicle.set_home(vehicle.location, lock=True)
             return Result.ACCEPTED
         location = location_from(vehicle, request.lat_deg, request.lon_deg, request.alt_m, request.frame)
-        if location is None or (location.lat_deg == 0.0 and location.lon_deg == 0.0):
+        if location is None:
             return Result.DENIED
-        vehicle.set_home(Location(location.lat_deg, location.lon_deg, location.alt_amsl_m))
+        vehicle.set_home(location, lock=True)
         return Result.ACCEPTED
 
     def _get_home(self, _: CommandRequest) -> Result:
@@ -201,12 +213,16 @@ class Commands:
         if message is None:
             return Result.FAILED
         self._send(message)
+        origin = self._telemetry.gps_global_origin()
+        if origin is not None:
+            self._send(origin)
         return Result.ACCEPTED
 
     def _set_interval(self, request: CommandRequest) -> Result:
         message_id = int_or_zero(request.param1)
         if message_id not in self._telemetry.builders or isnan(request.param2):
-            return Result.FAILED
+            self._vehicle.say(Severity.INFO, f"No ap_message for mavlink id ({message_id})")
+            return Result.DENIED
         interval_us = int_or_zero(max(-1.0, min(1e9, request.param2)))
         self._streams.set_interval(message_id, interval_us, self._vehicle.sim_time_ns)
         return Result.ACCEPTED
@@ -223,15 +239,16 @@ class Commands:
 
     def _request_message(self, request: CommandRequest) -> Result:
         builder = self._telemetry.builders.get(int_or_zero(request.param1))
-        message = builder() if builder else None
-        if message is None:
+        if builder is None:
             return Result.FAILED
-        self._send(message)
+        message = builder()
+        if message is not None:  # what there is nothing to say about yet is accepted all the same
+            self._requested.append(message)
         return Result.ACCEPTED
 
     def _request_capabilities(self, request: CommandRequest) -> Result:
         if request.param1 == 1.0:
-            self._send(self._telemetry.autopilot_version())
+            self._requested.append(self._telemetry.autopilot_version())
         return Result.ACCEPTED
 
     def _reboot(self, _: CommandRequest) -> Result:

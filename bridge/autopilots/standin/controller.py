@@ -11,16 +11,17 @@ from math import sqrt, tan
 
 from bridge.autopilots.standin.attitude_control import AttitudeController, AttitudeGains
 from bridge.autopilots.standin.mixer import MotorCommands, mix_quad_x
+from bridge.autopilots.standin.navigator import Navigator
 from bridge.autopilots.standin.position_control import (
     GRAVITY_MPS2,
     PositionController,
     PositionGains,
     throttle_for,
 )
-from bridge.autopilots.standin.profile import HorizontalProfile, VerticalProfile
 from bridge.autopilots.standin.quaternion import (
     IDENTITY,
     Quaternion,
+    Vector,
     attitude_for_thrust,
     quaternion_from_euler,
     thrust_axis_down,
@@ -57,7 +58,8 @@ class FlightController:
         self.target: Quaternion = IDENTITY
         """Attitude wanted."""
         self._thrust_mps2 = (0.0, 0.0, -GRAVITY_MPS2)
-        self._tracks_height = False
+        self._throttle_planned = 0.0
+        self._yaw_rate_radps = 0.0
 
     def set_attitude_gains(self, gains: AttitudeGains) -> None:
         """Change the gains of the inner loops, in flight too."""
@@ -86,52 +88,62 @@ class FlightController:
         self.target = attitude
         return self._hold_attitude(frame, throttle, yaw_rate_radps, step_s)
 
-    def plan_thrust(
-        self, frame: SensorFrame, horizontal: HorizontalProfile, vertical: VerticalProfile, step_s: float
-    ) -> None:
-        """Run the outer loops: work out the thrust that follows the references."""
-        self._thrust_mps2 = self._position.thrust(
-            frame.position_ned_m, frame.velocity_ned_mps, horizontal, vertical, tan(self.tilt_max_rad), step_s
+    def plan(self, frame: SensorFrame, navigator: Navigator, step_s: float) -> None:
+        """Run the outer loops: attitude and throttle that follow the references; learn the hover throttle."""
+        vertical = navigator.vertical
+        thrust = self._position.thrust(
+            frame.position_ned_m,
+            frame.velocity_ned_mps,
+            navigator.horizontal,
+            vertical,
+            tan(self.tilt_max_rad),
+            step_s,
         )
         # A vehicle that does not follow its vertical reference stands on the ground, or is at a limit.
-        self._tracks_height = (
+        if (
             abs(vertical.down_m - frame.position_ned_m[2]) < LEARNING_HEIGHT_ERROR_M
             and abs(vertical.down_mps - frame.velocity_ned_mps[2]) < LEARNING_SPEED_ERROR_MPS
-        )
+        ):
+            self._learn_hover_throttle(frame, step_s)
+        self._aim(frame, thrust, navigator.yaw_rad)
+        self._yaw_rate_radps = navigator.yaw_rate_radps
 
     @property
     def planned_lift_mps2(self) -> float:
         """Upward part of the specific thrust planned; about 9.8 in steady flight."""
         return -self._thrust_mps2[2]
 
-    def relax(self) -> None:
+    def relax(self, frame: SensorFrame) -> None:
         """Forget the integrals and the lean: for a vehicle that is about to be found standing."""
         self._position.forget_horizontal()
-        self._thrust_mps2 = (0.0, 0.0, self._thrust_mps2[2])
+        self._aim(frame, (0.0, 0.0, self._thrust_mps2[2]), yaw_of(frame.attitude_wxyz))
 
-    def follow(
-        self, frame: SensorFrame, yaw_rad: float, yaw_rate_radps: float, step_s: float
-    ) -> MotorCommands:
-        """Run the inner loops towards the thrust planned and a yaw; learn the hover throttle."""
-        north, east, down = self._thrust_mps2
-        size = sqrt(north * north + east * east + down * down)
-        self.target = attitude_for_thrust((north / size, east / size, down / size), yaw_rad)
-        if self._tracks_height:
-            self._learn_hover_throttle(frame, step_s)
-        tilt_cos = thrust_axis_down(frame.attitude_wxyz)
-        throttle = throttle_for(self._thrust_mps2, tilt_cos, self.hover_throttle)
-        return self._hold_attitude(frame, throttle, yaw_rate_radps, step_s)
+    def follow(self, frame: SensorFrame, step_s: float) -> MotorCommands:
+        """Run the inner loops towards the attitude and throttle planned."""
+        return self._hold_attitude(frame, self._throttle_planned, self._yaw_rate_radps, step_s)
 
     def lifted_off(self, frame: SensorFrame) -> None:
         """Take the present throttle and thrust as the first measure of the hover throttle."""
         force_mps2 = max(-frame.specific_force_mps2[2], LEARNING_FORCE_MIN_MPS2)
         self._set_hover_throttle(self.throttle * GRAVITY_MPS2 / force_mps2)
 
+    def _aim(self, frame: SensorFrame, thrust_mps2: Vector, yaw_rad: float) -> None:
+        north, east, down = thrust_mps2
+        size = sqrt(north * north + east * east + down * down)
+        self._thrust_mps2 = thrust_mps2
+        self.target = attitude_for_thrust((north / size, east / size, down / size), yaw_rad)
+        tilt_cos = thrust_axis_down(frame.attitude_wxyz)
+        self._throttle_planned = throttle_for(thrust_mps2, tilt_cos, self.hover_throttle)
+
     def _hold_attitude(
         self, frame: SensorFrame, throttle: float, yaw_rate_radps: float, step_s: float
     ) -> MotorCommands:
         roll, pitch, yaw = self._attitude.update(
-            frame.attitude_wxyz, frame.gyro_radps, self.target, yaw_rate_radps, min(step_s, STEP_MAX_S)
+            frame.attitude_wxyz,
+            frame.gyro_radps,
+            self.target,
+            yaw_rate_radps,
+            STEP_MAX_S if step_s > STEP_MAX_S else step_s,
         )
         commands = mix_quad_x(throttle, roll, pitch, yaw, self.lowest_command)
         self.throttle = 0.25 * (commands[0] + commands[1] + commands[2] + commands[3])

@@ -7,7 +7,7 @@ from typing import cast
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.autopilots.standin.commands import Commands, Result, request_from
+from bridge.autopilots.standin.commands import Commands, request_from
 from bridge.autopilots.standin.events import (
     CurrentItemChanged,
     Event,
@@ -39,7 +39,7 @@ class MavlinkEndpoint:
         self._telemetry = Telemetry(vehicle, boot_unix_us)
         self.streams = Streams()
         self._commands = Commands(vehicle, self._telemetry, self.streams, self._send)
-        self._missions = MissionProtocol(vehicle.mission, self._send)
+        self._missions = MissionProtocol(vehicle, self._telemetry, self._send)
         self._parameters = ParameterProtocol(vehicle.parameters, self._send)
         self._out = bytearray()
         self._connected = False
@@ -121,8 +121,8 @@ class MavlinkEndpoint:
         elif isinstance(event, CurrentItemChanged):
             self._send(self._telemetry.mission_current())
         elif isinstance(event, HomeChanged):
-            self._send_by_id(dialect.MAVLINK_MSG_ID_HOME_POSITION)
             self._send_by_id(dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
+            self._send_by_id(dialect.MAVLINK_MSG_ID_HOME_POSITION)
         elif isinstance(event, ModeChanged):
             self.streams.hasten(dialect.MAVLINK_MSG_ID_HEARTBEAT, self._vehicle.sim_time_ns)
 
@@ -137,12 +137,11 @@ class MavlinkEndpoint:
         if kind in ("COMMAND_LONG", "COMMAND_INT"):
             self._run_command(message)
         elif self._missions.handle(message, now_ns):
-            if kind == "MISSION_SET_CURRENT":
-                self._send(self._telemetry.mission_current())
+            self._flush_events()
         elif self._parameters.handle(message):
             self._parameters.step()
         elif kind == "SET_MODE":
-            self._set_mode(message)
+            self._vehicle.set_mode(message.custom_mode)  # no acknowledgement, as in ArduPilot
         elif kind == "SET_POSITION_TARGET_LOCAL_NED":
             fly_local_target(self._vehicle, message)
         elif kind == "SET_POSITION_TARGET_GLOBAL_INT":
@@ -170,15 +169,8 @@ class MavlinkEndpoint:
                 request.command, int(result), 0, 0, message.get_srcSystem(), message.get_srcComponent()
             )
         )
-
-    def _set_mode(self, message: Message) -> None:
-        """SET_MODE: ArduPilot acknowledges it as if it were the command 11 (the message's own id)."""
-        accepted = self._vehicle.set_mode(message.custom_mode)
-        self._send(
-            dialect.MAVLink_command_ack_message(
-                dialect.MAVLINK_MSG_ID_SET_MODE, int(Result.ACCEPTED if accepted else Result.FAILED)
-            )
-        )
+        for requested in self._commands.take_requested():
+            self._send(requested)
 
     def _override_rc(self, message: Message) -> None:
         channels = [getattr(message, f"chan{index}_raw") for index in range(1, 9)]

@@ -40,6 +40,7 @@ class FlightMode:
     number: ModeNumber
     armable = True
     needs_position = True
+    needs_mission = False
     guided_flag = True
     """Whether the heartbeat carries MAV_MODE_FLAG_GUIDED_ENABLED."""
 
@@ -50,8 +51,9 @@ class FlightMode:
 
     def refusal(self, vehicle: Vehicle) -> str:
         """Return why the mode cannot be entered now; empty if it can."""
-        if self.needs_position and vehicle.prearm_failures():
-            return "requires position"
+        failures = vehicle.prearm_failures()
+        if self.needs_position and failures:
+            return failures[0]
         return ""
 
     def enter(self, vehicle: Vehicle) -> None:

@@ -12,8 +12,11 @@ from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridge.autopilots.standin.events import Severity
 from bridge.autopilots.standin.framer import Message
-from bridge.autopilots.standin.mission import ITEMS_MAX, Command, Frame, Mission, MissionItem
+from bridge.autopilots.standin.mission import ITEMS_MAX, Command, Frame, MissionItem
+from bridge.autopilots.standin.telemetry import Telemetry
+from bridge.autopilots.standin.vehicle import Vehicle
 
 UPLOAD_TIMEOUT_NS = 8_000_000_000
 REQUEST_AGAIN_NS = 1_000_000_000
@@ -35,8 +38,10 @@ class _Upload:
 class MissionProtocol:
     """One vehicle's end of the protocol."""
 
-    def __init__(self, mission: Mission, send: Callable[[Message], None]) -> None:
-        self._mission = mission
+    def __init__(self, vehicle: Vehicle, telemetry: Telemetry, send: Callable[[Message], None]) -> None:
+        self._vehicle = vehicle
+        self._telemetry = telemetry
+        self._mission = vehicle.mission
         self._send = send
         self._upload: _Upload | None = None
 
@@ -58,7 +63,7 @@ class MissionProtocol:
         elif kind == "MISSION_CLEAR_ALL":
             self._clear(message)
         elif kind == "MISSION_SET_CURRENT":
-            self._mission.set_current(message.seq)
+            self._set_current(message.seq)
         return True
 
     def step(self, now_ns: int) -> None:
@@ -124,7 +129,9 @@ class MissionProtocol:
         else:
             self._upload = None
             self._mission.replace(upload.items)
+            self._mission.set_home(self._vehicle.home_or_origin)
             self._acknowledge(system, component, dialect.MAV_MISSION_ACCEPTED)
+            self._vehicle.say(Severity.INFO, "Flight plan received")
 
     # --- download and the rest
 
@@ -147,6 +154,10 @@ class MissionProtocol:
         else:
             current = int(item.seq == self._mission.current)
             self._send(_message_from(item, system, component, current, whole=kind == "MISSION_REQUEST_INT"))
+
+    def _set_current(self, seq: int) -> None:
+        if self._mission.set_current(seq):
+            self._send(self._telemetry.mission_current())
 
     def _clear(self, message: Message) -> None:
         self._upload = None

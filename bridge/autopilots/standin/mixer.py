@@ -8,7 +8,7 @@ from __future__ import annotations
 
 MOTORS = 4
 PWM_MIN_US = 1000
-PWM_SPAN_US = 1000
+PWM_MAX_US = 2000
 
 MotorCommands = tuple[float, float, float, float]
 
@@ -28,16 +28,23 @@ def mix_quad_x(throttle: float, roll: float, pitch: float, yaw: float, lowest: f
     front_right = 0.5 * (pitch - roll)
     front_left = 0.5 * (pitch + roll)
     # Opposite motors are antisymmetric: rear left = -front right, rear right = -front left.
-    widest = max(abs(front_right), abs(front_left))
+    # (Conditional expressions, not max and min: this runs at every frame, and they cost a fifth.)
+    size_right = front_right if front_right >= 0.0 else -front_right
+    size_left = front_left if front_left >= 0.0 else -front_left
+    widest = size_right if size_right > size_left else size_left
     room = 0.5 * (1.0 - lowest)
     if widest > room:
-        shrink = room / widest
-        front_right *= shrink
-        front_left *= shrink
+        front_right *= room / widest
+        front_left *= room / widest
         widest = room
-    half_yaw = max(widest - room, min(room - widest, 0.5 * yaw))
-    reach = widest + abs(half_yaw)
-    throttle = max(lowest + reach, min(1.0 - reach, throttle))
+    left = room - widest
+    half_yaw = 0.5 * yaw
+    half_yaw = left if half_yaw > left else -left if half_yaw < -left else half_yaw
+    reach = widest + (half_yaw if half_yaw >= 0.0 else -half_yaw)
+    if throttle > 1.0 - reach:
+        throttle = 1.0 - reach
+    if throttle < lowest + reach:
+        throttle = lowest + reach
     return (
         throttle + front_right + half_yaw,
         throttle - front_right + half_yaw,
@@ -46,6 +53,15 @@ def mix_quad_x(throttle: float, roll: float, pitch: float, yaw: float, lowest: f
     )
 
 
-def pwm_us(command: float) -> int:
-    """Return the PWM in us for a motor command, limited to 1000..2000."""
-    return PWM_MIN_US + round(PWM_SPAN_US * max(0.0, min(1.0, command)))
+def pwm_us(commands: MotorCommands) -> list[int]:
+    """Return the PWM in us for motor commands 0..1 (limited to 1000..2000)."""
+    one, two, three, four = commands
+    pwm = [
+        int(1000.5 + 1000.0 * one),
+        int(1000.5 + 1000.0 * two),
+        int(1000.5 + 1000.0 * three),
+        int(1000.5 + 1000.0 * four),
+    ]
+    if min(pwm) < PWM_MIN_US or max(pwm) > PWM_MAX_US:
+        return [max(PWM_MIN_US, min(PWM_MAX_US, value)) for value in pwm]
+    return pwm

@@ -23,6 +23,7 @@ class Auto(FlightMode):
 
     number = ModeNumber.AUTO
     armable = False
+    needs_mission = True
 
     def __init__(self) -> None:
         self.started = False

@@ -20,6 +20,8 @@ class ParameterProtocol:
         self._parameters = parameters
         self._send = send
         self._next: int | None = None
+        self.refused = 0
+        """Settings of unknown names or of values that are no numbers: not answered, as in ArduPilot."""
 
     @property
     def listing(self) -> bool:
@@ -54,16 +56,15 @@ class ParameterProtocol:
             if message.param_index < len(self._parameters):
                 self._send_value(self._parameters.at(message.param_index).name, message.param_index)
         elif message.param_id in self._parameters:
-            self._send_value(message.param_id, self._parameters.index_of(message.param_id))
+            self._send_value(message.param_id, NOT_IN_LIST)
 
     def _set(self, message: Message) -> None:
-        """Set a value and tell what is stored; a value that is no number changes nothing."""
+        """Set a value and tell what is stored."""
         try:
             self._parameters.set(message.param_id, message.param_value)
-        except UnknownParameterError:
+        except (UnknownParameterError, ValueError):
+            self.refused += 1
             return
-        except ValueError:
-            pass
         self._send_value(message.param_id, NOT_IN_LIST)
 
     def _send_value(self, name: str, index: int) -> None:

@@ -58,14 +58,14 @@ class Streams:
         return DISABLED if interval_ns is None else interval_ns // 1000
 
     def set_interval(self, message_id: int, interval_us: int, now_ns: int) -> None:
-        """Stream a message every ``interval_us`` (0 = its default, -1 = not at all), the first at once."""
+        """Stream a message every ``interval_us`` (0 = its default, -1 = not at all)."""
         if interval_us == 0:
             interval_us = DEFAULT_INTERVALS_US.get(message_id, DISABLED)
         self._interval_ns.pop(message_id, None)
         self._due_ns.pop(message_id, None)
         if interval_us > 0:
             self._interval_ns[message_id] = max(interval_us, INTERVAL_MIN_US) * 1000
-            self._due_ns[message_id] = now_ns
+            self._due_ns[message_id] = now_ns + self._interval_ns[message_id]
         self._find_next()
 
     def set_group(self, group: int, rate_hz: int, now_ns: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, degrees, hypot
+from math import atan2, degrees, hypot, nan
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -167,7 +167,7 @@ class Telemetry:
         speed_mps = hypot(north, east)
         course_deg = 0.0 if speed_mps < 0.1 else heading_deg(_course_rad(north, east))
         return dialect.MAVLink_gps_raw_int_message(
-            self._unix_us,
+            self._vehicle.sim_time_ns // 1000,
             fix,
             location.lat_e7,
             location.lon_e7,
@@ -374,7 +374,7 @@ class Telemetry:
             vehicle.home.lon_e7,
             round(vehicle.home.alt_amsl_m * 1000),
             *vehicle.origin.ned_to(vehicle.home),
-            [1.0, 0.0, 0.0, 0.0],
+            [nan, nan, nan, nan],
             0.0,
             0.0,
             0.0,
@@ -401,7 +401,7 @@ class Telemetry:
             state = dialect.MAV_LANDED_STATE_LANDING
         else:
             state = dialect.MAV_LANDED_STATE_IN_AIR
-        return dialect.MAVLink_extended_sys_state_message(dialect.MAV_VTOL_STATE_UNDEFINED, state)
+        return dialect.MAVLink_extended_sys_state_message(dialect.MAV_VTOL_STATE_MC, state)
 
     def _rates(self) -> tuple[float, float, float]:
         return self._vehicle.frame.gyro_radps if self._vehicle.frame else (0.0, 0.0, 0.0)

@@ -13,7 +13,7 @@ from bridge.autopilots.standin.flight_modes import FlightMode, ModeNumber, Stabi
 from bridge.autopilots.standin.location import Location
 from bridge.autopilots.standin.maneuvers import Drive
 from bridge.autopilots.standin.mission import Mission
-from bridge.autopilots.standin.mixer import MOTORS, MotorCommands, pwm_us
+from bridge.autopilots.standin.mixer import MOTORS, PWM_MIN_US, MotorCommands, pwm_us
 from bridge.autopilots.standin.modes import mode_by_number
 from bridge.autopilots.standin.navigator import FlightLimits, Navigator
 from bridge.autopilots.standin.parameters import Parameters
@@ -64,7 +64,7 @@ class Vehicle:
         """Set by MAV_CMD_DO_CHANGE_SPEED, as the two below; ends with the mode."""
         self.climb_override_mps: float | None = None
         self.sink_override_mps: float | None = None
-        self.servo_output_us = [pwm_us(0.0)] * MOTORS + [0] * (SERVOS - MOTORS)
+        self.servo_output_us = [PWM_MIN_US] * MOTORS + [0] * (SERVOS - MOTORS)
         self.flight_started_ns: int | None = None
         self._events: list[Event] = []
         self._commands: MotorCommands = IDLE
@@ -73,6 +73,7 @@ class Vehicle:
         self._idle_since_ns = 0
         self._revision = -1
         self._ready = False
+        self._home_locked = False
         self.controller = FlightController(AttitudeGains(), PositionGains(), parameters["MOT_THST_HOVER"])
         self._read_parameters()
 
@@ -98,8 +99,7 @@ class Vehicle:
             self._outer_s = 0.0
         if self.armed:
             self._commands = self._motors(frame, step_s)
-            one, two, three, four = self._commands
-            self.servo_output_us[0:MOTORS] = pwm_us(one), pwm_us(two), pwm_us(three), pwm_us(four)
+            self.servo_output_us[0:MOTORS] = pwm_us(self._commands)
         return self.servo_output_us
 
     def take_events(self) -> list[Event]:
@@ -164,7 +164,10 @@ class Vehicle:
 
     def prearm_failures(self) -> list[str]:
         """Return the reasons for which the vehicle is not ready."""
-        return prearm_failures(self.frame, self.uptime_s, attitude_only=not self.mode.needs_position)
+        failures = prearm_failures(self.frame, self.uptime_s, attitude_only=not self.mode.needs_position)
+        if not failures and self.mode.needs_mission and len(self.mission) < 2:
+            failures.append("Mode requires mission")
+        return failures
 
     def report_prearm_failures(self) -> None:
         """Say why the vehicle is not ready, if it is not."""
@@ -178,7 +181,7 @@ class Vehicle:
             return True
         frame = self.frame
         if frame is None or not (force or self.parameters["ARMING_CHECK"] == 0 or self.ready_to_arm()):
-            self.report_prearm_failures()
+            self._refuse("Arm", self.prearm_failures())
             return False
         if not force and not self._mode_may_arm(frame):
             return False
@@ -186,7 +189,7 @@ class Vehicle:
         self.landed = True
         self.drive = Drive.IDLE
         self._idle_since_ns = self.sim_time_ns
-        if self.home is None:
+        if not self._home_locked:
             self.set_home(self.location)
         self.say(Severity.INFO, "Arming motors")
         self.tell(ModeChanged())
@@ -202,7 +205,7 @@ class Vehicle:
             self.landed = True
             self.drive = Drive.IDLE
             self._commands = IDLE
-            self.servo_output_us[0:MOTORS] = [pwm_us(0.0)] * MOTORS
+            self.servo_output_us[0:MOTORS] = [PWM_MIN_US] * MOTORS
             self.flight_started_ns = None
             self.say(Severity.INFO, "Disarming motors")
             self.tell(ModeChanged())
@@ -216,7 +219,7 @@ class Vehicle:
             return False
         if mode.number == self.mode.number:
             return True
-        refusal = mode.refusal(self)
+        refusal = mode.refusal(self) if self.armed else ""  # on the ground any mode may be chosen
         if refusal:
             self.say(Severity.WARNING, f"Mode change to {mode.name} failed: {refusal}")
             return False
@@ -229,9 +232,10 @@ class Vehicle:
             mode.enter(self)
         return True
 
-    def set_home(self, home: Location) -> None:
-        """Set home; item 0 of the mission follows."""
+    def set_home(self, home: Location, *, lock: bool = False) -> None:
+        """Set home; item 0 of the mission follows. A home that is locked stays when the vehicle arms."""
         self.home = home
+        self._home_locked = lock or self._home_locked
         self.mission.set_home(home)
         self.tell(HomeChanged())
 
@@ -277,7 +281,7 @@ class Vehicle:
             self.mode.update(self, step_s)
             if self.drive is Drive.FOLLOW:
                 self.navigator.step(frame, limits, step_s)
-                self.controller.plan_thrust(frame, self.navigator.horizontal, self.navigator.vertical, step_s)
+                self.controller.plan(frame, self.navigator, step_s)
             self._check_ground(frame, step_s)
             self._check_idle()
         self.battery.step(self._commands, self.parameters["BATT_CAPACITY"], step_s)
@@ -286,7 +290,7 @@ class Vehicle:
     def _motors(self, frame: SensorFrame, step_s: float) -> MotorCommands:
         controller = self.controller
         if self.drive is Drive.FOLLOW:
-            return controller.follow(frame, self.navigator.yaw_rad, self.navigator.yaw_rate_radps, step_s)
+            return controller.follow(frame, step_s)
         if self.drive is Drive.SPOOL:
             return controller.spool(frame, self.throttle_given, self.navigator.yaw_rad, step_s)
         if self.drive is Drive.TILT:
@@ -309,7 +313,7 @@ class Vehicle:
         self._ground_s = self._ground_s + step_s if little and still and not self.landed else 0.0
         if self._ground_s > GROUND_SUSPECTED_S:
             self.navigator.restart_horizontal(frame)
-            controller.relax()
+            controller.relax(frame)
         if self._ground_s >= GROUND_CONTACT_S:
             self._ground_s = 0.0
             self.landed = True

@@ -92,7 +92,8 @@ def test_mixer_stays_in_range_and_keeps_the_signs(
 
 
 def test_pwm_is_limited() -> None:
-    assert [pwm_us(command) for command in (-1.0, 0.0, 0.4145, 1.0, 3.0)] == [1000, 1000, 1414, 2000, 2000]
+    assert pwm_us((0.0, 0.4144, 0.4146, 1.0)) == [1000, 1414, 1415, 2000]
+    assert pwm_us((-1.0, 0.5, 3.0, 0.0)) == [1000, 1500, 2000, 1000]
 
 
 @pytest.mark.parametrize("angles", [(0.1, -0.2, 3.0), (-1.0, 0.5, -2.0), (0.0, 0.0, 0.0)])
