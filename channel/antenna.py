@@ -1,25 +1,34 @@
-"""Antennas: gain in the direction of the other end, in the aircraft's attitude."""
+"""Antennas: gain in the direction of the other end, in the aircraft's attitude.
+
+Body axes are forward, right, down. Azimuth is from forward to the right, elevation is up, both in degrees.
+"""
 
 from __future__ import annotations
 
 from typing import Literal, Protocol
 
-from pydantic import Field
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from channel.checks import FloatArray
-from channel.variant import Variant
+from channel.units import db_from_ratio
+from channel.variant import Settings, Variant
+
+DIPOLE_PEAK = 1.640922
+"""Directivity of a half-wave dipole, 2.151 dBi (Balanis, Antenna Theory, sec. 4.6)."""
 
 
 class AntennaModel(Protocol):
-    """A gain pattern in the body frame (x forward, y right, z down)."""
+    """A gain pattern in the body frame."""
 
     @property
     def needs_direction(self) -> bool:
         """Whether the gain depends on where the other end is."""
         ...
 
-    def gain_db(self, direction_frd: FloatArray | None, /) -> FloatArray | float:
-        """Return the gain in dB towards a unit vector in body axes, shape (..., 3) -> (...)."""
+    def towards_db(self, direction_frd: FloatArray, /) -> FloatArray | float:
+        """Return the gain in dB towards unit vectors in body axes, shape (..., 3) -> (...)."""
         ...
 
 
@@ -27,13 +36,149 @@ class Isotropic(Variant):
     """The same gain in every direction, whatever the attitude."""
 
     model: Literal["isotropic"] = "isotropic"
-    gain: float = Field(default=0.0, alias="gain_db", description="gain in every direction")
+    gain_db: float = Field(default=0.0, ge=-100.0, le=100.0)
 
     @property
     def needs_direction(self) -> bool:
         """False."""
         return False
 
-    def gain_db(self, _direction_frd: FloatArray | None, /) -> float:
+    def towards_db(self, _direction_frd: FloatArray, /) -> float:
         """Return the gain as configured."""
-        return self.gain
+        return self.gain_db
+
+
+class _Directed(Variant):
+    """What directed antennas share."""
+
+    @property
+    def needs_direction(self) -> bool:
+        """True."""
+        return True
+
+
+class HalfWaveDipole(_Directed):
+    """A half-wave dipole along the body's vertical (Balanis, eq. 4-84): 2.15 dB abeam, nothing along its axis."""
+
+    model: Literal["dipole"] = "dipole"
+    loss_db: float = Field(default=0.0, ge=0.0, le=60.0, description="of feeder and matching")
+    null_depth_db: float = Field(
+        default=30.0, ge=0.0, le=200.0, description="how deep the nulls get below the peak"
+    )
+
+    def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
+        """Return 10 log10(1.64 (cos(pi/2 cos t) / sin t)^2) for the angle t from the axis."""
+        along = np.clip(direction_frd[..., 2], -1.0, 1.0)
+        across = np.sqrt(np.maximum(1.0 - along**2, 1e-12))
+        pattern = (np.cos(0.5 * np.pi * along) / across) ** 2
+        depth = np.maximum(db_from_ratio(np.maximum(pattern, 1e-30)), -self.null_depth_db)
+        return np.asarray(depth + db_from_ratio(DIPOLE_PEAK) - self.loss_db)
+
+
+class Sector(_Directed):
+    """A sector antenna: -12 (angle / beamwidth)^2 dB in azimuth and elevation (3GPP TR 36.814, table A.2.1.1-2)."""
+
+    model: Literal["sector"] = "sector"
+    gain_db: float = Field(default=14.0, ge=-100.0, le=100.0, description="in the middle of the sector")
+    azimuth_deg: float = Field(default=0.0, ge=-360.0, le=360.0, description="from forward to the right")
+    elevation_deg: float = Field(default=0.0, ge=-90.0, le=90.0, description="up")
+    azimuth_beamwidth_deg: float = Field(default=70.0, gt=0.0, le=360.0, description="at -3 dB")
+    elevation_beamwidth_deg: float = Field(default=10.0, gt=0.0, le=180.0, description="at -3 dB")
+    front_to_back_db: float = Field(
+        default=25.0, ge=0.0, le=200.0, description="how far the gain falls at most"
+    )
+
+    def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
+        """Return the gain, dB."""
+        azimuth, elevation = azimuth_elevation_deg(direction_frd)
+        off = (azimuth - self.azimuth_deg + 180.0) % 360.0 - 180.0
+        across = np.minimum(12.0 * (off / self.azimuth_beamwidth_deg) ** 2, self.front_to_back_db)
+        tilt = (elevation - self.elevation_deg) / self.elevation_beamwidth_deg
+        upright = np.minimum(12.0 * tilt**2, self.front_to_back_db)
+        return np.asarray(self.gain_db - np.minimum(across + upright, self.front_to_back_db))
+
+
+class Pattern(_Directed):
+    """A measured pattern: rows of azimuth, elevation, gain on a full grid; bilinear in between.
+
+    Azimuths wrap around; elevations beyond the grid count as its border.
+    """
+
+    model: Literal["pattern"] = "pattern"
+    pattern: tuple[tuple[float, float, float], ...] = Field(
+        description="rows of azimuth_deg, elevation_deg, gain_db; or pattern_file, a CSV"
+    )
+
+    @model_validator(mode="after")
+    def _is_a_grid(self) -> Pattern:
+        rows = np.asarray(self.pattern)
+        azimuths, elevations = np.unique(rows[:, 0]), np.unique(rows[:, 1])
+        if len(rows) != len(azimuths) * len(elevations) or len(np.unique(rows[:, :2], axis=0)) != len(rows):
+            raise ValueError("the rows have to be a full grid of azimuths by elevations, each once")
+        if azimuths[-1] - azimuths[0] >= 360.0:
+            raise ValueError("azimuths have to span less than 360 degrees: the pattern wraps around")
+        return self
+
+    def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
+        """Return the gain, dB."""
+        rows = np.asarray(self.pattern)
+        azimuths, elevations = np.unique(rows[:, 0]), np.unique(rows[:, 1])
+        grid = rows[np.lexsort((rows[:, 1], rows[:, 0])), 2].reshape(len(azimuths), len(elevations))
+        grid = np.concatenate((grid, grid[:1]))
+        azimuths = np.append(azimuths, azimuths[0] + 360.0)
+        azimuth, elevation = azimuth_elevation_deg(direction_frd)
+        i, u = _cell(azimuths, (azimuth - azimuths[0]) % 360.0 + azimuths[0])
+        if len(elevations) == 1:
+            return np.asarray(grid[i, 0] * (1.0 - u) + grid[i + 1, 0] * u)
+        j, v = _cell(elevations, np.clip(elevation, elevations[0], elevations[-1]))
+        low = grid[i, j] * (1.0 - v) + grid[i, j + 1] * v
+        high = grid[i + 1, j] * (1.0 - v) + grid[i + 1, j + 1] * v
+        return np.asarray(low * (1.0 - u) + high * u)
+
+
+class Polarisation(Settings):
+    """Loss between two linearly polarised antennas along the bodies' verticals: 20 log10 |cos angle|."""
+
+    cross_polar_db: float = Field(
+        default=20.0, ge=0.0, le=100.0, description="the loss is never more than this"
+    )
+
+    def loss_db(
+        self, attitude_tx_wxyz: FloatArray, attitude_rx_wxyz: FloatArray, way_ned: FloatArray
+    ) -> FloatArray:
+        """Return the loss in dB for attitudes of shape (..., 4) and unit vectors from tx to rx, shape (..., 3)."""
+        down = np.array([0.0, 0.0, 1.0])
+        field_tx = _across(rotate(attitude_tx_wxyz, down), way_ned)
+        field_rx = _across(rotate(attitude_rx_wxyz, down), way_ned)
+        cosine = np.abs(np.sum(field_tx * field_rx, axis=-1))
+        return np.asarray(np.minimum(-2.0 * db_from_ratio(np.clip(cosine, 1e-10, 1.0)), self.cross_polar_db))
+
+
+def rotate(attitude_wxyz: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return vectors of body axes in the north-east-down frame; both broadcast, shapes (..., 4) and (..., 3)."""
+    w, xyz = attitude_wxyz[..., :1], attitude_wxyz[..., 1:]
+    twice = 2.0 * np.cross(xyz, vector)
+    return np.asarray(vector + w * twice + np.cross(xyz, twice))
+
+
+def to_body(attitude_wxyz: FloatArray, vector_ned: FloatArray) -> FloatArray:
+    """Return vectors of the north-east-down frame in body axes."""
+    return rotate(attitude_wxyz * np.array([1.0, -1.0, -1.0, -1.0]), vector_ned)
+
+
+def azimuth_elevation_deg(direction_frd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return azimuth (forward to right) and elevation (up) of unit vectors in body axes, degrees."""
+    azimuth = np.degrees(np.arctan2(direction_frd[..., 1], direction_frd[..., 0]))
+    return np.asarray(azimuth), np.degrees(np.arcsin(np.clip(-direction_frd[..., 2], -1.0, 1.0)))
+
+
+def _cell(grid: FloatArray, value: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+    index = np.clip(np.searchsorted(grid, value, side="right") - 1, 0, len(grid) - 2)
+    return index, (value - grid[index]) / (grid[index + 1] - grid[index])
+
+
+def _across(axis: FloatArray, way: FloatArray) -> FloatArray:
+    """Return the part of an axis that is square to the way, of length 1."""
+    part = axis - np.sum(axis * way, axis=-1, keepdims=True) * way
+    length = np.sqrt(np.sum(part**2, axis=-1, keepdims=True))
+    return np.asarray(part / np.maximum(length, 1e-9))

@@ -48,7 +48,13 @@ def chosen_radio(radio: str, settings: tuple[str, ...]) -> RadioConfig:
 
 @click.command()
 @radio_options
-@click.option("--distance", "distance_m", type=float, required=True, help="Between the antennas, m.")
+@click.option(
+    "--distance",
+    "distance_m",
+    type=float,
+    required=True,
+    help="Over the ground, m; with equal heights the way itself.",
+)
 @click.option("--frequency-hz", type=float, help="Another carrier than the radio's.")
 @click.option("--height-tx", "height_tx_m", type=float, help="Transmitting antenna above ground, m.")
 @click.option("--height-rx", "height_rx_m", type=float, help="Receiving antenna above ground, m.")

@@ -6,17 +6,45 @@ from typing import Annotated, Literal, Protocol
 
 from pydantic import Field
 
-from channel.antenna import Isotropic
-from channel.error_model import ErfcBytes, Lossless, Threshold, UncodedAwgn
+from channel.air_to_ground import AlHourani, RmaAv, UmaAv
+from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
+from channel.bursts import GilbertElliott, NoBursts
+from channel.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
+from channel.fading import Nakagami, NoFading, Rayleigh, Rician
+from channel.hata import Cost231Hata, OkumuraHata
+from channel.interference import Interference
 from channel.noise import FixedNoise, ThermalNoise
-from channel.path_loss import FreeSpace, LogDistance, NoPathLoss
-from channel.shadowing import NormalShadowing, NoShadowing, OneSidedNormalShadowing
+from channel.ofdm import OfdmNist, OfdmYans
+from channel.path_loss import FreeSpace, LogDistance, NoPathLoss, TwoRay
+from channel.shadowing import CorrelatedShadowing, NormalShadowing, NoShadowing, OneSidedNormalShadowing
+from channel.terrain import Terrain
 from channel.variant import Settings, Variant
 
-Propagation = Annotated[FreeSpace | LogDistance | NoPathLoss, Field(discriminator="model")]
-Shadowing = Annotated[NoShadowing | OneSidedNormalShadowing | NormalShadowing, Field(discriminator="model")]
+Propagation = Annotated[
+    FreeSpace
+    | LogDistance
+    | NoPathLoss
+    | TwoRay
+    | OkumuraHata
+    | Cost231Hata
+    | AlHourani
+    | UmaAv
+    | RmaAv
+    | Terrain,
+    Field(discriminator="model"),
+]
+Shadowing = Annotated[
+    NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,
+    Field(discriminator="model"),
+]
+Fading = Annotated[NoFading | Rayleigh | Rician | Nakagami, Field(discriminator="model")]
+Antenna = Annotated[Isotropic | HalfWaveDipole | Sector | Pattern, Field(discriminator="model")]
+Bursts = Annotated[NoBursts | GilbertElliott, Field(discriminator="model")]
 Noise = Annotated[FixedNoise | ThermalNoise, Field(discriminator="model")]
-Error = Annotated[ErfcBytes | UncodedAwgn | Lossless | Threshold, Field(discriminator="model")]
+Error = Annotated[
+    ErfcBytes | UncodedAwgn | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
+    Field(discriminator="model"),
+]
 
 
 class LengthModel(Protocol):
@@ -62,14 +90,20 @@ class RadioConfig(Settings):
     bandwidth_hz: float = Field(default=20e6, gt=0.0, le=1e11, description="noise bandwidth")
     bit_rate_bps: float = Field(default=20e6, gt=0.0, le=1e12, description="bit rate on air")
     transmit_power_dbm: float = Field(ge=-200.0, le=200.0)
-    antenna: Isotropic = Field(default_factory=Isotropic, description="of both ends")
+    antenna: Antenna = Field(default_factory=Isotropic, description="of both ends")
+    receive_antenna: Antenna | None = Field(default=None, description="of the receiver, if it is another")
+    polarisation: Polarisation | None = Field(
+        default=None, description="loss by the attitudes of the two ends"
+    )
     default_height_m: float = Field(default=40.0, gt=0.0, description="of both ends, where none is given")
     min_distance_m: float = Field(default=1.0, gt=0.0, description="shorter distances count as this")
     max_range_m: float | None = Field(default=None, gt=0.0, description="nothing is received beyond it")
     offset_db: float = Field(default=0.0, description="added to the received power (the paper's delta)")
     propagation: Propagation = Field(default_factory=FreeSpace)
     shadowing: Shadowing = Field(default_factory=NoShadowing)
+    fading: Fading = Field(default_factory=NoFading)
     noise: Noise = Field(default_factory=ThermalNoise)
+    interference: Interference = Field(default_factory=Interference)
     error: Error = Field(default_factory=UncodedAwgn)
     length: Length = Field(default_factory=PayloadLength)
     nominal_payload_bytes: int = Field(default=40, ge=0, le=65535, description="where no length is given")
@@ -79,3 +113,9 @@ class RadioConfig(Settings):
         le=1.0,
         description="share of packets lost whatever the range (interference, ...)",
     )
+    bursts: Bursts = Field(default_factory=NoBursts)
+
+    @property
+    def receiving_antenna(self) -> Isotropic | HalfWaveDipole | Sector | Pattern:
+        """The receiver's antenna."""
+        return self.antenna if self.receive_antenna is None else self.receive_antenna

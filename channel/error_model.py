@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from channel import checks, modulation
 from channel.checks import FloatArray
@@ -32,6 +32,11 @@ class Band:
 class ErrorModel(Protocol):
     """SNR in, bit and packet error rate out."""
 
+    @property
+    def breaks_db(self) -> tuple[float, ...]:
+        """SNRs at which the packet error rate jumps."""
+        ...
+
     def ber(self, snr_db: FloatArray, band: Band, /) -> FloatArray:
         """Return the bit error rate, in [0, 1], same shape."""
         ...
@@ -54,10 +59,11 @@ def packet_error_rate(ber: ArrayLike, trials: ArrayLike) -> FloatArray:
     rate = checks.finite("ber", ber, 0.0, 1.0)
     count = checks.finite("trials", trials, 0.0)
     checks.broadcast(ber=rate, trials=count)
-    return _per(rate, count)
+    return packet_error(rate, count)
 
 
-def _per(ber: FloatArray, trials: FloatArray | float) -> FloatArray:
+def packet_error(ber: FloatArray, trials: FloatArray | float) -> FloatArray:
+    """Return what `packet_error_rate` returns, for values that are known to be good."""
     return -np.expm1(np.multiply(trials, np.log1p(-np.minimum(ber, MAX_BER))))
 
 
@@ -66,7 +72,16 @@ def linear_snr(snr_db: FloatArray) -> FloatArray:
     return ratio_from_db(np.minimum(snr_db, MAX_SNR_DB))
 
 
-class ErfcBytes(Variant):
+class Smooth(Variant):
+    """What error models without jumps share."""
+
+    @property
+    def breaks_db(self) -> tuple[float, ...]:
+        """None."""
+        return ()
+
+
+class ErfcBytes(Smooth):
     """The paper's error model: ber = erfc(sqrt(SNR)), per = 1 - (1 - ber)^bytes (eq. 5 and 6).
 
     Bytes stand where bits belong, and a factor of one half is missing: as printed, and as the simulators
@@ -81,10 +96,10 @@ class ErfcBytes(Variant):
 
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float, band: Band, /) -> FloatArray:
         """Return 1 - (1 - ber)^length_bytes."""
-        return _per(self.ber(snr_db, band), length_bytes)
+        return packet_error(self.ber(snr_db, band), length_bytes)
 
 
-class UncodedAwgn(Variant):
+class UncodedAwgn(Smooth):
     """Textbook modulation over white noise, no coding: Eb/N0 = SNR * bandwidth / bit rate, bits as trials."""
 
     model: Literal["uncoded-awgn"] = "uncoded-awgn"
@@ -97,7 +112,7 @@ class UncodedAwgn(Variant):
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float, band: Band, /) -> FloatArray:
         """Return 1 - (1 - ber)^(8 length_bytes)."""
         trials = np.multiply(length_bytes, BITS_PER_BYTE)
-        return _per(self.ber(snr_db, band), trials)
+        return packet_error(self.ber(snr_db, band), trials)
 
 
 _AWGN_BER: dict[str, Callable[[ArrayLike], FloatArray]] = {
@@ -108,7 +123,7 @@ _AWGN_BER: dict[str, Callable[[ArrayLike], FloatArray]] = {
 }
 
 
-class Lossless(Variant):
+class Lossless(Smooth):
     """Every packet within range arrives: the baseline that the paper argues against."""
 
     model: Literal["lossless"] = "lossless"
@@ -128,6 +143,11 @@ class Threshold(Variant):
     model: Literal["threshold"] = "threshold"
     snr_min_db: float = Field(description="lowest SNR at which a packet is received")
 
+    @property
+    def breaks_db(self) -> tuple[float, ...]:
+        """The threshold."""
+        return (self.snr_min_db,)
+
     def ber(self, snr_db: FloatArray, _band: Band, /) -> FloatArray:
         """Return 0 at or above the threshold, 0.5 below it."""
         return np.where(np.greater_equal(snr_db, self.snr_min_db), 0.0, 0.5)
@@ -136,3 +156,39 @@ class Threshold(Variant):
         """Return 0 at or above the threshold, 1 below it."""
         below = np.less(snr_db, self.snr_min_db)
         return np.where(np.broadcast_arrays(below, length_bytes)[0], 1.0, 0.0)
+
+
+class SnrTable(Smooth):
+    """A measured curve: packet error rates by SNR at one length, between them linear in SNR.
+
+    Beyond its ends the table stays at its last value. Other lengths follow from the same error rate per byte:
+    1 - (1 - per)^(length / reference_length_bytes).
+    """
+
+    model: Literal["snr-table"] = "snr-table"
+    table: tuple[tuple[float, float], ...] = Field(
+        min_length=2, description="rows of snr_db, per; or table_file"
+    )
+    reference_length_bytes: int = Field(default=100, gt=0)
+
+    @model_validator(mode="after")
+    def _is_a_curve(self) -> SnrTable:
+        snr_db, per = np.asarray(self.table).T
+        if np.any(np.diff(snr_db) <= 0.0):
+            raise ValueError("snr_db has to rise from row to row")
+        if np.any((per < 0.0) | (per > 1.0)) or np.any(np.diff(per) > 0.0):
+            raise ValueError("per has to be in [0, 1] and must not rise with SNR")
+        return self
+
+    def _reference_per(self, snr_db: FloatArray) -> FloatArray:
+        grid_db, per = np.asarray(self.table).T
+        return np.asarray(np.interp(snr_db, grid_db, per))
+
+    def ber(self, snr_db: FloatArray, _band: Band, /) -> FloatArray:
+        """Return the bit error rate that gives the table's packet error rate at its length."""
+        kept = np.log1p(-np.minimum(self._reference_per(snr_db), MAX_BER))
+        return np.asarray(-np.expm1(kept / (BITS_PER_BYTE * self.reference_length_bytes)))
+
+    def per(self, snr_db: FloatArray, length_bytes: FloatArray | float, _band: Band, /) -> FloatArray:
+        """Return the table's rate, scaled to the length."""
+        return packet_error(self._reference_per(snr_db), np.divide(length_bytes, self.reference_length_bytes))

@@ -1,4 +1,4 @@
-"""Where the two ends of a link are, in what the models need: distances, heights, angles."""
+"""Where the two ends of a link are, in what the models need: distances, heights, angles, attitudes."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from channel.checks import FloatArray
 
 MIN_HEIGHT_M = 0.1
 """Antennas are never lower than this above the ground plane: a UA on its legs still has an aerial above it."""
+LEVEL_WXYZ = np.array([1.0, 0.0, 0.0, 0.0])
+NORTH = np.array([1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +25,8 @@ class Path:
         height_rx_m: height of the receiving antenna above ground.
         position_tx_ned_m: shape (..., 3), or None if only distances are known.
         position_rx_ned_m: shape (..., 3), or None.
+        attitude_tx_wxyz: body to north-east-down, shape (..., 4); None: level, nose north.
+        attitude_rx_wxyz: likewise.
     """
 
     frequency_hz: float | FloatArray
@@ -31,6 +35,8 @@ class Path:
     height_rx_m: float | FloatArray
     position_tx_ned_m: FloatArray | None = None
     position_rx_ned_m: FloatArray | None = None
+    attitude_tx_wxyz: FloatArray | None = None
+    attitude_rx_wxyz: FloatArray | None = None
 
     @property
     def ground_distance_m(self) -> FloatArray:
@@ -43,3 +49,18 @@ class Path:
         """Elevation angle of the higher end seen from the lower one, degrees in [0, 90]."""
         rise = np.abs(np.subtract(self.height_tx_m, self.height_rx_m))
         return np.degrees(np.arcsin(np.minimum(rise / self.distance_m, 1.0)))
+
+    @property
+    def way_ned(self) -> FloatArray:
+        """Unit vectors from tx to rx, shape (..., 3); due north where there are no positions, or the same."""
+        if self.position_tx_ned_m is None or self.position_rx_ned_m is None:
+            return np.broadcast_to(NORTH, (*self.distance_m.shape, 3))
+        way = self.position_rx_ned_m - self.position_tx_ned_m
+        length = np.sqrt(np.sum(way**2, axis=-1, keepdims=True))
+        return np.where(length > 0.0, way / np.maximum(length, 1e-9), NORTH)
+
+
+def separation_m(tx_ned_m: FloatArray, rx_ned_m: FloatArray) -> FloatArray:
+    """Return the distance between positions of shape (..., 3), m."""
+    way = rx_ned_m - tx_ned_m
+    return np.asarray(np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2 + way[..., 2] ** 2))

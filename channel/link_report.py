@@ -14,32 +14,34 @@ Report = dict[str, Any]
 
 
 def link_report(
-    config: RadioConfig, distance_m: float, length_bytes: int | None = None, **ends: ArrayLike
+    config: RadioConfig, ground_distance_m: float, length_bytes: int | None = None, **ends: ArrayLike
 ) -> Report:
     """Return the link budget of one link, term by term, and what follows from it.
 
-    Keys: radio, description, frequency_hz, distance_m, length_bytes, terms (name and contribution, in order, their
-    sum is the received power), path_loss_db, received_power_dbm, noise_floor_dbm, snr_db, ber, per (these without
-    shadowing and fading), in_range, base_loss, probability_of_delivery (averaged over the random terms) and
-    probability_error_bound.
+    Keys: radio, description, frequency_hz, distance_m (over the ground), slant_distance_m, length_bytes, terms
+    (name and contribution, in order, their sum is the received power), path_loss_db, received_power_dbm,
+    noise_floor_dbm, snr_db, ber, per (these without shadowing and fading), in_range, base_loss,
+    probability_of_delivery (averaged over the random terms) and probability_error_bound.
 
     Args:
         config: the radio.
-        distance_m: between the antennas.
+        ground_distance_m: between the antennas, over the ground: equal to the slant distance at equal heights.
         length_bytes: payload; the radio's nominal one if not given.
-        ends: height_tx_m, height_rx_m, frequency_hz as in `Radio.path`.
+        **ends: height_tx_m, height_rx_m, frequency_hz as in `Radio.path`.
 
     Raises:
         ChannelInputError: a value out of range.
     """
     radio = Radio(config)
-    link = radio.link(distance_m, length_bytes=length_bytes, **ends)
-    delivery = radio.delivery(distance_m, length_bytes, **ends)
+    ends = {"ground_distance_m": ground_distance_m, **ends}
+    link = radio.link(length_bytes=length_bytes, **ends)
+    delivery = radio.delivery(length_bytes=length_bytes, **ends)
     return {
         "radio": config.name,
         "description": config.description,
         "frequency_hz": float(np.asarray(ends.get("frequency_hz", config.frequency_hz))),
-        "distance_m": float(link.distance_m),
+        "distance_m": float(ground_distance_m),
+        "slant_distance_m": float(link.distance_m),
         "length_bytes": int(link.length_bytes),
         "terms": [{"name": term.name, "contribution": float(term.contribution)} for term in link.terms],
         "path_loss_db": float(link.path_loss_db),

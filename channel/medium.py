@@ -12,13 +12,14 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from channel.checks import ChannelInputError, FloatArray
 from channel.erasure import MAX_SEQ, Draws, Purpose, check_seed
-from channel.radio import Radio, separation_m
-from channel.shadowing import standard_normal_from_uniform
-from channel.tracks import POSITION, Tracks, truth_row
+from channel.geometry import LEVEL_WXYZ, Path, separation_m
+from channel.radio import Radio
+from channel.random_terms import RandomTerms
+from channel.tracks import ATTITUDE, POSITION, VELOCITY, Tracks, truth_row
 
 MAX_TRUTH_AGE_NS = 1_000_000_000
 MAX_LENGTH_BYTES = 1 << 24
@@ -31,6 +32,7 @@ class Fate(Enum):
     CHANNEL_ERASURE = "channel_erasure"
     OUT_OF_RANGE = "out_of_range"
     BASE_LOSS = "base_loss"
+    BURST = "burst"
     NO_POSITION = "no_position"
 
 
@@ -91,6 +93,7 @@ class Medium:
         if len(set(self.nodes)) != len(self.nodes):
             raise ChannelInputError("nodes", self.nodes, "names that differ")
         self.draws = Draws(check_seed(seed))
+        self._terms = RandomTerms(radio, self.draws)
         self._tracks = Tracks(self.nodes, max_truth_age_ns)
         self._waiting: list[_Packet] = []
         self._others = [
@@ -172,19 +175,19 @@ class Medium:
         tx = self.nodes[packet.tx]
         if not receivers:
             return []
-        here, there = rows[packet.tx, POSITION], rows[others, POSITION]
+        from_row, to_rows = rows[packet.tx], rows[others]
+        here, there = from_row[POSITION], to_rows[:, POSITION]
         distance_m = separation_m(here, there)
-        mean_dbm = self.radio.mean_power_dbm(self.radio.path_of(here, there, distance_m))
-        power_dbm = mean_dbm - self._shadowing_db(tx, receivers, packet.seq)
-        snr_db = power_dbm - self.radio.noise_floor_dbm
+        path = self._path(from_row, to_rows, distance_m)
+        mean_dbm = self.radio.mean_power_dbm(path)
+        power_dbm = mean_dbm + self._random_gain_db(packet, path, from_row, to_rows)
+        snr_db = power_dbm - self.radio.noise_dbm(path, self._terms.interferers_on(packet.sim_time_ns))
         per = self.radio.per(snr_db, packet.length_bytes)
-        chance = self.radio.expected_delivery(
-            mean_dbm - self.radio.noise_floor_dbm, distance_m, packet.length_bytes
-        )
+        chance = self.radio.expected_delivery(mean_dbm, path, packet.length_bytes)
         erased = self.draws.uniforms(Purpose.ERASURE, tx, receivers, packet.seq) <= per
         fates = [Fate.CHANNEL_ERASURE if lost else Fate.DELIVERED for lost in erased.tolist()]
         columns = [distance_m, power_dbm, snr_db, per, chance]
-        self._base_losses(fates, tx, receivers, packet.seq)
+        self._other_losses(fates, packet, receivers)
         self._out_of_range(fates, columns)
         self._unknown(fates, columns, packet.tx, others)
         distances, powers, snrs, pers, chances = (column.tolist() for column in columns)
@@ -195,33 +198,66 @@ class Medium:
             for rx, *rest in zip(receivers, distances, powers, snrs, pers, fates, chances, strict=True)
         ]
 
-    def _shadowing_db(self, tx: str, receivers: tuple[str, ...], seq: int) -> FloatArray | float:
-        shadowing = self.radio.config.shadowing
-        if not shadowing.is_random:
-            return 0.0
-        uniform = self.draws.uniforms(Purpose.SHADOWING, tx, receivers, seq)
-        return shadowing.loss_db(standard_normal_from_uniform(uniform))
+    def _path(self, from_row: FloatArray, to_rows: FloatArray, distance_m: FloatArray) -> Path:
+        here, there = from_row[POSITION], to_rows[:, POSITION]
+        if not self.radio.needs_attitude:
+            return self.radio.path_of(here, there, distance_m)
+        return self.radio.path_of(
+            here, there, distance_m, _unit(from_row[ATTITUDE]), _unit(to_rows[:, ATTITUDE])
+        )
 
-    def _base_losses(self, fates: list[Fate], tx: str, receivers: tuple[str, ...], seq: int) -> None:
-        base_loss = self.radio.config.base_loss
-        if base_loss > 0.0:
-            for i, draw in enumerate(self.draws.uniforms(Purpose.BASE_LOSS, tx, receivers, seq).tolist()):
-                if draw <= base_loss:
-                    fates[i] = Fate.BASE_LOSS
+    def _random_gain_db(
+        self, packet: _Packet, path: Path, from_row: FloatArray, to_rows: FloatArray
+    ) -> FloatArray | float:
+        """Return what shadowing and fading do to the power at each receiver, dB."""
+        config = self.radio.config
+        tx, (receivers, _) = self.nodes[packet.tx], self._others[packet.tx]
+        gain_db: FloatArray | float = 0.0
+        if config.shadowing.is_random:
+            gain_db = -self._terms.shadowing_db(tx, receivers, packet.seq, path)
+        if config.fading.is_random:
+            way = to_rows[:, VELOCITY] - from_row[VELOCITY]
+            speed = np.sqrt(np.sum(way**2, axis=-1))
+            gain_db = gain_db + self._terms.fading_db(
+                tx, receivers, packet.seq, packet.sim_time_ns, path, speed
+            )
+        return gain_db
+
+    def _other_losses(self, fates: list[Fate], packet: _Packet, receivers: tuple[str, ...]) -> None:
+        """Put in the losses that do not depend on the signal; bursts come before base losses."""
+        tx, config = self.nodes[packet.tx], self.radio.config
+        if config.base_loss > 0.0:
+            _mark(fates, self._terms.base_losses(tx, receivers, packet.seq), Fate.BASE_LOSS)
+        if config.bursts.mean_loss > 0.0:
+            losses = self._terms.burst_losses(tx, receivers, packet.seq, packet.sim_time_ns)
+            _mark(fates, losses, Fate.BURST)
 
     def _out_of_range(self, fates: list[Fate], columns: list[FloatArray]) -> None:
         beyond = columns[0] > self.radio.max_range_m
         if beyond.any():
             columns[3] = np.where(beyond, 1.0, columns[3])
-            for i in np.flatnonzero(beyond):
-                fates[i] = Fate.OUT_OF_RANGE
+            columns[4] = np.where(beyond, 0.0, columns[4])
+            _mark(fates, beyond.tolist(), Fate.OUT_OF_RANGE)
 
-    def _unknown(self, fates: list[Fate], columns: list[FloatArray], tx: int, others: FloatArray) -> None:
+    def _unknown(
+        self, fates: list[Fate], columns: list[FloatArray], tx: int, others: NDArray[np.bool_]
+    ) -> None:
         known = self._tracks.known
         if known.all():
             return
         unknown = ~(known[others] & known[tx])
         columns[:4] = [np.where(unknown, np.nan, column) for column in columns[:4]]
         columns[4] = np.where(unknown, 0.0, columns[4])
-        for i in np.flatnonzero(unknown):
-            fates[i] = Fate.NO_POSITION
+        _mark(fates, unknown.tolist(), Fate.NO_POSITION)
+
+
+def _mark(fates: list[Fate], where: list[bool], fate: Fate) -> None:
+    for i, marked in enumerate(where):
+        if marked:
+            fates[i] = fate
+
+
+def _unit(quaternion: FloatArray) -> FloatArray:
+    """Return interpolated attitudes at length 1; a node never seen is level."""
+    length = np.sqrt(np.sum(quaternion**2, axis=-1, keepdims=True))
+    return np.where(length > 0.0, quaternion / np.maximum(length, 1e-9), LEVEL_WXYZ)

@@ -42,7 +42,7 @@ def friis_loss_db(distance_m: ArrayLike, frequency_hz: ArrayLike) -> FloatArray:
     distance = checks.finite("distance_m", distance_m, 0.0, low_open=True)
     frequency = checks.finite("frequency_hz", frequency_hz, 0.0, low_open=True)
     checks.broadcast(distance_m=distance, frequency_hz=frequency)
-    return _friis_db(distance, frequency)
+    return friis_db(distance, frequency)
 
 
 def log_distance_loss_db(
@@ -61,7 +61,8 @@ def log_distance_loss_db(
     return np.add(loss, 10.0 * slope * np.log10(distance / reference))
 
 
-def _friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -> FloatArray:
+def friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -> FloatArray:
+    """Return what `friis_loss_db` returns, for values that are known to be good."""
     return 20.0 * np.log10(np.multiply(distance_m, frequency_hz)) + _FRIIS_CONSTANT_DB
 
 
@@ -72,7 +73,7 @@ class FreeSpace(Variant):
 
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return 20 log10(4 pi d f / c)."""
-        return _friis_db(path.distance_m, path.frequency_hz)
+        return friis_db(path.distance_m, path.frequency_hz)
 
 
 class LogDistance(Variant):
@@ -89,7 +90,7 @@ class LogDistance(Variant):
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the loss at d0 plus 10 n log10(d / d0)."""
         at_reference = (
-            _friis_db(self.reference_distance_m, path.frequency_hz)
+            friis_db(self.reference_distance_m, path.frequency_hz)
             if self.reference_loss_db is None
             else self.reference_loss_db
         )
@@ -107,3 +108,20 @@ class NoPathLoss(Variant):
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return zeros in the shape of the distance."""
         return np.zeros_like(path.distance_m)
+
+
+class TwoRay(Variant):
+    """Direct and ground-reflected ray: free space up to the crossover, h1^2 h2^2 / d^4 beyond it.
+
+    Crossover at d = 4 pi h1 h2 / lambda (Rappaport, eq. 4.52 and 4.53). Both parts and the crossover take the
+    slant distance, as ns-3 does. At the crossover itself the law steps by nothing.
+    """
+
+    model: Literal["two-ray"] = "two-ray"
+
+    def path_loss_db(self, path: Path) -> FloatArray:
+        """Return the loss, dB."""
+        product = np.multiply(path.height_tx_m, path.height_rx_m)
+        crossover_m = 4.0 * math.pi * product * np.divide(path.frequency_hz, SPEED_OF_LIGHT_MPS)
+        beyond = 40.0 * np.log10(path.distance_m) - 20.0 * np.log10(product)
+        return np.where(path.distance_m <= crossover_m, friis_db(path.distance_m, path.frequency_hz), beyond)

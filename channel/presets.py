@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import difflib
 from collections.abc import Iterable, Mapping
 from importlib import resources
@@ -150,7 +151,37 @@ def _read(file: Path) -> Tree:
         raise PresetError("is not YAML", file=str(file), line=line) from error
     if not isinstance(tree, dict):
         raise PresetError("is not a mapping of keys to values", file=str(file))
-    return _resolved({"name": file.stem, **tree}, file)
+    return _resolved(_with_tables({"name": file.stem, **tree}, file), file)
+
+
+def _with_tables(tree: Tree, file: Path) -> Tree:
+    """Return the tree with each key `x_file`, a CSV beside the YAML file, replaced by its rows under `x`."""
+    out: Tree = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            out[key] = _with_tables(dict(value), file)
+        elif key.endswith("_file"):
+            out[key.removesuffix("_file")] = _csv_rows(file.parent / str(value), key)
+        else:
+            out[key] = value
+    return out
+
+
+def _csv_rows(file: Path, key: str) -> list[list[float]]:
+    """Return the numbers of a CSV file, whose first line may be a heading."""
+    try:
+        with file.open(encoding="utf-8", newline="") as lines:
+            rows = [row for row in csv.reader(lines) if row]
+    except OSError as error:
+        raise PresetError(f"cannot read {file}: {error.strerror}", key=key) from error
+    numbers: list[list[float]] = []
+    for number, row in enumerate(rows, start=1):
+        try:
+            numbers.append([float(cell) for cell in row])
+        except ValueError as error:
+            if number > 1:
+                raise PresetError("not a row of numbers", key=key, file=str(file), line=number) from error
+    return numbers
 
 
 def _resolved(tree: Tree, file: Path | None) -> Tree:

@@ -6,6 +6,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from scipy.special import ndtr
 
 from channel.checks import FloatArray
 
@@ -14,18 +15,50 @@ LIMIT_SIGMA = 8.3
 POINTS_PER_PANEL = 8
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
+def gauss_legendre(panels: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes t in (0, 1) and weights w with the integral of f over [0, 1] = sum w f(t).
+
+    Args:
+        panels: number of equal panels, each with 8 Gauss points.
+    """
+    points, weights = np.polynomial.legendre.leggauss(POINTS_PER_PANEL)
+    centres = (np.arange(panels) + 0.5) / panels
+    nodes = (centres[:, np.newaxis] + points / (2.0 * panels)).ravel()
+    return nodes, np.tile(weights / (2.0 * panels), panels)
+
+
+@lru_cache(maxsize=16)
 def standard_normal_rule(panels: int) -> tuple[FloatArray, FloatArray]:
     """Return nodes z and weights w with E f(Z) = sum w f(z) for Z ~ N(0, 1).
 
-    The panels are equal and even in number, so that 0 is a border between two of them: |z| costs no accuracy.
+    With an even number of panels 0 is a border between two of them: |z| costs no accuracy.
+    """
+    t, weights = gauss_legendre(panels)
+    nodes = LIMIT_SIGMA * (2.0 * t - 1.0)
+    density = np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
+    return nodes, 2.0 * LIMIT_SIGMA * weights * density
+
+
+def split_normal_rule(breaks: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights as `standard_normal_rule`, with more borders: for integrands that jump there.
 
     Args:
-        panels: even number of panels on [-8.3, 8.3], each with 8 Gauss points.
+        breaks: where each integrand jumps, shape (integrands, jumps).
+        panels: before the splits.
+
+    Returns:
+        Two arrays of shape (integrands, nodes).
     """
     points, weights = np.polynomial.legendre.leggauss(POINTS_PER_PANEL)
-    half = LIMIT_SIGMA / panels
-    centres = half * (2.0 * np.arange(panels) + 1.0) - LIMIT_SIGMA
-    nodes = (centres[:, np.newaxis] + half * points).ravel()
+    even = np.broadcast_to(np.linspace(-LIMIT_SIGMA, LIMIT_SIGMA, panels + 1), (len(breaks), panels + 1))
+    edges = np.sort(np.concatenate((even, np.clip(breaks, -LIMIT_SIGMA, LIMIT_SIGMA)), axis=1), axis=1)
+    half = 0.5 * np.diff(edges, axis=1)[..., np.newaxis]
+    nodes = 0.5 * (edges[:, 1:] + edges[:, :-1])[..., np.newaxis] + half * points
     density = np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
-    return nodes, np.tile(half * weights, panels) * density
+    return nodes.reshape(len(breaks), -1), (half * weights * density).reshape(len(breaks), -1)
+
+
+def uniform_from_normal(standard_normal: FloatArray) -> FloatArray:
+    """Return the normal law's distribution function, kept inside (0, 1)."""
+    return np.clip(ndtr(standard_normal), 1e-300, 1.0 - 2.0**-53)

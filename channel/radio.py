@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from channel import checks
+from channel.antenna import to_body
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.error_model import Band
-from channel.geometry import MIN_HEIGHT_M, Path
+from channel.expectation import PANELS, Expectation
+from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
+from channel.interference import Interferer, sum_dbm
 from channel.link_budget import BudgetTerm, Link, total
-from channel.quadrature import standard_normal_rule
 
-PANELS = 32
-CHUNK_VALUES = 1 << 20
-"""Integrands are evaluated in chunks of about this many values: bounds memory, changes no result."""
-CURVE_STEP_DB = 0.02
-CURVE_TAIL = 1e-9
+States = tuple[bool, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +37,15 @@ class Radio:
 
     def __init__(self, config: RadioConfig) -> None:
         self.config = config
+        self.noise_floor_dbm = config.noise.noise_floor_dbm(config.bandwidth_hz)
+        self.max_range_m = np.inf if config.max_range_m is None else config.max_range_m
+        self.needs_attitude = config.polarisation is not None or any(
+            antenna.needs_direction for antenna in (config.antenna, config.receiving_antenna)
+        )
+        self.kept_share = (1.0 - config.base_loss) * (1.0 - config.bursts.mean_loss)
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
-        self._noise_dbm = config.noise.noise_floor_dbm(config.bandwidth_hz)
-        self._max_range_m = np.inf if config.max_range_m is None else config.max_range_m
-        self._curve = lru_cache(maxsize=64)(self._make_curve)
-
-    @property
-    def noise_floor_dbm(self) -> float:
-        """Noise power at the receiver, dBm."""
-        return self._noise_dbm
-
-    @property
-    def max_range_m(self) -> float:
-        """Distance beyond which nothing is received; inf if there is none."""
-        return self._max_range_m
+        self._expectation = Expectation(config, self._band)
+        self._fixed_terms = self._make_fixed_terms()
 
     def length_bytes(self, payload_bytes: int) -> int:
         """Return the length that the error model counts for a payload of `payload_bytes`.
@@ -69,54 +61,93 @@ class Radio:
         self,
         distance_m: ArrayLike | None = None,
         *,
+        ground_distance_m: ArrayLike | None = None,
         position_tx_ned_m: ArrayLike | None = None,
         position_rx_ned_m: ArrayLike | None = None,
+        attitude_tx_wxyz: ArrayLike | None = None,
+        attitude_rx_wxyz: ArrayLike | None = None,
         height_tx_m: ArrayLike | None = None,
         height_rx_m: ArrayLike | None = None,
         frequency_hz: ArrayLike | None = None,
     ) -> Path:
         """Return the checked geometry of links, from distances or from positions.
 
+        With distances, tx stands above the origin of the frame and rx due north of it.
+
         Args:
-            distance_m: slant distances, any shape; or leave it out and give both positions.
-            position_tx_ned_m: shape (..., 3) in a common north-east-down frame whose origin is on the ground.
+            distance_m: slant distances, any shape.
+            ground_distance_m: or horizontal distances, any shape.
+            position_tx_ned_m: or positions, shape (..., 3), in a common frame whose origin is on the ground.
             position_rx_ned_m: likewise.
-            height_tx_m: above ground, with `distance_m`; the radio's default height if not given.
+            attitude_tx_wxyz: body to north-east-down, shape (..., 4); level with the nose north if not given.
+            attitude_rx_wxyz: likewise.
+            height_tx_m: above ground, with distances; the radio's default height if not given.
             height_rx_m: likewise.
             frequency_hz: another carrier than the radio's.
 
         Raises:
-            ChannelInputError: a value out of range, a wrong shape, or neither distances nor positions.
+            ChannelInputError: a value out of range, a wrong shape, or not one of distances and positions.
         """
         carrier = self.config.frequency_hz if frequency_hz is None else frequency_hz
         frequency = checks.finite("frequency_hz", carrier, 0.0, low_open=True)
-        if distance_m is None:
+        attitude_tx = (
+            None if attitude_tx_wxyz is None else checks.vectors("attitude_tx_wxyz", attitude_tx_wxyz, 4)
+        )
+        attitude_rx = (
+            None if attitude_rx_wxyz is None else checks.vectors("attitude_rx_wxyz", attitude_rx_wxyz, 4)
+        )
+        if distance_m is None and ground_distance_m is None:
             if position_tx_ned_m is None or position_rx_ned_m is None:
                 raise ChannelInputError("distance_m", None, "a distance, or both positions")
-            return self._path_between(position_tx_ned_m, position_rx_ned_m, frequency)
-        distance = checks.finite("distance_m", distance_m, 0.0)
+            start = checks.vectors("position_tx_ned_m", position_tx_ned_m, 3)
+            end = checks.vectors("position_rx_ned_m", position_rx_ned_m, 3)
+            checks.broadcast(position_tx_ned_m=start, position_rx_ned_m=end)
+        else:
+            heights = self._heights(height_tx_m, height_rx_m)
+            start, end = self._places(distance_m, ground_distance_m, *heights, frequency)
+        return self.path_of(start, end, separation_m(start, end), attitude_tx, attitude_rx, frequency)
+
+    def _heights(
+        self, height_tx_m: ArrayLike | None, height_rx_m: ArrayLike | None
+    ) -> tuple[FloatArray, FloatArray]:
         default = self.config.default_height_m
         tx = checks.finite("height_tx_m", default if height_tx_m is None else height_tx_m, MIN_HEIGHT_M)
         rx = checks.finite("height_rx_m", default if height_rx_m is None else height_rx_m, MIN_HEIGHT_M)
-        checks.broadcast(distance_m=distance, height_tx_m=tx, height_rx_m=rx, frequency_hz=frequency)
-        if np.any(distance < np.abs(tx - rx) * (1.0 - 1e-12)):
-            short = float(np.min(distance - np.abs(tx - rx)))
-            raise ChannelInputError(
-                "distance_m - |height_tx_m - height_rx_m|", short, ">= 0: the way is slant"
-            )
-        return Path(frequency, np.maximum(distance, self.config.min_distance_m), tx, rx)
+        return tx, rx
 
-    def _path_between(self, tx: ArrayLike, rx: ArrayLike, frequency_hz: FloatArray) -> Path:
-        start = checks.vectors("position_tx_ned_m", tx, 3)
-        end = checks.vectors("position_rx_ned_m", rx, 3)
-        checks.broadcast(position_tx_ned_m=start, position_rx_ned_m=end)
-        return self.path_of(start, end, separation_m(start, end), frequency_hz)
+    def _places(
+        self,
+        slant_m: ArrayLike | None,
+        ground_m: ArrayLike | None,
+        tx_m: FloatArray,
+        rx_m: FloatArray,
+        frequency_hz: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return positions of both ends, shape (..., 3)."""
+        if slant_m is None:
+            ground = checks.finite("ground_distance_m", np.asarray(ground_m), 0.0)
+        else:
+            slant = checks.finite("distance_m", slant_m, 0.0)
+            checks.broadcast(distance_m=slant, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
+            spare = slant - np.abs(tx_m - rx_m)
+            if np.any(spare < -1e-9):
+                worst = float(np.min(spare))
+                raise ChannelInputError(
+                    "distance_m - |height_tx_m - height_rx_m|", worst, ">= 0: the way is slant"
+                )
+            ground = np.sqrt(np.maximum(slant**2 - (tx_m - rx_m) ** 2, 0.0))
+        checks.broadcast(distance_m=ground, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
+        ground, tx, rx, _ = np.broadcast_arrays(ground, tx_m, rx_m, frequency_hz)
+        zero = np.zeros_like(ground)
+        return np.stack((zero, zero, -tx), axis=-1), np.stack((ground, zero, -rx), axis=-1)
 
     def path_of(
         self,
         tx_ned_m: FloatArray,
         rx_ned_m: FloatArray,
         distance_m: FloatArray,
+        attitude_tx_wxyz: FloatArray | None = None,
+        attitude_rx_wxyz: FloatArray | None = None,
         frequency_hz: FloatArray | float | None = None,
     ) -> Path:
         """Return the geometry of positions that are known to be good, without checks."""
@@ -127,26 +158,74 @@ class Radio:
             np.maximum(-rx_ned_m[..., 2], MIN_HEIGHT_M),
             tx_ned_m,
             rx_ned_m,
+            attitude_tx_wxyz,
+            attitude_rx_wxyz,
         )
+
+    def _make_fixed_terms(self) -> tuple[BudgetTerm, ...] | None:
+        """Return the terms that no geometry changes, or None if there is an antenna that it does."""
+        if self.needs_attitude:
+            return None
+        return self._terms_before_path(None)
+
+    def _terms_before_path(self, path: Path | None) -> tuple[BudgetTerm, ...]:
+        config = self.config
+        way = np.zeros((1, 3)) if path is None else path.way_ned
+        tx, rx = (None, None) if path is None else (path.attitude_tx_wxyz, path.attitude_rx_wxyz)
+        attitude_tx, attitude_rx = (LEVEL_WXYZ if each is None else each for each in (tx, rx))
+        terms = [
+            BudgetTerm("transmit_power_dbm", config.transmit_power_dbm),
+            BudgetTerm("transmit_antenna_gain_db", config.antenna.towards_db(to_body(attitude_tx, way))),
+            BudgetTerm(
+                "receive_antenna_gain_db", config.receiving_antenna.towards_db(to_body(attitude_rx, -way))
+            ),
+        ]
+        if config.polarisation is not None:
+            terms.append(
+                BudgetTerm("polarisation_db", -config.polarisation.loss_db(attitude_tx, attitude_rx, way))
+            )
+        return (*terms, BudgetTerm("offset_db", config.offset_db))
 
     def budget(self, path: Path) -> tuple[BudgetTerm, ...]:
         """Return the terms of the received power without its random part, in order."""
-        config = self.config
-        gain_db = config.antenna.gain_db(None)
-        return (
-            BudgetTerm("transmit_power_dbm", config.transmit_power_dbm),
-            BudgetTerm("transmit_antenna_gain_db", gain_db),
-            BudgetTerm("receive_antenna_gain_db", gain_db),
-            BudgetTerm("offset_db", config.offset_db),
-            BudgetTerm("path_loss_db", -config.propagation.path_loss_db(path)),
-        )
+        before = self._fixed_terms if self._fixed_terms is not None else self._terms_before_path(path)
+        return (*before, BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path)))
 
     def mean_power_dbm(self, path: Path) -> FloatArray:
         """Return the received power without its random part, dBm: the sum of `budget`."""
         return np.asarray(total(self.budget(path)))
 
+    def noise_dbm(self, path: Path, transmitting: States | None = None) -> FloatArray | float:
+        """Return noise floor and interference at the receivers, dBm.
+
+        Args:
+            path: the links.
+            transmitting: which interferers are on; all of them if not given.
+        """
+        interferers = self.config.interference.interferers
+        if not interferers:
+            return self.noise_floor_dbm
+        on = (True,) * len(interferers) if transmitting is None else transmitting
+        powers = [
+            self._interference_dbm(each, path) for each, is_on in zip(interferers, on, strict=True) if is_on
+        ]
+        return sum_dbm(self.noise_floor_dbm, powers)
+
+    def _interference_dbm(self, interferer: Interferer, path: Path) -> FloatArray:
+        """Return the power of one interferer at the receivers of `path`, after adjacent-channel rejection."""
+        assert path.position_rx_ned_m is not None
+        place = np.asarray(interferer.position_ned_m)
+        carrier = self.config.frequency_hz if interferer.frequency_hz is None else interferer.frequency_hz
+        distance = separation_m(place, path.position_rx_ned_m)
+        way = self.path_of(place, path.position_rx_ned_m, distance, None, path.attitude_rx_wxyz, carrier)
+        attitude = LEVEL_WXYZ if path.attitude_rx_wxyz is None else path.attitude_rx_wxyz
+        gain_db = self.config.receiving_antenna.towards_db(to_body(attitude, -way.way_ned))
+        offset_hz = 0.0 if interferer.frequency_hz is None else carrier - self.config.frequency_hz
+        kept_db = gain_db - self.config.interference.rejection_db(offset_hz)
+        return np.asarray(interferer.power_dbm + kept_db - self.config.propagation.path_loss_db(way))
+
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
-        """Return the packet error rate at an SNR, range and `base_loss` aside."""
+        """Return the packet error rate at an SNR, range, bursts and `base_loss` aside."""
         return self.config.error.per(snr_db, length_bytes, self._band)
 
     def link(
@@ -156,12 +235,12 @@ class Radio:
         length_bytes: ArrayLike | None = None,
         **geometry: ArrayLike,
     ) -> Link:
-        """Return the link budget and the error rates without shadowing and fading.
+        """Return the link budget and the error rates without shadowing and fading, all interferers on.
 
         Args:
             distance_m: see `path`.
             length_bytes: payload length; the radio's nominal length if not given. Broadcasts.
-            **geometry: positions, heights, frequency: see `path`.
+            **geometry: positions, heights, attitudes, frequency: see `path`.
 
         Raises:
             ChannelInputError: see `path`; or a negative length.
@@ -171,16 +250,17 @@ class Radio:
         terms = self.budget(path)
         power = np.asarray(total(terms))
         checks.broadcast(distance_m=power, length_bytes=length)
-        snr = power - self._noise_dbm
-        distance = self._true_distance(distance_m, path)
-        in_range = np.less_equal(distance, self._max_range_m)
+        noise = np.asarray(self.noise_dbm(path))
+        snr = np.asarray(power - noise)
+        distance = _separation(path)
+        in_range = np.less_equal(distance, self.max_range_m)
         return Link(
             distance_m=distance,
             length_bytes=length,
             terms=terms,
             path_loss_db=np.negative(terms[-1].contribution),
             received_power_dbm=power,
-            noise_dbm=np.asarray(self._noise_dbm),
+            noise_dbm=noise,
             snr_db=snr,
             ber=self.config.error.ber(snr, self._band),
             per=np.where(in_range, self.per(snr, length), 1.0),
@@ -205,27 +285,38 @@ class Radio:
     ) -> Delivery:
         """Return the probability of delivery with a bound of the quadrature's error.
 
-        The bound is the difference to a rule of twice the nodes, plus the weight of the tails left out.
-        Arguments as of `link`.
+        Averaged over shadowing, fading, interferers with a duty, bursts and `base_loss`. The bound is the
+        difference to a rule of half the nodes, plus the weight of the tails left out. Arguments as of `link`.
         """
         path = self.path(distance_m, **geometry)
         length = self._lengths(length_bytes)
-        snr = self.mean_power_dbm(path) - self._noise_dbm
-        checks.broadcast(distance_m=snr, length_bytes=length)
-        coarse = self._averaged(snr, length, PANELS)
-        fine = self._averaged(snr, length, 2 * PANELS)
-        kept = np.where(
-            self._true_distance(distance_m, path) <= self._max_range_m, 1.0 - self.config.base_loss, 0.0
-        )
+        power = self.mean_power_dbm(path)
+        shape = checks.broadcast(distance_m=power, length_bytes=length)
+        fine, coarse = np.zeros(shape), np.zeros(shape)
+        for chance, states in self.config.interference.states():
+            snr = power - self.noise_dbm(path, states)
+            fine += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS)
+            coarse += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS // 2)
+        kept = np.where(_separation(path) <= self.max_range_m, self.kept_share, 0.0)
         return Delivery(kept * fine, kept * (np.abs(fine - coarse) + 1e-14))
 
-    def expected_delivery(
-        self, mean_snr_db: FloatArray, distance_m: FloatArray, length_bytes: int
-    ) -> FloatArray:
-        """Return the probability of delivery at a mean SNR from a table: fast, within 1e-5 of `delivery`."""
-        grid_db, success = self._curve(length_bytes)
-        kept = np.where(np.less_equal(distance_m, self._max_range_m), 1.0 - self.config.base_loss, 0.0)
-        return kept * np.interp(mean_snr_db, grid_db, success)
+    def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, length_bytes: int) -> FloatArray:
+        """Return the probability of delivery from a table: fast, within 1e-5 of `delivery`.
+
+        Args:
+            mean_power_dbm: as `mean_power_dbm` gives it for `path`.
+            path: the links, range aside.
+            length_bytes: as the error model counts it.
+        """
+        elevation = path.elevation_deg if self.config.fading.by_elevation else None
+        if not self.config.interference.interferers:
+            snr_db = mean_power_dbm - self.noise_floor_dbm
+            return self.kept_share * self._expectation.from_table(snr_db, length_bytes, elevation)
+        success = np.zeros_like(mean_power_dbm)
+        for chance, states in self.config.interference.states():
+            snr_db = mean_power_dbm - self.noise_dbm(path, states)
+            success += chance * self._expectation.from_table(snr_db, length_bytes, elevation)
+        return self.kept_share * success
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:
         if length_bytes is None:
@@ -233,39 +324,9 @@ class Radio:
         payload = checks.finite("length_bytes", length_bytes, 0.0)
         return np.asarray(np.vectorize(self.config.length.length_bytes, otypes=[np.float64])(payload))
 
-    def _true_distance(self, distance_m: ArrayLike | None, path: Path) -> FloatArray:
-        if distance_m is not None:
-            return np.asarray(distance_m, dtype=np.float64)
-        assert path.position_tx_ned_m is not None
-        assert path.position_rx_ned_m is not None
-        return separation_m(path.position_tx_ned_m, path.position_rx_ned_m)
 
-    def _averaged(self, snr_db: FloatArray, length_bytes: FloatArray | float, panels: int) -> FloatArray:
-        """Return E[1 - PER] over the shadowing, in the broadcast shape of SNR and length."""
-        if not self.config.shadowing.is_random:
-            return 1.0 - self.per(snr_db, length_bytes)
-        nodes, weights = standard_normal_rule(panels)
-        loss_db = self.config.shadowing.loss_db(nodes)
-        snr, length = np.broadcast_arrays(snr_db, length_bytes)
-        flat_snr, flat_length = snr.reshape(-1, 1), length.reshape(-1, 1)
-        out = np.empty(flat_snr.shape[0])
-        rows = max(1, CHUNK_VALUES // nodes.size)
-        for start in range(0, out.size, rows):
-            part = slice(start, start + rows)
-            out[part] = (1.0 - self.per(flat_snr[part] - loss_db, flat_length[part])) @ weights
-        return np.clip(out, 0.0, 1.0).reshape(snr.shape)
-
-    def _make_curve(self, length_bytes: int) -> tuple[FloatArray, FloatArray]:
-        """Return a fine table of E[1 - PER] against the mean SNR, over where it is neither 0 nor 1."""
-        coarse_db = np.arange(-150.0, 250.0, 1.0)
-        coarse = self._averaged(coarse_db, float(length_bytes), PANELS)
-        first, last = np.searchsorted(coarse, (CURVE_TAIL, coarse[-1] - CURVE_TAIL))
-        low, high = coarse_db[max(first - 1, 0)], coarse_db[min(last + 1, coarse_db.size - 1)]
-        grid_db = np.arange(low, high + CURVE_STEP_DB, CURVE_STEP_DB)
-        return grid_db, self._averaged(grid_db, float(length_bytes), PANELS)
-
-
-def separation_m(tx_ned_m: FloatArray, rx_ned_m: FloatArray) -> FloatArray:
-    """Return the distance between positions of shape (..., 3), m."""
-    way = rx_ned_m - tx_ned_m
-    return np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2 + way[..., 2] ** 2)
+def _separation(path: Path) -> FloatArray:
+    """Return the true distances of a path that has positions, not clamped."""
+    assert path.position_tx_ned_m is not None
+    assert path.position_rx_ned_m is not None
+    return separation_m(path.position_tx_ned_m, path.position_rx_ned_m)

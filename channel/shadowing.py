@@ -20,12 +20,31 @@ class ShadowingModel(Protocol):
         """Whether the loss varies at all."""
         ...
 
+    @property
+    def decorrelation_m(self) -> float | None:
+        """How far an end has to move for the loss to change; None: it is drawn anew for each packet."""
+        ...
+
+    @property
+    def spread_db(self) -> float:
+        """Loss per unit of |z|, dB."""
+        ...
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return the loss in dB for draws z ~ N(0, 1), same shape."""
         ...
 
 
-class NoShadowing(Variant):
+class _PerPacket(Variant):
+    """Shadowing that is drawn anew for each packet, as the paper's is."""
+
+    @property
+    def decorrelation_m(self) -> None:
+        """None."""
+        return
+
+
+class NoShadowing(_PerPacket):
     """No shadowing."""
 
     model: Literal["none"] = "none"
@@ -35,12 +54,17 @@ class NoShadowing(Variant):
         """False: there is nothing to draw."""
         return False
 
+    @property
+    def spread_db(self) -> float:
+        """0."""
+        return 0.0
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return zeros."""
         return np.zeros_like(standard_normal)
 
 
-class OneSidedNormalShadowing(Variant):
+class OneSidedNormalShadowing(_PerPacket):
     """|v| with v ~ N(0, sigma^2): shadowing can only cost (Moon et al. 2020, eq. 4)."""
 
     model: Literal["one-sided-normal"] = "one-sided-normal"
@@ -51,12 +75,17 @@ class OneSidedNormalShadowing(Variant):
         """Whether sigma is above zero."""
         return self.sigma_db > 0.0
 
+    @property
+    def spread_db(self) -> float:
+        """Sigma."""
+        return self.sigma_db
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return sigma |z|."""
         return self.sigma_db * np.abs(standard_normal)
 
 
-class NormalShadowing(Variant):
+class NormalShadowing(_PerPacket):
     """v ~ N(0, sigma^2): log-normal shadowing (Rappaport, eq. 4.69)."""
 
     model: Literal["normal"] = "normal"
@@ -67,8 +96,38 @@ class NormalShadowing(Variant):
         """Whether sigma is above zero."""
         return self.sigma_db > 0.0
 
+    @property
+    def spread_db(self) -> float:
+        """Sigma."""
+        return self.sigma_db
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return -sigma z: a loss for negative draws, a gain for positive ones."""
+        return -self.sigma_db * standard_normal
+
+
+class CorrelatedShadowing(Variant):
+    """v ~ N(0, sigma^2), correlated over the way that either end has moved (Gudmundson 1991).
+
+    Reciprocal: both directions of a pair are shadowed alike. See `shadow_field`.
+    """
+
+    model: Literal["gudmundson"] = "gudmundson"
+    sigma_db: float = Field(ge=0.0, le=60.0, description="standard deviation")
+    decorrelation_m: float = Field(gt=0.0, description="distance at which the correlation is 1/e")
+
+    @property
+    def is_random(self) -> bool:
+        """Whether sigma is above zero."""
+        return self.sigma_db > 0.0
+
+    @property
+    def spread_db(self) -> float:
+        """Sigma."""
+        return self.sigma_db
+
+    def loss_db(self, standard_normal: FloatArray) -> FloatArray:
+        """Return -sigma z."""
         return -self.sigma_db * standard_normal
 
 

@@ -41,12 +41,12 @@ def test_any_key_can_be_set():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--distance", "-4"), ("distance_m", "-4", ">= 0")),
+        (("--distance", "-4"), ("ground_distance_m", "-4", ">= 0")),
         (("--distance", "nan"), ("distance_m", "nan")),
         (("--distance", "4", "--radio", "moon"), ("moon", "moon2020")),
         (("--distance", "4", "--set", "propagation.exponent=x"), ("propagation.exponent", "'x'")),
         (("--distance", "4", "--frequency-hz", "-1"), ("frequency_hz", "-1")),
-        (("--distance", "4", "--height-tx", "90"), ("height_tx_m",)),
+        (("--distance", "4", "--height-tx", "-9"), ("height_tx_m", "-9")),
     ],
 )
 def test_mistakes_are_one_line_and_exit_code_two(arguments, words):

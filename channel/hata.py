@@ -1,0 +1,136 @@
+"""Empirical path loss over built-up land: Okumura-Hata and its COST 231 extension.
+
+Distances are slant distances between the antennas; the higher one is the base station's.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from channel.checks import FloatArray
+from channel.geometry import Path
+from channel.validity import RangedVariant
+
+LARGE_CITY_BORDER_MHZ = 300.0
+HZ_PER_MHZ = 1e6
+M_PER_KM = 1e3
+
+
+class OkumuraHata(RangedVariant):
+    """Hata's formulas for Okumura's curves (Hata, IEEE Trans. Veh. Technol. 29 (1980); COST 231, eq. 4.4.1).
+
+    Valid for 150 to 1500 MHz, base 30 to 200 m, mobile 1 to 10 m, 1 to 20 km.
+
+    Over open land Hata prints 4.78 log10(f)^2; ns-3 and its reference data have 4.70. `coefficients` chooses.
+    """
+
+    model: Literal["okumura-hata"] = "okumura-hata"
+    environment: Literal["urban", "suburban", "open"] = Field(default="urban")
+    city: Literal["small", "large"] = Field(default="small", description="small stands for medium, too")
+    coefficients: Literal["ns3", "textbook"] = Field(
+        default="ns3", description="whose numbers, where they differ"
+    )
+
+    def path_loss_db(self, path: Path) -> FloatArray:
+        """Return the median loss, dB."""
+        f_mhz = np.divide(path.frequency_hz, HZ_PER_MHZ)
+        base_m, mobile_m = _base_and_mobile(path)
+        _check_heights(self, base_m, mobile_m, path.distance_m)
+        self.within("frequency_hz", path.frequency_hz, 150e6, 1500e6)
+        urban = (
+            69.55
+            + 26.16 * np.log10(f_mhz)
+            - 13.82 * np.log10(base_m)
+            - _MOBILE_CORRECTION[self.city](f_mhz, mobile_m)
+            + _distance_term(base_m, path.distance_m)
+        )
+        correction_db = _ENVIRONMENT[self.environment](f_mhz, _OPEN_SQUARE_DB[self.coefficients])
+        return np.asarray(urban + correction_db)
+
+
+class Cost231Hata(RangedVariant):
+    """COST 231's extension of Hata's formula to 2 GHz (COST 231 final report, eq. 4.4.3).
+
+    Valid for 1500 to 2000 MHz, base 30 to 200 m, mobile 1 to 10 m, 1 to 20 km. There is no correction for
+    suburban or open land: `environment` is accepted and changes nothing; the 3 dB of a metropolitan centre
+    come with `city: large`.
+
+    For a large city ns-3, and its reference data, leave out the constant of 4.97 dB in the mobile's height
+    correction; the report has it. `coefficients` chooses.
+    """
+
+    model: Literal["cost231-hata"] = "cost231-hata"
+    environment: Literal["urban", "suburban", "open"] = Field(default="urban", description="changes nothing")
+    city: Literal["small", "large"] = Field(default="small")
+    coefficients: Literal["ns3", "textbook"] = Field(
+        default="ns3", description="whose numbers, where they differ"
+    )
+
+    def path_loss_db(self, path: Path) -> FloatArray:
+        """Return the median loss, dB."""
+        f_mhz = np.divide(path.frequency_hz, HZ_PER_MHZ)
+        base_m, mobile_m = _base_and_mobile(path)
+        _check_heights(self, base_m, mobile_m, path.distance_m)
+        self.within("frequency_hz", path.frequency_hz, 1500e6, 2000e6)
+        left_out_db = _LEFT_OUT_DB[self.coefficients] if self.city == "large" else 0.0
+        return np.asarray(
+            46.3
+            + 33.9 * np.log10(f_mhz)
+            - 13.82 * np.log10(base_m)
+            - _MOBILE_CORRECTION[self.city](f_mhz, mobile_m)
+            - left_out_db
+            + _distance_term(base_m, path.distance_m)
+            + _METROPOLITAN_DB[self.city]
+        )
+
+
+def _base_and_mobile(path: Path) -> tuple[FloatArray, FloatArray]:
+    higher = np.maximum(path.height_tx_m, path.height_rx_m)
+    return np.asarray(higher), np.asarray(np.minimum(path.height_tx_m, path.height_rx_m))
+
+
+def _check_heights(
+    model: RangedVariant, base_m: FloatArray, mobile_m: FloatArray, distance_m: FloatArray
+) -> None:
+    model.within("height of the base", base_m, 30.0, 200.0)
+    model.within("height of the mobile", mobile_m, 1.0, 10.0)
+    model.within("distance_m", distance_m, 1e3, 20e3)
+
+
+def _distance_term(base_m: FloatArray, distance_m: FloatArray) -> FloatArray:
+    slope = 44.9 - 6.55 * np.log10(base_m)
+    return np.asarray(slope * np.log10(distance_m / M_PER_KM))
+
+
+def _small_city(f_mhz: FloatArray, mobile_m: FloatArray) -> FloatArray:
+    log_f = np.log10(f_mhz)
+    return np.asarray((1.1 * log_f - 0.7) * mobile_m - (1.56 * log_f - 0.8))
+
+
+def _large_city(f_mhz: FloatArray, mobile_m: FloatArray) -> FloatArray:
+    low = 8.29 * np.log10(1.54 * mobile_m) ** 2 - 1.1
+    high = 3.2 * np.log10(11.75 * mobile_m) ** 2 - 4.97
+    return np.where(np.less(f_mhz, LARGE_CITY_BORDER_MHZ), low, high)
+
+
+def _urban(_f_mhz: FloatArray, _open_square_db: float) -> FloatArray:
+    return np.zeros(())
+
+
+def _suburban(f_mhz: FloatArray, _open_square_db: float) -> FloatArray:
+    return np.asarray(-2.0 * np.log10(f_mhz / 28.0) ** 2 - 5.4)
+
+
+def _open(f_mhz: FloatArray, open_square_db: float) -> FloatArray:
+    log_f = np.log10(f_mhz)
+    return np.asarray(-open_square_db * log_f**2 + 18.33 * log_f - 40.94)
+
+
+_MOBILE_CORRECTION = {"small": _small_city, "large": _large_city}
+_ENVIRONMENT = {"urban": _urban, "suburban": _suburban, "open": _open}
+_OPEN_SQUARE_DB = {"ns3": 4.70, "textbook": 4.78}
+_METROPOLITAN_DB = {"small": 0.0, "large": 3.0}
+_LEFT_OUT_DB = {"ns3": 4.97, "textbook": 0.0}

@@ -1,0 +1,79 @@
+"""Interference: what other transmitters add to the noise, summed in watt."""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from channel.checks import FloatArray
+from channel.units import dbm_from_watt, watt_from_dbm
+from channel.variant import Settings
+
+NS_PER_S = 1_000_000_000
+MAX_PULSED = 8
+
+
+class Interferer(Settings):
+    """A transmitter that is not ours: a jammer, an access point.
+
+    With a duty below 1 it is on or off for whole slots, drawn anew for each.
+    """
+
+    name: str = Field(default="interferer")
+    position_ned_m: tuple[float, float, float] = Field(description="in the frame of the run")
+    power_dbm: float = Field(ge=-200.0, le=200.0, description="radiated (EIRP)")
+    frequency_hz: float | None = Field(default=None, gt=0.0, description="co-channel if not given")
+    duty: float = Field(default=1.0, ge=0.0, le=1.0, description="share of slots in which it transmits")
+    slot_s: float = Field(default=0.01, gt=0.0)
+
+    @property
+    def slot_ns(self) -> int:
+        """Length of a slot, ns of sim time."""
+        return max(int(self.slot_s * NS_PER_S), 1)
+
+
+class Interference(Settings):
+    """All interferers, and how well the receiver rejects what is beside its channel."""
+
+    interferers: tuple[Interferer, ...] = Field(default=())
+    rejection: tuple[tuple[float, float], ...] = Field(
+        default=((0.0, 0.0), (20e6, 16.0), (40e6, 32.0)),
+        description="rows of frequency offset in Hz and rejection in dB; linear between, constant beyond",
+    )
+
+    @model_validator(mode="after")
+    def _is_a_curve(self) -> Interference:
+        offsets = [row[0] for row in self.rejection]
+        if not offsets or any(b <= a for a, b in pairwise(offsets)):
+            raise ValueError("rejection: offsets have to rise from row to row")
+        if sum(0.0 < each.duty < 1.0 for each in self.interferers) > MAX_PULSED:
+            raise ValueError(f"at most {MAX_PULSED} interferers with a duty between 0 and 1")
+        return self
+
+    def rejection_db(self, offset_hz: float) -> float:
+        """Return how much of a signal beside the channel is kept out, dB."""
+        offsets, rejections = np.asarray(self.rejection).T
+        return float(np.interp(abs(offset_hz), offsets, rejections))
+
+    def states(self) -> list[tuple[float, tuple[bool, ...]]]:
+        """Return every combination of transmitting interferers with its probability."""
+        choices = [
+            [(each.duty, True), (1.0 - each.duty, False)] if each.duty < 1.0 else [(1.0, True)]
+            for each in self.interferers
+        ]
+        combinations = []
+        for combination in product(*choices):
+            chance = float(np.prod([probability for probability, _ in combination]))
+            if chance > 0.0:
+                combinations.append((chance, tuple(on for _, on in combination)))
+        return combinations
+
+
+def sum_dbm(noise_dbm: float, powers_dbm: list[FloatArray]) -> FloatArray:
+    """Return noise and interference together: summed in watt, in dBm."""
+    total = np.asarray(watt_from_dbm(noise_dbm))
+    for power in powers_dbm:
+        total = total + watt_from_dbm(power)
+    return dbm_from_watt(total)

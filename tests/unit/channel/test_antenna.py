@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from channel import presets
+from channel.antenna import HalfWaveDipole, Pattern, Polarisation, Sector, rotate, to_body
+from channel.radio import Radio
+
+FORWARD, RIGHT, DOWN = np.eye(3)
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def roll(degrees):
+    half = np.radians(degrees) / 2
+    return np.array([np.cos(half), np.sin(half), 0.0, 0.0])
+
+
+def yaw(degrees):
+    half = np.radians(degrees) / 2
+    return np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+
+
+def test_rotation_of_a_right_turn_and_a_right_bank():
+    assert rotate(yaw(90), FORWARD) == pytest.approx(RIGHT)
+    assert rotate(roll(90), RIGHT) == pytest.approx(DOWN)
+    assert to_body(yaw(90), RIGHT) == pytest.approx(FORWARD)
+
+
+def test_dipole_abeam_along_its_axis_and_at_45_degrees():
+    dipole = HalfWaveDipole(null_depth_db=30.0)
+    assert dipole.towards_db(np.stack((FORWARD, RIGHT))) == pytest.approx([2.151, 2.151], abs=1e-3)
+    assert float(dipole.towards_db(DOWN)) == pytest.approx(2.151 - 30.0, abs=1e-3)
+    slant = (FORWARD + DOWN) / np.sqrt(2)
+    by_hand = 10 * np.log10(1.640922 * (np.cos(np.pi / 2 * np.sqrt(0.5)) / np.sqrt(0.5)) ** 2)
+    assert float(dipole.towards_db(slant)) == pytest.approx(by_hand, abs=1e-6)
+
+
+def test_dipole_directivity_is_power_conserving():
+    t = np.linspace(0.0, np.pi, 2001)[1:-1]
+    directions = np.stack((np.sin(t), np.zeros_like(t), np.cos(t)), axis=-1)
+    gain = 10 ** (HalfWaveDipole(null_depth_db=200.0).towards_db(directions) / 10)
+    assert float(np.trapezoid(gain * np.sin(t), t) / 2) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_sector_in_the_middle_at_half_width_and_behind():
+    sector = Sector(gain_db=10.0, azimuth_deg=90.0, azimuth_beamwidth_deg=60.0, front_to_back_db=20.0)
+    assert float(sector.towards_db(RIGHT)) == pytest.approx(10.0)
+    edge = np.array([np.cos(np.radians(60)), np.sin(np.radians(60)), 0.0])
+    assert float(sector.towards_db(edge)) == pytest.approx(7.0)
+    assert float(sector.towards_db(-RIGHT)) == pytest.approx(-10.0)
+
+
+def test_pattern_interpolates_and_wraps():
+    table = tuple(
+        (az, el, az / 100.0 + el / 10.0) for az in (0.0, 90.0, 180.0, 270.0) for el in (-90.0, 0.0, 90.0)
+    )
+    pattern = Pattern(pattern=table)
+    assert float(pattern.towards_db(RIGHT)) == pytest.approx(0.9)
+    assert float(pattern.towards_db((FORWARD + RIGHT) / np.sqrt(2))) == pytest.approx(0.45)
+    assert float(pattern.towards_db((FORWARD - RIGHT) / np.sqrt(2))) == pytest.approx(1.35)
+    assert float(pattern.towards_db(np.array([0.0, 0.0, -1.0]))) == pytest.approx(9.0)
+
+
+def test_pattern_that_is_no_grid():
+    with pytest.raises(ValidationError, match="full grid"):
+        Pattern(pattern=((0.0, 0.0, 1.0), (90.0, 10.0, 1.0)))
+
+
+def test_pattern_from_csv(tmp_path):
+    (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n0,0,9\n180,0,-9\n")
+    (tmp_path / "mine.yaml").write_text(
+        "preset: perfect\nantenna: {model: pattern, pattern_file: horn.csv}\n"
+    )
+    radio = Radio(presets.load_radio(tmp_path / "mine.yaml"))
+    contributions = {term.name: float(np.asarray(term.contribution)) for term in radio.link(100.0).terms}
+    assert contributions["transmit_antenna_gain_db"] == 9.0
+    assert contributions["receive_antenna_gain_db"] == -9.0
+
+
+def test_polarisation_by_bank_angle():
+    loss = Polarisation(cross_polar_db=20.0).loss_db
+    assert float(loss(LEVEL, LEVEL, FORWARD)) == pytest.approx(0.0, abs=1e-9)
+    assert float(loss(LEVEL, roll(60), FORWARD)) == pytest.approx(6.0206, abs=1e-3)
+    assert float(loss(LEVEL, roll(90), FORWARD)) == pytest.approx(20.0)
+
+
+def test_attitude_reaches_the_budget():
+    radio = Radio(presets.load_radio("perfect", {"antenna": {"model": "dipole"}}))
+    ends = {"position_tx_ned_m": (0, 0, -40), "position_rx_ned_m": (0, 100, -40)}
+    level = radio.link(**ends).received_power_dbm
+    banked = radio.link(**ends, attitude_tx_wxyz=roll(90)).received_power_dbm
+    assert float(level - banked) == pytest.approx(30.0, abs=0.01)
