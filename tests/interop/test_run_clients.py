@@ -1,0 +1,38 @@
+"""Programs of others on a run that goes on: MAVSDK."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_mavsdk_finds_ua_0_and_its_position(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    pytest.importorskip("mavsdk", reason="no mavsdk: pip install mavsdk")
+    slot = free_slot(2)
+    command = [sys.executable, "-m", "bridge.cli", "run", "--speed", "1", "--out", str(tmp_path)]
+    command += ["--first-slot", str(slot), "--zenoh-port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        while "sim time" not in (line := run.stdout.readline()):
+            assert line, "the run ended before it flew"
+        watch = [
+            sys.executable,
+            str(ROOT / "examples" / "mavsdk_watch.py"),
+            f"tcpout://127.0.0.1:{6760 + 10 * slot}",
+        ]
+        with subprocess.Popen(watch, stdout=subprocess.PIPE, text=True) as client:
+            assert client.stdout is not None
+            lines = []
+            while len(lines) < 2 and (line := client.stdout.readline()):
+                lines += [line] if line.startswith(("system", "Position(")) else []
+            client.kill()
+        run.terminate()
+        run.stdout.read()
+    assert lines[0].strip() == "system 1 is there"
+    assert "latitude_deg=40.133" in lines[1]
