@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json as json_module
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import click
 
 from channel import presets
+from channel import sweep as sweeps
 from channel.checks import ChannelInputError
 from channel.config import RadioConfig
 from channel.link_report import link_report, link_text
+from channel.validity import ValidityWarning
 
 
 class BadInput(click.ClickException):
@@ -49,37 +54,120 @@ def chosen_radio(radio: str, settings: tuple[str, ...]) -> RadioConfig:
 @click.command()
 @radio_options
 @click.option(
-    "--distance",
-    "distance_m",
-    type=float,
-    required=True,
-    help="Over the ground, m; with equal heights the way itself.",
+    "--distance", "ground_distance_m", type=float, help="Over the ground, m; at equal heights the way."
 )
 @click.option("--frequency-hz", type=float, help="Another carrier than the radio's.")
 @click.option("--height-tx", "height_tx_m", type=float, help="Transmitting antenna above ground, m.")
 @click.option("--height-rx", "height_rx_m", type=float, help="Receiving antenna above ground, m.")
 @click.option("--length-bytes", type=int, help="Payload length.")
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
+@click.option(
+    "--sweep",
+    nargs=2,
+    metavar="KEY START:STOP:STEP",
+    help="Print a CSV along a range instead: distance, frequency-hz, height-tx, height-rx, length-bytes or any key.",
+)
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="With --sweep: draw it, too.")
 def link(
     radio: str,
     settings: tuple[str, ...],
-    distance_m: float,
-    length_bytes: int | None,
     as_json: bool,
+    sweep: tuple[str, str] | None,
+    plot: Path | None,
     **ends: float | None,
 ) -> None:
     """Print the link budget at a distance, term by term, and what it comes to."""
     given: dict[str, Any] = {name: value for name, value in ends.items() if value is not None}
+    if "ground_distance_m" not in given and (sweep is None or sweep[0] != "distance"):
+        raise BadInput("--distance is missing")
     try:
-        report = link_report(chosen_radio(radio, settings), distance_m, length_bytes, **given)
-    except ChannelInputError as error:
+        with _warnings_on_stderr():
+            if sweep is None:
+                report = link_report(chosen_radio(radio, settings), **given)
+                click.echo(json_module.dumps(report, indent=2) if as_json else link_text(report))
+            else:
+                _sweep(radio, settings, sweep, given, as_json=as_json, plot=plot)
+    except (ChannelInputError, presets.PresetError) as error:
         raise BadInput(str(error)) from error
-    click.echo(json_module.dumps(report, indent=2) if as_json else link_text(report))
+
+
+def _sweep(
+    radio: str,
+    settings: tuple[str, ...],
+    along: tuple[str, str],
+    ends: dict[str, Any],
+    *,
+    as_json: bool,
+    plot: Path | None,
+) -> None:
+    key, text = along
+    rows = sweeps.sweep(
+        radio, presets.overrides_from_settings(settings), key, sweeps.sweep_values(text), ends
+    )
+    if as_json:
+        click.echo(json_module.dumps(rows, indent=2))
+    else:
+        click.echo(",".join(rows[0]))
+        for row in rows:
+            click.echo(",".join(f"{value:.10g}" for value in row.values()))
+    if plot is not None:
+        from channel.figures import plot_sweep
+
+        plot_sweep(rows, key, plot)
+
+
+@contextmanager
+def _warnings_on_stderr() -> Iterator[None]:
+    """Say what a model warns of in one line on stderr, without a place in the code."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ValidityWarning)
+        yield
+    for each in {str(warning.message) for warning in caught}:
+        click.echo(f"warning: {each}", err=True)
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
+def radios(as_json: bool) -> None:
+    """List the radio presets: what each is, and how far it delivers 50 % and 90 % of its packets."""
+    rows = [sweeps.reach(presets.load_radio(name)) for name in presets.preset_names()]
+    if as_json:
+        table = [
+            {key: None if value == float("inf") else value for key, value in row._asdict().items()}
+            for row in rows
+        ]
+        click.echo(json_module.dumps(table, indent=2))
+        return
+    click.echo(f"{'radio':<17}{'50 %':>10}{'90 %':>10}  what it is")
+    for row in rows:
+        click.echo(
+            f"{row.name:<17}{_metres(row.range_50_m):>10}{_metres(row.range_90_m):>10}  {row.description}"
+        )
+
+
+def _metres(distance_m: float) -> str:
+    if distance_m == 0.0:
+        return "never"
+    return "> 100 km" if distance_m == float("inf") else f"{distance_m:.0f} m"
+
+
+@click.command()
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Directory to write to."
+)
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the draws.")
+def figures(out: Path, seed: int) -> None:
+    """Redraw the paper's figures 5 and 6 as PNG and CSV; beside them the same for the corrected radio."""
+    from channel.figures import write_figures
+
+    for file in write_figures(out, seed=seed):
+        click.echo(str(file))
 
 
 @click.group()
 def main() -> None:
-    """Radio channel: link budgets and delivery."""
+    """Radio channel: link budgets, presets, figures and calibration."""
 
 
-main.add_command(link)
+for _command in (link, radios, figures):
+    main.add_command(_command)

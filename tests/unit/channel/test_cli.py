@@ -54,3 +54,59 @@ def test_mistakes_are_one_line_and_exit_code_two(arguments, words):
     assert result.exit_code == 2
     assert "Traceback" not in result.output
     assert all(word in result.output for word in words)
+
+
+def test_sweep_is_a_csv_and_a_plot(tmp_path):
+    plot = tmp_path / "sweep.png"
+    output = run("link", "--sweep", "distance", "50:1000:10", "--plot", str(plot)).output
+    lines = output.splitlines()
+    assert lines[0].startswith("distance,path_loss_db,received_power_dbm")
+    assert len(lines) == 1 + 96
+    assert [line.split(",")[0] for line in (lines[1], lines[-1])] == ["50", "1000"]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_sweep_of_a_key_of_the_radio():
+    rows = json.loads(
+        run("link", "--distance", "400", "--sweep", "propagation.exponent", "9:12:1", "--json").output
+    )
+    assert [row["propagation.exponent"] for row in rows] == [9.0, 10.0, 11.0, 12.0]
+    assert rows[-1]["path_loss_db"] == pytest.approx(352.3425, abs=1e-3)
+
+
+@pytest.mark.parametrize("text", ["1:2", "1:2:0", "1:2:-1", "a:b:c", "1:inf:1", "0:1e9:1"])
+def test_sweeps_that_are_none(text):
+    result = run("link", "--sweep", "distance", text)
+    assert result.exit_code == 2
+    assert "sweep" in result.output
+
+
+def test_distance_is_needed():
+    assert run("link").exit_code == 2
+
+
+def test_radios_are_listed_with_their_ranges():
+    rows = {row["name"]: row for row in json.loads(run("radios", "--json").output)}
+    assert set(rows) >= {"moon2020", "lte-like", "subt"}
+    assert rows["moon2020"]["range_50_m"] == pytest.approx(411.5, abs=2.0)
+    assert rows["moon2020"]["range_90_m"] == pytest.approx(366.0, abs=2.0)
+    assert rows["disk"]["range_50_m"] == pytest.approx(400.0, abs=1.5)
+    assert rows["perfect"]["range_50_m"] is None
+    assert "moon2020" in run("radios").output
+
+
+def test_reference_row_through_the_command_line():
+    """One row of the reference data: the way is slant, the distance over the ground."""
+    base = ("link", "--radio", "perfect", "--json", "--frequency-hz", "900e6", "--height-rx", "1.5")
+    two_ray = run(*base, "--distance", "30", "--height-tx", "50", "--set", "propagation.model=two-ray")
+    assert json.loads(two_ray.output)["path_loss_db"] == pytest.approx(66.654473, abs=1e-4)
+    hata = ["propagation.model=okumura-hata", "propagation.environment=open", "propagation.city=small"]
+    options = [part for setting in hata for part in ("--set", setting)]
+    row = run(*base, "--distance", "2000", "--height-tx", "30", *options)
+    assert json.loads(row.stdout)["path_loss_db"] == pytest.approx(109.200364, abs=1e-4)
+
+
+def test_validity_warning_goes_to_stderr():
+    result = run("link", "--distance", "400", "--set", "propagation.model=okumura-hata")
+    assert result.exit_code == 0
+    assert "warning: frequency_hz = 2.412e+09: outside" in result.stderr
