@@ -37,10 +37,14 @@ SIGNATURE_BYTES: Final = 13
 INCOMPAT_SIGNED: Final = 0x01
 MAX_FRAME_BYTES: Final = HEADER_V2_BYTES + 255 + CRC_BYTES + SIGNATURE_BYTES
 
-_HEADER_V1: Final = struct.Struct("<BBBBBB")
-_HEADER_V2: Final = struct.Struct("<BBBBBBBHB")
+# Only what framing needs: length, [incompat,] sysid, compid, message id.
+_HEADER_V1: Final = struct.Struct("<xBxBBB")
+_HEADER_V2: Final = struct.Struct("<xBBxxBBHB")
 _CRC: Final = struct.Struct("<H")
-_NO_TARGET: Final = (-1, -1)
+_DEFINITIONS: Final = {
+    msg_id: (extra, *TARGET_OFFSETS.get(msg_id, (-1, -1))) for msg_id, extra in CRC_EXTRA.items()
+}
+_UNKNOWN: Final = (b"", -1, -1)
 
 
 def _crc_step(value: int) -> int:
@@ -123,16 +127,14 @@ class Framer:
         end = len(buffer)
         position = 0
         frames: list[Frame] = []
-        append = frames.append
+        append, unpack_v2, definition_of = frames.append, _HEADER_V2.unpack_from, _DEFINITIONS.get
         # This loop is the whole cost of a message: kept inline, without calls to our own functions.
         while end - position >= HEADER_V1_BYTES + CRC_BYTES:
             magic = buffer[position]
             if magic == MAGIC_V2:
                 if end - position < HEADER_V2_BYTES + CRC_BYTES:
                     break
-                _, length, incompat, _, _, sysid, compid, id_low, id_high = _HEADER_V2.unpack_from(
-                    buffer, position
-                )
+                length, incompat, sysid, compid, id_low, id_high = unpack_v2(buffer, position)
                 msg_id = id_low | id_high << 16
                 header = HEADER_V2_BYTES
                 size = HEADER_V2_BYTES + CRC_BYTES + length
@@ -143,7 +145,7 @@ class Framer:
                         continue
                     size += SIGNATURE_BYTES
             elif magic == MAGIC_V1:
-                _, length, _, sysid, compid, msg_id = _HEADER_V1.unpack_from(buffer, position)
+                length, sysid, compid, msg_id = _HEADER_V1.unpack_from(buffer, position)
                 header = HEADER_V1_BYTES
                 size = HEADER_V1_BYTES + CRC_BYTES + length
                 incompat = 0
@@ -154,9 +156,9 @@ class Framer:
                 break
             raw = buffer[position : position + size]
             crc_at = header + length
-            extra = CRC_EXTRA.get(msg_id)
+            extra, at_system, at_component = definition_of(msg_id, _UNKNOWN)
             received = raw[crc_at] | raw[crc_at + 1] << 8
-            if extra is not None:
+            if extra:
                 good = mcrf4xx(raw[1:crc_at] + extra) == received
             else:
                 good = _could_be_crc(raw[1:crc_at], received)
@@ -165,7 +167,6 @@ class Framer:
                 self.counters.bad_crc += 1
                 position = self._skip(buffer, position)
                 continue
-            at_system, at_component = TARGET_OFFSETS.get(msg_id, _NO_TARGET)
             target_system = raw[header + at_system] if 0 <= at_system < length else 0
             target_component = raw[header + at_component] if 0 <= at_component < length else 0
             append(
