@@ -60,8 +60,9 @@ class JsbsimConfig(_Strict):
 
     Attributes:
         model: name of the aircraft's directory and file.
-        root: directory that holds aircraft/ and engine/, relative to the airframe's file; None = that of the
-            jsbsim package.
+        root: directory that holds aircraft/<model>/<model>.xml (and its engines in aircraft/<model>/Engines),
+            relative to the airframe's file; None = that of the jsbsim package. Engines that are not found there
+            come from the jsbsim package.
         min_rate_hz: slowest rate at which the ground contact is stable; slower frames are split into equal
             steps.
         properties: values set once, before the initial conditions.

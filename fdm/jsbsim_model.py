@@ -11,16 +11,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from math import atan2, ceil, cos, radians
+from pathlib import Path
 
 import jsbsim
 
 from fdm.airframe import Airframe, Channel
 from fdm.errors import AirframeError, ModelDivergedError
 from fdm.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
+from fdm.ground_contact import slowest_stable_rate_hz
 from fdm.servo_packet import PWM_OFFSET, Fields
 from fdm.truth import Truth, Vector, quaternion_from_euler
 
 FOOT_M = 0.3048
+SLUG_KG = 14.59390294
 SETTLE_RATE_HZ = 400.0
 
 _log = logging.getLogger(__name__)
@@ -195,6 +198,16 @@ class JsbsimModel:
         self._substeps = substeps_at(rate_hz, self._airframe.jsbsim.min_rate_hz)
         self._exec.set_dt(1.0 / (rate_hz * self._substeps))
 
+    def _check_ground_contact(self) -> None:
+        config = self._airframe.jsbsim
+        file = Path(self._exec.get_aircraft_path()) / config.model / f"{config.model}.xml"
+        needed_hz = slowest_stable_rate_hz(file, self._exec["inertia/mass-slugs"] * SLUG_KG)
+        if config.min_rate_hz < needed_hz:
+            raise AirframeError(
+                f"airframe {self._airframe.name}: jsbsim.min_rate_hz {config.min_rate_hz:g}: the landing gear of "
+                f"{config.model} is unstable below {needed_hz:.0f} Hz (damping over mass); give at least that"
+            )
+
     def _start(self) -> None:
         """Put the UA at its home and let the gear come to rest."""
         place, initial, model = self._home.position, self._airframe.initial, self._exec
@@ -207,6 +220,7 @@ class JsbsimModel:
         model["ic/psi-true-deg"] = self._home.yaw_deg
         if not model.run_ic():
             raise AirframeError(f"airframe {self._airframe.name}: JSBSim refuses the initial conditions")
+        self._check_ground_contact()
         for _ in range(ceil(initial.settle_s * rate_hz)):
             model.run()
 
@@ -219,9 +233,11 @@ def substeps_at(rate_hz: int, min_rate_hz: float) -> int:
 def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
     console = _Console()
     jsbsim.set_logger(console)
-    root = airframe.jsbsim.root
-    executive = jsbsim.FGFDMExec(None if root is None else str(root))
+    executive = jsbsim.FGFDMExec(None)
     executive.set_debug_level(0)
+    if airframe.jsbsim.root is not None:
+        # Its engine/ stays JSBSim's own: a model keeps engines of its own in aircraft/<model>/Engines.
+        executive.set_aircraft_path(str(airframe.jsbsim.root / "aircraft"))
     try:
         loaded = executive.load_model(airframe.jsbsim.model)
     except jsbsim.BaseError as error:

@@ -57,7 +57,8 @@ def _slot_is_free(slot: int, count: int) -> bool:
 @pytest.fixture
 def free_slot() -> Callable[[int], int]:
     """Find a port slot at which ``count`` UA find all their ports free; each call gives another."""
-    candidates: Iterator[int] = iter(range(100 + os.getpid() % 500, 2000))
+    # ArduPilot keeps its instance number in eight bits.
+    candidates: Iterator[int] = iter(range(20 + os.getpid() % 180, 250))
 
     def find(count: int) -> int:
         slot = next(s for s in candidates if _slot_is_free(s, count))

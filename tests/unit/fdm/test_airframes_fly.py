@@ -1,0 +1,220 @@
+"""The airframes that ship, each in its own flight model."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit, fsolve
+
+from fdm.airframe import airframe_names, load_airframe
+from fdm.geodesy import GeodeticPosition, Home
+from fdm.jsbsim_model import JsbsimModel
+
+HOME = Home(GeodeticPosition(47.0, 8.0, 0.0), 0.0)
+CRUISE_MPS = 25.0
+
+
+def packet(*pwm_us, rate_hz=400):
+    return (18458, rate_hz, 0, *pwm_us, *(0,) * (16 - len(pwm_us)))
+
+
+def fly(model, fields, seconds):
+    for _ in range(round(seconds * fields[1])):
+        model.step(fields, fields[1])
+
+
+@pytest.mark.parametrize("name", airframe_names())
+@pytest.mark.parametrize("rate_hz", [100, 400, 1200])
+def test_every_airframe_stands_still_at_any_rate(name, rate_hz):
+    model = JsbsimModel(load_airframe(name), HOME)
+    before = model.sense()
+    fly(model, packet(rate_hz=rate_hz), 3.0)
+    after = model.sense()
+    assert after[6:9] == pytest.approx(before[6:9], abs=2e-3)
+    assert after[12:15] == pytest.approx((0, 0, 0), abs=1e-3)
+    assert math.hypot(*after[3:6]) == pytest.approx(9.807, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("motors", "index"),
+    [
+        ((1500, 1700, 1650, 1550, 1550, 1650), 9),  # more on the left (2, 3, 6): rolls right
+        ((1600, 1600, 1650, 1550, 1650, 1550), 10),  # more in front (3, 5): pitches up
+        ((1550, 1650, 1550, 1650, 1650, 1550), 2),  # more on the counter-clockwise ones (2, 4, 5): yaws right
+    ],
+)
+def test_hexa_motors_turn_it_as_ardupilots_x_frame_does(motors, index):
+    model = JsbsimModel(load_airframe("hexa550"), HOME)
+    fly(model, packet(*(1600,) * 6), 0.5)
+    before = model.sense()[index]
+    fly(model, packet(*motors), 0.1)
+    assert model.sense()[index] - before > 0.01
+
+
+@pytest.mark.parametrize(
+    ("controls", "index", "sign"),
+    [
+        ((1700, 1500, 1700, 1500), 9, +1),  # aileron up: rolls right
+        ((1500, 1700, 1700, 1500), 10, +1),  # elevator up: pitches up
+        ((1500, 1500, 1700, 1700), 2, +1),  # rudder up: yaws right
+    ],
+)
+def test_fixed_wing_controls_have_ardupilots_signs(controls, index, sign):
+    model = airborne()
+    before = model.sense()[index]
+    fly(model, packet(*controls), 0.2)
+    assert sign * (model.sense()[index] - before) > 0.02
+
+
+def test_the_fixed_wing_rolls_over_the_ground_and_steers_right():
+    model = JsbsimModel(load_airframe("aerosonde"), HOME)
+    fly(model, packet(1500, 1500, 1500, 1600), 3.0)
+    values = model.sense()
+    assert values[12] > 1.0
+    assert 0.05 < values[11] < 3.0
+
+
+def airborne(speed_mps=CRUISE_MPS, alpha_rad=0.0):
+    """An Aerosonde in level flight, far from the ground."""
+    model = JsbsimModel(load_airframe("aerosonde"), HOME)
+    execute = model._exec
+    execute["ic/h-sl-ft"] = 100.0 / 0.3048
+    execute["ic/vt-fps"] = speed_mps / 0.3048
+    execute["ic/alpha-rad"] = alpha_rad
+    execute["ic/theta-rad"] = alpha_rad
+    execute["ic/psi-true-deg"] = 0.0
+    assert execute.run_ic()
+    execute["propulsion/engine/propeller-rpm"] = 5000.0
+    return model
+
+
+# The book's equations of motion in the longitudinal plane, written here anew as the oracle.
+
+MASS, JY, S, B, C, GRAVITY = 11.0, 1.135, 0.55, 2.8956, 0.18994, 9.8066
+CL0, CL_ALPHA, CL_Q, CL_DE = 0.23, 5.61, 7.95, 0.13
+CD_P, CD_DE, EFFICIENCY = 0.043, 0.0135, 0.9
+CM0, CM_ALPHA, CM_Q, CM_DE = 0.0135, -2.74, -38.21, -0.99
+ASPECT = B**2 / S
+
+
+def thrust(throttle, speed_mps, rho):
+    """Thrust of motor and propeller, N (addendum to chapter 4: the steady propeller speed)."""
+    diameter, kv, resistance, idle_a = 20 * 0.0254, 60 / (2 * math.pi * 145), 0.042, 1.5
+    volts = 44.4 * throttle
+    a = -0.01664, 0.004970, 0.005230
+    quadratic = a[2] * rho * diameter**5 / (2 * math.pi) ** 2
+    linear = a[1] * rho * diameter**4 * speed_mps / (2 * math.pi) + kv**2 / resistance
+    constant = a[0] * rho * diameter**3 * speed_mps**2 - kv * volts / resistance + kv * idle_a
+    omega = (-linear + math.sqrt(linear**2 - 4 * quadratic * constant)) / (2 * quadratic)
+    advance = 2 * math.pi * speed_mps / (omega * diameter)
+    ct = 0.09357 - 0.06044 * advance - 0.1079 * advance**2
+    return ct * rho * (omega / (2 * math.pi)) ** 2 * diameter**4
+
+
+def longitudinal(state, elevator_rad, throttle, rho):
+    """d/dt of (u, w, q, theta)."""
+    u, w, q, theta = state
+    speed, alpha = math.hypot(u, w), math.atan2(w, u)
+    pressure = 0.5 * rho * speed**2 * S
+    pitch_rate = q * C / (2 * speed)
+    lift = pressure * (CL0 + CL_ALPHA * alpha + CL_Q * pitch_rate + CL_DE * elevator_rad)
+    induced = (CL0 + CL_ALPHA * alpha) ** 2 / (math.pi * EFFICIENCY * ASPECT)
+    drag = pressure * (CD_P + induced + CD_DE * abs(elevator_rad))
+    moment = pressure * C * (CM0 + CM_ALPHA * alpha + CM_Q * pitch_rate + CM_DE * elevator_rad)
+    fx = thrust(throttle, speed, rho) - drag * math.cos(alpha) + lift * math.sin(alpha)
+    fz = -drag * math.sin(alpha) - lift * math.cos(alpha)
+    return np.array(
+        [
+            fx / MASS - GRAVITY * math.sin(theta) - q * w,
+            fz / MASS + GRAVITY * math.cos(theta) + q * u,
+            moment / JY,
+            q,
+        ]
+    )
+
+
+def book_trim(rho):
+    """(alpha, elevator, throttle) of level flight at the cruise speed."""
+
+    def residual(x):
+        alpha = x[0]
+        state = (CRUISE_MPS * math.cos(alpha), CRUISE_MPS * math.sin(alpha), 0.0, alpha)
+        return longitudinal(state, x[1], x[2], rho)[:3]
+
+    return fsolve(residual, (0.05, -0.1, 0.6))
+
+
+def book_modes(rho):
+    """Eigenvalues (short period, phugoid), the one with positive imaginary part of each."""
+    alpha, elevator, throttle = book_trim(rho)
+    state = np.array([CRUISE_MPS * math.cos(alpha), CRUISE_MPS * math.sin(alpha), 0.0, alpha])
+    step = 1e-5
+    jacobian = np.array(
+        [
+            (
+                longitudinal(state + step * unit, elevator, throttle, rho)
+                - longitudinal(state - step * unit, elevator, throttle, rho)
+            )
+            / (2 * step)
+            for unit in np.eye(4)
+        ]
+    ).T
+    values = sorted((v for v in np.linalg.eigvals(jacobian) if v.imag > 0), key=abs)
+    return values[1], values[0]
+
+
+def history(model, elevator_rad, throttle, seconds):
+    """Fly with these controls and level wings; rows of (time, speed, alpha, sink rate) per frame."""
+    rows = []
+    for frame in range(round(seconds * 400)):
+        values = model.sense()
+        roll = (values[9] + math.pi) % (2 * math.pi) - math.pi
+        aileron_us = 1500 - 800 * roll - 300 * values[0]
+        model.step(packet(aileron_us, 1500 - elevator_rad / 0.000872, 1000 + 1000 * throttle, 1500), 400)
+        speed = model._exec["velocities/vtrue-fps"] * 0.3048
+        rows.append((frame / 400, speed, model._exec["aero/alpha-rad"], values[14]))
+    return np.array(rows)
+
+
+def density(model):
+    return model._exec["atmosphere/rho-slugs_ft3"] * 515.379
+
+
+def fitted_mode(times, values, mean, guess):
+    """Eigenvalue of the damped oscillation about `mean` that fits best."""
+
+    def oscillation(t, growth, omega, a, b):
+        return np.exp(growth * t) * (a * np.cos(omega * t) + b * np.sin(omega * t))
+
+    start = (guess.real, guess.imag, values[0] - mean, 0.0)
+    (growth, omega, _, _), _ = curve_fit(oscillation, times, values - mean, p0=start)
+    return complex(growth, omega)
+
+
+def test_the_fixed_wing_holds_the_trim_that_the_book_s_equations_give():
+    alpha, elevator, throttle = book_trim(density(airborne()))
+    times, speeds, alphas, sinks = history(airborne(alpha_rad=alpha), elevator, throttle, 60.0).T
+    settled = times > 30.0
+    assert speeds[settled].mean() == pytest.approx(CRUISE_MPS, rel=0.01)
+    assert alphas[settled].mean() == pytest.approx(alpha, abs=math.radians(0.1))
+    assert sinks[settled].mean() == pytest.approx(0.0, abs=0.05)
+
+
+def test_the_phugoid_is_that_of_the_linear_model():
+    rho = density(airborne())
+    alpha, elevator, throttle = book_trim(rho)
+    _, expected = book_modes(rho)
+    times, speeds, *_ = history(airborne(CRUISE_MPS + 1.0, alpha_rad=alpha), elevator, throttle, 40.0).T
+    mode = fitted_mode(times[400:], speeds[400:], CRUISE_MPS, expected)
+    assert mode.imag == pytest.approx(expected.imag, rel=0.15)
+    assert mode.real == pytest.approx(expected.real, rel=0.15)
+
+
+def test_the_short_period_is_that_of_the_linear_model():
+    rho = density(airborne())
+    alpha, elevator, throttle = book_trim(rho)
+    expected, _ = book_modes(rho)
+    times, _, alphas, _ = history(airborne(alpha_rad=alpha + 0.03), elevator, throttle, 0.7).T
+    mode = fitted_mode(times, alphas, alpha, expected)
+    assert mode.imag == pytest.approx(expected.imag, rel=0.15)
+    assert mode.real == pytest.approx(expected.real, rel=0.15)
