@@ -81,6 +81,7 @@ class Fleet:
         with_a_task = {ua.node for ua in scenario.ua if not AGENTS[ua.agent.type].open_ended}
         self._has_task = bool(with_a_task)
         self._pending = with_a_task
+        self._ended: set[str] = set()
         self._last_tick = asyncio.get_running_loop().time()
         self.sim_time_ns = 0
 
@@ -209,8 +210,18 @@ class Fleet:
     def _on_clock(self, clock: Clock) -> None:
         self._last_tick = asyncio.get_running_loop().time()
         self.sim_time_ns = clock.header.stamp.ns
+        for node in set(clock.ended) - self._ended:
+            self._on_model_ended(node)
         if self.sim_time_ns >= self._scenario.duration_s * 1e9:
             self._settle(Ending.DURATION)
+
+    def _on_model_ended(self, node: str) -> None:
+        self._ended.add(node)
+        text = f"the flight model of UA {node} diverged; its last state is in {self._run.log_path('physics')}"
+        if node in self._pending:
+            self._settle(FleetError(text))
+        else:
+            self._observer.on_phase(text)
 
     def _on_agent(self, status: AgentStatus) -> None:
         node = status.header.frame_id

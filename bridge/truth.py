@@ -36,4 +36,5 @@ def clock_message(status: ClockStatus) -> messages.Clock:
         status.real_time_factor,
         status.paused,
         tuple(str(ua_id) for ua_id in status.stalled_ua),
+        tuple(str(ua_id) for ua_id in status.ended_ua),
     )

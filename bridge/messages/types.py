@@ -164,6 +164,7 @@ class Clock(Message):
     real_time_factor: float = 0.0
     paused: bool = False
     stalled: tuple[str, ...] = ()
+    ended: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
