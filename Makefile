@@ -2,6 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Caches of Python and matplotlib stay in .venv, too.
+export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/pycache
+export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
 .PHONY: demo test check bench lock clean help
 
