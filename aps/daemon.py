@@ -14,20 +14,21 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Final, Self
 
 from aps.autopilot_link import AutopilotLink, parse_autopilot
 from aps.commander import Commander
+from aps.config import DaemonConfig
 from aps.dialect import AUTOPILOT_COMPID, ONBOARD_COMPUTER_COMPID, Encoder, mavlink
 from aps.endpoints import Client, ClientServer
 from aps.framer import Frame, Framer
-from aps.outbox import DEFAULT_LIMIT_BYTES, Outbox
-from aps.routing import DEFAULT_ROUTE_EXPIRY_NS, Router
+from aps.outbox import Outbox
+from aps.routing import Router
 from aps.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
-from aps.streams import DEFAULT_RATES_HZ, SET_MESSAGE_INTERVAL, StreamArbiter
+from aps.streams import SET_MESSAGE_INTERVAL, StreamArbiter
 from aps.subscription import Subscription
 from aps.telemetry import AircraftState, Telemetry
 
@@ -35,6 +36,7 @@ __all__ = ["Daemon", "DaemonConfig"]
 
 NS_PER_S: Final = 1_000_000_000
 HEARTBEAT_PERIOD_NS: Final = NS_PER_S
+MAVLINK_VERSION: Final = 3
 SILENT_HEARTBEATS: Final = 4
 """So many autopilot heartbeats without any message that carries its clock: its streams are gone."""
 
@@ -46,25 +48,6 @@ _ACK_BYTES: Final = 10
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DaemonConfig:
-    """Settings of one daemon."""
-
-    autopilot: str
-    """``tcp:HOST:PORT``."""
-    sysid: int
-    """System id of the UA, 1..255."""
-    listen_host: str = "127.0.0.1"
-    listen_port: int = 0
-    """TCP port for MAVLink clients; 0 takes any free one (see ``Daemon.listen_port``)."""
-    stream_rates_hz: Mapping[int, float] = field(default_factory=lambda: DEFAULT_RATES_HZ)
-    """Message id -> rate that the daemon itself asks for, in the autopilot's own time."""
-    queue_limit_bytes: int = DEFAULT_LIMIT_BYTES
-    """Bound of the queue towards each client, and towards the autopilot."""
-    max_clients: int = 64
-    route_expiry_s: float = DEFAULT_ROUTE_EXPIRY_NS / NS_PER_S
 
 
 class Daemon:
@@ -365,19 +348,18 @@ class Daemon:
         )
 
     def _send_heartbeat(self) -> None:
-        raw = self._encoder.encode(
-            mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-                mavlink.MAV_AUTOPILOT_INVALID,
-                0,
-                0,
-                mavlink.MAV_STATE_ACTIVE,
-                3,
-            )
+        # To the autopilot alone: a script that takes the first heartbeat it sees for the vehicle's would take ours.
+        if not self.link.up:
+            return
+        heartbeat = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+            mavlink.MAV_AUTOPILOT_INVALID,
+            0,
+            0,
+            mavlink.MAV_STATE_ACTIVE,
+            MAVLINK_VERSION,
         )
-        for outbox in self._outboxes.values():
-            outbox.put(raw)
-            outbox.flush()
+        self._send([heartbeat])
 
     # Time.
 

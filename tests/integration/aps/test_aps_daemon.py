@@ -34,13 +34,23 @@ async def test_state_arrives_and_streams_are_asked_for(daemon, autopilot, eventu
     assert state.connected
 
 
-async def test_our_heartbeat_is_an_onboard_computer_of_the_ua(daemon, autopilot, connect, eventually):
+async def test_our_heartbeat_is_an_onboard_computer_of_the_ua(daemon, autopilot, eventually):
     await eventually(lambda: any(message.get_type() == "HEARTBEAT" for message in autopilot.heard))
     heartbeat = next(message for message in autopilot.heard if message.get_type() == "HEARTBEAT")
     assert (heartbeat.get_srcSystem(), heartbeat.get_srcComponent()) == (2, 191)
     assert heartbeat.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+
+
+async def test_the_only_heartbeats_that_clients_see_are_the_vehicles(daemon, autopilot, connect, eventually):
     client = await connect(daemon.listen_port)
-    await client.next("HEARTBEAT", lambda message: message.get_srcComponent() == 191)
+
+    def ours():
+        return sum(message.get_type() == "HEARTBEAT" for message in autopilot.heard)
+
+    before = ours()
+    await eventually(lambda: ours() >= before + 2)
+    senders = {(await client.next("HEARTBEAT")).get_srcComponent() for _ in range(10)}
+    assert senders == {1}
 
 
 async def test_two_clients_see_heartbeats_and_state(daemon, connect):

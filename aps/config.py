@@ -1,0 +1,34 @@
+"""Settings of one daemon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from aps.outbox import DEFAULT_LIMIT_BYTES
+from aps.routing import DEFAULT_ROUTE_EXPIRY_NS
+from aps.streams import DEFAULT_RATES_HZ
+
+__all__ = ["DaemonConfig"]
+
+NS_PER_S: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DaemonConfig:
+    """Settings of one daemon."""
+
+    autopilot: str
+    """``tcp:HOST:PORT``."""
+    sysid: int
+    """System id of the UA, 1..255."""
+    listen_host: str = "127.0.0.1"
+    listen_port: int = 0
+    """TCP port for MAVLink clients; 0 takes any free one (see ``Daemon.listen_port``)."""
+    stream_rates_hz: Mapping[int, float] = field(default_factory=lambda: DEFAULT_RATES_HZ)
+    """Message id -> rate that the daemon itself asks for, in the autopilot's own time."""
+    queue_limit_bytes: int = DEFAULT_LIMIT_BYTES
+    """Bound of the queue towards each client, and towards the autopilot."""
+    max_clients: int = 64
+    route_expiry_s: float = DEFAULT_ROUTE_EXPIRY_NS / NS_PER_S
