@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from typing import cast
 
@@ -100,7 +101,11 @@ class MavlinkEndpoint:
         if not self._connected:
             return
         packer = self._packer
-        self._out += cast(bytes, message.pack(packer))
+        try:
+            self._out += cast(bytes, message.pack(packer))
+        except struct.error:  # a value beyond its field's range: physics far out of bounds
+            self.ignored["unpackable"] += 1
+            return
         packer.seq = (packer.seq + 1) & 0xFF
 
     def _send_by_id(self, message_id: int) -> None:

@@ -10,7 +10,7 @@ from math import isfinite
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.autopilots.standin.framer import Message
-from bridge.autopilots.standin.location import Location
+from bridge.autopilots.standin.location import ALT_MAX_M, Location
 from bridge.autopilots.standin.mode_guided import Guided, GuidedTarget, ned_from_body
 from bridge.autopilots.standin.quaternion import Vector
 from bridge.autopilots.standin.vehicle import Vehicle
@@ -20,6 +20,7 @@ IGNORE_VELOCITY = 0b111 << 3
 IGNORE_YAW = 1 << 10
 IGNORE_YAW_RATE = 1 << 11
 SPEED_SANE_MAX_MPS = 1000.0
+POSITION_SANE_MAX_M = 1e6
 
 OFFSET_FRAMES = frozenset(
     {dialect.MAV_FRAME_LOCAL_OFFSET_NED, dialect.MAV_FRAME_BODY_NED, dialect.MAV_FRAME_BODY_OFFSET_NED}
@@ -48,7 +49,7 @@ def location_from(
     vehicle: Vehicle, lat_deg: float, lon_deg: float, alt_m: float, frame: int
 ) -> Location | None:
     """Return a location of a MAVLink frame with its height above sea level; None if it is not sane."""
-    if not (isfinite(lat_deg) and isfinite(lon_deg) and isfinite(alt_m)):
+    if not (isfinite(lat_deg) and isfinite(lon_deg) and abs(alt_m) <= ALT_MAX_M):
         return None
     if (
         abs(lat_deg) > 90.0
@@ -118,6 +119,8 @@ def _checked(
     """Return the target if all its numbers are sane and there is something to fly."""
     numbers = [*(position or ()), *(velocity or ()), yaw_rad or 0.0, yaw_rate_radps or 0.0]
     if not all(isfinite(number) for number in numbers) or (position is None and velocity is None):
+        return None
+    if position is not None and any(abs(number) > POSITION_SANE_MAX_M for number in position):
         return None
     if velocity is not None and any(abs(number) > SPEED_SANE_MAX_MPS for number in velocity):
         return None

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.autopilots.standin.events import Severity
 from bridge.autopilots.standin.framer import Message
+from bridge.autopilots.standin.location import ALT_MAX_M
 from bridge.autopilots.standin.mission import ITEMS_MAX, Command, Frame, MissionItem
 from bridge.autopilots.standin.telemetry import Telemetry
 from bridge.autopilots.standin.vehicle import Vehicle
@@ -220,7 +221,7 @@ def fault_of(item: MissionItem) -> int:
             return int(dialect.MAV_MISSION_INVALID_PARAM5_X)
         if abs(item.lon_e7) > 1_800_000_000:
             return int(dialect.MAV_MISSION_INVALID_PARAM6_Y)
-        if not isfinite(item.alt_m):
+        if not abs(item.alt_m) <= ALT_MAX_M:
             return int(dialect.MAV_MISSION_INVALID_PARAM7)
     if not (isfinite(item.param1) and isfinite(item.param2)):
         return int(dialect.MAV_MISSION_INVALID)

@@ -16,6 +16,7 @@ from collections import Counter
 from types import FrameType
 
 from bridge.autopilots.standin.autopilot import Autopilot
+from bridge.autopilots.standin.fdm_link import RESEND_AFTER_S
 
 DATAGRAM_MAX_BYTES = 65536
 READ_BYTES = 65536
@@ -89,19 +90,29 @@ class Process:
     def run(self) -> None:
         """Serve until stopped."""
         fdm = self._autopilot.fdm
+        select, udp = self._selector.select, self._udp
         self._send_datagram(fdm.start(time.monotonic()))
+        timeout_s = RESEND_AFTER_S
         while not self._stopped:
-            timeout_s = max(0.0, fdm.deadline_s() - time.monotonic())
-            ready = {key.fileobj for key, _ in self._selector.select(timeout_s)}
-            if self._client is not None and self._client in ready:
-                self._serve_client()
-            if self._listener in ready:
-                self._accept()
-            if self._udp in ready:
-                self._serve_physics()
+            ready = select(timeout_s)
+            if len(ready) == 1 and ready[0][0].fileobj is udp:
+                self._serve_physics()  # by far the most frequent case
+                timeout_s = RESEND_AFTER_S
+                continue
+            self._serve({key.fileobj for key, _ in ready})
             now_s = time.monotonic()
             if now_s >= fdm.deadline_s():
                 self._send_datagram(fdm.resend(now_s))
+            timeout_s = max(0.0, fdm.deadline_s() - now_s)
+
+    def _serve(self, ready: set[object]) -> None:
+        """Serve what is ready; the client first, so that what it asked for holds from the next frame on."""
+        if self._client is not None and self._client in ready:
+            self._serve_client()
+        if self._listener in ready:
+            self._accept()
+        if self._udp in ready:
+            self._serve_physics()
 
     def close(self) -> None:
         """Close the sockets."""

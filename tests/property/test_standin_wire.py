@@ -1,0 +1,194 @@
+"""Whatever comes over its sockets, the stand-in goes on: arbitrary bytes, messages and frames."""
+
+import json
+import struct
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridge.autopilots.standin.autopilot import Autopilot
+from bridge.autopilots.standin.framer import Framer
+from bridge.autopilots.standin.location import Location
+from bridge.autopilots.standin.mixer import mix_quad_x
+from bridge.autopilots.standin.parameters import Parameters
+from bridge.autopilots.standin.sensors import parse_sensor_frame
+
+HOME = Location(45.0, 10.0, 100.0)
+any_float = st.floats(allow_nan=True, allow_infinity=True, width=32)
+vector = st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3)
+
+
+def sensor_frame(timestamp_s: float, **changes: Any) -> bytes:
+    frame: dict[str, Any] = {
+        "timestamp": timestamp_s,
+        "imu": {"gyro": [0.0, 0.0, 0.0], "accel_body": [0.0, 0.0, -9.8]},
+        "position": [0.0, 0.0, 0.0],
+        "velocity": [0.0, 0.0, 0.0],
+        "quaternion": [1.0, 0.0, 0.0, 0.0],
+    }
+    return json.dumps(frame | changes).encode()
+
+
+def autopilot(*, in_guided: bool = False) -> Autopilot:
+    made = Autopilot(HOME, Parameters(), frame_rate_hz=400, boot_unix_us=0)
+    made.mavlink.connect()
+    for index in range(45 if in_guided else 3):
+        made.receive_sensors(sensor_frame(index * 0.1), 0.0)
+    if in_guided:
+        made.vehicle.set_mode(4)
+        assert made.vehicle.arm(force=False)
+    return made
+
+
+def some_messages() -> list[Any]:
+    return [
+        dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3),
+        dialect.MAVLink_param_set_message(1, 1, b"RTL_ALT", 12.0, 9),
+        dialect.MAVLink_command_long_message(1, 1, 511, 0, 30, 1e5, 0, 0, 0, 0, 0),
+        dialect.MAVLink_mission_count_message(1, 1, 3, 0),
+    ]
+
+
+@given(st.binary(max_size=600))
+def test_any_datagram_is_a_frame_or_is_counted(datagram: bytes) -> None:
+    made = autopilot()
+    before = made.fdm.events["frames"]
+    answer = made.receive_sensors(datagram, 0.0)
+    used = made.fdm.events["frames"] - before
+    assert (answer is not None) == (used == 1)
+    assert used + sum(made.fdm.dropped.values()) == 1
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.text(),
+        lambda x: (
+            st.lists(x)
+            | st.dictionaries(
+                st.sampled_from(
+                    [
+                        "timestamp",
+                        "imu",
+                        "gyro",
+                        "accel_body",
+                        "position",
+                        "velocity",
+                        "quaternion",
+                        "attitude",
+                    ]
+                ),
+                x,
+            )
+        ),
+    )
+)
+def test_any_json_is_a_frame_or_nothing(data: Any) -> None:
+    frame = parse_sensor_frame(json.dumps(data).encode())
+    assert frame is None or 0.0 <= frame.timestamp_s <= 1e9
+
+
+@given(vector, vector, vector, vector, st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4))
+@settings(max_examples=150)
+def test_servo_outputs_stay_in_range_for_any_motion(
+    gyro: list[float], force: list[float], position: list[float], velocity: list[float], attitude: list[float]
+) -> None:
+    made = autopilot(in_guided=True)
+    assert made.vehicle.mode.take_off(made.vehicle, 10.0)  # type: ignore[attr-defined]
+    imu = {"gyro": gyro, "accel_body": force}
+    for index in range(12):
+        frame = sensor_frame(
+            5.0 + index * 0.01, imu=imu, position=position, velocity=velocity, quaternion=attitude
+        )
+        packet = made.receive_sensors(frame, 0.0)
+        if packet is not None:
+            outputs = struct.unpack("<HHI16H", packet)[3:]
+            assert all(1000 <= output <= 2000 for output in outputs[:4])
+            assert outputs[4:] == (0,) * 12
+
+
+@given(st.binary(max_size=400), st.integers(0, 3), st.binary(max_size=20))
+def test_a_message_amid_garbage_is_found_or_the_garbage_is_counted(
+    before: bytes, which: int, after: bytes
+) -> None:
+    framer = Framer()
+    message = some_messages()[which]
+    sent = message.pack(dialect.MAVLink(None, 255, 190))
+    heard = framer.receive(before + sent + after + bytes(600))
+    assert [m for m in heard if m.get_type() == message.get_type()]
+    if before.strip(b"\xfd\xfe"):
+        assert sum(framer.dropped.values()) > 0
+
+
+@given(st.lists(st.integers(0, 3), max_size=6), st.data())
+def test_any_chunking_gives_the_same_messages(which: list[int], data: st.DataObject) -> None:
+    codec = dialect.MAVLink(None, 255, 190)
+    stream = b"".join(b"noise" + some_messages()[index].pack(codec) for index in which)
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=8)))
+    framer = Framer()
+    heard = []
+    for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
+        heard += framer.receive(stream[start:end])
+    assert [m.get_type() for m in heard] == [some_messages()[index].get_type() for index in which]
+    assert framer.dropped["noise_bytes"] == 5 * len(which)
+
+
+@given(st.lists(st.binary(max_size=300), max_size=5))
+def test_any_bytes_from_the_client_are_survived(chunks: list[bytes]) -> None:
+    made = autopilot()
+    for chunk in chunks:
+        made.mavlink.receive(chunk)
+    made.mavlink.data_to_send()
+    request = dialect.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1)
+    made.mavlink.receive(bytes(600) + request.pack(dialect.MAVLink(None, 255, 190)))
+    assert b"RTL_ALT" in made.mavlink.data_to_send()
+
+
+@given(
+    st.sampled_from(
+        [11, 16, 22, 20, 21, 115, 176, 178, 179, 192, 224, 300, 400, 401, 410, 510, 511, 512, 520, 246, 9999]
+    ),
+    st.lists(any_float, min_size=7, max_size=7),
+    st.booleans(),
+)
+@settings(max_examples=300)
+def test_any_command_is_acknowledged_once(number: int, parameters: list[float], armed: bool) -> None:
+    made = autopilot(in_guided=armed)
+    made.mavlink.data_to_send()
+    request = dialect.MAVLink_command_long_message(1, 1, number, 0, *parameters)
+    made.mavlink.receive(request.pack(dialect.MAVLink(None, 255, 190)))
+    heard = dialect.MAVLink(None).parse_buffer(made.mavlink.data_to_send())
+    acknowledgements = [m for m in heard or [] if m.get_type() == "COMMAND_ACK"]
+    assert [m.command for m in acknowledgements] == [number]
+    assert 0 <= acknowledgements[0].result <= 4
+    made.receive_sensors(sensor_frame(50.0), 0.0)
+
+
+@given(
+    st.integers(0, 4095),
+    st.sampled_from([0, 1, 3, 5, 6, 7, 8, 9, 11, 21]),
+    st.lists(any_float, min_size=11, max_size=11),
+)
+@settings(max_examples=200)
+def test_any_position_target_is_survived(mask: int, frame: int, values: list[float]) -> None:
+    made = autopilot(in_guided=True)
+    made.vehicle.leave_ground()
+    codec = dialect.MAVLink(None, 255, 190)
+    local = dialect.MAVLink_set_position_target_local_ned_message(0, 1, 1, frame, mask, *values)
+    made.mavlink.receive(local.pack(codec))
+    place = (2_000_000_000, -2_000_000_000) if mask & 1 else (450_000_000, 100_000_000)
+    globe = dialect.MAVLink_set_position_target_global_int_message(0, 1, 1, frame, mask, *place, *values[2:])
+    made.mavlink.receive(globe.pack(codec))
+    for index in range(5):
+        packet = made.receive_sensors(sensor_frame(5.0 + index * 0.01), 0.0)
+        assert packet is not None
+        assert all(1000 <= output <= 2000 for output in struct.unpack("<HHI16H", packet)[3:7])
+
+
+@given(st.floats(-2, 2), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(0, 0.5))
+def test_mixer_never_leaves_its_range(
+    throttle: float, roll: float, pitch: float, yaw: float, lowest: float
+) -> None:
+    for command in mix_quad_x(throttle, roll, pitch, yaw, lowest):
+        assert lowest - 1e-9 <= command <= 1.0 + 1e-9
