@@ -55,6 +55,8 @@ class Progress:
     def on_message(self, message: Message) -> None:
         """Take a message of the run."""
         if isinstance(message, Clock):
+            if message.header.stamp.ns and not self._clock.header.stamp.ns:
+                self._phase = "flies"
             self._clock = message
             self._maybe_line()
         elif isinstance(message, Link):

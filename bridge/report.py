@@ -15,7 +15,7 @@ from rich.table import Table
 from bridge.recorder import LEDGER
 from bridge.run_directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario import Scenario
-from channel.intervals import proportion_interval
+from channel.intervals import binomial_interval, proportion_interval
 from channel.radio import Radio
 
 SCHEMA = 1
@@ -46,8 +46,8 @@ def summarise(scenario: Scenario, run: RunDirectory, timing: Timing, ending: str
         OSError, ValueError: if the router left no ledger.
     """
     ledger = json.loads((run.path / LEDGER).read_text(encoding="ascii"))
-    judged = [row for row in ledger["bins"] if row["sent"] >= BIN_SENT_MIN]
-    within = sum(row["ci99"][0] <= row["measured"] <= row["ci99"][1] for row in judged)
+    judged = [row for row in ledger["bins"] if _is_judged(row)]
+    within = sum(not _is_outside(row) for row in judged)
     return {
         "schema": SCHEMA,
         "scenario": scenario.name,
@@ -84,25 +84,41 @@ def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:
 
 
 def bins_table(summary: dict[str, Any]) -> Table:
-    """The table for people: a row per distance bin, both directions of all links."""
-    table = Table(box=box.SIMPLE_HEAD, title="Probability of delivery by distance", title_justify="left")
-    for name in ("link", "distance, m", "sent", "delivered", "measured", "predicted", "99 % interval"):
-        table.add_column(name, justify="left" if name == "link" else "right")
-    for row in summary["bins"]:
-        low, high = row["ci99"]
-        judged = row["sent"] >= BIN_SENT_MIN
-        outside = judged and not low <= row["measured"] <= high
+    """The table for people: a row per distance bin, all directed links taken together.
+
+    A bin of a link that lies outside its own interval is marked in the last column.
+    """
+    table = Table(
+        box=box.SIMPLE_HEAD, title="Probability of delivery by distance, all links", title_justify="left"
+    )
+    for name in ("distance, m", "sent", "delivered", "measured", "predicted", "99 % interval", "outside"):
+        table.add_column(name, justify="right")
+    starts = sorted({row["distance_min_m"] for row in summary["bins"]})
+    for start_m in starts:
+        rows = [row for row in summary["bins"] if row["distance_min_m"] == start_m]
+        sent, delivered = (sum(row[key] for row in rows) for key in ("sent", "delivered"))
+        predicted = min(1.0, sum(row["predicted"] * row["sent"] for row in rows) / sent)
+        low, high = binomial_interval(sent, predicted)
+        outside = [f"{row['tx']} -> {row['rx']}" for row in rows if _is_outside(row)]
         table.add_row(
-            f"{row['tx']} -> {row['rx']}",
-            f"{row['distance_min_m']:.0f}-{row['distance_max_m']:.0f}",
-            str(row["sent"]),
-            str(row["delivered"]),
-            f"{row['measured']:.3f}{' !' if outside else ''}",
-            f"{row['predicted']:.3f}",
+            f"{start_m:.0f}-{rows[0]['distance_max_m']:.0f}",
+            str(sent),
+            str(delivered),
+            f"{delivered / sent:.3f}",
+            f"{predicted:.3f}",
             f"{low:.3f}-{high:.3f}",
-            style="red" if outside else ("" if judged else "dim"),
+            ", ".join(outside),
+            style="red" if outside else ("" if sent >= BIN_SENT_MIN else "dim"),
         )
     return table
+
+
+def _is_judged(row: dict[str, Any]) -> bool:
+    return bool(row["sent"] >= BIN_SENT_MIN)
+
+
+def _is_outside(row: dict[str, Any]) -> bool:
+    return _is_judged(row) and not row["ci99"][0] <= row["measured"] <= row["ci99"][1]
 
 
 def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Path) -> None:
