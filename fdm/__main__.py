@@ -8,11 +8,12 @@ import sys
 
 import click
 
-from fdm.airframe import airframe_names, load_airframe
-from fdm.errors import FdmError
+from fdm.airframe import load_airframe
+from fdm.errors import FdmError, PortInUseError
 from fdm.events import UaEvent
 from fdm.exchange import AircraftSpec, Exchange, default_port
 from fdm.geodesy import GeodeticPosition, Home
+from fdm.wind import load_wind
 
 EPILOG = """\b
 To fly an ArduPilot on it (index 3, ports 9032 and 5790):
@@ -66,16 +67,20 @@ class HomeType(click.ParamType[Home]):
 @click.option("--speed", type=SpeedType(), default="1", show_default=True, help="Real-time factor.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to bind to.")
 @click.option("--port", type=click.IntRange(0, 65535), help="UDP port; 9002 + 10 I if not given, 0 = any.")
-def main(index: int, airframe: str, home: Home, speed: float, host: str, port: int | None) -> None:
+@click.option("--wind", default="calm", show_default=True, help="Name or YAML file of the wind.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the turbulence.")
+def main(
+    index: int, airframe: str, home: Home, speed: float, host: str, port: int | None, wind: str, seed: int
+) -> None:
     """Serve the flight dynamics of one UA to an ArduPilot started by hand (UDP, JSON scheme)."""
     try:
-        spec = AircraftSpec(
-            index, load_airframe(airframe), home, default_port(index) if port is None else port
-        )
+        air = load_wind(wind).build(seed=seed, ua_id=index)
+        number = default_port(index) if port is None else port
+        spec = AircraftSpec(index, load_airframe(airframe), home, number, air)
         exchange = Exchange([spec], host=host, speed=speed, on_event=_print_event)
     except FdmError as error:
-        known = f" (airframes: {', '.join(airframe_names())}; another port: --port)"
-        click.echo(f"error: {error}{known}", err=True)
+        hint = "; another port: --port" if isinstance(error, PortInUseError) else ""
+        click.echo(f"error: {error}{hint}", err=True)
         sys.exit(2)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: exchange.stop())

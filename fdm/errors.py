@@ -2,6 +2,7 @@
 
 FdmError
  +-- AirframeError       an airframe file or its JSBSim model is wrong
+ +-- WindError           a wind file or wind map is wrong, or a UA left its map
  +-- PortInUseError      a UDP port cannot be bound
  +-- ModelDivergedError  a flight model left the finite numbers (the exchange ends that UA and goes on)
 """
@@ -15,6 +16,10 @@ class FdmError(Exception):
 
 class AirframeError(FdmError):
     """An airframe file, or the JSBSim model that it names, cannot be used."""
+
+
+class WindError(FdmError):
+    """A wind cannot be used, or a UA is outside a wind map that forbids it."""
 
 
 class PortInUseError(FdmError):

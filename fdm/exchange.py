@@ -24,6 +24,7 @@ from fdm.jsbsim_model import JsbsimModel
 from fdm.lockstep import Verdict
 from fdm.sensor_frame import decode_sensor_frame, make_encoder
 from fdm.truth import Truth
+from fdm.wind import Wind
 
 PORT_BASE = 9002
 PORT_STRIDE = 10
@@ -44,12 +45,14 @@ class AircraftSpec:
         airframe: what it is.
         home: where it starts.
         port: UDP port on which its autopilot is served; 0 = any free one.
+        wind: the air around it (fdm.wind.WindConfig.build); None = still.
     """
 
     ua_id: int
     airframe: Airframe
     home: Home
     port: int
+    wind: Wind | None = None
 
 
 class _Seat:
@@ -234,6 +237,7 @@ class Exchange:
                 self._clock.members[spec.ua_id],
                 lambda: build_model(spec.airframe, spec.home),
                 make_encoder(spec.airframe.sensors),
+                spec.wind,
             )
         except BaseException:
             sock.close()

@@ -6,11 +6,13 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Protocol
 
-from fdm.fleet_clock import Member
+from fdm.errors import ModelDivergedError, WindError
+from fdm.fleet_clock import NEVER_NS, Member
 from fdm.lockstep import STEPPING, FrameTimer, Lockstep, Verdict
 from fdm.sensor_frame import Encoder
 from fdm.servo_packet import Fields, unpack_servo_packet
-from fdm.truth import Truth
+from fdm.truth import Truth, Vector
+from fdm.wind import WIND_PERIOD_NS, AirPoint, Wind
 
 
 class FlightModel(Protocol):
@@ -25,6 +27,12 @@ class FlightModel(Protocol):
     def truth(self, ua_id: int, sim_time_ns: int) -> Truth:
         """The true state."""
 
+    def air_point(self, sim_time_ns: int) -> AirPoint:
+        """Where it is in the air."""
+
+    def set_wind(self, wind_ned_mps: Vector) -> None:
+        """Set the velocity of the air around it, from the next step on."""
+
 
 class HostedAircraft:
     """One UA between its datagrams and its flight model.
@@ -34,6 +42,7 @@ class HostedAircraft:
         build_model: makes a flight model that stands at its home; called once now, and at each later boot of
             the autopilot.
         encode: makes the sensor frame's datagram.
+        wind: the air around it; None = still.
 
     Attributes:
         ua_id: which UA.
@@ -50,6 +59,8 @@ class HostedAircraft:
         "_offset_ns",
         "_timer",
         "_used",
+        "_wind",
+        "_wind_at_ns",
         "fields",
         "frames",
         "lockstep",
@@ -58,7 +69,13 @@ class HostedAircraft:
         "ua_id",
     )
 
-    def __init__(self, member: Member, build_model: Callable[[], FlightModel], encode: Encoder) -> None:
+    def __init__(
+        self,
+        member: Member,
+        build_model: Callable[[], FlightModel],
+        encode: Encoder,
+        wind: Wind | None = None,
+    ) -> None:
         self.ua_id = member.ua_id
         self.member = member
         self.lockstep = Lockstep()
@@ -71,6 +88,8 @@ class HostedAircraft:
         self._offset_ns = 0
         self._used = False
         self._counters: Counter[str] = Counter()
+        self._wind = wind
+        self._wind_at_ns = -1 if wind is not None else NEVER_NS
 
     def receive(self, datagram: bytes, sender: object, wall_ns: int) -> Verdict | None:
         """Judge a datagram.
@@ -102,6 +121,8 @@ class HostedAircraft:
     def set_fleet_time(self, sim_time_ns: int) -> None:
         """The UA's present own time is `sim_time_ns` of fleet sim time."""
         self._offset_ns = sim_time_ns - self._timer.time_ns
+        if self._wind is not None:
+            self._wind_at_ns = sim_time_ns
 
     def target_ns(self) -> int:
         """Fleet sim time after the frame that was asked for."""
@@ -111,14 +132,26 @@ class HostedAircraft:
         """Take the frame that was asked for; returns the reply's datagram.
 
         Raises:
-            ModelDivergedError: the flight model is lost.
+            ModelDivergedError: the flight model is lost, or there is no wind where it is.
         """
         self._used = True
         fields = self.fields
         rate_hz = fields[1]
         model = self.model
+        if self.member.sim_time_ns >= self._wind_at_ns:
+            self._feel_the_wind()
         model.step(fields, rate_hz)
         return self._encode((self._timer.advance(rate_hz) / 1e9, *model.sense()))
+
+    def _feel_the_wind(self) -> None:
+        now_ns = self.member.sim_time_ns
+        self._wind_at_ns = now_ns - now_ns % WIND_PERIOD_NS + WIND_PERIOD_NS
+        if self._wind is None:
+            return
+        try:
+            self.model.set_wind(self._wind.air_ned_mps(self.model.air_point(now_ns)))
+        except WindError as error:
+            raise ModelDivergedError(f"no wind: {error}") from error
 
     def truth(self) -> Truth:
         """The true state, stamped with fleet sim time."""

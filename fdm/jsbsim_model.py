@@ -21,6 +21,7 @@ from fdm.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
 from fdm.ground_contact import slowest_stable_rate_hz
 from fdm.servo_packet import PWM_OFFSET, Fields
 from fdm.truth import Truth, Vector, quaternion_from_euler
+from fdm.wind import AirPoint
 
 FOOT_M = 0.3048
 SLUG_KG = 14.59390294
@@ -163,6 +164,18 @@ class JsbsimModel:
         """Set the velocity of the air around the UA, m/s, from the next step on."""
         for setter, component in zip(self._wind, wind_ned_mps, strict=True):
             setter(component / FOOT_M)
+
+    def air_point(self, sim_time_ns: int) -> AirPoint:
+        """Where it is in the air at `sim_time_ns`."""
+        alt_amsl_m = self._exec["position/geod-alt-ft"] * FOOT_M
+        return AirPoint(
+            sim_time_ns,
+            self._exec["position/lat-geod-deg"],
+            self._exec["position/long-gc-deg"],
+            alt_amsl_m,
+            alt_amsl_m - self._home.position.alt_amsl_m,
+            self._truth_only[0]() * FOOT_M,
+        )
 
     def truth(self, ua_id: int, sim_time_ns: int) -> Truth:
         """The true state, stamped `sim_time_ns`."""

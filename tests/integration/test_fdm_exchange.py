@@ -18,11 +18,12 @@ from fdm.airframe import load_airframe
 from fdm.errors import ModelDivergedError, PortInUseError
 from fdm.events import EventKind
 from fdm.exchange import AircraftSpec, Exchange
-from fdm.geodesy import GeodeticPosition, Home
+from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
 from fdm.jsbsim_model import JsbsimModel
 from fdm.lockstep import RESEND_SILENCE_NS
 from fdm.sensor_frame import decode_sensor_frame
 from fdm.servo_packet import ServoPacket, encode_servo_packet
+from fdm.wind import WindConfig, load_wind
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 400.0), 0.0)
 STANDING = (1000,) * 16
@@ -68,12 +69,13 @@ class Client:
 class Running:
     """An exchange in a thread, with what it told."""
 
-    def __init__(self, ids=(0,), **settings):
+    def __init__(self, ids=(0,), specs=None, **settings):
         self.truths, self.ticks, self.events = [], [], []
         self.changed = threading.Condition()
         airframe = load_airframe("f450")
+        specs = specs or [AircraftSpec(ua_id, airframe, HOME, 0) for ua_id in ids]
         self.exchange = Exchange(
-            [AircraftSpec(ua_id, airframe, HOME, 0) for ua_id in ids],
+            specs,
             **{"speed": math.inf, **settings},
             on_truth=self.truths.append,
             on_tick=self._note(self.ticks),
@@ -335,6 +337,40 @@ def test_a_diverged_model_ends_its_ua_and_no_other(start):
     strong.send()
     assert reborn.receive().timestamp_s == pytest.approx(1 / 400)
     reborn.sock.close()
+
+
+def test_two_ua_300_m_apart_in_a_sheared_map_feel_different_winds_and_drift_apart(start):
+    airframe, config = load_airframe("f450"), load_wind("shear")
+    origin = GeodeticPosition(47.3977, 8.5456, 488.0)
+    homes = [Home(geodetic_from_ned(origin, (north, 500.0, 0.0)), 0.0) for north in (-150.0, 150.0)]
+    running = start(
+        specs=[
+            AircraftSpec(ua_id, airframe, home, 0, config.build(seed=1, ua_id=ua_id))
+            for ua_id, home in enumerate(homes)
+        ]
+    )
+    for _ in range(800):
+        for client in running.clients.values():
+            client.send((1600,) * 4 + (0,) * 12)
+        for client in running.clients.values():
+            client.receive()
+            client.count += 1
+    running.wait_for(lambda: running.ticks[-1].sim_time_ns == 2 * 10**9)
+    south, north = (truth for truth in running.truths[-2:])
+    # At y = -150 m the map's wind is 7.5 % below, at +150 m 7.5 % above that of its middle.
+    assert south.wind_ned_mps[1] > 3.0
+    assert north.wind_ned_mps[1] / south.wind_ned_mps[1] == pytest.approx(1.075 / 0.925, rel=0.02)
+    assert north.velocity_ned_mps[1] > south.velocity_ned_mps[1] + 0.01
+
+
+def test_a_ua_that_leaves_a_strict_map_ends_with_the_reason(start, tmp_path):
+    path = load_wind("shear").map.file
+    config = WindConfig.model_validate({"map": {"file": str(path), "outside": "error"}})
+    spec = AircraftSpec(0, load_airframe("f450"), HOME, 0, config.build(seed=1, ua_id=0))
+    running = start(specs=[spec])
+    running.clients[0].send()
+    running.wait_for(lambda: running.events[-1:] and running.events[-1].kind is EventKind.DIVERGED)
+    assert "outside the map" in running.events[-1].detail
 
 
 def test_no_number_that_is_not_finite_is_ever_sent(start):
