@@ -91,8 +91,10 @@ def bins_table(summary: dict[str, Any]) -> Table:
     table = Table(
         box=box.SIMPLE_HEAD, title="Probability of delivery by distance, all links", title_justify="left"
     )
-    for name in ("distance, m", "sent", "delivered", "measured", "predicted", "99 % interval", "outside"):
-        table.add_column(name, justify="right")
+    for name in ("distance, m", "sent", "delivered", "measured", "predicted", "99 % interval"):
+        table.add_column(name, justify="right", no_wrap=True)
+    if any(_is_outside(row) for row in summary["bins"]):
+        table.add_column("outside", overflow="fold")
     starts = sorted({row["distance_min_m"] for row in summary["bins"]})
     for start_m in starts:
         rows = [row for row in summary["bins"] if row["distance_min_m"] == start_m]
@@ -107,7 +109,7 @@ def bins_table(summary: dict[str, Any]) -> Table:
             f"{delivered / sent:.3f}",
             f"{predicted:.3f}",
             f"{low:.3f}-{high:.3f}",
-            ", ".join(outside),
+            *([", ".join(outside)] if outside else []),
             style="red" if outside else ("" if sent >= BIN_SENT_MIN else "dim"),
         )
     return table
