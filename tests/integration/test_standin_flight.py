@@ -19,7 +19,7 @@ from fdm.geodesy import GeodeticPosition, Home
 from fdm.jsbsim_model import JsbsimModel
 from fdm.truth import Truth
 
-HOME_TEXT = "45,10,100,0"
+HOME_TEXT = "45,10,100,120"
 SYSID = 3
 GUIDED, AUTO, RTL, LAND = 4, 3, 6, 9
 WALL_TIMEOUT_S = 40.0
@@ -98,7 +98,7 @@ class Flight:
             return model
 
         self.truth: list[Truth] = []
-        home = Home(GeodeticPosition(45.0, 10.0, 100.0), 0.0)
+        home = Home(GeodeticPosition(45.0, 10.0, 100.0), 120.0)
         self.exchange = Exchange(
             [AircraftSpec(0, airframe, home, 0)],
             speed=math.inf,

@@ -10,7 +10,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.autopilots.standin.commands import Commands, request_from
 from bridge.autopilots.standin.events import (
-    CurrentItemChanged,
     Event,
     HomeChanged,
     ItemReached,
@@ -123,8 +122,6 @@ class MavlinkEndpoint:
             self._send(dialect.MAVLink_statustext_message(int(event.severity), text))
         elif isinstance(event, ItemReached):
             self._send(dialect.MAVLink_mission_item_reached_message(event.seq))
-        elif isinstance(event, CurrentItemChanged):
-            self._send(self._telemetry.mission_current())
         elif isinstance(event, HomeChanged):
             self._send_by_id(dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
             self._send_by_id(dialect.MAVLINK_MSG_ID_HOME_POSITION)

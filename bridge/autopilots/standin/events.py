@@ -35,13 +35,6 @@ class ItemReached:
 
 
 @dataclass(frozen=True, slots=True)
-class CurrentItemChanged:
-    """Another mission item is flown now."""
-
-    seq: int
-
-
-@dataclass(frozen=True, slots=True)
 class HomeChanged:
     """Home was set."""
 
@@ -51,4 +44,4 @@ class ModeChanged:
     """The flight mode or the arming state changed: the heartbeat should not wait."""
 
 
-Event = StatusText | ItemReached | CurrentItemChanged | HomeChanged | ModeChanged
+Event = StatusText | ItemReached | HomeChanged | ModeChanged

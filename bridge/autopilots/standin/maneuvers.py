@@ -37,8 +37,8 @@ class Takeoff:
     """Speed the motors up until the vehicle rises, then climb straight up."""
 
     def __init__(self, vehicle: Vehicle, down_m: float) -> None:
-        self.down_m = down_m
-        """Height to reach, as metres down from the origin."""
+        self.down_m = min(down_m, vehicle.position_ned_m[2])
+        """Height to reach (never lower than the vehicle is), as metres down from the origin."""
         self._start_ned_m = vehicle.position_ned_m
         self._off_ground = not vehicle.landed
         vehicle.taking_off = True
@@ -46,7 +46,8 @@ class Takeoff:
             self._climb(vehicle)
         else:
             vehicle.throttle_given = SPOOL_START_SHARE * vehicle.controller.hover_throttle
-            vehicle.navigator.hold_yaw()
+            if vehicle.frame is not None:
+                vehicle.navigator.restart_yaw(vehicle.frame)
             vehicle.drive = Drive.SPOOL
 
     def update(self, vehicle: Vehicle, step_s: float) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import radians
 from typing import TYPE_CHECKING
 
-from bridge.autopilots.standin.events import CurrentItemChanged, ItemReached, Severity
+from bridge.autopilots.standin.events import ItemReached, Severity
 from bridge.autopilots.standin.flight_modes import FlightMode, ModeNumber
 from bridge.autopilots.standin.maneuvers import Drive, Landing, ReturnSequence, Takeoff
 from bridge.autopilots.standin.mission import NAVIGATION_COMMANDS, Command, MissionItem
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from bridge.autopilots.standin.vehicle import Vehicle
 
 HEIGHT_REACHED_M = 1.0
+REPORTED_COMMANDS = frozenset({Command.WAYPOINT, Command.LOITER_TIME})
 DO_ITEMS_IN_A_ROW_MAX = 100
 """More DO items without a NAV item between them are a loop (DO_JUMP)."""
 
@@ -54,7 +55,7 @@ class Auto(FlightMode):
             self._start_item(vehicle, max(vehicle.mission.current, 1))
         item = self._item
         if item is not None and self._fly(vehicle, item, step_s):
-            vehicle.tell(ItemReached(item.seq))
+            self._tell_reached(vehicle, item)
             self._start_item(vehicle, item.seq + 1)
 
     def touched_ground(self, vehicle: Vehicle) -> None:
@@ -62,9 +63,14 @@ class Auto(FlightMode):
         if self._landing is not None or self._return is not None:
             self._finish_landing(vehicle)
 
+    def _tell_reached(self, vehicle: Vehicle, item: MissionItem) -> None:
+        vehicle.tell(ItemReached(item.seq))
+        if item.command in REPORTED_COMMANDS:
+            vehicle.say(Severity.INFO, f"Reached command #{item.seq}")
+
     def _finish_landing(self, vehicle: Vehicle) -> None:
         if self._item is not None:
-            vehicle.tell(ItemReached(self._item.seq))
+            self._tell_reached(vehicle, self._item)
         self._item = None
         vehicle.disarm(force=False)
 
@@ -78,7 +84,7 @@ class Auto(FlightMode):
                 self._end(vehicle)
                 return
             vehicle.mission.current = seq
-            vehicle.tell(CurrentItemChanged(seq))
+            vehicle.say(Severity.INFO, f"Mission: {seq} {_NAMES[item.command]}")
             if item.command in NAVIGATION_COMMANDS or item.command == Command.CONDITION_DELAY:
                 self._begin(vehicle, item)
                 return
@@ -99,7 +105,6 @@ class Auto(FlightMode):
         self._held_s = 0.0
         self._arrived = False
         self._takeoff = self._landing = self._return = None
-        vehicle.say(Severity.INFO, f"Mission: {item.seq} {_NAMES[item.command]}")
         if vehicle.landed and item.command != Command.TAKEOFF:
             return  # nothing but a takeoff leaves the ground
         if item.command == Command.TAKEOFF:
@@ -188,4 +193,17 @@ def turn_to_condition(vehicle: Vehicle, angle_deg: float, direction: float, *, r
         vehicle.navigator.turn_to(radians(angle_deg))
 
 
-_NAMES = {command.value: command.name.replace("_", " ").title() for command in Command}
+_NAMES: dict[int, str] = {
+    Command.WAYPOINT: "WP",
+    Command.LOITER_UNLIMITED: "LoitUnlim",
+    Command.LOITER_TIME: "LoitTime",
+    Command.RETURN_TO_LAUNCH: "RTL",
+    Command.LAND: "Land",
+    Command.TAKEOFF: "Takeoff",
+    Command.DELAY: "Delay",
+    Command.CONDITION_DELAY: "CondDelay",
+    Command.CONDITION_YAW: "CondYaw",
+    Command.DO_JUMP: "Jump",
+    Command.DO_CHANGE_SPEED: "ChangeSpeed",
+}
+"""ArduPilot's short names of the commands."""
