@@ -1,4 +1,4 @@
-"""From what a scenario names to the objects of the packages that know them: radio, airframe, home."""
+"""From what a scenario names to the objects of the packages that know them: radio, airframe, wind, home."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from channel.presets import load_radio, radio_from_mapping
 from channel.radio import Radio
 from fdm.airframe import Airframe, load_airframe
 from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
+from fdm.wind import WindConfig, load_wind
 
 
 def radio_of(scenario: Scenario) -> Radio:
@@ -26,6 +27,15 @@ def airframe_of(ua: Aircraft) -> Airframe:
         AirframeError: there is no such airframe, or its file is wrong.
     """
     return load_airframe(ua.airframe)
+
+
+def wind_of(scenario: Scenario) -> WindConfig:
+    """The wind that a scenario names.
+
+    Raises:
+        WindError: there is no such wind, or its file is wrong.
+    """
+    return load_wind(scenario.wind)
 
 
 def origin_of(origin: Origin) -> GeodeticPosition:

@@ -129,6 +129,7 @@ class Scenario(_Part):
     tick_rate_hz: Annotated[int, Field(ge=1, le=100)] = 20
     origin: Origin
     radio: Annotated[str | dict[str, Any], BeforeValidator(_radio)]
+    wind: str = "calm"
     transmit: Transmit = Transmit()
     ports: Ports = Ports()
     ua: Annotated[tuple[Aircraft, ...], Field(min_length=1)]

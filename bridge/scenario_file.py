@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from bridge.resolve import airframe_of, radio_of
+from bridge.resolve import airframe_of, radio_of, wind_of
 from bridge.scenario import (
     Aircraft,
     HoldAgent,
@@ -24,7 +24,7 @@ from bridge.scenario import (
     Transmit,
 )
 from channel.presets import PresetError
-from fdm.errors import AirframeError
+from fdm.errors import AirframeError, WindError
 
 SCENARIOS = resources.files("sitl_configs") / "scenarios"
 DEFAULT_SCENARIO = "separation"
@@ -140,6 +140,10 @@ def _refuse_unknown_names(source: _Source, scenario: Scenario) -> None:
     except PresetError as error:
         path = ("radio", *error.key.split("."))
         mistakes.append(f"{source.name}:{source.line_of(path)}: radio: {error}")
+    try:
+        wind_of(scenario)
+    except WindError as error:
+        mistakes.append(f"{source.name}:{source.line_of(('wind',))}: wind: {error}")
     for index, ua in enumerate(scenario.ua):
         try:
             airframe_of(ua)

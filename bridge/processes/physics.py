@@ -7,7 +7,7 @@ import sys
 
 from bridge.messages import DecodeError, Header, decode
 from bridge.processes.common import on_stop_signal, parse_arguments
-from bridge.resolve import airframe_of, home_of, origin_of
+from bridge.resolve import airframe_of, home_of, origin_of, wind_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario import Scenario
 from bridge.session import Sample, Session, SessionError, open_client
@@ -20,8 +20,15 @@ log = logging.getLogger("physics")
 def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exchange:
     """The exchange of a scenario, publishing truth and clock."""
     keys, origin = run.keys, origin_of(scenario.origin)
+    wind = wind_of(scenario)
     specs = [
-        AircraftSpec(ua.id, airframe_of(ua), home_of(ua, scenario.origin), scenario.fdm_port(ua))
+        AircraftSpec(
+            ua.id,
+            airframe_of(ua),
+            home_of(ua, scenario.origin),
+            scenario.fdm_port(ua),
+            wind.build(seed=scenario.seed, ua_id=ua.id),
+        )
         for ua in scenario.ua
     ]
     return Exchange(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import sys
 import time
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ from bridge.autopilots.standin.parameters import DefaultsFileError, Parameters, 
 from bridge.autopilots.standin.process import Process
 
 EXIT_ERROR = 2
+GC_THRESHOLD = 50_000
 RATE_HZ_MIN, RATE_HZ_MAX = 100, 2000
 
 
@@ -31,6 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"physics udp:{options.fdm_host}:{options.fdm_port}",
         flush=True,
     )
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(GC_THRESHOLD)  # the frames' tuples would set it off every few of them, for nothing
     try:
         process.run()
     finally:

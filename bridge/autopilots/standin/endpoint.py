@@ -72,7 +72,8 @@ class MavlinkEndpoint:
     def step(self) -> None:
         """Do what is due at the vehicle's time: events, streams, lists under way."""
         now_ns = self._vehicle.sim_time_ns
-        self._flush_events()
+        if self._vehicle.has_events:
+            self._flush_events()
         if now_ns >= self._slow_due_ns:
             self._slow_due_ns = now_ns + PARAMETER_STEP_NS
             self._missions.step(now_ns)

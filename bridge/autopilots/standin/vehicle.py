@@ -102,11 +102,14 @@ class Vehicle:
             self.servo_output_us[0:MOTORS] = pwm_us(self._commands)
         return self.servo_output_us
 
+    @property
+    def has_events(self) -> bool:
+        """Whether ``take_events`` would return any."""
+        return bool(self._events)
+
     def take_events(self) -> list[Event]:
         """Return and forget the events since the last call."""
-        events = self._events
-        if events:
-            self._events = []
+        events, self._events = self._events, []
         return events
 
     def tell(self, event: Event) -> None:

@@ -52,6 +52,7 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
             "unknown key; did you mean noise?",
         ),
         ("radio: moon2020", "radio: 5", "radio", "name of a radio preset"),
+        ("radio: moon2020", "radio: moon2020\nwind: storm", "wind", "no wind 'storm': known are"),
         ("schema: 1", "schema: 2", "schema", "should be 1"),
         ("seed: 1", "seed: 1\nseed: 2", "seed", "given twice"),
         ("duration_s: 600 ", "duration_s: .inf ", "duration_s", "finite"),
