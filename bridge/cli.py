@@ -16,7 +16,7 @@ from channel.cli import main as channel_commands
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(metadata.version("lostlink"), prog_name="lostlink")
 def lostlink() -> None:
-    r"""Fly real ArduPilot stacks on JSBSim airframes, and lose their traffic exactly as the radio would.
+    """Fly real ArduPilot stacks on JSBSim airframes, and lose their traffic exactly as the radio would.
 
     \b
     Examples:

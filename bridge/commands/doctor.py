@@ -37,7 +37,7 @@ PACKAGES = (
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def doctor(scenario: str, ardupilot_dir: Path | None, as_json: bool) -> None:
-    r"""Show what is installed, which autopilots were found, and whether the ports of SCENARIO are free.
+    """Show what is installed, which autopilots were found, and whether the ports of SCENARIO are free.
 
     Ends with status 1 if SCENARIO could not run here with the stand-in autopilot.
 

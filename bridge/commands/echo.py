@@ -31,7 +31,7 @@ from bridge.session import Sample, SessionError, Stamp, open_client
 @click.option("--count", type=click.IntRange(min=1), help="End after so many samples.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per line.")
 def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: bool) -> None:
-    r"""Print the samples that match KEY (a Zenoh key expression), decoded where they are messages of ours.
+    """Print the samples that match KEY (a Zenoh key expression), decoded where they are messages of ours.
 
     \b
     Examples:

@@ -80,7 +80,7 @@ def run(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    r"""Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
+    """Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
 
     Writes OUT/<time>-<scenario>/ with summary.json, deliveries.csv, a figure, the scenario as resolved and a log
     per process. Ends with status 0 if the measured deliveries agree with the channel's model, 1 if not or if
