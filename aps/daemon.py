@@ -22,7 +22,14 @@ from typing import Any, Final, Self
 from aps.autopilot_link import AutopilotLink, parse_autopilot
 from aps.commander import Commander
 from aps.config import DaemonConfig
-from aps.dialect import AUTOPILOT_COMPID, ONBOARD_COMPUTER_COMPID, Encoder, mavlink
+from aps.dialect import (
+    AUTOPILOT_COMPID,
+    ONBOARD_COMPUTER_COMPID,
+    Encoder,
+    mavlink,
+    onboard_computer_heartbeat,
+    set_message_interval,
+)
 from aps.endpoints import Client, ClientServer
 from aps.framer import Frame, Framer
 from aps.outbox import Outbox
@@ -36,7 +43,6 @@ __all__ = ["Daemon", "DaemonConfig"]
 
 NS_PER_S: Final = 1_000_000_000
 HEARTBEAT_PERIOD_NS: Final = NS_PER_S
-MAVLINK_VERSION: Final = 3
 SILENT_HEARTBEATS: Final = 4
 """So many autopilot heartbeats without any message that carries its clock: its streams are gone."""
 
@@ -88,6 +94,7 @@ class Daemon:
         self._assembler = StatusTextAssembler()
         self._outboxes: dict[int, Outbox] = {_AUTOPILOT_LINK: self.link.outbox}
         self._subscriptions: set[Subscription] = set()
+        self._offered_ms = 0
         self._heard = False
         self._foreign: set[int] = set()
         self._silent_heartbeats = 0
@@ -198,6 +205,8 @@ class Daemon:
             if frame.compid == AUTOPILOT_COMPID:
                 if frame.sysid == own:
                     changed |= self._from_autopilot(frame, now_ns)
+                    if self._subscriptions and self.telemetry.clock_ms != self._offered_ms:
+                        self._clock_advanced()
                 else:
                     self._from_foreign(frame)
             route = self.router.route(frame, _AUTOPILOT_LINK, now_ns)
@@ -281,6 +290,15 @@ class Daemon:
             if self.texts is not None:
                 self.texts(text)
 
+    def _clock_advanced(self) -> None:
+        """Keep subscriptions at their rate also when a fast autopilot's bytes come in large pieces."""
+        self._offered_ms = self.telemetry.clock_ms
+        due = [s for s in self._subscriptions if s.rated and s.due(self._offered_ms)]
+        if due:
+            state = self.state
+            for subscription in due:
+                subscription.offer(state)
+
     def _state_changed(self) -> None:
         if self._subscriptions:
             state = self.state
@@ -330,36 +348,13 @@ class Daemon:
 
     def _pump_streams(self, now_ns: int) -> None:
         request = self.streams.poll(now_ns)
-        if request is None:
-            return
-        msg_id, interval_us = request
-        self._send(
-            [
-                mavlink.MAVLink_command_long_message(
-                    self.config.sysid,
-                    AUTOPILOT_COMPID,
-                    SET_MESSAGE_INTERVAL,
-                    0,
-                    float(msg_id),
-                    float(interval_us),
-                    *[0.0] * 5,
-                )
-            ]
-        )
+        if request is not None:
+            self._send([set_message_interval(self.config.sysid, *request)])
 
     def _send_heartbeat(self) -> None:
         # To the autopilot alone: a script that takes the first heartbeat it sees for the vehicle's would take ours.
-        if not self.link.up:
-            return
-        heartbeat = mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-            mavlink.MAV_AUTOPILOT_INVALID,
-            0,
-            0,
-            mavlink.MAV_STATE_ACTIVE,
-            MAVLINK_VERSION,
-        )
-        self._send([heartbeat])
+        if self.link.up:
+            self._send([onboard_computer_heartbeat()])
 
     # Time.
 

@@ -18,12 +18,17 @@ __all__ = [
     "TARGET_OFFSETS",
     "Encoder",
     "enum_label",
+    "is_plane",
     "mavlink",
     "message_name",
     "mode_numbers",
+    "onboard_computer_heartbeat",
+    "set_message_interval",
 ]
 
 AUTOPILOT_COMPID: Final = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
+MAVLINK_VERSION: Final = 3
+"""HEARTBEAT's field of that name."""
 ONBOARD_COMPUTER_COMPID: Final = int(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
 
 
@@ -117,6 +122,25 @@ def mode_numbers(vehicle_type: int) -> dict[str, int]:
         for number, label in labels.items()
         if label != "ENUM_END"
     }
+
+
+def onboard_computer_heartbeat() -> Any:
+    """HEARTBEAT of a computer on board of the UA."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_AUTOPILOT_INVALID,
+        0,
+        0,
+        mavlink.MAV_STATE_ACTIVE,
+        MAVLINK_VERSION,
+    )
+
+
+def set_message_interval(sysid: int, msg_id: int, interval_us: int) -> Any:
+    """COMMAND_LONG that asks the autopilot of a system for a message every ``interval_us``."""
+    command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+    params = (float(msg_id), float(interval_us), 0.0, 0.0, 0.0, 0.0, 0.0)
+    return mavlink.MAVLink_command_long_message(sysid, AUTOPILOT_COMPID, command, 0, *params)
 
 
 class Encoder:

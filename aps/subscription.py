@@ -28,10 +28,19 @@ class Subscription:
         """Stop calling back."""
         self._on_cancel(self)
 
+    @property
+    def rated(self) -> bool:
+        """Whether it has a rate; else it is called after every batch of telemetry."""
+        return self._period_ms > 0.0
+
+    def due(self, now_ms: int) -> bool:
+        """Whether the period has passed in the autopilot's time (or that time has gone back)."""
+        return not now_ms < self._next_ms <= now_ms + 2 * self._period_ms
+
     def offer(self, state: AircraftState) -> None:
-        """Call back if the period has passed in the autopilot's time (or that time has gone back)."""
+        """Call back if it is due."""
         now_ms = state.time_boot_ms
-        if now_ms < self._next_ms <= now_ms + 2 * self._period_ms:
+        if not self.due(now_ms):
             return
         # Keep the grid, so that jitter of the telemetry does not slow the subscription down.
         due_ms = self._next_ms + self._period_ms

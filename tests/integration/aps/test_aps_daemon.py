@@ -203,6 +203,20 @@ async def test_subscription_at_a_rate_of_the_autopilots_time(daemon, eventually)
         daemon.subscribe(states.append, rate_hz=0)
 
 
+async def test_subscription_keeps_its_rate_when_much_telemetry_comes_at_once(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    states = []
+    daemon.subscribe(states.append, rate_hz=10.0)
+    start_ms = autopilot.clock_ms + 1000
+    messages = [
+        mavlink.MAVLink_attitude_message(start_ms + ms, 0, 0, 0, 0, 0, 0) for ms in range(0, 10_000, 50)
+    ]
+    autopilot.send_raw(b"".join(bytes(message.pack(autopilot.mav)) for message in messages))
+    await eventually(lambda: daemon.state.time_boot_ms >= start_ms + 9950)
+    burst = [state.time_boot_ms for state in states if start_ms <= state.time_boot_ms <= start_ms + 9950]
+    assert len(burst) == pytest.approx(100, abs=1)
+
+
 async def test_autopilot_of_another_system_is_told(autopilot, caplog, eventually):
     async with Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=9)) as daemon:
         await eventually(lambda: "calls itself system 2, expected 9" in caplog.text)
