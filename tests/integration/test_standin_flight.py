@@ -13,6 +13,10 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridge.autopilots.standin import process
+from bridge.autopilots.standin.autopilot import Autopilot
+from bridge.autopilots.standin.location import Location
+from bridge.autopilots.standin.parameters import Parameters
 from fdm.airframe import Airframe, load_airframe
 from fdm.exchange import AircraftSpec, Exchange
 from fdm.geodesy import GeodeticPosition, Home
@@ -152,9 +156,9 @@ def start(fdm_port: int, *more: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
-def port_of(process: "subprocess.Popen[str]") -> int:
-    assert process.stdout is not None
-    line = process.stdout.readline()
+def port_of(child: "subprocess.Popen[str]") -> int:
+    assert child.stdout is not None
+    line = child.stdout.readline()
     assert line.startswith("ready: sysid 3, MAVLink tcp:127.0.0.1:"), line
     return int(line.split("tcp:127.0.0.1:")[1].split(",")[0])
 
@@ -325,14 +329,14 @@ def physics() -> Iterator[socket.socket]:
 
 @contextlib.contextmanager
 def autopilot(fdm_port: int, *more: str) -> Iterator[tuple["subprocess.Popen[str]", int]]:
-    process = start(fdm_port, *more)
+    child = start(fdm_port, *more)
     try:
-        yield process, port_of(process)
+        yield child, port_of(child)
     finally:
-        process.kill()
-        process.wait()
-        if process.stdout is not None:
-            process.stdout.close()
+        child.kill()
+        child.wait()
+        if child.stdout is not None:
+            child.stdout.close()
 
 
 FRAME = (
@@ -365,7 +369,7 @@ def test_silent_physics_gets_the_same_frame_again_and_mavlink_is_served_meanwhil
 
 
 def test_garbage_on_both_sockets_is_survived() -> None:
-    with physics() as udp, autopilot(udp.getsockname()[1]) as (process, port):
+    with physics() as udp, autopilot(udp.getsockname()[1]) as (child, port):
         exchange_frames(udp, 0, 10)
         packet, source = udp.recvfrom(256)
         for junk in (b"", b"{", b"\xff" * 2000, b"[" * 60000, b'{"timestamp":NaN}', packet):
@@ -377,7 +381,7 @@ def test_garbage_on_both_sockets_is_survived() -> None:
         assert client.wait_for("PARAM_VALUE").param_value == 1500.0
         udp.sendto(FRAME.format(11 / 400).encode(), source)
         exchange_frames(udp, 11, 10)
-        assert process.poll() is None
+        assert child.poll() is None
         client.close()
 
 
@@ -399,8 +403,44 @@ def test_one_client_at_a_time_and_the_next_is_served_when_it_is_gone() -> None:
         second.close()
 
 
+def test_a_client_that_does_not_read_is_let_go_and_the_flight_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(process, "UNSENT_WAIT_BYTES", 10_000)
+    monkeypatch.setattr(process, "UNSENT_WAIT_MAX_S", 0.05)
+    monkeypatch.setattr(process, "DEAF_MAX_S", 0.3)
+    core = Autopilot(Location(45.0, 10.0, 100.0), Parameters(), frame_rate_hz=400, boot_unix_us=0)
+    with physics() as udp, socket.socket() as deaf:
+        server = process.Process(core, udp.getsockname(), ("127.0.0.1", 0))
+        thread = threading.Thread(target=server.run)
+        thread.start()
+        try:
+            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            deaf.connect(("127.0.0.1", server.mavlink_port))
+            codec = dialect.MAVLink(None, 255, 190)
+            for message_id in core.mavlink.message_ids:
+                request = dialect.MAVLink_command_long_message(1, 1, 511, 0, message_id, 2500, 0, 0, 0, 0, 0)
+                deaf.sendall(request.pack(codec))
+            frames = 0
+            deadline = time.monotonic() + WALL_TIMEOUT_S
+            while not server.errors["client_deaf"] and time.monotonic() < deadline:
+                exchange_frames(udp, frames, 10)
+                frames += 10
+            assert server.errors["client_deaf"] == 1
+            assert server.errors["telemetry_dropped_bytes"] > 0
+            exchange_frames(udp, frames, 100)
+            other = Client(server.mavlink_port)
+            other.send(dialect.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
+            assert other.wait_for("PARAM_VALUE").param_value == 1500.0
+            other.close()
+        finally:
+            server.stop()
+            thread.join(5.0)
+            server.close()
+
+
 def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:
-    with physics() as udp, autopilot(udp.getsockname()[1]) as (process, port):
+    with physics() as udp, autopilot(udp.getsockname()[1]) as (child, port):
         taken = [sys.executable, "-m", "bridge.autopilots.standin", "--home", HOME_TEXT]
         result = subprocess.run(
             [*taken, "--mavlink-port", str(port)], capture_output=True, text=True, timeout=20, check=False
@@ -420,6 +460,6 @@ def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:
         assert result.stderr.count("\n") == 1
         assert "/nowhere/x.parm" in result.stderr
         asked = time.monotonic()
-        process.terminate()
-        assert process.wait(5.0) == 0
+        child.terminate()
+        assert child.wait(5.0) == 0
         assert time.monotonic() - asked < 1.0

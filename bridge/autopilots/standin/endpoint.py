@@ -52,6 +52,11 @@ class MavlinkEndpoint:
         """Received bytes and frames that were no message, by reason."""
         return self._framer.dropped
 
+    @property
+    def message_ids(self) -> list[int]:
+        """The messages that can be streamed or requested."""
+        return list(self._telemetry.builders)
+
     def connect(self) -> None:
         """A client is there: what streams was asked for before goes on."""
         self._connected = True

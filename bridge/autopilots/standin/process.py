@@ -194,6 +194,8 @@ class Process:
         data = self._autopilot.mavlink.data_to_send()
         if client is None:
             return
+        if not self._unsent:
+            self._drained_at_s = time.monotonic()
         if len(self._unsent) <= UNSENT_WAIT_BYTES:
             self._unsent += data
         else:
