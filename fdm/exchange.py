@@ -19,7 +19,7 @@ from fdm.errors import ModelDivergedError, PortInUseError
 from fdm.events import EventKind, UaEvent
 from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, check_speed
 from fdm.geodesy import Home
-from fdm.hosted_aircraft import FlightModel, HostedAircraft
+from fdm.hosted_aircraft import Disturb, FlightModel, HostedAircraft
 from fdm.jsbsim_model import JsbsimModel
 from fdm.lockstep import Verdict
 from fdm.sensor_frame import decode_sensor_frame, make_encoder
@@ -46,6 +46,7 @@ class AircraftSpec:
         home: where it starts.
         port: UDP port on which its autopilot is served; 0 = any free one.
         wind: the air around it (fdm.wind.WindConfig.build); None = still.
+        disturb: adds errors to its sensors (fdm.sensor_noise); None = only those of SITL itself.
     """
 
     ua_id: int
@@ -53,6 +54,7 @@ class AircraftSpec:
     home: Home
     port: int
     wind: Wind | None = None
+    disturb: Disturb | None = None
 
 
 class _Seat:
@@ -238,6 +240,7 @@ class Exchange:
                 lambda: build_model(spec.airframe, spec.home),
                 make_encoder(spec.airframe.sensors),
                 spec.wind,
+                spec.disturb,
             )
         except BaseException:
             sock.close()

@@ -34,6 +34,10 @@ class FlightModel(Protocol):
         """Set the velocity of the air around it, from the next step on."""
 
 
+Sense = Callable[[], tuple[float, ...]]
+Disturb = Callable[[Sense], Sense]
+
+
 class HostedAircraft:
     """One UA between its datagrams and its flight model.
 
@@ -43,6 +47,7 @@ class HostedAircraft:
             the autopilot.
         encode: makes the sensor frame's datagram.
         wind: the air around it; None = still.
+        disturb: turns a model's `sense` into what the sensors measure; None = they are exact.
 
     Attributes:
         ua_id: which UA.
@@ -55,7 +60,9 @@ class HostedAircraft:
     __slots__ = (
         "_build_model",
         "_counters",
+        "_disturb",
         "_encode",
+        "_measure",
         "_offset_ns",
         "_timer",
         "_used",
@@ -75,14 +82,16 @@ class HostedAircraft:
         build_model: Callable[[], FlightModel],
         encode: Encoder,
         wind: Wind | None = None,
+        disturb: Disturb | None = None,
     ) -> None:
         self.ua_id = member.ua_id
         self.member = member
         self.lockstep = Lockstep()
         self.frames = 0
         self.fields: Fields = ()
-        self.model = build_model()
+        self._disturb = disturb
         self._build_model = build_model
+        self._set_model(build_model())
         self._encode = encode
         self._timer = FrameTimer()
         self._offset_ns = 0
@@ -115,8 +124,12 @@ class HostedAircraft:
         """The autopilot booted: own time starts at 0, the model stands at its home."""
         self._timer = FrameTimer()
         if self._used:
-            self.model = self._build_model()
+            self._set_model(self._build_model())
         self._used = False
+
+    def _set_model(self, model: FlightModel) -> None:
+        self.model = model
+        self._measure = model.sense if self._disturb is None else self._disturb(model.sense)
 
     def set_fleet_time(self, sim_time_ns: int) -> None:
         """The UA's present own time is `sim_time_ns` of fleet sim time."""
@@ -141,7 +154,7 @@ class HostedAircraft:
         if self.member.sim_time_ns >= self._wind_at_ns:
             self._feel_the_wind()
         model.step(fields, rate_hz)
-        return self._encode((self._timer.advance(rate_hz) / 1e9, *model.sense()))
+        return self._encode((self._timer.advance(rate_hz) / 1e9, *self._measure()))
 
     def _feel_the_wind(self) -> None:
         now_ns = self.member.sim_time_ns

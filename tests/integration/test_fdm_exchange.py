@@ -22,6 +22,7 @@ from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
 from fdm.jsbsim_model import JsbsimModel
 from fdm.lockstep import RESEND_SILENCE_NS
 from fdm.sensor_frame import decode_sensor_frame
+from fdm.sensor_noise import SensorNoise
 from fdm.servo_packet import ServoPacket, encode_servo_packet
 from fdm.wind import WindConfig, load_wind
 
@@ -373,13 +374,22 @@ def test_a_ua_that_leaves_a_strict_map_ends_with_the_reason(start, tmp_path):
     assert "outside the map" in running.events[-1].detail
 
 
+def test_sensor_errors_reach_the_autopilot_but_not_the_truth(start):
+    noise = SensorNoise(accel_bias_frd_mps2=(0.0, 1.0, 0.0))
+    spec = AircraftSpec(0, load_airframe("f450"), HOME, 0, disturb=noise.disturb(seed=1, ua_id=0))
+    running = start(specs=[spec])
+    frame = running.clients[0].exchange()
+    assert frame.specific_force_frd_mps2[1] == pytest.approx(1.0, abs=0.01)
+    assert running.truths[0].specific_force_frd_mps2[1] == pytest.approx(0.0, abs=0.01)
+
+
 def test_no_number_that_is_not_finite_is_ever_sent(start):
     running = start()
     client = running.clients[0]
     client.exchange()
     seat = next(iter(running.exchange._seats.values()))
-    sense = seat.aircraft.model.sense
-    seat.aircraft.model.sense = lambda: (math.nan, *sense()[1:])
+    measure = seat.aircraft._measure
+    seat.aircraft._measure = lambda: (math.nan, *measure()[1:])
     client.send()
     running.wait_for(lambda: running.events[-1].kind is EventKind.DIVERGED)
     assert client.silent()
