@@ -23,9 +23,10 @@ from fdm.geodesy import GeodeticPosition, Home
 from fdm.jsbsim_model import JsbsimModel
 from fdm.truth import Truth
 
-HOME_TEXT = "45,10,100,120"
+HEADING_DEG = 120.0
+HOME_TEXT = f"45,10,100,{HEADING_DEG}"
 SYSID = 3
-GUIDED, AUTO, RTL, LAND = 4, 3, 6, 9
+GUIDED, LOITER, RTL, LAND = 4, 5, 6, 9
 WALL_TIMEOUT_S = 40.0
 POSITION_ONLY, VELOCITY_ONLY = 0x0DF8, 0x0DC7
 STREAMED_MS = {32: 100, 245: 200}
@@ -102,7 +103,7 @@ class Flight:
             return model
 
         self.truth: list[Truth] = []
-        home = Home(GeodeticPosition(45.0, 10.0, 100.0), 120.0)
+        home = Home(GeodeticPosition(45.0, 10.0, 100.0), HEADING_DEG)
         self.exchange = Exchange(
             [AircraftSpec(0, airframe, home, 0)],
             speed=math.inf,
@@ -303,6 +304,42 @@ def test_eight_metres_of_wind_are_borne() -> None:
             0, abs=10
         )
         assert client.command(21) == 0
+        client.wait_disarmed()
+
+
+def test_sticks_fly_stabilize_and_loiter() -> None:
+    with flying() as flight:
+        client = flight.client
+
+        def sticks(roll: int, pitch: int, throttle: int, yaw: int) -> None:
+            client.send(
+                dialect.MAVLink_rc_channels_override_message(SYSID, 1, roll, pitch, throttle, yaw, 0, 0, 0, 0)
+            )
+
+        client.send(dialect.MAVLink_param_set_message(SYSID, 1, b"RC_OVERRIDE_TIME", 1000.0, 9))
+        assert client.wait_for("PARAM_VALUE", param_id="RC_OVERRIDE_TIME").param_value == 1000.0
+        sticks(1500, 1500, 1700, 1500)
+        client.wait_for("STATUSTEXT", text="EKF3 IMU0 is using GPS")
+        assert client.command(400, 1) == 4
+        assert client.texts()[-1] == "Arm: Throttle too high"
+        sticks(1500, 1500, 1100, 1500)
+        assert client.command(400, 1) == 0
+        sticks(1500, 1500, 1540, 1500)
+        client.wait(lambda m: m.get_type() == "LOCAL_POSITION_NED" and m.z < -2.0)
+        sticks(1500, 1500, 1500, 1500)
+        assert client.command(176, 1, LOITER) == 0
+        flight.run_for(5.0)
+        held = flight.truth[-1].position_ned_m
+        assert spread_m(flight.run_for(3.0), held) < 0.3
+        sticks(1500, 1300, 1500, 1500)
+        flight.run_for(4.0)
+        north_mps, east_mps, _ = flight.truth[-1].velocity_ned_mps
+        assert math.hypot(north_mps, east_mps) == pytest.approx(2.5, abs=0.3)
+        assert math.degrees(math.atan2(east_mps, north_mps)) == pytest.approx(HEADING_DEG, abs=5), (
+            "stick forward"
+        )
+        sticks(1500, 1500, 1500, 1500)
+        assert client.command(176, 1, LAND) == 0
         client.wait_disarmed()
 
 
