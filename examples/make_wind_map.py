@@ -74,5 +74,5 @@ def plot(path: Path) -> None:
 
 if __name__ == "__main__":
     write(DIRECTORY / "shear.nc")
-    Path("docs/images").mkdir(exist_ok=True)
-    plot(Path("docs/images/wind-shear.png"))
+    Path("docs/img").mkdir(exist_ok=True)
+    plot(Path("docs/img/wind-shear.png"))
