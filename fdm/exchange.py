@@ -21,8 +21,10 @@ from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, chec
 from fdm.geodesy import Home
 from fdm.hosted_aircraft import Disturb, FlightModel, HostedAircraft
 from fdm.jsbsim_model import JsbsimModel
+from fdm.legacy_scheme import make_legacy_encoder, make_legacy_unpacker
 from fdm.lockstep import Verdict
 from fdm.sensor_frame import decode_sensor_frame, make_encoder
+from fdm.servo_packet import unpack_servo_packet
 from fdm.truth import Truth
 from fdm.wind import Wind
 
@@ -47,6 +49,7 @@ class AircraftSpec:
         port: UDP port on which its autopilot is served; 0 = any free one.
         wind: the air around it (fdm.wind.WindConfig.build); None = still.
         disturb: adds errors to its sensors (fdm.sensor_noise); None = only those of SITL itself.
+        legacy: speak the legacy scheme; None = ArduPilot's JSON scheme.
     """
 
     ua_id: int
@@ -55,14 +58,29 @@ class AircraftSpec:
     port: int
     wind: Wind | None = None
     disturb: Disturb | None = None
+    legacy: LegacyPeer | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LegacyPeer:
+    """How a peer of the legacy scheme is served (fdm.legacy_scheme).
+
+    Attributes:
+        state_port: port on the sender's host to which the state goes.
+        rate_hz: frames per second of sim time; each servo packet asks for one.
+    """
+
+    state_port: int
+    rate_hz: int
 
 
 class _Seat:
     """One UA with its socket."""
 
-    __slots__ = ("aircraft", "member", "recvfrom", "sendto", "sock")
+    __slots__ = ("aircraft", "member", "recvfrom", "reply_port", "sendto", "sock")
 
-    def __init__(self, aircraft: HostedAircraft, sock: socket.socket) -> None:
+    def __init__(self, aircraft: HostedAircraft, sock: socket.socket, reply_port: int | None) -> None:
+        self.reply_port = reply_port
         self.aircraft = aircraft
         self.member = aircraft.member
         self.sock = sock
@@ -234,18 +252,20 @@ class Exchange:
         self, spec: AircraftSpec, host: str, build_model: Callable[[Airframe, Home], FlightModel]
     ) -> None:
         sock = _bind(spec, host)
+        legacy = spec.legacy
         try:
             aircraft = HostedAircraft(
                 self._clock.members[spec.ua_id],
                 lambda: build_model(spec.airframe, spec.home),
-                make_encoder(spec.airframe.sensors),
+                make_legacy_encoder(spec.home) if legacy else make_encoder(spec.airframe.sensors),
                 spec.wind,
                 spec.disturb,
+                make_legacy_unpacker(legacy.rate_hz) if legacy else unpack_servo_packet,
             )
         except BaseException:
             sock.close()
             raise
-        self._seats[sock.fileno()] = _Seat(aircraft, sock)
+        self._seats[sock.fileno()] = _Seat(aircraft, sock, legacy.state_port if legacy else None)
         self._poller.register(sock.fileno())
 
     def _command(self, command: Callable[[], None]) -> None:
@@ -350,8 +370,11 @@ class Exchange:
         self._clock.stepped(seat.member)
 
     def _send(self, seat: _Seat, reply: bytes) -> None:
+        sender = seat.aircraft.lockstep.sender
+        if seat.reply_port is not None:
+            sender = (sender[0], seat.reply_port)
         try:
-            seat.sendto(reply, seat.aircraft.lockstep.sender)
+            seat.sendto(reply, sender)
         except OSError as error:  # the autopilot will ask again
             seat.aircraft.count("send_failed")
             _log.debug("UA %d: reply not sent: %s", seat.aircraft.ua_id, error)

@@ -48,6 +48,7 @@ class HostedAircraft:
         encode: makes the sensor frame's datagram.
         wind: the air around it; None = still.
         disturb: turns a model's `sense` into what the sensors measure; None = they are exact.
+        unpack: takes a datagram apart: a servo packet's fields, or why it is none.
 
     Attributes:
         ua_id: which UA.
@@ -65,6 +66,7 @@ class HostedAircraft:
         "_measure",
         "_offset_ns",
         "_timer",
+        "_unpack",
         "_used",
         "_wind",
         "_wind_at_ns",
@@ -83,12 +85,14 @@ class HostedAircraft:
         encode: Encoder,
         wind: Wind | None = None,
         disturb: Disturb | None = None,
+        unpack: Callable[[bytes], Fields | str] = unpack_servo_packet,
     ) -> None:
         self.ua_id = member.ua_id
         self.member = member
         self.lockstep = Lockstep()
         self.frames = 0
         self.fields: Fields = ()
+        self._unpack = unpack
         self._disturb = disturb
         self._build_model = build_model
         self._set_model(build_model())
@@ -106,7 +110,7 @@ class HostedAircraft:
         Returns:
             The verdict, or None if it was no servo packet (counted by reason). Never raises.
         """
-        fields = unpack_servo_packet(datagram)
+        fields = self._unpack(datagram)
         if fields.__class__ is str:
             self._counters[fields] += 1
             return None

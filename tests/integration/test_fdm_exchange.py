@@ -17,9 +17,10 @@ import pytest
 from fdm.airframe import load_airframe
 from fdm.errors import ModelDivergedError, PortInUseError
 from fdm.events import EventKind
-from fdm.exchange import AircraftSpec, Exchange
+from fdm.exchange import AircraftSpec, Exchange, LegacyPeer
 from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
 from fdm.jsbsim_model import JsbsimModel
+from fdm.legacy_scheme import decode_legacy_state, encode_legacy_servos
 from fdm.lockstep import RESEND_SILENCE_NS
 from fdm.sensor_frame import decode_sensor_frame
 from fdm.sensor_noise import SensorNoise
@@ -175,6 +176,46 @@ def test_truth_of_every_ua_comes_before_the_tick_and_at_its_instant(start):
     assert [(t.sim_time_ns, t.ua_id) for t in running.truths] == [
         (k * 25_000_000, ua_id) for k in range(11) for ua_id in (0, 1, 2)
     ]
+
+
+@pytest.mark.parametrize("speed", [math.inf, 1.0])
+def test_eight_ua_of_mixed_types_and_rates_stay_within_the_window(start, speed):
+    names, rates = ("f450", "hexa550", "aerosonde", "f450"), (400, 800, 1200, 400, 50, 300, 800, 400)
+    specs = [AircraftSpec(i, load_airframe(names[i % 4]), HOME, 0) for i in range(8)]
+    running = start(specs=specs, speed=speed, tick_period_ns=20_000_000)
+    apart_ns = []
+    clock = running.exchange._clock
+    stepped = clock.stepped
+
+    def watched(member):
+        stepped(member)
+        times = [other.sim_time_ns for other in clock.members.values()]
+        apart_ns.append(max(times) - min(times))
+
+    clock.stepped = watched
+
+    def fly(client, rate_hz):
+        client.rate_hz = rate_hz
+        for _ in range(rate_hz // 2):
+            client.exchange()
+
+    threads = [
+        threading.Thread(target=fly, args=(client, rate))
+        for client, rate in zip(running.clients.values(), rates, strict=True)
+    ]
+    begin_ns = time.monotonic_ns()
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(WAIT_S)
+        assert not thread.is_alive()
+    assert max(apart_ns) <= 20_000_000  # one frame at the slowest rate, 50 Hz
+    running.wait_for(lambda: running.ticks[-1].sim_time_ns == 500_000_000)
+    for tick in running.ticks:
+        truths = [t for t in running.truths if 0 <= t.sim_time_ns - tick.sim_time_ns < 20_000_000]
+        assert {t.ua_id for t in truths} == set(range(8))
+    if speed == 1.0:
+        assert (time.monotonic_ns() - begin_ns) / 1e9 >= 0.45
 
 
 def test_held_ticks_wait_for_their_release(start):
@@ -372,6 +413,21 @@ def test_a_ua_that_leaves_a_strict_map_ends_with_the_reason(start, tmp_path):
     running.clients[0].send()
     running.wait_for(lambda: running.events[-1:] and running.events[-1].kind is EventKind.DIVERGED)
     assert "outside the map" in running.events[-1].detail
+
+
+def test_a_legacy_peer_gets_its_state_on_its_own_port(start):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as inbox:
+        inbox.bind(("127.0.0.1", 0))
+        inbox.settimeout(WAIT_S)
+        legacy = LegacyPeer(state_port=inbox.getsockname()[1], rate_hz=200)
+        running = start(specs=[AircraftSpec(0, load_airframe("f450"), HOME, 0, legacy=legacy)])
+        sender = running.clients[0]
+        for number in range(1, 201):
+            sender.sock.sendto(encode_legacy_servos((1600,) * 4 + (0,) * 7), sender.address)
+            state = decode_legacy_state(inbox.recv(1024))
+            assert state.time_us == number * 5000
+        assert state.position.alt_amsl_m > 402.0
+        assert running.exchange.counters(0) == {"boots": 1, "frames": 199}
 
 
 def test_sensor_errors_reach_the_autopilot_but_not_the_truth(start):
