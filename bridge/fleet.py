@@ -293,7 +293,7 @@ def preflight(scenario: Scenario, ardupilot_dir: Path | None = None) -> None:
     launcher = launcher_of(scenario, ardupilot_dir)
     try:
         for ua in scenario.ua:
-            launcher.check(airframe_of(ua))
+            launcher.check(scenario, ua)
     except AutopilotError as error:
         raise FleetError(str(error)) from error
     taken = conflicts(ports_of(scenario))

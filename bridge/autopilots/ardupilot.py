@@ -11,12 +11,15 @@ from pathlib import Path
 
 from bridge.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.child_process import ProcessSpec
-from fdm.airframe import Airframe
+from bridge.resolve import airframe_of
+from bridge.scenario import Aircraft, Scenario
 
 HOME_VARIABLE = "ARDUPILOT_HOME"
 PARAMETERS = resources.files("sitl_configs") / "params"
 BINARIES = {"copter": "arducopter", "plane": "arduplane"}
 """ArduPilot's binary by the airframe's vehicle."""
+INSTANCE_MAX = 255
+"""`-I` is a byte: 256 is 0 again, on the ports of another UA."""
 SPEEDUP = 100
 """`--speedup`: with JSON physics it sets no pace, but more than 1 has SITL wait for a slow serial0 client."""
 
@@ -24,13 +27,22 @@ SPEEDUP = 100
 class ArduPilot(Launcher):
     """`arducopter`, `arduplane` and their kin, one process and one working directory per UA."""
 
-    def check(self, airframe: Airframe) -> None:
-        """See that the binary for the airframe's vehicle is there.
+    def check(self, scenario: Scenario, ua: Aircraft) -> None:
+        """See that the binary for the airframe's vehicle is there, and that ArduPilot can have the UA's ports.
 
         Raises:
             AutopilotError: if not, with the places that were looked at.
         """
-        self.binary(BINARIES[airframe.vehicle])
+        vehicle = airframe_of(ua).vehicle
+        if vehicle not in BINARIES:
+            known = ", ".join(BINARIES)
+            raise AutopilotError(f"UA {ua.id}: no ArduPilot is known for a {vehicle}; there are: {known}")
+        self.binary(BINARIES[vehicle])
+        if scenario.instance(ua) > INSTANCE_MAX:
+            raise AutopilotError(
+                f"UA {ua.id} would be ArduPilot's instance {scenario.instance(ua)}, but it counts to "
+                f"{INSTANCE_MAX}: lower ports.first_slot (--first-slot)"
+            )
 
     def binary(self, name: str) -> Path:
         """Path of a binary.

@@ -52,8 +52,8 @@ class Launcher(ABC):
         self.environment = environment
         self.ardupilot_dir = ardupilot_dir
 
-    def check(self, airframe: Airframe) -> None:  # noqa: B027 (most have nothing to check)
-        """See that an autopilot for this airframe can be started.
+    def check(self, scenario: Scenario, ua: Aircraft) -> None:  # noqa: B027 (most have nothing to check)
+        """See that an autopilot for this UA can be started.
 
         Raises:
             AutopilotError: if not.
