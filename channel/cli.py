@@ -6,8 +6,9 @@ import json as json_module
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,6 +18,9 @@ from channel.checks import ChannelInputError
 from channel.config import RadioConfig
 from channel.link_report import link_report, link_text
 from channel.validity import ValidityWarning
+
+if TYPE_CHECKING:
+    from channel.calibration import Fit
 
 
 class BadInput(click.ClickException):
@@ -164,10 +168,74 @@ def figures(out: Path, seed: int) -> None:
         click.echo(str(file))
 
 
+@click.command()
+@click.argument("log", type=click.Path(dir_okay=False, path_type=Path))
+@radio_options
+@click.option(
+    "--hold", multiple=True, metavar="KEY", help="A parameter that is known: the radio's. Repeatable."
+)
+@click.option(
+    "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the fitted radio as YAML."
+)
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw the data over the model.")
+@click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
+def fit(
+    log: Path,
+    radio: str,
+    settings: tuple[str, ...],
+    hold: tuple[str, ...],
+    out: Path | None,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """Fit a radio to a flight LOG: a CSV of distance_m (or positions), delivered, and optional rssi_dbm."""
+    from channel import calibration, flight_log
+
+    base = chosen_radio(radio, settings)
+    try:
+        data = flight_log.read_flight_log(log, base.length.length_bytes(base.nominal_payload_bytes))
+        found = calibration.fit_radio(data, base, hold)
+    except (flight_log.FlightLogError, calibration.NotEnoughInformationError, ChannelInputError) as error:
+        raise BadInput(str(error)) from error
+    fitted = calibration.fitted_radio(found, base, log.stem if out is None else out.stem)
+    if out is not None:
+        out.write_text(presets.radio_to_yaml(fitted), encoding="utf-8")
+    if plot is not None:
+        from channel.figures import plot_fit
+
+        plot_fit(data, fitted, plot)
+    click.echo(json_module.dumps(_fit_report(found), indent=2) if as_json else _fit_text(found))
+
+
+def _fit_report(found: Fit) -> dict[str, Any]:
+    estimates = [
+        {
+            key: None if value in (float("inf"), float("-inf")) else value
+            for key, value in asdict(each).items()
+        }
+        for each in found.estimates
+    ]
+    return {
+        "packets": found.packets,
+        "delivered": found.delivered,
+        "log_likelihood": found.log_likelihood,
+        "estimates": estimates,
+        "radio": dict(found.overrides),
+    }
+
+
+def _fit_text(found: Fit) -> str:
+    rows = [f"{found.packets} packets, {found.delivered} delivered", f"{'':<22}{'value':>12}   95 % interval"]
+    for each in found.estimates:
+        value = "-" if each.value is None else f"{each.value:.4g}"
+        rows.append(f"{each.name:<22}{value:>12}   {each.low:.4g} .. {each.high:.4g}  {each.note}".rstrip())
+    return "\n".join(rows)
+
+
 @click.group()
 def main() -> None:
     """Radio channel: link budgets, presets, figures and calibration."""
 
 
-for _command in (link, radios, figures):
+for _command in (link, radios, figures, fit):
     main.add_command(_command)

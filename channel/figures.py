@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from channel.checks import FloatArray
+from channel.config import RadioConfig
 from channel.erasure import Draws
+from channel.flight_log import FlightLog
+from channel.intervals import proportion_interval
 from channel.presets import load_radio
 from channel.radio import Radio
 from channel.simulate import simulate
@@ -171,6 +174,27 @@ def _write_csv(file: Path, header: tuple[str, ...], rows: Iterable[tuple[float, 
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(header)
         writer.writerows([f"{value:.6g}" for value in row] for row in rows)
+
+
+def plot_fit(log: FlightLog, fitted: RadioConfig, file: Path) -> None:
+    """Draw a log's share of delivered packets in 20 m bins, with 95 % intervals, over the fitted curve."""
+    figure, ((axis,),) = _axes(1, 1, (7.0, 4.2))
+    index = (log.distance_m // BIN_WIDTH_M).astype(int)
+    sent = np.bincount(index)
+    arrived = np.bincount(index, weights=log.delivered)
+    filled = np.flatnonzero(sent)
+    low, high = proportion_interval(arrived[filled], sent[filled], 0.95)
+    share = arrived[filled] / sent[filled]
+    centres = (filled + 0.5) * BIN_WIDTH_M
+    axis.errorbar(centres, share, yerr=(share - low, high - share), fmt="o", ms=3, label="log, 20 m bins")
+    distance = np.linspace(max(log.distance_m.min(), 1.0), log.distance_m.max(), 300)
+    lengths = int(np.median(log.length_bytes))
+    axis.plot(
+        distance, Radio(fitted).probability_of_delivery(distance, lengths), color="0.3", label="fitted model"
+    )
+    axis.set(xlabel="distance [m]", ylabel="probability of delivery", ylim=(-0.02, 1.02))
+    axis.legend()
+    figure.savefig(file, dpi=120)
 
 
 def plot_sweep(rows: list[dict[str, float]], key: str, file: Path) -> None:

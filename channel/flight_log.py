@@ -1,0 +1,110 @@
+"""Flight logs of deliveries, from CSV: what was sent at which distance, and whether it arrived."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from channel.checks import FloatArray
+
+EARTH_RADIUS_M = 6_371_008.8
+POSITION_COLUMNS = tuple(f"{end}_{part}" for end in ("tx", "rx") for part in ("lat_deg", "lon_deg", "alt_m"))
+TRUE = frozenset({"1", "true", "yes", "delivered"})
+FALSE = frozenset({"0", "false", "no"})
+
+
+class FlightLogError(ValueError):
+    """A log that cannot be read: the message names file, line and column."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightLog:
+    """One row per packet; arrays of one length.
+
+    Attributes:
+        distance_m: between the ends, > 0.
+        delivered: whether it arrived.
+        length_bytes: as the error model counts it.
+        rssi_dbm: received power where it was measured, else NaN.
+    """
+
+    distance_m: FloatArray
+    delivered: NDArray[np.bool_]
+    length_bytes: FloatArray
+    rssi_dbm: FloatArray
+
+    @property
+    def packets(self) -> int:
+        """How many packets the log has."""
+        return int(self.distance_m.size)
+
+
+def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
+    """Read a CSV with a heading.
+
+    Columns: `distance_m`, or tx_lat_deg, tx_lon_deg, tx_alt_m and the same for rx; `delivered` (1/0, true/false) or
+    `fate` (delivered, or the cause of the loss, as in deliveries.csv); optional `length_bytes` and `rssi_dbm`
+    (empty where there is none). Others are left alone.
+
+    Raises:
+        FlightLogError: no such file, a missing column, or a value that is none.
+    """
+    try:
+        with file.open(encoding="utf-8", newline="") as lines:
+            reader = csv.DictReader(lines)
+            names = set(reader.fieldnames or ())
+            rows = [_row(row, names, default_length_bytes, f"{file}:{reader.line_num}") for row in reader]
+    except OSError as error:
+        raise FlightLogError(f"cannot read {file}: {error.strerror}") from error
+    if not rows:
+        raise FlightLogError(f"{file}: no rows")
+    distance, delivered, length, rssi = (np.asarray(column) for column in zip(*rows, strict=True))
+    return FlightLog(distance.astype(float), delivered.astype(bool), length.astype(float), rssi.astype(float))
+
+
+def _row(
+    row: Mapping[str, str | None], names: set[str], default_length: int, place: str
+) -> tuple[float, bool, float, float]:
+    if "distance_m" in names:
+        distance = _number(row, "distance_m", place)
+    elif names.issuperset(POSITION_COLUMNS):
+        distance = _separation_m([_number(row, name, place) for name in POSITION_COLUMNS])
+    else:
+        raise FlightLogError(f"{place}: needs distance_m, or {', '.join(POSITION_COLUMNS)}")
+    if not distance > 0.0:
+        raise FlightLogError(f"{place}: distance_m = {distance:g}: has to be above 0")
+    length = _number(row, "length_bytes", place) if row.get("length_bytes") else float(default_length)
+    rssi = _number(row, "rssi_dbm", place) if row.get("rssi_dbm") else float("nan")
+    return distance, _delivered(row, place), length, rssi
+
+
+def _delivered(row: Mapping[str, str | None], place: str) -> bool:
+    if row.get("fate"):
+        return row["fate"] == "delivered"
+    text = (row.get("delivered") or "").strip().lower()
+    if text not in TRUE | FALSE:
+        raise FlightLogError(f"{place}: delivered = {text!r}: allowed are 1, 0, true, false")
+    return text in TRUE
+
+
+def _number(row: Mapping[str, str | None], name: str, place: str) -> float:
+    try:
+        value = float(row[name] or "")
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        raise FlightLogError(f"{place}: {name} = {row[name]!r}: has to be a number")
+    return value
+
+
+def _separation_m(places: list[float]) -> float:
+    """Return the distance of two geodetic places on a sphere, good to 0.5 % over the ranges of a radio."""
+    lat_1, lon_1, alt_1, lat_2, lon_2, alt_2 = places
+    north = np.radians(lat_2 - lat_1) * EARTH_RADIUS_M
+    east = np.radians(lon_2 - lon_1) * EARTH_RADIUS_M * np.cos(np.radians(0.5 * (lat_1 + lat_2)))
+    return float(np.sqrt(north**2 + east**2 + (alt_2 - alt_1) ** 2))

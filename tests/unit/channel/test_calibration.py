@@ -1,0 +1,142 @@
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from channel import presets
+from channel.calibration import NotEnoughInformationError, fit_radio, fitted_radio
+from channel.checks import ChannelInputError
+from channel.cli import main
+from channel.flight_log import FlightLog, FlightLogError, read_flight_log
+from channel.radio import Radio
+
+
+def synthetic(config, packets, low_m, high_m, seed, rssi=False):
+    """A log drawn with numpy's own generator, not with the draws of the medium."""
+    rng = np.random.Generator(np.random.PCG64(seed))
+    radio = Radio(config)
+    distance = rng.uniform(low_m, high_m, packets)
+    power = radio.mean_power_dbm(radio.path(distance)) - config.shadowing.loss_db(
+        rng.standard_normal(packets)
+    )
+    per = radio.per(power - radio.noise_floor_dbm, 40.0)
+    delivered = (rng.uniform(size=packets) > per) & (rng.uniform(size=packets) > config.base_loss)
+    measured = np.where(delivered & rssi, power, np.nan)
+    return FlightLog(distance, delivered, np.full(packets, 40.0), measured)
+
+
+def truth_of(config):
+    return {
+        "propagation.exponent": config.propagation.exponent,
+        "offset_db": config.offset_db,
+        "shadowing.sigma_db": config.shadowing.sigma_db,
+        "base_loss": config.base_loss,
+        "noise.floor_dbm": Radio(config).noise_floor_dbm,
+    }
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_with_rssi_everything_is_found(seed):
+    config = presets.load_radio("corrected", {"base_loss": 0.05, "propagation": {"exponent": 2.7}})
+    base = presets.load_radio("corrected")
+    fit = fit_radio(synthetic(config, 1000, 50, 1500, seed, rssi=True), base)
+    truth = truth_of(config)
+    for estimate in fit.estimates:
+        assert estimate.value is not None
+        assert estimate.low <= truth[estimate.name] <= estimate.high
+    by_name = {estimate.name: estimate for estimate in fit.estimates}
+    assert by_name["propagation.exponent"].high - by_name["propagation.exponent"].low < 0.8
+    assert by_name["noise.floor_dbm"].high - by_name["noise.floor_dbm"].low < 4.0
+
+
+def test_the_papers_gap_is_found_as_base_loss():
+    config = presets.load_radio("moon2020", {"base_loss": 0.1})
+    base = presets.load_radio("moon2020")
+    fit = fit_radio(synthetic(config, 2000, 50, 600, 3), base, hold=["shadowing.sigma_db"])
+    by_name = {estimate.name: estimate for estimate in fit.estimates}
+    assert by_name["base_loss"].low <= 0.1 <= by_name["base_loss"].high
+    assert by_name["propagation.exponent"].low <= 12.0 <= by_name["propagation.exponent"].high
+    fitted = Radio(fitted_radio(fit, base, "mine"))
+    curve = np.array([100.0, 300.0, 400.0])
+    expected = Radio(config).probability_of_delivery(curve)
+    assert fitted.probability_of_delivery(curve) == pytest.approx(expected, abs=0.04)
+
+
+def test_what_deliveries_alone_do_not_determine_is_said():
+    base = presets.load_radio("moon2020")
+    fit = fit_radio(synthetic(base, 400, 50, 600, 4), base)
+    by_name = {estimate.name: estimate for estimate in fit.estimates}
+    assert by_name["noise.floor_dbm"].value is None
+    assert "RSSI" in by_name["noise.floor_dbm"].note
+    assert by_name["propagation.exponent"].value is None
+    assert by_name["propagation.exponent"].low <= 12.0 <= by_name["propagation.exponent"].high
+
+
+@pytest.mark.parametrize(
+    ("distances", "delivered", "word"),
+    [
+        (np.linspace(10, 20, 10), np.arange(10) % 2, "at least 20"),
+        (np.linspace(10, 100, 50), np.ones(50), "fly farther"),
+        (np.linspace(10, 100, 50), np.zeros(50), "fly nearer"),
+        (np.full(50, 100.0), np.arange(50) % 2, "one distance"),
+    ],
+)
+def test_too_little_information_is_said(distances, delivered, word):
+    log = FlightLog(
+        distances, delivered.astype(bool), np.full(distances.size, 40.0), np.full(distances.size, np.nan)
+    )
+    with pytest.raises(NotEnoughInformationError, match=word):
+        fit_radio(log, presets.load_radio("moon2020"))
+
+
+def test_bases_and_names_that_cannot_be_fitted():
+    log = synthetic(presets.load_radio("moon2020"), 100, 50, 600, 1)
+    with pytest.raises(ChannelInputError, match=r"propagation\.model"):
+        fit_radio(log, presets.load_radio("telemetry-915"))
+    with pytest.raises(ChannelInputError, match="hold"):
+        fit_radio(log, presets.load_radio("moon2020"), hold=["sigma"])
+
+
+def test_command_reads_a_log_and_writes_a_radio(tmp_path):
+    config = presets.load_radio("moon2020", {"base_loss": 0.1})
+    data = synthetic(config, 400, 50, 600, 5)
+    log, radio, plot = tmp_path / "flight.csv", tmp_path / "mine.yaml", tmp_path / "fit.png"
+    rows = [f"{d:.3f},{int(ok)}" for d, ok in zip(data.distance_m, data.delivered, strict=True)]
+    log.write_text("\n".join(["distance_m,delivered", *rows]))
+    hold = ["--hold", "shadowing.sigma_db", "--hold", "propagation.exponent"]
+    options = [*hold, "--out", str(radio), "--plot", str(plot), "--json"]
+    report = json.loads(CliRunner().invoke(main, ["fit", str(log), *options], catch_exceptions=False).output)
+    by_name = {each["name"]: each for each in report["estimates"]}
+    assert by_name["base_loss"]["low"] <= 0.1 <= by_name["base_loss"]["high"]
+    assert presets.load_radio(radio).base_loss == pytest.approx(by_name["base_loss"]["value"])
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_log_with_positions_and_fates(tmp_path):
+    log = tmp_path / "log.csv"
+    heading = "tx_lat_deg,tx_lon_deg,tx_alt_m,rx_lat_deg,rx_lon_deg,rx_alt_m,fate,rssi_dbm,length_bytes"
+    log.write_text(f"{heading}\n0,0,40,0,0.001,40,delivered,-71.5,80\n0,0,40,0.001,0,40,channel_erasure,,\n")
+    read = read_flight_log(log, 40)
+    assert read.distance_m == pytest.approx([111.195, 111.195], abs=0.01)
+    assert read.delivered.tolist() == [True, False]
+    assert read.length_bytes.tolist() == [80.0, 40.0]
+    assert read.rssi_dbm[0] == -71.5
+    assert np.isnan(read.rssi_dbm[1])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("distance_m,delivered\n1,maybe\n", "delivered = 'maybe'"),
+        ("distance_m,delivered\nx,1\n", "distance_m = 'x'"),
+        ("distance_m,delivered\n-3,1\n", "above 0"),
+        ("time,delivered\n1,1\n", "needs distance_m"),
+        ("distance_m,delivered\n", "no rows"),
+    ],
+)
+def test_logs_that_cannot_be_read_name_the_line(tmp_path, text, words):
+    log = tmp_path / "log.csv"
+    log.write_text(text)
+    with pytest.raises(FlightLogError, match=words):
+        read_flight_log(log, 40)
