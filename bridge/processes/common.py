@@ -34,6 +34,16 @@ def on_stop_signal(stop: Callable[[], object]) -> None:
         signal.signal(number, lambda *_: stop())
 
 
+def exit_status(body: Callable[[], object]) -> int:
+    """Run ``body``; an error that a user can mend becomes one line in the log and status 1."""
+    try:
+        body()
+    except (SessionError, OSError, ValueError) as error:
+        logging.getLogger("lostlink").error("%s", error)
+        return 1
+    return 0
+
+
 def run_until_stopped(body: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> int:
     """Run ``body(stop)`` in an asyncio loop, where SIGTERM and SIGINT set ``stop``. Returns the exit status."""
 
@@ -43,9 +53,4 @@ def run_until_stopped(body: Callable[[asyncio.Event], Coroutine[Any, Any, None]]
             asyncio.get_running_loop().add_signal_handler(number, stop.set)
         await body(stop)
 
-    try:
-        asyncio.run(main())
-    except (SessionError, OSError, ValueError) as error:
-        logging.getLogger("lostlink").error("%s", error)
-        return 1
-    return 0
+    return exit_status(lambda: asyncio.run(main()))

@@ -6,11 +6,11 @@ import logging
 import sys
 
 from bridge.messages import DecodeError, Header, decode
-from bridge.processes.common import on_stop_signal, parse_arguments
+from bridge.processes.common import exit_status, on_stop_signal, parse_arguments
 from bridge.resolve import airframe_of, home_of, origin_of, wind_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario import Scenario
-from bridge.session import Sample, Session, SessionError, open_client
+from bridge.session import Sample, Session, open_client
 from bridge.truth import clock_message, truth_message
 from fdm.exchange import AircraftSpec, Exchange
 
@@ -43,32 +43,31 @@ def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exch
     )
 
 
+def serve(run: RunDirectory) -> None:
+    """Host the run's UA until a signal ends it."""
+    with open_client(run.info.endpoint) as session:
+        exchange = exchange_of(run.scenario, session, run)
+
+        def on_release(sample: Sample) -> None:
+            try:
+                exchange.release_tick(decode(sample.payload.to_bytes(), Header).stamp.ns)
+            except DecodeError as error:
+                log.warning("%s", error)
+
+        on_stop_signal(exchange.stop)
+        session.subscribe(run.keys.clock_release, on_release)
+        session.declare_alive(run.keys.alive("physics"))
+        log.info("serving UA on UDP ports %s", exchange.ports)
+        try:
+            exchange.run()
+        finally:
+            exchange.close()
+
+
 def main() -> int:
     """Run the process."""
     run, _ = parse_arguments("physics", __doc__ or "", per_ua=False)
-    try:
-        scenario = run.scenario
-        with open_client(run.info.endpoint) as session:
-            exchange = exchange_of(scenario, session, run)
-
-            def on_release(sample: Sample) -> None:
-                try:
-                    exchange.release_tick(decode(sample.payload.to_bytes(), Header).stamp.ns)
-                except DecodeError as error:
-                    log.warning("%s", error)
-
-            on_stop_signal(exchange.stop)
-            session.subscribe(run.keys.clock_release, on_release)
-            session.declare_alive(run.keys.alive("physics"))
-            log.info("serving UA on UDP ports %s", exchange.ports)
-            try:
-                exchange.run()
-            finally:
-                exchange.close()
-    except (SessionError, OSError, ValueError) as error:
-        log.error("%s", error)
-        return 1
-    return 0
+    return exit_status(lambda: serve(run))
 
 
 if __name__ == "__main__":

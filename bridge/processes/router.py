@@ -10,12 +10,12 @@ from time import monotonic
 
 from bridge.keys import Keys
 from bridge.messages import AgentStatus, Clock, DecodeError, Header, Truth, decode
-from bridge.processes.common import on_stop_signal, parse_arguments
+from bridge.processes.common import exit_status, on_stop_signal, parse_arguments
 from bridge.radio_router import Action, Forward, RadioRouter, Refused
 from bridge.recorder import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
 from bridge.resolve import radio_of
 from bridge.run_directory import RunDirectory
-from bridge.session import Sample, Session, SessionError, Stamp, open_router
+from bridge.session import Sample, Session, Stamp, open_router
 from channel.medium import Medium
 
 FLUSH_PERIOD_S = 1.0
@@ -117,20 +117,20 @@ class RouterProcess:
         return []
 
 
+def serve(run: RunDirectory) -> None:
+    """Route for the run until a signal ends it."""
+    with open_router(run.info.endpoint) as session:
+        process = RouterProcess(session, run)
+        on_stop_signal(process.stop)
+        session.declare_alive(run.keys.alive("router"))
+        log.info("routing run %s at %s", run.info.run, run.info.endpoint)
+        process.run()
+
+
 def main() -> int:
     """Run the process."""
     run, _ = parse_arguments("router", __doc__ or "", per_ua=False)
-    try:
-        with open_router(run.info.endpoint) as session:
-            process = RouterProcess(session, run)
-            on_stop_signal(process.stop)
-            session.declare_alive(run.keys.alive("router"))
-            log.info("routing run %s at %s", run.info.run, run.info.endpoint)
-            process.run()
-    except (SessionError, OSError, ValueError) as error:
-        log.error("%s", error)
-        return 1
-    return 0
+    return exit_status(lambda: serve(run))
 
 
 if __name__ == "__main__":
