@@ -14,6 +14,7 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from channel.checks import ChannelInputError, FloatArray
 
@@ -74,6 +75,9 @@ class Draws:
         self._philox = np.random.Philox(key=0)
         self._state = self._philox.state
         self._blocks: OrderedDict[tuple[str, tuple[str, ...], Purpose, int], FloatArray] = OrderedDict()
+        self._normals: OrderedDict[tuple[str, tuple[str, ...], Purpose, int], FloatArray] = OrderedDict()
+        self._normal_name: tuple[str, tuple[str, ...], Purpose, int] | None = None
+        self._normal_block: FloatArray = np.empty((0, 0))
         self._keys: dict[tuple[str, ...], NDArray[np.uint64]] = {}
 
     def words(self, names: tuple[str, ...], first: int, count: int) -> NDArray[np.uint64]:
@@ -105,6 +109,20 @@ class Draws:
         """Return the draws of one packet to many receivers, shape (receivers,); equal to `uniform` of each."""
         block, offset = divmod(seq, BLOCK_PACKETS)
         row: FloatArray = self._block(purpose, tx, tuple(receivers), block)[offset]
+        return row
+
+    def normals(self, purpose: Purpose, tx: str, receivers: tuple[str, ...], seq: int) -> FloatArray:
+        """Return `uniforms` through the normal law's quantile function, shape (receivers,)."""
+        block, offset = divmod(seq, BLOCK_PACKETS)
+        name = (tx, receivers, purpose, block)
+        if self._normal_name != name:
+            kept = self._normals.get(name)
+            if kept is None:
+                kept = self._normals[name] = np.asarray(ndtri(self._block(purpose, tx, receivers, block)))
+                while len(self._normals) > MAX_BLOCKS:
+                    self._normals.popitem(last=False)
+            self._normal_name, self._normal_block = name, kept
+        row: FloatArray = self._normal_block[offset]
         return row
 
     def series(self, purpose: Purpose, tx: str, rx: str, first_seq: int, count: int) -> FloatArray:

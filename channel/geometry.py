@@ -63,4 +63,4 @@ class Path:
 def separation_m(tx_ned_m: FloatArray, rx_ned_m: FloatArray) -> FloatArray:
     """Return the distance between positions of shape (..., 3), m."""
     way = rx_ned_m - tx_ned_m
-    return np.asarray(np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2 + way[..., 2] ** 2))
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", way, way)))

@@ -7,8 +7,10 @@ seed, the positions and its sequence number alone: not on the order of arrival, 
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Iterable
 from enum import Enum
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +36,9 @@ class Fate(Enum):
     BASE_LOSS = "base_loss"
     BURST = "burst"
     NO_POSITION = "no_position"
+
+
+_DELIVERED, _ERASED = Fate.DELIVERED, Fate.CHANNEL_ERASURE
 
 
 class Reception(NamedTuple):
@@ -94,6 +99,9 @@ class Medium:
             raise ChannelInputError("nodes", self.nodes, "names that differ")
         self.draws = Draws(check_seed(seed))
         self._terms = RandomTerms(radio, self.draws)
+        self._has_range = math.isfinite(radio.max_range_m)
+        self._has_other_losses = radio.kept_share < 1.0
+        self._has_interferers = bool(radio.config.interference.interferers)
         self._tracks = Tracks(self.nodes, max_truth_age_ns)
         self._waiting: list[_Packet] = []
         self._others = [
@@ -181,22 +189,24 @@ class Medium:
         path = self._path(from_row, to_rows, distance_m)
         mean_dbm = self.radio.mean_power_dbm(path)
         power_dbm = mean_dbm + self._random_gain_db(packet, path, from_row, to_rows)
-        snr_db = power_dbm - self.radio.noise_dbm(path, self._terms.interferers_on(packet.sim_time_ns))
+        on = self._terms.interferers_on(packet.sim_time_ns) if self._has_interferers else ()
+        snr_db = power_dbm - self.radio.noise_dbm(path, on)
         per = self.radio.per(snr_db, packet.length_bytes)
         chance = self.radio.expected_delivery(mean_dbm, path, packet.length_bytes)
         erased = self.draws.uniforms(Purpose.ERASURE, tx, receivers, packet.seq) <= per
-        fates = [Fate.CHANNEL_ERASURE if lost else Fate.DELIVERED for lost in erased.tolist()]
+        fates = [_ERASED if lost else _DELIVERED for lost in erased.tolist()]
         columns = [distance_m, power_dbm, snr_db, per, chance]
-        self._other_losses(fates, packet, receivers)
-        self._out_of_range(fates, columns)
-        self._unknown(fates, columns, packet.tx, others)
+        if self._has_other_losses:
+            self._other_losses(fates, packet, receivers)
+        if self._has_range:
+            self._out_of_range(fates, columns)
+        if not self._tracks.all_known:
+            self._unknown(fates, columns, packet.tx, others)
         distances, powers, snrs, pers, chances = (column.tolist() for column in columns)
-        head = (packet.sim_time_ns, tx)
-        tail = (packet.seq, packet.length_bytes)
-        return [
-            Reception(*head, rx, *tail, *rest)
-            for rx, *rest in zip(receivers, distances, powers, snrs, pers, fates, chances, strict=True)
-        ]
+        when, sender = repeat(packet.sim_time_ns), repeat(tx)
+        number, length = repeat(packet.seq), repeat(packet.length_bytes)
+        rows_of = zip(when, sender, receivers, number, length, distances, powers, snrs, pers, fates, chances)  # noqa: B905
+        return [tuple.__new__(Reception, row) for row in rows_of]
 
     def _path(self, from_row: FloatArray, to_rows: FloatArray, distance_m: FloatArray) -> Path:
         here, there = from_row[POSITION], to_rows[:, POSITION]
@@ -243,8 +253,6 @@ class Medium:
         self, fates: list[Fate], columns: list[FloatArray], tx: int, others: NDArray[np.bool_]
     ) -> None:
         known = self._tracks.known
-        if known.all():
-            return
         unknown = ~(known[others] & known[tx])
         columns[:4] = [np.where(unknown, np.nan, column) for column in columns[:4]]
         columns[4] = np.where(unknown, 0.0, columns[4])

@@ -46,6 +46,7 @@ class Radio:
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self._expectation = Expectation(config, self._band)
         self._fixed_terms = self._make_fixed_terms()
+        self._fixed_dbm = None if self._fixed_terms is None else total(self._fixed_terms)
 
     def length_bytes(self, payload_bytes: int) -> int:
         """Return the length that the error model counts for a payload of `payload_bytes`.
@@ -193,7 +194,9 @@ class Radio:
 
     def mean_power_dbm(self, path: Path) -> FloatArray:
         """Return the received power without its random part, dBm: the sum of `budget`."""
-        return np.asarray(total(self.budget(path)))
+        if self._fixed_dbm is None:
+            return np.asarray(total(self.budget(path)))
+        return self._fixed_dbm - self.config.propagation.path_loss_db(path)
 
     def noise_dbm(self, path: Path, transmitting: States | None = None) -> FloatArray | float:
         """Return noise floor and interference at the receivers, dBm.

@@ -11,7 +11,6 @@ from channel.fading import coherence_block, coherence_time_s
 from channel.geometry import Path
 from channel.radio import Radio, States
 from channel.shadow_field import ShadowField
-from channel.shadowing import standard_normal_from_uniform
 
 Receivers = tuple[str, ...]
 
@@ -42,7 +41,7 @@ class RandomTerms:
                 tx, receivers, path.position_tx_ned_m, path.position_rx_ned_m
             )
         else:
-            normal = standard_normal_from_uniform(self._draws.uniforms(Purpose.SHADOWING, tx, receivers, seq))
+            normal = self._draws.normals(Purpose.SHADOWING, tx, receivers, seq)
         return self._config.shadowing.loss_db(normal)
 
     def fading_db(

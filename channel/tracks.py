@@ -48,6 +48,7 @@ class Tracks:
         self._change = np.zeros_like(self._base)
         self._start_ns = np.zeros(len(nodes))
         self._per_ns = np.zeros(len(nodes))
+        self.all_known = False
         self.known: NDArray[np.bool_] = np.zeros(len(nodes), dtype=bool)
 
     def observe(self, node: int, sim_time_ns: int, row: FloatArray) -> bool:
@@ -127,6 +128,7 @@ class Tracks:
                 self._change[node] = 0.0
                 low, high = (low, min(high, times[0])) if after == 0 else (sim_time_ns, sim_time_ns)
         self._valid = (low, high)
+        self.all_known = bool(self.known.all())
 
 
 def truth_row(
