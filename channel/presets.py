@@ -201,7 +201,7 @@ def _validated(tree: Tree, file: Path | None, overridden: tuple[str, ...]) -> Ra
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = _key_of(first["loc"], tree)
-        problem = _problem(first, key)
+        problem = _problem(first, key, tree)
         if file is None or key in overridden:
             raise PresetError(problem, key=key) from error
         raise PresetError(problem, key=key, file=str(file), line=_line_of(file, key)) from error
@@ -222,9 +222,9 @@ def _key_of(location: tuple[int | str, ...], tree: object) -> str:
     return ".".join(parts)
 
 
-def _problem(error: Mapping[str, Any], key: str) -> str:
+def _problem(error: Mapping[str, Any], key: str, tree: Tree) -> str:
     if error["type"] == "extra_forbidden":
-        return f"unknown key{_did_you_mean(key.rsplit('.', 1)[-1])}"
+        return _unknown_key(key, tree)
     if error["type"] == "missing":
         return "is missing"
     if error["type"] == "union_tag_invalid":
@@ -233,18 +233,28 @@ def _problem(error: Mapping[str, Any], key: str) -> str:
     return f"{error['msg']}, not {error['input']!r}"
 
 
-def _did_you_mean(word: str) -> str:
-    close = difflib.get_close_matches(word, sorted(_field_names(RadioConfig)), n=1)
-    return f"; did you mean {close[0]}?" if close else ""
-
-
-def _field_names(model: type[BaseModel]) -> set[str]:
-    names: set[str] = set()
-    for name, field in model.model_fields.items():
-        names.add(field.alias or name)
-        for inner in _models_in(field.annotation):
-            names |= _field_names(inner)
-    return names
+def _unknown_key(key: str, tree: Tree) -> str:
+    *groups, word = key.split(".")
+    models: list[type[BaseModel]] = [RadioConfig]
+    here: Any = tree
+    for group in (part for part in groups if not part.isdigit()):
+        inner = [
+            m
+            for model in models
+            if group in model.model_fields
+            for m in _models_in(model.model_fields[group].annotation)
+        ]
+        here = here.get(group) if isinstance(here, Mapping) else None
+        chosen = here.get("model") if isinstance(here, Mapping) else None
+        models = [m for m in inner if chosen in (None, getattr(m.model_fields.get("model"), "default", None))]
+    names = sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
+    close = difflib.get_close_matches(word, names, n=1)
+    hint = f"; did you mean {close[0]}?" if close else ""
+    return (
+        f"unknown key{hint} Allowed: {', '.join(names)}"
+        if hint
+        else f"unknown key; allowed: {', '.join(names)}"
+    )
 
 
 def _models_in(annotation: object) -> list[type[BaseModel]]:
