@@ -1,22 +1,25 @@
 """One node as its agents see it: state, commands, radio, sim time. Nothing of another node or of the truth.
 
-async with connect_ua("tcp/127.0.0.1:7447", run="20261121T120000Z-separation", node="1") as ua:
-    await ua.wait_for(lambda state: state.ready_to_arm)
-    await ua.takeoff(40.0)
-    ua.transmit("team", b"hello")
+A script beside the node's agent may watch and command the aircraft; it cannot transmit, since one sender, the
+agent, numbers a node's packets, and the radio refuses a second:
+
+    async with connect_ua("tcp/127.0.0.1:7447", run="20261121T120000Z-separation", node="1") as ua:
+        await ua.wait_for(lambda state: state.armed)
+        await ua.rtl()
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
+import secrets
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 import zenoh
 
 from bridge.inbox import Inbox
-from bridge.keys import Keys
+from bridge.keys import Keys, checked_chunk
 from bridge.messages import (
     AgentStatus,
     AircraftState,
@@ -41,6 +44,9 @@ class CommandFailed(RuntimeError):
     """The aircraft refused a command or could not carry it out; the text says why."""
 
 
+_Waiter = tuple[Callable[[AircraftState], bool], "asyncio.Future[AircraftState]", float]
+
+
 class UaClient:
     """A node's view of the run.
 
@@ -55,11 +61,14 @@ class UaClient:
         self.sent = 0
         self.received = 0
         self.malformed = 0
+        self.on_error: Callable[[Exception], object] | None = None
+        """Told of what a callback or a condition raises; without it, that is logged."""
+        self._source = secrets.token_hex(8).encode()
         self._session = session
         self._keys = keys
         self._loop = asyncio.get_running_loop()
         self._inbox: Inbox[tuple[Callable[[Sample], None], Sample]] = Inbox(self._loop, self._dispatch)
-        self._waiters: set[tuple[Callable[[AircraftState], bool], asyncio.Future[AircraftState]]] = set()
+        self._waiters: set[_Waiter] = set()
         self._on_tick: list[Callable[[int], object]] = []
         self._on_packet: list[Callable[[str, str, bytes, Stamp], object]] = []
         for key, handler in (
@@ -85,12 +94,18 @@ class UaClient:
         """Call ``callback(sender, channel, payload, stamp)`` for each packet that the radio delivers."""
         self._on_packet.append(callback)
 
-    async def wait_for(self, condition: Callable[[AircraftState], bool]) -> AircraftState:
-        """Wait until the aircraft's state meets ``condition``; returns that state."""
+    async def wait_for(
+        self, condition: Callable[[AircraftState], bool], *, timeout_s: float = math.inf
+    ) -> AircraftState:
+        """Wait until the aircraft's state meets ``condition``; returns that state.
+
+        Raises:
+            TimeoutError: it did not within ``timeout_s`` of sim time.
+        """
         if self.state is not None and condition(self.state):
             return self.state
         future: asyncio.Future[AircraftState] = self._loop.create_future()
-        waiter = (condition, future)
+        waiter = (condition, future, self.sim_time_ns + timeout_s * 1e9)
         self._waiters.add(waiter)
         try:
             return await future
@@ -100,11 +115,16 @@ class UaClient:
     # --- what goes out
 
     def transmit(self, channel: str, payload: bytes | Message) -> int:
-        """Give a packet to the radio, stamped with the present sim time. Returns its sequence number."""
+        """Give a packet to the radio, stamped with the present sim time. Returns its sequence number.
+
+        Raises:
+            ValueError: ``channel`` cannot be part of a key.
+        """
+        key = self._keys.tx(self.node, checked_chunk(channel))
         seq, self.sent = self.sent, self.sent + 1
-        stamp = Stamp(seq, self.sim_time_ns, self.node.encode()[:16])
+        stamp = Stamp(seq, self.sim_time_ns, self._source)
         self._session.put_bytes(
-            self._keys.tx(self.node, channel),
+            key,
             encode(payload) if isinstance(payload, Message) else payload,
             encoding=encoding_of(type(payload)) if isinstance(payload, Message) else None,
             attachment=stamp.to_bytes(),
@@ -204,6 +224,10 @@ class UaClient:
             handler(sample)
         except DecodeError:
             self.malformed += 1
+        except Exception as error:  # callbacks are somebody's own code
+            if self.on_error is None:
+                raise
+            self.on_error(error)
 
     def _clock_came(self, sample: Sample) -> None:
         self.sim_time_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
@@ -212,9 +236,15 @@ class UaClient:
 
     def _state_came(self, sample: Sample) -> None:
         self.state = decode(sample.payload.to_bytes(), AircraftState)
-        for condition, future in tuple(self._waiters):
-            if not future.done() and condition(self.state):
+        for condition, future, deadline_ns in tuple(self._waiters):
+            if future.done():
+                continue
+            if condition(self.state):
                 future.set_result(self.state)
+            elif self.sim_time_ns > deadline_ns:
+                future.set_exception(
+                    TimeoutError(f"still waiting at {self.sim_time_ns / 1e9:.1f} s of sim time")
+                )
 
     def _comm_status_came(self, sample: Sample) -> None:
         self.comm_status = decode(sample.payload.to_bytes(), CommunicationStatus)

@@ -16,7 +16,7 @@ from bridge.autopilots import LAUNCHERS, AutopilotError, Launcher, LaunchPlan
 from bridge.child_process import Child, ProcessSpec, end_all
 from bridge.inbox import Inbox
 from bridge.keys import Keys
-from bridge.messages import AgentStatus, Clock, DecodeError, Link, Message, decode
+from bridge.messages import AgentStatus, Clock, DecodeError, Header, Link, Message, decode
 from bridge.ports import HOST, conflicts, ports_of
 from bridge.resolve import airframe_of, home_of
 from bridge.run_directory import RunDirectory
@@ -80,7 +80,10 @@ class Fleet:
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
         with_a_task = {ua.node for ua in scenario.ua if not AGENTS[ua.agent.type].open_ended}
         self._has_task = bool(with_a_task)
-        self._pending = with_a_task
+        self.unfinished = with_a_task
+        """Nodes whose agents have a task and have not done it."""
+        self.killed: list[str] = []
+        """Processes that did not end when they were asked to."""
         self._ended: set[str] = set()
         self._last_tick = asyncio.get_running_loop().time()
         self.sim_time_ns = 0
@@ -175,12 +178,11 @@ class Fleet:
         self._settle(Ending.INTERRUPTED)
         self._observer.on_phase("ends all processes")
         agents = [child for child in self._children if child.spec.name.startswith("agent-")]
-        await end_all(agents, AGENT_GRACE_S)
-        await end_all(
-            [c for c in self._children if c not in agents and c is not self._router], FLIGHT_GRACE_S
-        )
+        others = [c for c in self._children if c not in agents and c is not self._router]
+        self.killed += await end_all(agents, AGENT_GRACE_S)
+        self.killed += await end_all(others, FLIGHT_GRACE_S)
         if self._router is not None:
-            await end_all([self._router], ROUTER_GRACE_S)
+            self.killed += await end_all([self._router], ROUTER_GRACE_S)
 
     # --- what the processes tell
 
@@ -191,6 +193,7 @@ class Fleet:
             session.subscribe(key_expr, lambda sample: inbox.push((cls, sample)))
 
         subscribe(keys.clock, Clock)
+        subscribe(keys.clock_end, Header)
         subscribe(keys.link("*", "*"), Link)
         subscribe(keys.agent("*"), AgentStatus)
 
@@ -205,6 +208,8 @@ class Fleet:
             self._on_clock(message)
         elif isinstance(message, AgentStatus):
             self._on_agent(message)
+        elif isinstance(message, Header):
+            self._settle(Ending.DURATION if self.unfinished or not self._has_task else Ending.DONE)
         self._observer.on_message(message)
 
     def _on_clock(self, clock: Clock) -> None:
@@ -212,13 +217,11 @@ class Fleet:
         self.sim_time_ns = clock.header.stamp.ns
         for node in set(clock.ended) - self._ended:
             self._on_model_ended(node)
-        if self.sim_time_ns >= self._scenario.duration_s * 1e9:
-            self._settle(Ending.DURATION)
 
     def _on_model_ended(self, node: str) -> None:
         self._ended.add(node)
         text = f"the flight model of UA {node} diverged; its last state is in {self._run.log_path('physics')}"
-        if node in self._pending:
+        if node in self.unfinished:
             self._settle(FleetError(text))
         else:
             self._observer.on_phase(text)
@@ -229,9 +232,7 @@ class Fleet:
             log = self._run.log_path(f"agent-{node}")
             self._settle(FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}"))
         if status.done:
-            self._pending.discard(node)
-            if not self._pending and self._has_task:
-                self._settle(Ending.DONE)
+            self.unfinished.discard(node)
 
     async def _all_alive(self, session: Session, keys: Keys, names: set[str]) -> None:
         everybody = asyncio.Event()
@@ -263,9 +264,15 @@ class Fleet:
             silence_s = loop.time() - self._last_tick
             if silence_s > patience_s:
                 raise FleetError(
-                    f"sim time has stood at {self.sim_time_ns / 1e9:.2f} s for {silence_s:.0f} s: an agent does not "
-                    f"answer its tick, or no autopilot sends servo outputs; see the logs in {self._run.path / 'logs'}"
+                    f"sim time has stood at {self.sim_time_ns / 1e9:.2f} s for {silence_s:.0f} s\n{self._tails()}"
                 )
+
+    def _tails(self) -> str:
+        """The last line of each log that may tell why time stands still."""
+        told = [
+            c for c in self._children if c.spec.name.startswith(("router", "physics", "autopilot", "agent"))
+        ]
+        return "\n".join(f"{child.spec.log_path}: {child.log_tail(1)}" for child in told)
 
 
 async def _connect(endpoint: str) -> Session:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
+log = logging.getLogger("inbox")
 
 
 class Inbox(Generic[T]):
     """Hands items from any thread to ``handle`` in the loop's thread.
 
-    When more than ``limit`` items wait, the oldest is dropped and ``dropped`` counts it.
+    A handler that raises is logged; the items behind it are handled all the same. When more than ``limit``
+    items wait, the oldest is dropped and ``dropped`` counts it.
     """
 
     def __init__(
@@ -42,4 +45,7 @@ class Inbox(Generic[T]):
     def _drain(self) -> None:
         self._awake = False
         while self._items:
-            self._handle(self._items.popleft())
+            try:
+                self._handle(self._items.popleft())
+            except Exception:
+                log.exception("while handling an item")

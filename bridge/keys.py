@@ -9,7 +9,6 @@ import re
 from dataclasses import dataclass
 
 ROOT = "lostlink"
-VERBS = ("arm", "disarm", "mode", "takeoff", "goto", "rtl", "land")
 _CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -41,6 +40,11 @@ class Keys:
         """The tick that everybody has answered; written by the radio router, read by the fleet clock."""
         return f"{self.prefix}/clock/release"
 
+    @property
+    def clock_end(self) -> str:
+        """The tick with which the run ends: all its packets are settled; written by the radio router."""
+        return f"{self.prefix}/clock/end"
+
     def clock_answer(self, node: str) -> str:
         """A regulated agent's word that it is done with a tick."""
         return f"{self.prefix}/clock/answer/{node}"
@@ -54,7 +58,7 @@ class Keys:
         return f"{self.prefix}/ua/{node}/state"
 
     def command(self, node: str, verb: str) -> str:
-        """Queryable that carries out ``verb``, one of VERBS."""
+        """Queryable that carries out ``verb``: arm, disarm, mode, takeoff, goto, rtl or land."""
         return f"{self.prefix}/ua/{node}/cmd/{verb}"
 
     def agent(self, node: str) -> str:

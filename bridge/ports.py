@@ -48,6 +48,10 @@ def ports_of(scenario: Scenario) -> Iterator[PortUse]:
         yield PortUse(scenario.aps_port(ua), "TCP", f"MAVLink server of UA {ua.id}", "ports.aps")
         if scenario.autopilot != "external":
             yield PortUse(scenario.autopilot_port(ua), "TCP", f"autopilot of UA {ua.id}", "ports.autopilot")
+        if scenario.autopilot == "ardupilot":
+            for serial, offset in ((1, 2), (2, 3)):
+                port = scenario.autopilot_port(ua) + offset
+                yield PortUse(port, "TCP", f"SERIAL{serial} of UA {ua.id}'s ArduPilot", "ports.first_slot")
 
 
 def conflicts(uses: Iterable[PortUse]) -> list[str]:

@@ -3,7 +3,7 @@
 `RadioRouter` is the core: it takes packets, true positions and answers to ticks, and returns what to publish.
 The process around it is in `bridge.processes.router`.
 
-With regulated agents the router also closes each tick: once every agent has answered it, all packets of that
+The router also closes each tick: once every agent has answered it, all packets of that
 tick are settled and on their way, and only then is the fleet clock released. So no packet is late because the
 host was slow, and a run does not depend on how fast it went.
 """
@@ -25,10 +25,15 @@ from channel.medium import Fate, Medium, Reception
 
 TRANSPORT = "transport"
 """Cause of loss: the packet left its agent and never came to the router. The host lost it, not the radio."""
+TOO_LONG = "too_long"
+"""Cause of loss: no radio of ours takes a packet of more than MAX_LENGTH_BYTES."""
 LINK_PERIOD_NS = 200_000_000
 MAX_LENGTH_BYTES = 1 << 20
 MAX_GAP = 100_000
 """A sequence number that jumps further than this is taken for garbage, not for lost packets."""
+NEVER_NS = 1 << 62
+FUTURE_MAX_NS = 10_000_000_000
+"""A sim time further ahead of the newest truth than this is garbage."""
 
 
 class Refused(StrEnum):
@@ -37,7 +42,9 @@ class Refused(StrEnum):
     UNKNOWN_NODE = "unknown_node"
     MALFORMED = "malformed"
     REPEATED = "repeated_sequence_number"
-    TOO_LONG = "too_long"
+    OVERLOAD = "overload"
+    SECOND_SENDER = "second_sender"
+    """A node's packets are numbered by one sender, its agent: the first whose packet comes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,19 +91,30 @@ class RadioRouter:
         keys: of the run.
         medium: the channel's medium, with the same nodes.
         nodes: ids of all nodes.
-        regulated: ids of the nodes whose agents answer ticks; the clock waits for them.
+        tasks: ids of the nodes whose agents have a task: when all are done, the run ends with that tick.
+        end_ns: the tick at which the run ends at the latest.
     """
 
     def __init__(
-        self, keys: Keys, medium: Medium, nodes: Sequence[str], regulated: Iterable[str] = ()
+        self,
+        keys: Keys,
+        medium: Medium,
+        nodes: Sequence[str],
+        *,
+        tasks: Iterable[str] = (),
+        end_ns: int = NEVER_NS,
     ) -> None:
         self._keys = keys
         self._medium = medium
         self._nodes = tuple(nodes)
-        self._answered = dict.fromkeys(regulated, -1)
+        self._answered = dict.fromkeys(nodes, -1)
         self._released_ns = -1
         self._latest_ns = 0
+        self._end_ns = end_ns
+        self._tasks = set(tasks)
+        self._tick_ns = 0
         self._next_seq = dict.fromkeys(nodes, 0)
+        self._sender: dict[str, bytes] = {}
         self._waiting: dict[tuple[str, int], tuple[Packet, int]] = {}
         self._others = {node: tuple(other for other in nodes if other != node) for node in nodes}
         self._latest: dict[tuple[str, str], Reception] = {}
@@ -111,8 +129,7 @@ class RadioRouter:
     @property
     def waiting_for(self) -> tuple[str, ...]:
         """Regulated nodes that have not answered the latest tick."""
-        newest = max(self._answered.values(), default=-1)
-        return tuple(node for node, at in self._answered.items() if at < newest or at == self._released_ns)
+        return tuple(node for node, at in self._answered.items() if at < self._tick_ns)
 
     def on_truth(
         self,
@@ -132,17 +149,16 @@ class RadioRouter:
         self, tx: str, channel: str, payload: bytes, encoding: object = None, stamp: Stamp | None = None
     ) -> list[Action]:
         """Take a packet. Without a stamp it gets the sender's next number and the latest sim time."""
-        if tx not in self._next_seq:
-            self.refused[Refused.UNKNOWN_NODE] += 1
+        stamp = stamp or Stamp(self._next_seq.get(tx, 0), self._latest_ns)
+        refused = self._why_refused(tx, stamp)
+        if refused is not None:
+            self.refused[refused] += 1
             return []
+        self._sender[tx] = stamp.source
+        self._book_missing(tx, stamp.seq, stamp.sim_time_ns, TRANSPORT)
         if len(payload) > MAX_LENGTH_BYTES:
-            self.refused[Refused.TOO_LONG] += 1
+            self._book_missing(tx, stamp.seq + 1, stamp.sim_time_ns, TOO_LONG)
             return []
-        stamp = stamp or Stamp(self._next_seq[tx], self._latest_ns)
-        if not 0 <= stamp.seq - self._next_seq[tx] <= MAX_GAP:
-            self.refused[Refused.REPEATED if stamp.seq < self._next_seq[tx] else Refused.MALFORMED] += 1
-            return []
-        self._book_missing(tx, stamp.seq, stamp.sim_time_ns)
         self._next_seq[tx] = stamp.seq + 1
         packet = Packet(tx, channel, stamp.seq, stamp.sim_time_ns, payload, encoding)
         if self._others[tx]:
@@ -150,30 +166,49 @@ class RadioRouter:
             self._waiting[tx, stamp.seq] = (packet, len(self._others[tx]))
         return self._settle(self._medium.transmit(tx, stamp.seq, stamp.sim_time_ns, len(payload)))
 
+    def _why_refused(self, tx: str, stamp: Stamp) -> Refused | None:
+        if tx not in self._next_seq:
+            return Refused.UNKNOWN_NODE
+        if self._sender.get(tx, stamp.source) != stamp.source:
+            return Refused.SECOND_SENDER
+        if stamp.seq < self._next_seq[tx]:
+            return Refused.REPEATED
+        if stamp.seq - self._next_seq[tx] > MAX_GAP or not self._is_plausible(stamp.sim_time_ns):
+            return Refused.MALFORMED
+        return None
+
+    def _is_plausible(self, sim_time_ns: int) -> bool:
+        return 0 <= sim_time_ns <= self._latest_ns + FUTURE_MAX_NS
+
     def on_answer(self, node: str, sim_time_ns: int) -> list[Action]:
         """Take a regulated agent's word that it has done all it will do at a tick."""
-        if node not in self._answered:
-            self.refused[Refused.UNKNOWN_NODE] += 1
+        if node not in self._answered or not self._is_plausible(sim_time_ns):
+            self.refused[Refused.MALFORMED if node in self._answered else Refused.UNKNOWN_NODE] += 1
             return []
         self._answered[node] = max(self._answered[node], sim_time_ns)
         done_ns = min(self._answered.values())
         if done_ns <= self._released_ns:
             return []
         self._released_ns = done_ns
-        release = Publish(self._keys.clock_release, Header.at(done_ns, ""), must_arrive=True)
-        return [*self._statuses(done_ns), *self._link_reports(done_ns), release]
+        reports = [*self._statuses(done_ns), *self._link_reports(done_ns)]
+        key = self._keys.clock_end if done_ns >= self._end_ns else self._keys.clock_release
+        return [*reports, Publish(key, Header.at(done_ns, ""), must_arrive=True)]
 
-    def on_tick(self, sim_time_ns: int) -> list[Action]:
-        """Take a tick of the fleet clock. Where no agent is regulated, reports go out by it."""
-        self._latest_ns = max(self._latest_ns, sim_time_ns)
-        if self._answered:
-            return []
-        return [*self._statuses(sim_time_ns), *self._link_reports(sim_time_ns)]
+    def on_tick(self, sim_time_ns: int) -> None:
+        """Take a tick of the fleet clock."""
+        self._tick_ns = self._latest_ns = max(self._latest_ns, sim_time_ns)
+
+    def on_done(self, node: str) -> None:
+        """Take an agent's word that its task is done."""
+        if node in self._tasks:
+            self._tasks.discard(node)
+            if not self._tasks:
+                self._end_ns = min(self._end_ns, self._released_ns + 1)
 
     def on_sent_total(self, tx: str, sent: int) -> None:
         """Take an agent's own count of what it gave to the radio; what never came here is booked."""
         if tx in self._next_seq and sent - self._next_seq[tx] <= MAX_GAP:
-            self._book_missing(tx, sent, self._latest_ns)
+            self._book_missing(tx, sent, self._latest_ns, TRANSPORT)
 
     def finish(self) -> list[Action]:
         """Settle what still waits, with the newest positions, and balance the books.
@@ -185,14 +220,12 @@ class RadioRouter:
         self.ledger.check(in_flight=0)
         return actions + self._link_reports(self._reported_ns + LINK_PERIOD_NS)
 
-    def _book_missing(self, tx: str, seq: int, sim_time_ns: int) -> None:
-        """Book the sender's packets before ``seq`` that never came."""
+    def _book_missing(self, tx: str, seq: int, sim_time_ns: int, cause: str) -> None:
+        """Book the sender's packets before ``seq`` that never got to the radio."""
         for missing in range(self._next_seq[tx], seq):
-            self.ledger.lose(tx, self._others[tx], TRANSPORT)
+            self.ledger.lose(tx, self._others[tx], cause)
             for rx in self._others[tx]:
-                row = Delivery(
-                    sim_time_ns, tx, rx, missing, 0, math.nan, math.nan, math.nan, math.nan, TRANSPORT
-                )
+                row = Delivery(sim_time_ns, tx, rx, missing, 0, math.nan, math.nan, math.nan, math.nan, cause)
                 self.settled.append(row)
         self._next_seq[tx] = max(self._next_seq[tx], seq)
 

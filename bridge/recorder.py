@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 from channel.ledger import Ledger
 
@@ -67,8 +68,11 @@ class DeliveriesWriter:
         self._file.close()
 
 
-def write_ledger(path: Path, ledger: Ledger) -> None:
-    """Write the books: per directed link the counts, per distance bin what was measured and what predicted."""
+Refusal = TypeVar("Refusal", bound=StrEnum)
+
+
+def write_ledger(path: Path, ledger: Ledger, refused: Mapping[Refusal, int]) -> None:
+    """Write the books: counts per directed link, what was measured and predicted per bin, what was not taken."""
     links = [
         {"tx": tx, "rx": rx, "sent": a.sent, "delivered": a.delivered, "lost": dict(sorted(a.lost.items()))}
         for (tx, rx), a in sorted(ledger.links.items())
@@ -87,7 +91,14 @@ def write_ledger(path: Path, ledger: Ledger) -> None:
         }
         for b in ledger.bins()
     ]
-    path.write_text(json.dumps({"links": links, "bins": bins}, indent=1) + "\n", encoding="ascii")
+    path.write_text(
+        json.dumps(
+            {"links": links, "bins": bins, "refused": {r.value: n for r, n in sorted(refused.items())}},
+            indent=1,
+        )
+        + "\n",
+        encoding="ascii",
+    )
 
 
 def read_deliveries(path: Path) -> Iterator[Delivery]:

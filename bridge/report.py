@@ -39,7 +39,9 @@ class Timing:
         return self.sim_duration_s / self.wall_duration_s if self.wall_duration_s > 0 else 0.0
 
 
-def summarise(scenario: Scenario, run: RunDirectory, timing: Timing, ending: str) -> dict[str, Any]:
+def summarise(
+    scenario: Scenario, run: RunDirectory, timing: Timing, ending: str, unfinished: Sequence[str] = ()
+) -> dict[str, Any]:
     """The content of `summary.json`; docs/run-output.md describes it.
 
     Raises:
@@ -56,14 +58,16 @@ def summarise(scenario: Scenario, run: RunDirectory, timing: Timing, ending: str
         "radio": scenario.radio,
         "speed": scenario.speed,
         "ending": ending,
+        "unfinished": list(unfinished),
         "sim_duration_s": timing.sim_duration_s,
         "wall_duration_s": timing.wall_duration_s,
         "real_time_factor": timing.real_time_factor,
         "links": ledger["links"],
         "bins": ledger["bins"],
+        "refused": ledger["refused"],
         "bins_judged": len(judged),
         "bins_within": within,
-        "verdict": _verdict(len(judged), within, ledger["links"], ending),
+        "verdict": _verdict(len(judged), within, ledger["links"], ending) + _remark(unfinished),
     }
 
 
@@ -76,6 +80,10 @@ def _verdict(judged: int, within: int, links: Sequence[dict[str, Any]], ending: 
         return f"no verdict: {counts}; no distance bin has {BIN_SENT_MIN} packets or more"
     agreement = f"{within} of {judged} distance bins within the 99 % interval of the model"
     return f"{'pass' if within >= BINS_WITHIN_MIN * judged else 'fail'}: {agreement}; {counts}"
+
+
+def _remark(unfinished: Sequence[str]) -> str:
+    return f"; UA {', '.join(unfinished)} had not finished" if unfinished else ""
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

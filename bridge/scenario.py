@@ -15,12 +15,14 @@ Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Port = Annotated[int, Field(ge=0, le=65535)]
+Port = Annotated[int, Field(strict=True, ge=0, le=65535)]
 Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 
 def _speed(value: object) -> object:
-    if value == MAX or (isinstance(value, int | float) and SPEED_MIN <= value < float("inf")):
+    if value == MAX:
+        return value
+    if isinstance(value, int | float) and not isinstance(value, bool) and SPEED_MIN <= value < float("inf"):
         return value
     raise ValueError(f"has to be {MAX!r} or a real-time factor of at least {SPEED_MIN}")
 
@@ -82,7 +84,7 @@ AgentConfig = Annotated[HoldAgent | OutAndBackAgent | StillAgent, Field(discrimi
 class Aircraft(_Part):
     """One UA."""
 
-    id: Annotated[int, Field(ge=0, le=249)]
+    id: Annotated[int, Field(strict=True, ge=0, le=249)]
     airframe: str = "f450"
     home: HomePlace = HomePlace()
     agent: AgentConfig
@@ -102,8 +104,8 @@ class Transmit(_Part):
     """What every agent gives to the radio."""
 
     channel: Slug = "team"
-    every_ticks: Annotated[int, Field(ge=1)] = 1
-    frequency_mhz: Annotated[int, Field(ge=1, le=65535)] = 2412
+    every_ticks: Annotated[int, Field(strict=True, ge=1)] = 1
+    frequency_mhz: Annotated[int, Field(strict=True, ge=1, le=65535)] = 2412
 
 
 class Ports(_Part):
@@ -113,7 +115,7 @@ class Ports(_Part):
     autopilot: Port = 5760
     aps: Port = 6760
     zenoh: Port = 7447
-    first_slot: Annotated[int, Field(ge=0, le=4000)] = 0
+    first_slot: Annotated[int, Field(strict=True, ge=0, le=4000)] = 0
 
 
 class Scenario(_Part):
@@ -122,11 +124,11 @@ class Scenario(_Part):
     schema_version: Literal[1] = Field(alias="schema")
     name: Slug
     description: str = ""
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
     autopilot: Literal["standin", "ardupilot", "external"] = "standin"
     speed: Annotated[float | str, BeforeValidator(_speed)] = 1.0
     duration_s: Positive
-    tick_rate_hz: Annotated[int, Field(ge=1, le=100)] = 20
+    tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     origin: Origin
     radio: Annotated[str | dict[str, Any], BeforeValidator(_radio)]
     wind: str = "calm"

@@ -6,6 +6,7 @@ Scouting and gossip are off: with them two clients could find each other and tal
 from __future__ import annotations
 
 import json
+import re
 import socket
 import struct
 from collections.abc import Callable, Iterable
@@ -19,6 +20,8 @@ from zenoh.handlers import Callback
 from bridge.messages import Message, encode, encoding_of
 
 CONNECT_TIMEOUT_S = 10.0
+STUCK_READER_S = 1.0
+"""How long the router waits for a reader that takes nothing before it cuts it off (Zenoh's default: 5 s)."""
 _ATTACHMENT = struct.Struct("<qqB16s")
 """Sequence number, time in ns, length of the id, id: the layout that rmw_zenoh attaches to a sample."""
 
@@ -163,7 +166,12 @@ def open_router(endpoint: str) -> Session:
     Raises:
         SessionError: if it cannot listen there.
     """
-    settings = [("mode", "router"), ("listen/endpoints", [endpoint]), ("listen/exit_on_failure", True)]
+    settings = [
+        ("mode", "router"),
+        ("listen/endpoints", [endpoint]),
+        ("listen/exit_on_failure", True),
+        ("transport/link/tx/queue/congestion_control/block/wait_before_close", int(STUCK_READER_S * 1e6)),
+    ]
     return _open(settings, f"cannot listen on {endpoint}")
 
 
@@ -186,4 +194,16 @@ def _open(settings: list[tuple[str, Any]], failure: str) -> Session:
     try:
         return Session(zenoh.open(_config(settings)))
     except zenoh.ZError as error:
-        raise SessionError(f"{failure} ({error})") from error
+        raise SessionError(f"{failure} ({plain_text(error)})") from error
+
+
+def plain_text(error: zenoh.ZError) -> str:
+    """What Zenoh says went wrong, without the places in its source."""
+    return re.sub(r"\s+at /\S+?:\d+\.?", "", str(error)).strip()
+
+
+def checked_endpoint(endpoint: str) -> str:
+    """Return ``endpoint`` if it has the form of one, else raise ValueError."""
+    if not re.fullmatch(r"(tcp|tls|udp|quic|ws)/[^/\s]+:\d{1,5}", endpoint):
+        raise ValueError(f"{endpoint!r} is not a Zenoh endpoint, such as tcp/127.0.0.1:7447")
+    return endpoint

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from bridge.client import UaClient
+from bridge.client import CommandFailed, UaClient
 from bridge.messages import AircraftState, DataPackage, Header, Waypoint
 from bridge.scenario import Aircraft, Transmit
+
+READY_TIMEOUT_S = 180.0
+"""Sim time; ArduPilot's estimator takes about 40 s."""
 
 
 class Agent:
@@ -51,7 +54,13 @@ class Agent:
     async def take_off(self, altitude_rel_m: float) -> AircraftState:
         """Wait until the autopilot can be armed, then arm and climb. Returns the state on the ground."""
         self.ua.report("waits until the autopilot is ready to arm")
-        home = await self.ua.wait_for(lambda state: state.ready_to_arm)
+        try:
+            home = await self.ua.wait_for(lambda state: state.ready_to_arm, timeout_s=READY_TIMEOUT_S)
+        except TimeoutError:
+            raise CommandFailed(
+                f"UA {self.ua.node}: the autopilot was not ready to arm within {READY_TIMEOUT_S:g} s of sim time; "
+                f"the log of aircraft-{self.ua.node} has what it said"
+            ) from None
         self.ua.report(f"takes off to {altitude_rel_m:g} m")
         await self.ua.set_mode("GUIDED")
         await self.ua.arm()

@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import click
+import zenoh
 
+from bridge.keys import ROOT
 from bridge.messages import DecodeError, decode
 from bridge.messages.codec import class_of
 from bridge.run_directory import live_runs
-from bridge.session import Sample, SessionError, Stamp, open_client
+from bridge.session import Sample, SessionError, Stamp, checked_endpoint, open_client, plain_text
 
 
 @click.command(short_help="Print decoded samples of a run that goes on.")
@@ -43,11 +45,23 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: samples.put(None))
     try:
-        with open_client(connect or _newest_endpoint(out)) as session:
+        endpoint = checked_endpoint(connect) if connect else _newest_endpoint(out)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--connect") from error
+    try:
+        with open_client(endpoint) as session:
             try:
                 session.subscribe(key, samples.put)
-            except Exception as error:  # zenoh raises its own for a bad key expression
-                raise click.BadParameter(f"{key!r} is not a Zenoh key expression: {error}") from error
+            except zenoh.ZError as error:
+                raise click.BadParameter(
+                    f"{key!r} is not a Zenoh key expression: {plain_text(error)}", param_hint="KEY"
+                ) from error
+
+            def on_router(_key: str, is_alive: bool) -> None:
+                if not is_alive:
+                    samples.put(None)
+
+            session.watch_alive(f"{ROOT}/*/alive/router", on_router)
             _print_samples(samples, count, as_json=as_json)
     except SessionError as error:
         click.echo(f"lostlink: {error}", err=True)

@@ -126,6 +126,7 @@ class _Run:
         self.signal: signal.Signals | None = None
         self._first_tick: float | None = None
         self._last_tick = 0.0
+        self._unfinished: list[str] = []
 
     def go(self, ardupilot_dir: Path | None) -> int:
         """Fly and report; returns the exit status."""
@@ -135,10 +136,12 @@ class _Run:
         try:
             with Progress(self.console, quiet=silent) as progress:
                 ending, sim_time_ns = asyncio.run(self._fly(progress, ardupilot_dir))
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, lambda n, _: sys.exit(128 + n))
             return self._report(ending, sim_time_ns)
         except (FleetError, OSError, ValueError) as error:
             click.echo(f"lostlink: {error}", err=True)
-            return EXIT_FAILED
+            return EXIT_FAILED if self.signal is None else 128 + self.signal
 
     async def _fly(self, progress: Progress, ardupilot_dir: Path | None) -> tuple[Ending, int]:
         def on_message(message: Message) -> None:
@@ -156,6 +159,12 @@ class _Run:
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
         ending = await fleet.fly()
+        if "router" in fleet.killed:
+            log = self.directory.log_path("router")
+            raise FleetError(
+                f"router did not end in time, so that its record is not complete; its log is {log}"
+            )
+        self._unfinished = sorted(fleet.unfinished)
         return ending, fleet.sim_time_ns
 
     def _report(self, ending: Ending, sim_time_ns: int) -> int:
@@ -164,7 +173,9 @@ class _Run:
             click.echo("lostlink: interrupted before sim time began", err=True)
             return interrupted
         wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
-        summary = summarise(self.scenario, self.directory, Timing(sim_time_ns / 1e9, wall_s), ending.value)
+        summary = summarise(
+            self.scenario, self.directory, Timing(sim_time_ns / 1e9, wall_s), ending.value, self._unfinished
+        )
         write_summary(summary, self.directory)
         if ending is not Ending.INTERRUPTED:
             radio = radio_of(self.scenario)

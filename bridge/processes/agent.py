@@ -22,6 +22,7 @@ async def run_agent(run: RunDirectory, node: str, stop: asyncio.Event) -> None:
     with open_client(run.info.endpoint) as session:
         ua = UaClient(session, keys, node)
         agent = AGENTS[aircraft.agent.type](ua, aircraft, scenario.transmit)
+        ua.on_error = lambda error: _fail(agent, "in a callback", error)
         ua.on_tick(lambda sim_time_ns: _tick(agent, sim_time_ns))
         session.declare_alive(keys.alive(f"agent-{node}"))
         flight = asyncio.create_task(_fly(agent))
@@ -36,9 +37,13 @@ def _tick(agent: Agent, sim_time_ns: int) -> None:
     try:
         agent.on_tick(sim_time_ns)
     except Exception as error:  # an agent is somebody's own code: whatever it raises ends the run by name
-        log.exception("at tick %.3f s", sim_time_ns / 1e9)
-        agent.ua.report(f"{type(error).__name__} at a tick: {error}", failed=True)
+        _fail(agent, "at a tick", error)
     agent.ua.answer_tick(sim_time_ns)
+
+
+def _fail(agent: Agent, when: str, error: Exception) -> None:
+    log.error("%s, at %.3f s", when, agent.ua.sim_time_ns / 1e9, exc_info=error)
+    agent.ua.report(f"{type(error).__name__} {when}: {error}", failed=True)
 
 
 async def _fly(agent: Agent) -> None:
@@ -48,8 +53,7 @@ async def _fly(agent: Agent) -> None:
         log.error("%s", error)
         agent.ua.report(str(error), failed=True)
     except Exception as error:
-        log.exception("in flight")
-        agent.ua.report(f"{type(error).__name__}: {error}", failed=True)
+        _fail(agent, "in flight", error)
     else:
         log.info("done at %.2f s", agent.ua.sim_time_ns / 1e9)
         agent.ua.report("is done", done=True)

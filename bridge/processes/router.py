@@ -8,8 +8,9 @@ import sys
 from collections.abc import Callable, Iterable
 from time import monotonic
 
+from bridge.agents import AGENTS
 from bridge.keys import Keys
-from bridge.messages import AgentStatus, Clock, DecodeError, Header, Truth, decode
+from bridge.messages import AgentStatus, Clock, Header, Truth, decode
 from bridge.processes.common import exit_status, on_stop_signal, parse_arguments
 from bridge.radio_router import Action, Forward, RadioRouter, Refused
 from bridge.recorder import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
@@ -19,6 +20,10 @@ from bridge.session import Sample, Session, Stamp, open_router
 from channel.medium import Medium
 
 FLUSH_PERIOD_S = 1.0
+IDLE_S = 5.0
+REFUSALS_LOGGED_MAX = 20
+QUEUE_MAX = 200_000
+"""Samples that may wait; more packets than that are dropped and counted, as a host that cannot keep up drops them."""
 log = logging.getLogger("router")
 Handler = Callable[[str, Sample], list[Action]]
 
@@ -32,11 +37,24 @@ class RouterProcess:
         self._session = session
         self._run = run
         medium = Medium(radio_of(scenario), seed=scenario.seed, nodes=scenario.nodes)
-        self._core = RadioRouter(keys, medium, scenario.nodes, regulated=scenario.nodes)
+        self._core = RadioRouter(
+            keys,
+            medium,
+            scenario.nodes,
+            tasks=(ua.node for ua in scenario.ua if not AGENTS[ua.agent.type].open_ended),
+            end_ns=round(scenario.duration_s * 1e9),
+        )
         self._writer = DeliveriesWriter(run.path / DELIVERIES)
         self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
         for key_expr, handler in self._handlers():
-            session.subscribe(key_expr, lambda sample, handler=handler: self._queue.put((handler, sample)))  # type: ignore[misc]
+            session.subscribe(key_expr, lambda sample, handler=handler: self._enqueue(handler, sample))  # type: ignore[misc]
+
+    def _enqueue(self, handler: Handler, sample: Sample) -> None:
+        """Called in Zenoh's threads."""
+        if handler == self._on_packet and self._queue.qsize() >= QUEUE_MAX:
+            self._core.refused[Refused.OVERLOAD] += 1
+        else:
+            self._queue.put((handler, sample))
 
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
         yield self._keys.truth("*"), self._on_truth
@@ -51,39 +69,60 @@ class RouterProcess:
 
     def run(self) -> None:
         """Serve until `stop`."""
-        next_flush = monotonic() + FLUSH_PERIOD_S
+        try:
+            self._serve()
+        finally:
+            self._perform(self._core.finish())
+            self._writer.close()
+            write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused)
+
+    def _serve(self) -> None:
+        next_flush, idle_s = monotonic() + FLUSH_PERIOD_S, 0.0
         while True:
             try:
                 item = self._queue.get(timeout=FLUSH_PERIOD_S)
                 if item is None:
-                    break
+                    return
                 self._handle(*item)
+                idle_s = 0.0
             except queue.Empty:
-                next_flush = 0.0
+                next_flush, idle_s = 0.0, idle_s + FLUSH_PERIOD_S
+                if idle_s == IDLE_S:
+                    self._tell_what_is_waited_for()
             if monotonic() >= next_flush:
                 self._writer.flush()
                 next_flush = monotonic() + FLUSH_PERIOD_S
-        self._perform(self._core.finish())
-        self._writer.close()
-        write_ledger(self._run.path / LEDGER, self._core.ledger)
-        if self._core.refused:
-            log.warning("refused: %s", {reason.value: n for reason, n in self._core.refused.items()})
+
+    def _tell_what_is_waited_for(self) -> None:
+        nodes = self._core.waiting_for
+        if nodes:
+            log.warning("the agents of UA %s have not answered the latest tick", ", ".join(nodes))
+        else:
+            log.warning("all agents have answered the latest tick: the flight dynamics wait for an autopilot")
 
     def _handle(self, handler: Handler, sample: Sample) -> None:
         try:
             actions = handler(str(sample.key_expr), sample)
-        except DecodeError as error:
-            self._core.refused[Refused.MALFORMED] += 1
-            log.warning("%s: %s", sample.key_expr, error)
+        except ValueError as error:  # bytes that are no message, or numbers that no radio can work with
+            self._refuse(Refused.MALFORMED, f"{sample.key_expr}: {error}")
             return
         self._perform(actions)
+
+    def _refuse(self, reason: Refused, text: str) -> None:
+        self._core.refused[reason] += 1
+        if self._core.refused[reason] <= REFUSALS_LOGGED_MAX:
+            log.warning("refused (%s): %s", reason.value, text)
 
     def _perform(self, actions: Iterable[Action]) -> None:
         for action in actions:
             if isinstance(action, Forward):
                 packet = action.packet
                 self._session.put_bytes(
-                    action.key, packet.payload, encoding=packet.encoding, attachment=action.attachment
+                    action.key,
+                    packet.payload,
+                    encoding=packet.encoding,
+                    attachment=action.attachment,
+                    must_arrive=True,
                 )
             else:
                 self._session.put(action.key, action.message, must_arrive=action.must_arrive)
@@ -99,9 +138,13 @@ class RouterProcess:
 
     def _on_packet(self, key: str, sample: Sample) -> list[Action]:
         node, channel = self._keys.sender_and_channel(key)
-        return self._core.on_packet(
+        refused = self._core.refused.total()
+        actions = self._core.on_packet(
             node, channel, sample.payload.to_bytes(), sample.encoding, Stamp.from_sample(sample)
         )
+        if self._core.refused.total() == refused + 1 <= REFUSALS_LOGGED_MAX:
+            log.warning("refused a packet on %s; refused so far: %s", key, dict(self._core.refused))
+        return actions
 
     def _on_answer(self, key: str, sample: Sample) -> list[Action]:
         return self._core.on_answer(
@@ -109,11 +152,14 @@ class RouterProcess:
         )
 
     def _on_clock(self, _key: str, sample: Sample) -> list[Action]:
-        return self._core.on_tick(decode(sample.payload.to_bytes(), Clock).header.stamp.ns)
+        self._core.on_tick(decode(sample.payload.to_bytes(), Clock).header.stamp.ns)
+        return []
 
     def _on_agent(self, key: str, sample: Sample) -> list[Action]:
         status = decode(sample.payload.to_bytes(), AgentStatus)
         self._core.on_sent_total(self._keys.node_of(key), status.sent)
+        if status.done:
+            self._core.on_done(self._keys.node_of(key))
         return []
 
 

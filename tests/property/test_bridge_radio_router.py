@@ -22,7 +22,7 @@ def fates(
     seed: int, positions: dict[str, float], order: list[tuple[str, int]]
 ) -> dict[tuple[str, str, int], str]:
     nodes = tuple(positions)
-    core = RadioRouter(Keys("r"), Medium(RADIO, seed=seed, nodes=nodes), nodes, ())
+    core = RadioRouter(Keys("r"), Medium(RADIO, seed=seed, nodes=nodes), nodes)
     for tick in (0, PACKETS * TICK_NS):
         for node, north_m in positions.items():
             core.on_truth(node, tick, (north_m, 0.0, -40.0), LEVEL)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from bridge.keys import Keys
@@ -17,11 +19,9 @@ TICK_NS = 50_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
-def router(
-    preset: str = "perfect", nodes: tuple[str, ...] = ("0", "1"), regulated: bool = True
-) -> RadioRouter:
+def router(preset: str = "perfect", nodes: tuple[str, ...] = ("0", "1"), **more: Any) -> RadioRouter:
     medium = Medium(Radio(load_radio(preset)), seed=1, nodes=nodes)
-    return RadioRouter(KEYS, medium, nodes, nodes if regulated else ())
+    return RadioRouter(KEYS, medium, nodes, **more)
 
 
 def place(core: RadioRouter, sim_time_ns: int, **north_m: float) -> list[Action]:
@@ -93,7 +93,8 @@ def test_missing_numbers_are_the_hosts_losses() -> None:
         ("0", Stamp(0, 0), b"x", Refused.REPEATED),
         ("0", Stamp(-5, 0), b"x", Refused.REPEATED),
         ("0", Stamp(2**62, 0), b"x", Refused.MALFORMED),
-        ("0", Stamp(1, 0), bytes((1 << 20) + 1), Refused.TOO_LONG),
+        ("0", Stamp(1, 2**62), b"x", Refused.MALFORMED),
+        ("0", Stamp(1, -1), b"x", Refused.MALFORMED),
     ],
 )
 def test_what_is_refused_is_counted_by_reason(tx: str, stamp: Stamp, payload: bytes, reason: Refused) -> None:
@@ -131,13 +132,64 @@ def test_release_comes_after_what_the_tick_delivered() -> None:
     assert actions[-1].key == KEYS.clock_release
 
 
-def test_without_regulated_agents_reports_go_by_the_clock() -> None:
-    core = router(regulated=False)
+def keys_of(actions: list[Action]) -> list[str]:
+    return [action.key for action in actions]
+
+
+def test_run_ends_with_the_tick_in_which_the_last_task_is_done() -> None:
+    core = router(tasks=["1"])
     place(core, 0, n0=0.0, n1=1.0)
-    core.on_packet("0", "team", b"x", None, Stamp(0, 0))
-    actions = core.on_tick(TICK_NS)
-    assert published(actions, CommunicationStatus)
-    assert published(actions, Link)
+    core.on_answer("0", 0)
+    assert KEYS.clock_release in keys_of(core.on_answer("1", 0))
+    core.on_done("0")
+    core.on_done("1")
+    core.on_answer("0", TICK_NS)
+    ending = keys_of(core.on_answer("1", TICK_NS))
+    assert KEYS.clock_end in ending
+    assert KEYS.clock_release not in ending
+
+
+def test_run_ends_with_the_tick_of_its_duration() -> None:
+    core = router(end_ns=TICK_NS)
+    for tick, key in ((0, KEYS.clock_release), (TICK_NS, KEYS.clock_end)):
+        core.on_answer("0", tick)
+        assert key in keys_of(core.on_answer("1", tick))
+
+
+def test_who_has_not_answered_is_known_by_name() -> None:
+    core = router()
+    core.on_tick(TICK_NS)
+    assert core.waiting_for == ("0", "1")
+    core.on_answer("0", TICK_NS)
+    assert core.waiting_for == ("1",)
+
+
+@pytest.mark.parametrize("sim_time_ns", [-1, 2**62])
+def test_answer_of_an_impossible_time_releases_nothing(sim_time_ns: int) -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    assert core.on_answer("0", sim_time_ns) == core.on_answer("1", sim_time_ns) == []
+    assert core.refused == {Refused.MALFORMED: 2}
+
+
+def test_packet_that_is_too_long_is_booked_as_such() -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    core.on_packet("0", "team", bytes((1 << 20) + 1), None, Stamp(0, 0))
+    core.on_packet("0", "team", b"x", None, Stamp(1, 0))
+    assert [row.fate for row in core.settled] == ["too_long", "delivered"]
+    assert core.ledger.links["0", "1"].lost == {"too_long": 1}
+    core.finish()
+
+
+@pytest.mark.parametrize("stamp", [None, Stamp(0, 0, b"guest"), Stamp(1, 0, b"guest")])
+def test_second_sender_of_a_node_is_refused_and_harms_nothing(stamp: Stamp | None) -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    core.on_packet("0", "team", b"x", None, Stamp(0, 0, b"agent"))
+    assert core.on_packet("0", "team", b"x", None, stamp) == []
+    assert core.refused == {Refused.SECOND_SENDER: 1}
+    assert forwards(core.on_packet("0", "team", b"x", None, Stamp(1, 0, b"agent")))
 
 
 def test_books_balance_when_the_run_ends_with_packets_that_wait() -> None:

@@ -34,7 +34,7 @@ def summary_of(path: Path, bins: list[dict[str, Any]], ending: str = "done") -> 
             "lost": {"channel_erasure": sent - delivered},
         }
     ]
-    (path / LEDGER).write_text(json.dumps({"links": links, "bins": bins}))
+    (path / LEDGER).write_text(json.dumps({"links": links, "bins": bins, "refused": {}}))
     return summarise(SCENARIO, RunDirectory(path), Timing(100.0, 10.0), ending)
 
 
@@ -65,3 +65,10 @@ def test_figure_is_a_picture(tmp_path: Path) -> None:
     summary = summary_of(tmp_path, [row(20.0 * i, 50, 0.5) for i in range(5)])
     draw_probability_of_delivery(summary, radio_of(SCENARIO), tmp_path / "p.png")
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_verdict_says_who_had_not_finished(tmp_path: Path) -> None:
+    summary_of(tmp_path, [row(0, 50, 0.5)])
+    summary = summarise(SCENARIO, RunDirectory(tmp_path), Timing(12.0, 1.0), "duration", ["1"])
+    assert summary["verdict"].endswith("; UA 1 had not finished")
+    assert summary["unfinished"] == ["1"]
