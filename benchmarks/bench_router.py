@@ -2,7 +2,8 @@
 
 Both run in a process of their own with a Zenoh router session: the bare one puts each packet on one key per
 receiver and does nothing else; ours decides each packet's fate by `moon2020` (at 100 m, so that all arrive), books
-it, and forwards it. Rounds alternate; the figures are medians of CPU time per delivery.
+it, writes its rows and forwards it. Ticks and truth, which cost the same whatever is transmitted, are not in it. Rounds
+alternate; the figures are medians of CPU time per delivery.
 
     python -m benchmarks.bench_router [--receivers 1 10 50] [--rounds 3] [--json]
 """
@@ -12,15 +13,18 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing as mp
+import os
 import statistics
 import threading
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from bridge.keys import Keys
 from bridge.radio_router import Forward, RadioRouter
+from bridge.recorder import DeliveriesWriter
 from bridge.session import Sample, Session, Stamp, free_port, open_client, open_router
 from channel.medium import Medium
 from channel.presets import load_radio
@@ -45,20 +49,23 @@ def bare_fan_out(session: Session, nodes: list[str]) -> Callable[[Sample], None]
 
 
 def radio_router(session: Session, nodes: list[str]) -> Callable[[Sample], None]:
-    """Our core, fed and emptied as its process does."""
+    """Our core with its record, in Zenoh's thread (its process adds a queue of its own)."""
     medium = Medium(Radio(load_radio("moon2020")), seed=1, nodes=nodes)
     core = RadioRouter(KEYS, medium, nodes)
+    writer = DeliveriesWriter(Path(os.devnull))
     for tick_ns in (0, 3600 * 10**9):
         for i, node in enumerate(nodes):
             core.on_truth(node, tick_ns, (100.0 if i else 0.0, float(i), -40.0), LEVEL)
 
     def forward(sample: Sample) -> None:
         payload, stamp = sample.payload.to_bytes(), Stamp.from_sample(sample)
-        for action in core.on_packet("0", "team", payload, sample.encoding, stamp):
+        core.on_packet("0", "team", payload, sample.encoding, stamp)
+        for action in core.settle():
             if isinstance(action, Forward):
                 session.put_bytes(
                     action.key, payload, encoding=action.packet.encoding, attachment=action.attachment
                 )
+        writer.write(core.settled)
         core.settled.clear()
 
     return forward

@@ -3,8 +3,8 @@
 `RadioRouter` is the core: it takes packets, true positions and answers to ticks, and returns what to publish.
 The process around it is in `bridge.processes.router`.
 
-The router also closes each tick: once every agent has answered it, all packets of that
-tick are settled and on their way, and only then is the fleet clock released. So no packet is late because the
+The router also closes each tick: once every agent has answered it, all packets of that tick are settled, in one
+order whoever was first, and on their way; only then is the fleet clock released. So no packet is late because the
 host was slow, and a run does not depend on how fast it went.
 """
 
@@ -32,6 +32,8 @@ MAX_LENGTH_BYTES = 1 << 20
 MAX_GAP = 100_000
 """A sequence number that jumps further than this is taken for garbage, not for lost packets."""
 NEVER_NS = 1 << 62
+TAKEN_MAX = 100_000
+"""Packets of one tick."""
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
 
@@ -115,6 +117,7 @@ class RadioRouter:
         self._tick_ns = 0
         self._next_seq = dict.fromkeys(nodes, 0)
         self._sender: dict[str, bytes] = {}
+        self._taken: list[Packet] = []
         self._waiting: dict[tuple[str, int], tuple[Packet, int]] = {}
         self._others = {node: tuple(other for other in nodes if other != node) for node in nodes}
         self._latest: dict[tuple[str, str], Reception] = {}
@@ -147,24 +150,34 @@ class RadioRouter:
 
     def on_packet(
         self, tx: str, channel: str, payload: bytes, encoding: object = None, stamp: Stamp | None = None
-    ) -> list[Action]:
-        """Take a packet. Without a stamp it gets the sender's next number and the latest sim time."""
+    ) -> None:
+        """Take a packet; `settle` decides its fate. Without a stamp it gets the next number and the latest time."""
         stamp = stamp or Stamp(self._next_seq.get(tx, 0), self._latest_ns)
         refused = self._why_refused(tx, stamp)
         if refused is not None:
             self.refused[refused] += 1
-            return []
+            return
         self._sender[tx] = stamp.source
         self._book_missing(tx, stamp.seq, stamp.sim_time_ns, TRANSPORT)
         if len(payload) > MAX_LENGTH_BYTES:
             self._book_missing(tx, stamp.seq + 1, stamp.sim_time_ns, TOO_LONG)
-            return []
+            return
         self._next_seq[tx] = stamp.seq + 1
-        packet = Packet(tx, channel, stamp.seq, stamp.sim_time_ns, payload, encoding)
-        if self._others[tx]:
-            self.ledger.sent(tx, self._others[tx])
-            self._waiting[tx, stamp.seq] = (packet, len(self._others[tx]))
-        return self._settle(self._medium.transmit(tx, stamp.seq, stamp.sim_time_ns, len(payload)))
+        self._taken.append(Packet(tx, channel, stamp.seq, stamp.sim_time_ns, payload, encoding))
+
+    def settle(self) -> list[Action]:
+        """Give what was taken to the medium, in an order that does not depend on that of arrival."""
+        taken, self._taken = self._taken, []
+        actions: list[Action] = []
+        for packet in sorted(taken, key=lambda p: (p.sim_time_ns, p.tx, p.seq)):
+            if self._others[packet.tx]:
+                self.ledger.sent(packet.tx, self._others[packet.tx])
+                self._waiting[packet.tx, packet.seq] = (packet, len(self._others[packet.tx]))
+            length_bytes = len(packet.payload)
+            actions += self._settle(
+                self._medium.transmit(packet.tx, packet.seq, packet.sim_time_ns, length_bytes)
+            )
+        return actions
 
     def _why_refused(self, tx: str, stamp: Stamp) -> Refused | None:
         if tx not in self._next_seq:
@@ -173,6 +186,8 @@ class RadioRouter:
             return Refused.SECOND_SENDER
         if stamp.seq < self._next_seq[tx]:
             return Refused.REPEATED
+        if len(self._taken) >= TAKEN_MAX:
+            return Refused.OVERLOAD
         if stamp.seq - self._next_seq[tx] > MAX_GAP or not self._is_plausible(stamp.sim_time_ns):
             return Refused.MALFORMED
         return None
@@ -190,7 +205,7 @@ class RadioRouter:
         if done_ns <= self._released_ns:
             return []
         self._released_ns = done_ns
-        reports = [*self._statuses(done_ns), *self._link_reports(done_ns)]
+        reports = [*self.settle(), *self._statuses(done_ns), *self._link_reports(done_ns)]
         key = self._keys.clock_end if done_ns >= self._end_ns else self._keys.clock_release
         return [*reports, Publish(key, Header.at(done_ns, ""), must_arrive=True)]
 
@@ -216,7 +231,7 @@ class RadioRouter:
         Raises:
             LedgerError: sent is not delivered plus lost: a defect of ours.
         """
-        actions = self._settle(self._medium.flush())
+        actions = [*self.settle(), *self._settle(self._medium.flush())]
         self.ledger.check(in_flight=0)
         return actions + self._link_reports(self._reported_ns + LINK_PERIOD_NS)
 

@@ -1,6 +1,7 @@
 """Watch UA 1 of a run with MAVSDK (pip install mavsdk), from its APS daemon's TCP port. Ctrl-C ends it."""
 
 import asyncio
+import contextlib
 import sys
 
 from mavsdk import ComponentType, Configuration
@@ -18,4 +19,5 @@ async def main(url: str) -> None:
             print(position, flush=True)
 
 
-asyncio.run(main(sys.argv[1] if len(sys.argv) > 1 else "tcpout://127.0.0.1:6770"))
+with contextlib.suppress(KeyboardInterrupt, BrokenPipeError):
+    asyncio.run(main(sys.argv[1] if len(sys.argv) > 1 else "tcpout://127.0.0.1:6770"))

@@ -1,5 +1,6 @@
 """Print what the radio delivers in a run: python zenoh_subscriber.py [tcp/127.0.0.1:7447]. Ctrl-C ends it."""
 
+import contextlib
 import json
 import sys
 
@@ -10,7 +11,7 @@ config.insert_json5("mode", '"client"')
 config.insert_json5(
     "connect/endpoints", json.dumps([sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7447"])
 )
-with zenoh.open(config) as session:
+with zenoh.open(config) as session, contextlib.suppress(KeyboardInterrupt, BrokenPipeError):
     subscriber = session.declare_subscriber("lostlink/*/ua/*/rx/**")
     for sample in subscriber:
         print(sample.key_expr, len(sample.payload.to_bytes()), "bytes", flush=True)

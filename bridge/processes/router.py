@@ -139,12 +139,12 @@ class RouterProcess:
     def _on_packet(self, key: str, sample: Sample) -> list[Action]:
         node, channel = self._keys.sender_and_channel(key)
         refused = self._core.refused.total()
-        actions = self._core.on_packet(
+        self._core.on_packet(
             node, channel, sample.payload.to_bytes(), sample.encoding, Stamp.from_sample(sample)
         )
         if self._core.refused.total() == refused + 1 <= REFUSALS_LOGGED_MAX:
             log.warning("refused a packet on %s; refused so far: %s", key, dict(self._core.refused))
-        return actions
+        return []
 
     def _on_answer(self, key: str, sample: Sample) -> list[Action]:
         return self._core.on_answer(

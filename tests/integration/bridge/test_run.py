@@ -8,12 +8,17 @@ import signal
 import socket
 import subprocess
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
 import pytest
 
+from bridge.keys import Keys
+from bridge.messages import Header, Truth, Vector3
 from bridge.recorder import COLUMNS
+from bridge.scenario_file import SCENARIOS
+from bridge.session import open_client
 from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
 
 
@@ -76,24 +81,52 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
     }
 
 
-def fates(run: Run, until_ns: int) -> dict[tuple[str, str, str], tuple[str, str]]:
-    rows = [row for row in rows_of(run) if int(row["sim_time_ns"]) <= until_ns]
-    return {(row["tx"], row["rx"], row["seq"]): (row["fate"], row["distance_m"]) for row in rows}
+def deliveries(run: Run) -> bytes:
+    return (run.directory / "deliveries.csv").read_bytes()
 
 
-def test_same_seed_same_fates_at_any_speed_and_another_seed_differs(start_run: StartRun) -> None:
-    until_ns = 5_000_000_000
-    runs = [
-        start_run(duration_s=5.0),
-        start_run("--speed", "2", duration_s=5.0),
-        start_run("--seed", "4", duration_s=5.0),
-    ]
+def test_same_seed_same_record_byte_for_byte_at_any_speed_and_another_seed_differs(
+    start_run: StartRun,
+) -> None:
+    runs = [start_run(*more, duration_s=4.0) for more in ((), ("--speed", "2"), ("--seed", "4"))]
     for run in runs:
         assert run.finish() == 0, run.output.decode()
-    first, slower, other = (fates(run, until_ns) for run in runs)
-    assert len(first) >= 200
+    first, slower, other = map(deliveries, runs)
+    assert len(rows_of(runs[0])) == 2 * (4 * 20 + 1)
     assert slower == first
-    assert {key: fate for key, (fate, _) in other.items()} != {key: fate for key, (fate, _) in first.items()}
+    assert other != first
+
+
+def test_default_scenario_agrees_with_the_model(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    more = ("--out", str(tmp_path), "--first-slot", str(free_slot(2)), "--zenoh-port", "0", "--json")
+    done = subprocess.run([*LOSTLINK, "run", *more], capture_output=True, text=True, timeout=110)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert (summary["ending"], summary["unfinished"], summary["refused"]) == ("done", [], {})
+    assert summary["bins_judged"] >= 60
+    assert summary["bins_within"] >= 0.95 * summary["bins_judged"]
+    lost = {cause for link in summary["links"] for cause in link["lost"]}
+    assert lost == {"channel_erasure"}
+    for link in summary["links"]:
+        assert link["sent"] == link["delivered"] + sum(link["lost"].values()) > 2000
+
+
+def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> None:
+    run = start_run(duration_s=30.0)
+    run.wait_for("sim time")
+    keys = Keys(run.directory.name)
+    nan = float("nan")
+    with open_client(run.endpoint) as session:
+        session.put(
+            keys.truth("0"), Truth(Header.at(0, "0"), position_ned_m=Vector3(nan, nan, nan)), must_arrive=True
+        )
+        session.put_bytes(keys.clock_answer("0"), b"garbage", must_arrive=True)
+        session.put_bytes(keys.tx("0", "team"), b"from a guest", must_arrive=True)
+        session.put_bytes(keys.tx("9", "team"), b"from nobody", must_arrive=True)
+    assert run.finish() == 0, run.output.decode()
+    summary = json.loads((run.directory / "summary.json").read_text())
+    assert summary["refused"] == {"malformed": 2, "second_sender": 1, "unknown_node": 1}
+    assert all(set(link["lost"]) <= {"channel_erasure"} for link in summary["links"])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -115,6 +148,7 @@ def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.S
         ("bridge.processes.router", "router"),
         ("bridge.processes.physics", "physics"),
         ("bridge.processes.aircraft", "aircraft-0"),
+        ("bridge.processes.agent --run-dir", "agent-0"),
     ],
 )
 def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim: str, name: str) -> None:
@@ -199,6 +233,24 @@ def test_bad_option_is_status_2(tmp_path: Path, option: str, value: str, says: s
     assert done.returncode == 2
     assert says in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_port_beyond_ardupilots_is_refused(tmp_path: Path) -> None:
+    binary = tmp_path / "arducopter"
+    binary.write_text("#!/bin/sh\n")
+    binary.chmod(0o755)
+    options = ("--autopilot", "ardupilot", "--ardupilot-dir", str(tmp_path), "--first-slot", "340")
+    done = lostlink("run", *options, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "instance 340, but it counts to 255" in done.stderr
+
+
+def test_stand_in_refuses_what_is_no_multirotor(tmp_path: Path) -> None:
+    text = (SCENARIOS / "separation.yaml").read_text().replace("airframe: f450", "airframe: aerosonde", 1)
+    (tmp_path / "plane.yaml").write_text(text)
+    done = lostlink("run", "plane.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "UA 0: the stand-in autopilot flies multirotors only" in done.stderr
 
 
 def test_json_output_is_the_summary_and_nothing_else(start_run: StartRun) -> None:

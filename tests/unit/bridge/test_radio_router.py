@@ -31,6 +31,14 @@ def place(core: RadioRouter, sim_time_ns: int, **north_m: float) -> list[Action]
     return actions
 
 
+def send(
+    core: RadioRouter, tx: str, payload: bytes, encoding: object = None, stamp: Stamp | None = None
+) -> list[Action]:
+    """Give a packet to the core and have it settled."""
+    core.on_packet(tx, "team", payload, encoding, stamp)
+    return core.settle()
+
+
 def forwards(actions: list[Action]) -> list[Forward]:
     return [action for action in actions if isinstance(action, Forward)]
 
@@ -42,7 +50,7 @@ def published(actions: list[Action], kind: type) -> list[Publish]:
 def test_packet_goes_on_with_its_bytes_stamp_and_encoding() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=100.0)
-    (forward,) = forwards(core.on_packet("0", "team", b"\x00payload", "text/plain", Stamp(0, 0)))
+    (forward,) = forwards(send(core, "0", b"\x00payload", "text/plain", Stamp(0, 0)))
     assert forward.key == "lostlink/r/ua/1/rx/0/team"
     assert (forward.packet.payload, forward.packet.encoding) == (b"\x00payload", "text/plain")
     assert len(forward.attachment) == 33
@@ -51,7 +59,7 @@ def test_packet_goes_on_with_its_bytes_stamp_and_encoding() -> None:
 def test_packet_waits_for_the_truth_of_its_instant() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=100.0)
-    assert not forwards(core.on_packet("0", "team", b"x", None, Stamp(0, TICK_NS)))
+    assert not forwards(send(core, "0", b"x", None, Stamp(0, TICK_NS)))
     assert not forwards(place(core, TICK_NS, n0=0.0))
     assert forwards(place(core, TICK_NS, n1=100.0))
 
@@ -59,7 +67,7 @@ def test_packet_waits_for_the_truth_of_its_instant() -> None:
 def test_out_of_range_is_lost_and_booked() -> None:
     core = router("disk")
     place(core, 0, n0=0.0, n1=1e6)
-    assert not forwards(core.on_packet("0", "team", b"x", None, Stamp(0, 0)))
+    assert not forwards(send(core, "0", b"x", None, Stamp(0, 0)))
     (row,) = core.settled
     assert (row.tx, row.rx, row.fate) == ("0", "1", "out_of_range")
     assert core.ledger.links["0", "1"].lost == {"out_of_range": 1}
@@ -68,15 +76,15 @@ def test_out_of_range_is_lost_and_booked() -> None:
 def test_packet_without_stamp_gets_number_and_time() -> None:
     core = router()
     place(core, TICK_NS, n0=0.0, n1=1.0)
-    core.on_packet("0", "team", b"a")
-    core.on_packet("0", "team", b"b")
+    send(core, "0", b"a")
+    send(core, "0", b"b")
     assert [(row.seq, row.sim_time_ns) for row in core.settled] == [(0, TICK_NS), (1, TICK_NS)]
 
 
 def test_missing_numbers_are_the_hosts_losses() -> None:
     core = router(nodes=("0", "1", "2"))
     place(core, 0, n0=0.0, n1=1.0, n2=2.0)
-    core.on_packet("0", "team", b"x", None, Stamp(3, 0))
+    send(core, "0", b"x", None, Stamp(3, 0))
     assert core.ledger.links["0", "1"].lost == {TRANSPORT: 3}
     assert core.ledger.links["0", "2"].sent == 4
     core.on_sent_total("0", 6)
@@ -100,9 +108,9 @@ def test_missing_numbers_are_the_hosts_losses() -> None:
 def test_what_is_refused_is_counted_by_reason(tx: str, stamp: Stamp, payload: bytes, reason: Refused) -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    core.on_packet("0", "team", b"x", None, Stamp(0, 0))
+    send(core, "0", b"x", None, Stamp(0, 0))
     rows = len(core.settled)
-    assert core.on_packet(tx, "team", payload, None, stamp) == []
+    assert send(core, tx, payload, None, stamp) == []
     assert core.refused == {reason: 1}
     assert len(core.settled) == rows
 
@@ -121,7 +129,7 @@ def test_clock_is_released_when_all_have_answered() -> None:
 def test_release_comes_after_what_the_tick_delivered() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    core.on_packet("0", "team", b"x", None, Stamp(0, 0))
+    send(core, "0", b"x", None, Stamp(0, 0))
     core.on_answer("0", 0)
     actions = core.on_answer("1", 0)
     (status,) = published(actions, CommunicationStatus)
@@ -175,8 +183,8 @@ def test_answer_of_an_impossible_time_releases_nothing(sim_time_ns: int) -> None
 def test_packet_that_is_too_long_is_booked_as_such() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    core.on_packet("0", "team", bytes((1 << 20) + 1), None, Stamp(0, 0))
-    core.on_packet("0", "team", b"x", None, Stamp(1, 0))
+    send(core, "0", bytes((1 << 20) + 1), None, Stamp(0, 0))
+    send(core, "0", b"x", None, Stamp(1, 0))
     assert [row.fate for row in core.settled] == ["too_long", "delivered"]
     assert core.ledger.links["0", "1"].lost == {"too_long": 1}
     core.finish()
@@ -186,16 +194,29 @@ def test_packet_that_is_too_long_is_booked_as_such() -> None:
 def test_second_sender_of_a_node_is_refused_and_harms_nothing(stamp: Stamp | None) -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    core.on_packet("0", "team", b"x", None, Stamp(0, 0, b"agent"))
-    assert core.on_packet("0", "team", b"x", None, stamp) == []
+    send(core, "0", b"x", None, Stamp(0, 0, b"agent"))
+    assert send(core, "0", b"x", None, stamp) == []
     assert core.refused == {Refused.SECOND_SENDER: 1}
-    assert forwards(core.on_packet("0", "team", b"x", None, Stamp(1, 0, b"agent")))
+    assert forwards(send(core, "0", b"x", None, Stamp(1, 0, b"agent")))
 
 
 def test_books_balance_when_the_run_ends_with_packets_that_wait() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    core.on_packet("0", "team", b"x", None, Stamp(0, 10 * TICK_NS))
+    send(core, "0", b"x", None, Stamp(0, 10 * TICK_NS))
     core.finish()
     account = core.ledger.links["0", "1"]
     assert (account.sent, account.in_flight) == (1, 0)
+
+
+def test_packets_of_a_tick_are_settled_in_one_order_whoever_was_first() -> None:
+    orders = []
+    for senders in (("0", "1", "2"), ("2", "0", "1")):
+        core = router(nodes=("0", "1", "2"))
+        place(core, 0, n0=0.0, n1=1.0, n2=2.0)
+        for tx in senders:
+            core.on_packet(tx, "team", b"x", None, Stamp(0, 0))
+        orders.append(keys_of(core.settle()))
+        assert core.settle() == []
+    assert orders[0] == orders[1]
+    assert len(orders[0]) == 6
