@@ -44,19 +44,19 @@ def batch_ns_per_link(radio: Radio, links: int, packets: int) -> float:
 def packet_us(radio: Radio, receivers: int) -> float:
     """One packet to all receivers, truth known on both sides of it, us."""
     nodes = [str(i) for i in range(receivers + 1)]
-    medium = Medium(radio, seed=1, nodes=nodes)
-    for time_ns in (0, 10**11):
+    medium, time_ns = Medium(radio, seed=1, nodes=nodes), count(50_000_000, 1_000_000)
+    for at_ns in (0, 10**11):
         for i, node in enumerate(nodes):
-            medium.observe(node, time_ns, (300.0 + 2.0 * i, 5.0 * i, -40.0))
+            medium.observe(node, at_ns, (300.0 + 2.0 * i, 5.0 * i, -40.0))
     seq = count()
-    return best_us(lambda: medium.transmit("0", next(seq), 50_000_000 + next(seq), 40), 1024)
+    return best_us(lambda: medium.transmit("0", next(seq), next(time_ns), 40), 1024)
 
 
 def measure(name: str) -> dict[str, object]:
     """Return all figures of one radio."""
     radio = Radio(load_radio(name))
     one = np.ones(1)
-    batch = batch_ns_per_link(radio, 64, 1024)
+    batch = batch_ns_per_link(radio, 64, 4096)
     return {
         "radio": name,
         "numpy_add_us": best_us(lambda: one + one, 20000),

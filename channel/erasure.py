@@ -9,19 +9,21 @@ from __future__ import annotations
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from channel.checks import ChannelInputError, FloatArray
 
 WORDS_PER_COUNT = 4
-BLOCK_PACKETS = 256
+BLOCK_PACKETS = 128
 """Sequence numbers drawn at once per link; a draw does not depend on it."""
-MAX_BLOCKS = 4096
+KEPT_BLOCKS = 2
+MAX_STREAMS = 20_000
+"""Streams kept open; those that are closed and opened again draw the same numbers."""
+BEFORE_ZERO = (2**64 - 1,) * 4
 MAX_SEQ = 2**63 - 1
 
 
@@ -57,14 +59,93 @@ def stream_key(seed: int, *names: str) -> NDArray[np.uint64]:
 
 def uniform_from_words(words: NDArray[np.uint64]) -> FloatArray:
     """Return numbers of the open interval (0, 1) from 64-bit words: the middle of one of 2^52 equal cells."""
-    return ((words >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+    uniform = (words >> np.uint64(12)).astype(np.float64)
+    uniform += 0.5
+    uniform *= 2.0**-52
+    return uniform
+
+
+class Table:
+    """Rows of numbers by sequence number, made in blocks; the last two blocks are kept.
+
+    Args:
+        make: returns the rows of one block, shape (BLOCK_PACKETS, receivers), for the block's number.
+    """
+
+    def __init__(self, make: Callable[[int], FloatArray]) -> None:
+        self._make = make
+        self._blocks: OrderedDict[int, tuple[FloatArray, list[list[float]]]] = OrderedDict()
+        self._number = -1
+        self._rows: FloatArray = np.empty((0, 0))
+        self._lists: list[list[float]] = []
+
+    def row(self, seq: int) -> FloatArray:
+        """Return the row of a sequence number, shape (receivers,)."""
+        number, offset = divmod(seq, BLOCK_PACKETS)
+        if number != self._number:
+            self._turn_to(number)
+        row: FloatArray = self._rows[offset]
+        return row
+
+    def numbers(self, seq: int) -> list[float]:
+        """Return what `row` returns, as a list: the quicker for few receivers."""
+        number, offset = divmod(seq, BLOCK_PACKETS)
+        if number != self._number:
+            self._turn_to(number)
+        if not self._lists:
+            self._lists += self._rows.tolist()
+        return self._lists[offset]
+
+    def _turn_to(self, number: int) -> None:
+        kept = self._blocks.get(number)
+        if kept is None:
+            kept = self._blocks[number] = (self._make(number), [])
+            if len(self._blocks) > KEPT_BLOCKS:
+                self._blocks.popitem(last=False)
+        self._number, (self._rows, self._lists) = number, kept
+
+
+class Fan:
+    """The draws of one transmitter's packets at its receivers: the numbers of `Draws.uniform`, ahead of need.
+
+    Args:
+        draws: the run's draws.
+        tx: transmitting node.
+        receivers: receiving nodes.
+    """
+
+    def __init__(self, draws: Draws, tx: str, receivers: Sequence[str]) -> None:
+        self._draws = draws
+        self._tx = tx
+        self._receivers = tuple(receivers)
+        self._uniforms: dict[Purpose, Table] = {}
+        self._words: dict[str, tuple[int, NDArray[np.uint64]]] = {}
+
+    def uniforms(self, purpose: Purpose) -> Table:
+        """Return the draws for a purpose."""
+        table = self._uniforms.get(purpose)
+        if table is None:
+            table = self._uniforms[purpose] = self.derived(purpose, lambda uniform: uniform)
+        return table
+
+    def derived(self, purpose: Purpose, law: Callable[[FloatArray], FloatArray]) -> Table:
+        """Return what a function makes of the draws for a purpose, element by element."""
+        return Table(lambda block: law(self._block(purpose, block)))
+
+    def _block(self, purpose: Purpose, block: int) -> FloatArray:
+        """Return a block of draws; the words of the last one are kept, for the other purposes of the stream."""
+        number, words = self._words.get(purpose.stream, (-1, None))
+        if words is None or number != block:
+            words = np.empty((BLOCK_PACKETS, len(self._receivers), WORDS_PER_COUNT), dtype=np.uint64)
+            for column, rx in enumerate(self._receivers):
+                names = (self._tx, rx, purpose.stream)
+                words[:, column] = self._draws.words(names, block * BLOCK_PACKETS, BLOCK_PACKETS)
+            self._words[purpose.stream] = block, words
+        return uniform_from_words(np.ascontiguousarray(words[:, :, purpose.word]))
 
 
 class Draws:
     """All random numbers of one run.
-
-    Blocks of 256 sequence numbers are kept per transmitter, receiver set and purpose: a speed-up that
-    changes no number.
 
     Args:
         seed: the run's seed, any integer.
@@ -72,13 +153,9 @@ class Draws:
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
-        self._philox = np.random.Philox(key=0)
-        self._state = self._philox.state
-        self._blocks: OrderedDict[tuple[str, tuple[str, ...], Purpose, int], FloatArray] = OrderedDict()
-        self._normals: OrderedDict[tuple[str, tuple[str, ...], Purpose, int], FloatArray] = OrderedDict()
-        self._normal_name: tuple[str, tuple[str, ...], Purpose, int] | None = None
-        self._normal_block: FloatArray = np.empty((0, 0))
-        self._keys: dict[tuple[str, ...], NDArray[np.uint64]] = {}
+        self._fans: dict[tuple[str, tuple[str, ...]], Fan] = {}
+        self._streams: dict[tuple[str, ...], tuple[np.random.Philox, int]] = {}
+        """Each with the counter that it draws next."""
 
     def words(self, names: tuple[str, ...], first: int, count: int) -> NDArray[np.uint64]:
         """Return the words of `count` successive counter values from `first` on, shape (count, 4).
@@ -88,66 +165,38 @@ class Draws:
         """
         if not 0 <= first <= MAX_SEQ:
             raise ChannelInputError("seq", first, f"an integer from 0 to {MAX_SEQ}")
-        key = self._keys.get(names)
-        if key is None:
-            key = self._keys[names] = stream_key(self.seed, *names)
-        state = self._state
-        state["state"]["key"][:] = key
-        # numpy steps the counter before it draws, so one less than `first`, with borrow over 256 bits.
-        state["state"]["counter"][:] = (first - 1, 0, 0, 0) if first else (2**64 - 1,) * 4
-        state["buffer_pos"] = WORDS_PER_COUNT
-        state["has_uint32"] = 0
-        self._philox.state = state
-        return self._philox.random_raw(count * WORDS_PER_COUNT).reshape(count, WORDS_PER_COUNT)
+        philox, at = self._streams.get(names) or self._stream(names)
+        if at != first:
+            philox.advance(first - at)
+        self._streams[names] = philox, first + count
+        return philox.random_raw(count * WORDS_PER_COUNT).reshape(count, WORDS_PER_COUNT)
+
+    def _stream(self, names: tuple[str, ...]) -> tuple[np.random.Philox, int]:
+        """Return a stream before its counter 0: numpy steps the counter before it draws."""
+        if len(self._streams) >= MAX_STREAMS:
+            self._streams.clear()
+        return np.random.Philox(key=stream_key(self.seed, *names), counter=BEFORE_ZERO), 0
 
     def uniform(self, purpose: Purpose, tx: str, rx: str, seq: int) -> float:
         """Return the draw of one packet on one link, in the open interval (0, 1)."""
         words = self.words((tx, rx, purpose.stream), seq, 1)
         return float(uniform_from_words(words[0, purpose.word]))
 
+    def fan(self, tx: str, receivers: Sequence[str]) -> Fan:
+        """Return the draws of one transmitter's packets at its receivers."""
+        names = tx, tuple(receivers)
+        fan = self._fans.get(names)
+        if fan is None:
+            fan = self._fans[names] = Fan(self, *names)
+        return fan
+
     def uniforms(self, purpose: Purpose, tx: str, receivers: Sequence[str], seq: int) -> FloatArray:
         """Return the draws of one packet to many receivers, shape (receivers,); equal to `uniform` of each."""
-        block, offset = divmod(seq, BLOCK_PACKETS)
-        row: FloatArray = self._block(purpose, tx, tuple(receivers), block)[offset]
-        return row
-
-    def normals(self, purpose: Purpose, tx: str, receivers: tuple[str, ...], seq: int) -> FloatArray:
-        """Return `uniforms` through the normal law's quantile function, shape (receivers,)."""
-        block, offset = divmod(seq, BLOCK_PACKETS)
-        name = (tx, receivers, purpose, block)
-        if self._normal_name != name:
-            kept = self._normals.get(name)
-            if kept is None:
-                kept = self._normals[name] = np.asarray(ndtri(self._block(purpose, tx, receivers, block)))
-                while len(self._normals) > MAX_BLOCKS:
-                    self._normals.popitem(last=False)
-            self._normal_name, self._normal_block = name, kept
-        row: FloatArray = self._normal_block[offset]
-        return row
+        return self.fan(tx, receivers).uniforms(purpose).row(seq)
 
     def series(self, purpose: Purpose, tx: str, rx: str, first_seq: int, count: int) -> FloatArray:
         """Return the draws of `count` successive packets of one link, shape (count,); equal to `uniform`."""
         return uniform_from_words(self.words((tx, rx, purpose.stream), first_seq, count)[:, purpose.word])
-
-    def _block(self, purpose: Purpose, tx: str, receivers: tuple[str, ...], block: int) -> FloatArray:
-        name = (tx, receivers, purpose, block)
-        kept = self._blocks.get(name)
-        if kept is None:
-            kept = self._draw_block(purpose, tx, receivers, block)
-            while len(self._blocks) > MAX_BLOCKS:
-                self._blocks.popitem(last=False)
-        return kept
-
-    def _draw_block(self, purpose: Purpose, tx: str, receivers: tuple[str, ...], block: int) -> FloatArray:
-        """Draw and keep the blocks of every purpose of the stream: they come out of the same words."""
-        words = np.empty((BLOCK_PACKETS, len(receivers), WORDS_PER_COUNT), dtype=np.uint64)
-        for column, rx in enumerate(receivers):
-            words[:, column] = self.words((tx, rx, purpose.stream), block * BLOCK_PACKETS, BLOCK_PACKETS)
-        for each in Purpose:
-            if each.stream == purpose.stream:
-                uniform = uniform_from_words(np.ascontiguousarray(words[:, :, each.word]))
-                self._blocks[tx, receivers, each, block] = uniform
-        return self._blocks[tx, receivers, purpose, block]
 
 
 def check_seed(seed: int) -> int:

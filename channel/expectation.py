@@ -93,7 +93,8 @@ class Expectation:
         With fading that depends on elevation, angles are rounded to whole degrees.
         """
         if elevation_deg is None:
-            return np.asarray(np.interp(snr_db, *self._curve(length_bytes, 0)))
+            success: FloatArray = np.interp(snr_db, *self._curve(length_bytes, 0))
+            return success
         degrees = np.round(elevation_deg).astype(int)
         out = np.empty(np.shape(snr_db))
         for degree in np.unique(degrees):

@@ -154,7 +154,7 @@ class Rician(_Coherent):
         k = self.k_ratio(elevation_deg)
         spread = np.sqrt(0.5 / (k + 1.0))
         in_phase = np.sqrt(k / (k + 1.0)) + spread * ndtri(first)
-        gain = in_phase**2 + (spread * ndtri(second)) ** 2
+        gain = np.square(in_phase) + np.square(spread * ndtri(second))
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN))
 
     def rule(self, elevation_deg: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:

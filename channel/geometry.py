@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ LEVEL_WXYZ = np.array([1.0, 0.0, 0.0, 0.0])
 NORTH = np.array([1.0, 0.0, 0.0])
 
 
-@dataclass(frozen=True, slots=True)
-class Path:
+class Path(NamedTuple):
     """One or many links; all fields broadcast against each other.
 
     Attributes:
@@ -54,7 +53,7 @@ class Path:
     def way_ned(self) -> FloatArray:
         """Unit vectors from tx to rx, shape (..., 3); due north where there are no positions, or the same."""
         if self.position_tx_ned_m is None or self.position_rx_ned_m is None:
-            return np.broadcast_to(NORTH, (*self.distance_m.shape, 3))
+            return np.broadcast_to(NORTH, (*np.shape(self.distance_m), 3))
         way = self.position_rx_ned_m - self.position_tx_ned_m
         length = np.sqrt(np.sum(way**2, axis=-1, keepdims=True))
         return np.where(length > 0.0, way / np.maximum(length, 1e-9), NORTH)
@@ -63,4 +62,5 @@ class Path:
 def separation_m(tx_ned_m: FloatArray, rx_ned_m: FloatArray) -> FloatArray:
     """Return the distance between positions of shape (..., 3), m."""
     way = rx_ned_m - tx_ned_m
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", way, way)))
+    north, east, down = way[..., 0], way[..., 1], way[..., 2]
+    return np.asarray(np.sqrt(north * north + east * east + down * down))

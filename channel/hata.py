@@ -111,8 +111,8 @@ def _small_city(f_mhz: FloatArray, mobile_m: FloatArray) -> FloatArray:
 
 
 def _large_city(f_mhz: FloatArray, mobile_m: FloatArray) -> FloatArray:
-    low = 8.29 * np.log10(1.54 * mobile_m) ** 2 - 1.1
-    high = 3.2 * np.log10(11.75 * mobile_m) ** 2 - 4.97
+    low = 8.29 * np.square(np.log10(1.54 * mobile_m)) - 1.1
+    high = 3.2 * np.square(np.log10(11.75 * mobile_m)) - 4.97
     return np.where(np.less(f_mhz, LARGE_CITY_BORDER_MHZ), low, high)
 
 
@@ -121,12 +121,12 @@ def _urban(_f_mhz: FloatArray, _open_square_db: float) -> FloatArray:
 
 
 def _suburban(f_mhz: FloatArray, _open_square_db: float) -> FloatArray:
-    return np.asarray(-2.0 * np.log10(f_mhz / 28.0) ** 2 - 5.4)
+    return np.asarray(-2.0 * np.square(np.log10(f_mhz / 28.0)) - 5.4)
 
 
 def _open(f_mhz: FloatArray, open_square_db: float) -> FloatArray:
     log_f = np.log10(f_mhz)
-    return np.asarray(-open_square_db * log_f**2 + 18.33 * log_f - 40.94)
+    return np.asarray(-open_square_db * np.square(log_f) + 18.33 * log_f - 40.94)
 
 
 _MOBILE_CORRECTION = {"small": _small_city, "large": _large_city}

@@ -19,7 +19,8 @@ def ber_erfc(snr: ArrayLike) -> FloatArray:
     Args:
         snr: linear power ratio >= 0, any shape.
     """
-    return np.asarray(erfc(np.sqrt(snr)))
+    ber: FloatArray = erfc(np.sqrt(snr))
+    return ber
 
 
 def ber_bpsk(ebn0: ArrayLike) -> FloatArray:
@@ -28,7 +29,8 @@ def ber_bpsk(ebn0: ArrayLike) -> FloatArray:
     Args:
         ebn0: energy per bit over noise density, linear, >= 0, any shape.
     """
-    return 0.5 * np.asarray(erfc(np.sqrt(ebn0)))
+    twice: FloatArray = erfc(np.sqrt(ebn0))
+    return 0.5 * twice
 
 
 def ber_qpsk(ebn0: ArrayLike) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,13 +12,16 @@ from channel import checks
 from channel.antenna import to_body
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
-from channel.error_model import Band
+from channel.error_model import Band, ErfcBytes
 from channel.expectation import PANELS, Expectation
 from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
 from channel.interference import Interferer, sum_dbm
 from channel.link_budget import BudgetTerm, Link, total
+from channel.path_loss import FreeSpace, LogDistance
 
 States = tuple[bool, ...]
+NEEDS_PLACES = frozenset({"terrain"})
+"""Propagation models that ask where the ends are, not only how far apart and how high."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,13 @@ class Radio:
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self._expectation = Expectation(config, self._band)
         self._fixed_terms = self._make_fixed_terms()
-        self._fixed_dbm = None if self._fixed_terms is None else total(self._fixed_terms)
+        self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
+        self.line_dbm = self._make_line()
+        self.needs_places = (
+            self.needs_attitude
+            or bool(config.interference.interferers)
+            or config.propagation.model in NEEDS_PLACES
+        )
 
     def length_bytes(self, payload_bytes: int) -> int:
         """Return the length that the error model counts for a payload of `payload_bytes`.
@@ -136,7 +146,7 @@ class Radio:
                 raise ChannelInputError(
                     "distance_m - |height_tx_m - height_rx_m|", worst, ">= 0: the way is slant"
                 )
-            ground = np.sqrt(np.maximum(slant**2 - (tx_m - rx_m) ** 2, 0.0))
+            ground = np.sqrt(np.maximum(np.square(slant) - np.square(tx_m - rx_m), 0.0))
         checks.broadcast(distance_m=ground, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
         ground, tx, rx, _ = np.broadcast_arrays(ground, tx_m, rx_m, frequency_hz)
         zero = np.zeros_like(ground)
@@ -168,6 +178,14 @@ class Radio:
         if self.needs_attitude:
             return None
         return self._terms_before_path(None)
+
+    def _make_line(self) -> tuple[float, float] | None:
+        """Return the mean power at 1 m and its loss per decade of distance, if they are all there is to it."""
+        law = self.config.propagation
+        if self._fixed_dbm is None or not isinstance(law, FreeSpace | LogDistance):
+            return None
+        at_one_metre_db, slope_db = law.line_db(self.config.frequency_hz)
+        return self._fixed_dbm - float(at_one_metre_db), slope_db
 
     def _terms_before_path(self, path: Path | None) -> tuple[BudgetTerm, ...]:
         config = self.config
@@ -230,6 +248,13 @@ class Radio:
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
         """Return the packet error rate at an SNR, range, bursts and `base_loss` aside."""
         return self.config.error.per(snr_db, length_bytes, self._band)
+
+    def per_of_one(self, snr_db: float, length_bytes: int) -> float:
+        """Return what `per` returns, bit for bit, for numbers: the quicker for one packet at one receiver."""
+        error = self.config.error
+        if isinstance(error, ErfcBytes):
+            return error.per_of_one(snr_db, length_bytes, self._band)
+        return float(error.per(cast(FloatArray, snr_db), length_bytes, self._band))
 
     def link(
         self,
@@ -313,13 +338,18 @@ class Radio:
         """
         elevation = path.elevation_deg if self.config.fading.by_elevation else None
         if not self.config.interference.interferers:
-            snr_db = mean_power_dbm - self.noise_floor_dbm
-            return self.kept_share * self._expectation.from_table(snr_db, length_bytes, elevation)
+            return self.expected_at_snr(mean_power_dbm - self.noise_floor_dbm, length_bytes, elevation)
         success = np.zeros_like(mean_power_dbm)
         for chance, states in self.config.interference.states():
             snr_db = mean_power_dbm - self.noise_dbm(path, states)
             success += chance * self._expectation.from_table(snr_db, length_bytes, elevation)
         return self.kept_share * success
+
+    def expected_at_snr(
+        self, mean_snr_db: FloatArray, length_bytes: int, elevation_deg: FloatArray | None = None
+    ) -> FloatArray:
+        """Return what `expected_delivery` returns, for a mean SNR without interference."""
+        return self.kept_share * self._expectation.from_table(mean_snr_db, length_bytes, elevation_deg)
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:
         if length_bytes is None:

@@ -11,8 +11,10 @@ from channel.fading import coherence_block, coherence_time_s
 from channel.geometry import Path
 from channel.radio import Radio, States
 from channel.shadow_field import ShadowField
+from channel.shadowing import standard_normal_from_uniform
 
 Receivers = tuple[str, ...]
+LEVEL = np.zeros(())
 
 
 class RandomTerms:
@@ -41,7 +43,8 @@ class RandomTerms:
                 tx, receivers, path.position_tx_ned_m, path.position_rx_ned_m
             )
         else:
-            normal = self._draws.normals(Purpose.SHADOWING, tx, receivers, seq)
+            uniform = self._draws.uniforms(Purpose.SHADOWING, tx, receivers, seq)
+            normal = standard_normal_from_uniform(uniform)
         return self._config.shadowing.loss_db(normal)
 
     def fading_db(
@@ -68,7 +71,13 @@ class RandomTerms:
                 for rx, time_s in zip(receivers, times_s, strict=True)
             ]
             first, second = np.asarray(pairs).T
-        return fading.gain_db(first, second, path.elevation_deg)
+        return self.fading_gain_db(first, second, path)
+
+    def fading_gain_db(self, first: FloatArray, second: FloatArray, path: Path | None) -> FloatArray:
+        """Return the gain by fading for two uniform draws of each link, dB."""
+        fading = self._config.fading
+        elevation_deg = path.elevation_deg if fading.by_elevation and path is not None else LEVEL
+        return fading.gain_db(first, second, elevation_deg)
 
     def _of_block(self, tx: str, rx: str, block: tuple[int, int]) -> tuple[float, float]:
         """Return the two uniform draws of a pair for one block of time; both directions share them."""
@@ -96,11 +105,6 @@ class RandomTerms:
         chances = [self._config.bursts.loss_at(self._timeline(tx, rx), sim_time_ns) for rx in receivers]
         draws = self._draws.uniforms(Purpose.BURST, tx, receivers, seq)
         return [draw <= chance for draw, chance in zip(draws.tolist(), chances, strict=True)]
-
-    def base_losses(self, tx: str, receivers: Receivers, seq: int) -> list[bool]:
-        """Return which receivers lose a packet whatever the range."""
-        draws = self._draws.uniforms(Purpose.BASE_LOSS, tx, receivers, seq)
-        return [draw <= self._config.base_loss for draw in draws.tolist()]
 
     def _timeline(self, tx: str, rx: str) -> Timeline:
         timeline = self._timelines.get((tx, rx))

@@ -45,10 +45,15 @@ class ShadowField:
         stack = self._stacks.get((tx, receivers))
         if stack is None:
             pairs = [self._of_pair(tx, rx) for rx in receivers]
-            stack = np.stack([waves for waves, _ in pairs]), np.stack([phases for _, phases in pairs])
+            waves = np.stack([waves.T for waves, _ in pairs], axis=1)
+            stack = waves, np.stack([phases for _, phases in pairs])
             self._stacks[tx, receivers] = stack
         places = np.concatenate((np.broadcast_to(tx_ned_m, rx_ned_m.shape), rx_ned_m), axis=-1)
-        phase = np.einsum("rwk,rk->rw", stack[0], places) + stack[1]
+        phase = stack[1]
+        for k in range(
+            places.shape[-1]
+        ):  # in a fixed order, so that no bit depends on how many receivers there are
+            phase = phase + stack[0][k] * places[:, k, np.newaxis]
         return np.asarray(math.sqrt(2.0 / WAVES) * np.cos(phase).sum(axis=-1))
 
     def _of_pair(self, tx: str, rx: str) -> tuple[FloatArray, FloatArray]:

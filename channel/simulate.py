@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from channel import checks
 from channel.checks import ChannelInputError, FloatArray
-from channel.erasure import WORDS_PER_COUNT, Draws, Purpose, uniform_from_words
-from channel.geometry import Path
+from channel.erasure import Draws, Purpose, uniform_from_words
 from channel.radio import Radio
 from channel.shadowing import standard_normal_from_uniform
 
@@ -26,16 +25,21 @@ class Outcome:
     Attributes:
         distance_m: between the ends.
         received_power_dbm: with the drawn shadowing and fading.
-        snr_db: likewise.
+        noise_dbm: noise floor and interference, shape (links, 1) or (links, packets).
         per: packet error rate at that SNR; 1 out of range.
         delivered: whether the packet arrived.
     """
 
     distance_m: FloatArray
     received_power_dbm: FloatArray
-    snr_db: FloatArray
+    noise_dbm: FloatArray
     per: FloatArray
     delivered: NDArray[np.bool_]
+
+    @property
+    def snr_db(self) -> FloatArray:
+        """With the drawn shadowing and fading, shape (links, packets)."""
+        return self.received_power_dbm - self.noise_dbm
 
 
 def simulate(
@@ -70,37 +74,47 @@ def simulate(
     distance = np.broadcast_to(distance, np.broadcast_shapes(distance.shape, (len(links), 1)))
     payload = radio.config.nominal_payload_bytes if length_bytes is None else length_bytes
     length = radio.length_bytes(payload)
-    power, snr, per = np.empty(shape), np.empty(shape), np.empty(shape)
+    power, per = np.empty(shape), np.empty(shape)
     delivered = np.empty(shape, dtype=bool)
+    path = radio.path(distance, frequency_hz=frequency_hz)
+    mean, noise = radio.mean_power_dbm(path), np.broadcast_to(radio.noise_dbm(path), distance.shape)
+    elevation = path.elevation_deg
     step = max(1, CHUNK_PACKETS // max(packets, 1))
+    purposes = _purposes(radio)
     for start in range(0, len(links), step):
-        part = slice(start, start + step)
-        path = radio.path(distance[part], frequency_hz=frequency_hz)
-        words = _words(draws, links[part], "packet", first_seq, packets)
-        power[part] = _power_dbm(radio, path, words)
-        np.subtract(power[part], radio.noise_dbm(path), out=snr[part])
-        per[part] = radio.per(snr[part], length)
+        part = slice(start, min(start + step, len(links)))
+        uniform = _uniforms(draws, links[part], purposes, first_seq, packets)
+        np.add(mean[part], _gain_db(radio, elevation[part], uniform), out=power[part])
+        per[part] = radio.per(power[part] - noise[part], length)
         if np.isfinite(radio.max_range_m):
             per[part] = np.where(distance[part] <= radio.max_range_m, per[part], 1.0)
-        np.greater(_uniform(words, Purpose.ERASURE), per[part], out=delivered[part])
+        np.greater(uniform[Purpose.ERASURE], per[part], out=delivered[part])
     if radio.config.base_loss > 0.0:
-        extra = _words(draws, links, "extra", first_seq, packets)
-        delivered &= _uniform(extra, Purpose.BASE_LOSS) > radio.config.base_loss
-    return Outcome(np.broadcast_to(distance, shape), power, snr, per, delivered)
+        extra = _uniforms(draws, links, [Purpose.BASE_LOSS], first_seq, packets)
+        delivered &= extra[Purpose.BASE_LOSS] > radio.config.base_loss
+    return Outcome(np.broadcast_to(distance, shape), power, noise, per, delivered)
 
 
-def _power_dbm(radio: Radio, path: Path, words: NDArray[np.uint64]) -> FloatArray:
-    """Return received power with shadowing and fading, shape (links, packets)."""
+def _purposes(radio: Radio) -> list[Purpose]:
+    """Return what draws of the packet stream the radio needs."""
+    shadowing = [Purpose.SHADOWING] if radio.config.shadowing.is_random else []
+    fading = [Purpose.FADING_I, Purpose.FADING_Q] if radio.config.fading.is_random else []
+    return [Purpose.ERASURE, *shadowing, *fading]
+
+
+def _gain_db(
+    radio: Radio, elevation_deg: FloatArray, uniform: Mapping[Purpose, FloatArray]
+) -> FloatArray | float:
+    """Return what shadowing and fading do to the power, shape (links, packets), dB."""
     config = radio.config
-    power = radio.mean_power_dbm(path)
+    gain_db: FloatArray | float = 0.0
     if config.shadowing.is_random:
-        power = power - config.shadowing.loss_db(
-            standard_normal_from_uniform(_uniform(words, Purpose.SHADOWING))
-        )
+        normal = standard_normal_from_uniform(uniform[Purpose.SHADOWING])
+        gain_db = np.negative(config.shadowing.loss_db(normal))
     if config.fading.is_random:
-        first, second = _uniform(words, Purpose.FADING_I), _uniform(words, Purpose.FADING_Q)
-        power = power + config.fading.gain_db(first, second, path.elevation_deg)
-    return power
+        first, second = uniform[Purpose.FADING_I], uniform[Purpose.FADING_Q]
+        gain_db = gain_db + config.fading.gain_db(first, second, elevation_deg)
+    return gain_db
 
 
 def _check(radio: Radio) -> None:
@@ -118,14 +132,17 @@ def _check(radio: Radio) -> None:
             )
 
 
-def _words(
-    draws: Draws, links: Sequence[tuple[str, str]], stream: str, first_seq: int, packets: int
-) -> NDArray[np.uint64]:
-    words = np.empty((len(links), packets, WORDS_PER_COUNT), dtype=np.uint64)
-    for row, (tx, rx) in zip(words, links, strict=True):
-        row[:] = draws.words((tx, rx, stream), first_seq, packets)
-    return words
-
-
-def _uniform(words: NDArray[np.uint64], purpose: Purpose) -> FloatArray:
-    return uniform_from_words(words[:, :, purpose.word])
+def _uniforms(
+    draws: Draws,
+    links: Sequence[tuple[str, str]],
+    purposes: Sequence[Purpose],
+    first_seq: int,
+    packets: int,
+) -> dict[Purpose, FloatArray]:
+    """Return the draws of one stream for its purposes, shape (links, packets) each."""
+    words = np.empty((len(purposes), len(links), packets), dtype=np.uint64)
+    for row, (tx, rx) in enumerate(links):
+        of_link = draws.words((tx, rx, purposes[0].stream), first_seq, packets)
+        for k, purpose in enumerate(purposes):
+            words[k, row] = of_link[:, purpose.word]
+    return {purpose: uniform_from_words(words[k]) for k, purpose in enumerate(purposes)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -78,12 +77,15 @@ class Terrain(Variant):
                 "position_tx_ned_m", None, "positions of both ends: terrain lies under them"
             )
         start, end = np.broadcast_arrays(path.position_tx_ned_m, path.position_rx_ned_m)
-        longest = float(np.max(np.hypot(*(end - start)[..., :2].reshape(-1, 2).T)))
-        t = np.linspace(0.0, 1.0, max(math.ceil(longest / self.step_m) + 1, 3))[1:-1]
-        points = start[..., np.newaxis, :] + t[:, np.newaxis] * (end - start)[..., np.newaxis, :]
+        ground_m = np.hypot(*np.moveaxis((end - start)[..., :2], -1, 0))
+        parts = np.maximum(np.ceil(ground_m / self.step_m), 2.0)[..., np.newaxis]
+        k = np.arange(1.0, float(np.max(parts, initial=2.0)))
+        inside = k < parts  # each way has samples of its own, whatever the other ways are
+        t = np.where(inside, k, 1.0) / parts
+        points = start[..., np.newaxis, :] + t[..., np.newaxis] * (end - start)[..., np.newaxis, :]
         clearance = self.height_m(points[..., 0], points[..., 1]) + points[..., 2]
         distance = np.asarray(path.distance_m)[..., np.newaxis]
         reach = np.sqrt(
             2.0 / (np.asarray(wavelength_m(path.frequency_hz))[..., np.newaxis] * distance * t * (1.0 - t))
         )
-        return np.asarray(np.max(clearance * reach, axis=-1))
+        return np.asarray(np.max(np.where(inside, clearance * reach, -np.inf), axis=-1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Sequence
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,10 +18,29 @@ VELOCITY = slice(3, 6)
 ATTITUDE = slice(6, 10)
 COLUMNS = 10
 LEVEL_WXYZ = (1.0, 0.0, 0.0, 0.0)
+STILL = (0.0, 0.0, 0.0)
 KEPT_SAMPLES = 1024
 """Per node; twice as many are held before the older half goes."""
 NEVER = -(2**62)
 FOREVER = 2**62
+
+Row = tuple[float, ...]
+"""One truth sample: position, velocity, attitude."""
+
+
+Arrays = tuple[int | NDArray[np.int64], float | FloatArray, FloatArray, FloatArray]
+
+
+class Span(NamedTuple):
+    """The samples before and after an instant; both are the same one where the node stands."""
+
+    start_ns: int
+    per_ns: float
+    before: Row
+    after: Row
+
+
+NOWHERE = Span(0, 0.0, (0.0,) * COLUMNS, (0.0,) * COLUMNS)
 
 
 class Tracks:
@@ -29,7 +49,7 @@ class Tracks:
     `frontier_ns` is the latest instant at which every node that still reports is known.
 
     Args:
-        nodes: names, in the order of the rows that `rows_at` returns.
+        nodes: names, in the order in which `columns_at` returns them.
         max_age_ns: a node whose newest truth is older than the newest of all by more than this is taken to
             stand where it was last seen.
     """
@@ -38,116 +58,162 @@ class Tracks:
         self.index = {node: i for i, node in enumerate(nodes)}
         self._max_age_ns = max_age_ns
         self._times: list[list[int]] = [[] for _ in nodes]
-        self._rows: list[list[FloatArray]] = [[] for _ in nodes]
+        self._rows: list[list[Row]] = [[] for _ in nodes]
         self._newest = [NEVER] * len(nodes)
         self._first_ns: int | None = None
         self._newest_ns = NEVER
         self.frontier_ns = NEVER
+        self._at_frontier = 0
         self._valid = (1, 0)
-        self._base = np.zeros((len(nodes), COLUMNS))
-        self._change = np.zeros_like(self._base)
-        self._start_ns = np.zeros(len(nodes))
-        self._per_ns = np.zeros(len(nodes))
+        self._spans = [NOWHERE] * len(nodes)
+        self._arrays: Arrays | None = None
+        self.known = [False] * len(nodes)
         self.all_known = False
-        self.known: NDArray[np.bool_] = np.zeros(len(nodes), dtype=bool)
 
-    def observe(self, node: int, sim_time_ns: int, row: FloatArray) -> bool:
+    def observe(self, node: int, sim_time_ns: int, row: Row) -> bool:
         """Take in one truth sample; one that is not newer than the node's newest is left out.
 
         Returns:
             Whether the frontier moved.
         """
         times, rows = self._times[node], self._rows[node]
-        if self._newest[node] == FOREVER or (times and sim_time_ns <= times[-1]):
+        was_newest = self._newest[node]
+        if sim_time_ns <= was_newest:
             return False
-        if rows and float(row[ATTITUDE] @ rows[-1][ATTITUDE]) < 0.0:
-            row[ATTITUDE] *= -1.0
-        if not times:
+        if rows:
+            row = _nearer(row, rows[-1])
+        else:
             self._valid = (1, 0)
         times.append(sim_time_ns)
         rows.append(row)
         if len(times) > 2 * KEPT_SAMPLES:
             del times[:KEPT_SAMPLES], rows[:KEPT_SAMPLES]
-        was_newest, self._newest[node] = self._newest[node], sim_time_ns
+        self._newest[node] = sim_time_ns
         return self._advance(was_newest, sim_time_ns)
 
-    def place(self, node: int, row: FloatArray) -> bool:
+    def place(self, node: int, row: Row) -> bool:
         """Put a node where it stays for good; return whether the frontier moved."""
         self._times[node], self._rows[node] = [0], [row]
         self._newest[node] = FOREVER
         self._valid = (1, 0)
+        self._at_frontier = 0
         return self._advance(NEVER, NEVER)
 
-    def finish(self) -> None:
-        """Move the frontier beyond everything: what is known now is all there will be."""
-        self.frontier_ns = FOREVER
-        self._valid = (1, 0)
-
     def _advance(self, was_newest: int, now_newest: int) -> bool:
+        """Move the frontier on if the node was the last one, or too old to wait for."""
         if self._first_ns is None and now_newest != NEVER:
             self._first_ns = now_newest
         self._newest_ns = max(self._newest_ns, now_newest)
         horizon = self._newest_ns - self._max_age_ns
-        if was_newest > self.frontier_ns >= horizon:
+        self._at_frontier -= was_newest == self.frontier_ns
+        if self._at_frontier > 0 and self.frontier_ns >= horizon:
             return False  # another node is the one to wait for, and it is not too old
         unseen_count = self._first_ns is None or self._first_ns >= horizon
         waited_for = [t for t in self._newest if t >= horizon or (t == NEVER and unseen_count)]
         frontier = min(waited_for, default=NEVER)
         moved = frontier > self.frontier_ns
         self.frontier_ns = max(self.frontier_ns, frontier)
+        self._at_frontier = waited_for.count(self.frontier_ns)
         return moved
 
-    def rows_at(self, sim_time_ns: int) -> FloatArray:
-        """Return position, velocity and attitude of every node, shape (nodes, 10); `known` says which mean it.
+    def position_at(self, node: int, sim_time_ns: int) -> tuple[float, float, float]:
+        """Return where one node is: the same bits as in `columns_at`."""
+        if not self._valid[0] <= sim_time_ns <= self._valid[1]:
+            self._bracket(sim_time_ns)
+        start_ns, per_ns, before, after = self._spans[node]
+        weight = (sim_time_ns - start_ns) * per_ns
+        north, east, down = before[0], before[1], before[2]
+        return (
+            north + weight * (after[0] - north),
+            east + weight * (after[1] - east),
+            down + weight * (after[2] - down),
+        )
 
-        Before a node's first sample it stands at it, after its last sample at that.
+    def columns_at(self, sim_time_ns: int, columns: int = COLUMNS) -> FloatArray:
+        """Return position, velocity and attitude of every node, or the first columns of these.
+
+        Before a node's first sample it stands at it, after its last sample at that; `known` says whether there
+        is one.
+
+        Returns:
+            Shape (columns, nodes).
         """
         if not self._valid[0] <= sim_time_ns <= self._valid[1]:
             self._bracket(sim_time_ns)
-        weight = (sim_time_ns - self._start_ns) * self._per_ns
-        return self._base + weight[:, np.newaxis] * self._change
+        if self._arrays is None:
+            self._arrays = _arrays(self._spans)
+        start_ns, per_ns, base, change = self._arrays
+        weight = (max(-FOREVER, min(sim_time_ns, FOREVER)) - start_ns) * per_ns  # numpy counts to 2^63
+        moved: FloatArray = base[:columns] + weight * change[:columns]
+        return moved
 
     def _bracket(self, sim_time_ns: int) -> None:
         """Find the samples around an instant for each node, and from when to when they stay the right ones."""
         low, high = NEVER, FOREVER
         for node, (times, rows) in enumerate(zip(self._times, self._rows, strict=True)):
-            after = bisect.bisect_left(times, sim_time_ns)
-            self.known[node] = bool(times)
-            self._start_ns[node], self._per_ns[node] = 0.0, 0.0
             if not times:
                 continue
-            if self._newest[node] == FOREVER:
-                self._base[node], self._change[node] = rows[0], 0.0
-            elif 0 < after < len(times):
+            self.known[node] = True
+            after = bisect.bisect_left(times, sim_time_ns)
+            if 0 < after < len(times):
                 start, end = times[after - 1], times[after]
-                self._base[node], self._change[node] = rows[after - 1], rows[after] - rows[after - 1]
-                self._start_ns[node], self._per_ns[node] = start, 1.0 / (end - start)
+                self._spans[node] = Span(start, 1.0 / (end - start), rows[after - 1], rows[after])
                 low, high = max(low, start + 1), min(high, end)
-            else:
-                self._base[node] = rows[min(after, len(rows) - 1)]
-                self._change[node] = 0.0
+                continue
+            row = rows[min(after, len(rows) - 1)]
+            self._spans[node] = Span(0, 0.0, row, row)
+            if self._newest[node] != FOREVER:
                 low, high = (low, min(high, times[0])) if after == 0 else (sim_time_ns, sim_time_ns)
-        self._valid = (low, high)
-        self.all_known = bool(self.known.all())
+        self._valid, self._arrays = (low, high), None
+        self.all_known = all(self.known)
+
+
+def _arrays(spans: Sequence[Span]) -> Arrays:
+    """Return starts and rates, each one number if all that move share it, first samples and changes."""
+    base = np.array([span.before for span in spans]).T.copy()
+    change = np.array([span.after for span in spans]).T - base
+    moving = {(span.start_ns, span.per_ns) for span in spans if span.per_ns > 0.0}
+    if len(moving) <= 1:
+        start_ns, per_ns = moving.pop() if moving else (0, 0.0)
+        return start_ns, per_ns, base, change
+    starts = np.array([span.start_ns for span in spans], dtype=np.int64)
+    return starts, np.array([span.per_ns for span in spans]), base, change
+
+
+def _nearer(row: Row, previous: Row) -> Row:
+    """Return the sample with its quaternion in the sign that is nearer to the one before it."""
+    w, x, y, z = previous[ATTITUDE]
+    if row[6] * w + row[7] * x + row[8] * y + row[9] * z >= 0.0:
+        return row
+    return (*row[:6], -row[6], -row[7], -row[8], -row[9])
 
 
 def truth_row(
     position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None, velocity_ned_mps: ArrayLike | None
-) -> FloatArray:
-    """Return one checked truth sample as a row of 10 numbers.
+) -> Row:
+    """Return one checked truth sample.
 
     Raises:
         ChannelInputError: a wrong shape, a value that is not finite, or a quaternion of no length.
     """
-    row = np.zeros(COLUMNS)
-    row[POSITION] = checks.vectors("position_ned_m", position_ned_m, 3)
-    row[ATTITUDE] = LEVEL_WXYZ
-    if velocity_ned_mps is not None:
-        row[VELOCITY] = checks.vectors("velocity_ned_mps", velocity_ned_mps, 3)
-    if attitude_wxyz is not None:
-        attitude = checks.vectors("attitude_wxyz", attitude_wxyz, 4)
-        length = math.sqrt(float(attitude @ attitude))
-        if not 0.5 < length < 2.0:
-            raise ChannelInputError("attitude_wxyz", attitude.tolist(), "a quaternion of length about 1")
-        row[ATTITUDE] = attitude / length
-    return row
+    position = _numbers("position_ned_m", position_ned_m, 3)
+    velocity = STILL if velocity_ned_mps is None else _numbers("velocity_ned_mps", velocity_ned_mps, 3)
+    if attitude_wxyz is None:
+        return (*position, *velocity, *LEVEL_WXYZ)
+    w, x, y, z = _numbers("attitude_wxyz", attitude_wxyz, 4)
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    if not 0.5 < length < 2.0:
+        raise ChannelInputError("attitude_wxyz", [w, x, y, z], "a quaternion of length about 1")
+    return (*position, *velocity, w / length, x / length, y / length, z / length)
+
+
+def _numbers(name: str, value: ArrayLike, size: int) -> Row:
+    """Return a vector as a tuple of finite numbers; a tuple of them is taken as it is, at little cost."""
+    if isinstance(value, tuple) and len(value) == size and all(type(each) is float for each in value):
+        numbers = cast(Row, value)
+        if math.isfinite(sum(numbers)):
+            return numbers
+    vector = checks.vectors(name, value, size)
+    if vector.ndim != 1:
+        raise ChannelInputError(name, f"array of shape {vector.shape}", f"shape ({size},)")
+    return tuple(vector.tolist())

@@ -1,0 +1,103 @@
+"""Numbers for few receivers, arrays for many: the same bits, for every preset and every kind of model."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from channel import presets
+from channel.medium import Medium
+from channel.radio import Radio
+from channel.settling import FEW
+from channel.validity import ValidityWarning
+
+TICK_NS = 50_000_000
+CROWD = [str(i) for i in range(2 * FEW + 2)]
+HILLS = [[0.0, 90.0, 0.0], [30.0, 0.0, 60.0], [0.0, 10.0, 0.0]]
+VARIANTS = {
+    "two-ray": {"propagation": {"model": "two-ray"}},
+    "free-space": {"propagation": {"model": "free-space"}},
+    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "environment": "open"}},
+    "cost231-hata": {"propagation": {"model": "cost231-hata"}},
+    "al-hourani": {"propagation": {"model": "al-hourani"}},
+    "uma-av": {"propagation": {"model": "uma-av"}},
+    "rma-av": {"propagation": {"model": "rma-av"}},
+    "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
+    "rayleigh": {"fading": {"model": "rayleigh"}},
+    "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
+    "rician": {"fading": {"model": "rician", "k_db": 3.0, "k_overhead_db": 15.0}},
+    "qam": {"error": {"model": "uncoded-awgn", "modulation": "64qam"}},
+    "ofdm-nist": {"error": {"model": "ofdm-nist", "rate_mbps": 12}},
+    "ofdm-yans": {"error": {"model": "ofdm-yans", "rate_mbps": 54}},
+    "interferer": {"interference": {"interferers": [{"position_ned_m": [0, 0, 0], "power_dbm": 10}]}},
+    "losses": {"base_loss": 0.2, "max_range_m": 300.0},
+}
+
+
+def radio_of(name):
+    if name in VARIANTS:
+        return Radio(presets.load_radio("corrected", VARIANTS[name]))
+    return Radio(presets.load_radio(name))
+
+
+def place(node, tick, spread_m):
+    angle = 0.7 * int(node) + 0.05 * tick
+    return (
+        spread_m * math.cos(angle) * (1.0 + 0.1 * int(node)),
+        spread_m * math.sin(angle),
+        -20.0 - 9.0 * int(node),
+    )
+
+
+def flight(radio, nodes, seed, spread_m, packets):
+    medium = Medium(radio, seed=seed, nodes=nodes)
+    settled = []
+    for tick in range(3):
+        for node in nodes:
+            attitude = (math.cos(0.1 * tick), 0.0, math.sin(0.1 * tick), 0.0)
+            velocity = (float(node), 3.0, 0.0)
+            settled += medium.observe(node, tick * TICK_NS, place(node, tick, spread_m), attitude, velocity)
+    for seq, time_ns in packets:
+        settled += medium.transmit("0", seq, time_ns, 100)
+    return {(r.tx, r.rx, r.seq): r for r in settled}
+
+
+@pytest.mark.parametrize("name", [*presets.preset_names(), *VARIANTS])
+def test_every_radio_has_the_same_bits_for_few_and_for_many_receivers(name):
+    radio = radio_of(name)
+    scale_m = {"gazebo-classic": 5.0, "gz-rfcomms": 20.0}.get(name, 220.0)
+    packets = [(seq, 1_000_003 * seq) for seq in range(90)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ValidityWarning)
+        crowd = flight(radio, CROWD, 3, scale_m, packets)
+        for few in (2, 1 + FEW):
+            alone = flight(radio, CROWD[:few], 3, scale_m, packets)
+            assert len(alone) == 90 * (few - 1)
+            assert alone == {key: crowd[key] for key in alone}
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    seed=st.integers(0, 2**64),
+    spread_m=st.floats(0.01, 2000.0),
+    times=st.lists(st.integers(0, 2 * TICK_NS), min_size=1, max_size=20),
+)
+def test_bits_do_not_depend_on_geometry_seed_or_time(seed, spread_m, times):
+    packets = [(1000 * k, time_ns) for k, time_ns in enumerate(times)]
+    crowd = flight(PAPER, CROWD, seed, spread_m, packets)
+    alone = flight(PAPER, CROWD[:2], seed, spread_m, packets)
+    assert alone == {key: crowd[key] for key in alone}
+
+
+PAPER = Radio(presets.load_radio("moon2020", {"base_loss": 0.1}))
+
+
+def test_the_error_rate_of_one_packet_is_that_of_arrays():
+    snr_db = np.concatenate((np.random.default_rng(1).normal(5.0, 8.0, 5000), [-400.0, 0.0, 60.0, 5000.0]))
+    for name in ("moon2020", "corrected", "gazebo-classic", "lte-like"):
+        radio = radio_of(name)
+        together = radio.per(snr_db, 40.0)
+        assert [radio.per_of_one(each, 40) for each in snr_db.tolist()] == together.tolist()
