@@ -20,8 +20,9 @@ MODE_TIMEOUT_S: Final = 10.0
 LANDING_TIMEOUT_S: Final = 900.0
 COPTER_RADIUS_M: Final = 2.0
 COPTER_HEIGHT_M: Final = 1.0
-PLANE_RADIUS_M: Final = 120.0
-"""A fixed wing circles its target: within this of it counts as there."""
+PLANE_RADIUS_M: Final = 200.0
+"""A fixed wing circles its target, at ArduPlane's WP_LOITER_RAD (60 m unless set, 120 m for our Aerosonde) and wider
+while it turns in: within this of it counts as there."""
 PLANE_HEIGHT_M: Final = 15.0
 SLOWEST_MPS: Final = 0.5
 """For time-outs: a leg that is flown slower than this has failed."""
