@@ -67,9 +67,9 @@ def test_vtol_takes_off_in_guided_and_lands_in_qland():
 
 def test_fixed_wing_is_there_when_it_circles():
     goto = plans.goto(PLANE, 47.0, 8.0, 20.0)
-    circling = replace(PLANE, lat_deg=47.0009)  # 100 m
+    circling = replace(PLANE, lat_deg=47.0013)  # 145 m: the Aerosonde circles at 120 m
     assert goto.reached(circling)
-    assert not goto.reached(replace(PLANE, lat_deg=47.0015))
+    assert not goto.reached(replace(PLANE, lat_deg=47.0020))  # 223 m
     rtl = plans.rtl(replace(PLANE, home_lat_deg=47.0, home_lon_deg=8.0))
     assert rtl.reached(replace(circling, home_lat_deg=47.0, home_lon_deg=8.0))
 
