@@ -345,9 +345,9 @@ class Exchange:
             if clock.limits_version != self._seen_version:
                 self._emit_due_ticks()
                 self._seen_version = clock.limits_version
-                candidates, self._blocked = self._blocked + self._arrivals, []
-            else:
-                candidates = self._arrivals
+                if self._blocked:
+                    self._arrivals, self._blocked = self._blocked + self._arrivals, []
+            candidates = self._arrivals
             if not candidates:
                 return
             self._arrivals = []

@@ -338,7 +338,9 @@ class FleetClock:
         member.waiting = False
 
     def _find_slowest(self) -> None:
-        if self._live:
+        if len(self._live) == 1:
+            self._slowest_ns, self._at_slowest = self._live[0].sim_time_ns, 1
+        elif self._live:
             times = [member.sim_time_ns for member in self._live]
             self._slowest_ns = min(times)
             self._at_slowest = times.count(self._slowest_ns)

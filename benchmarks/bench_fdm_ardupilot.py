@@ -1,0 +1,154 @@
+"""How fast a real arducopter flies on this physics, as a share of its speed against a responder with no physics.
+
+Both run at full speed, 800 Hz, in alternated rounds; the median of the rounds' ratios is the figure. The binary is
+found through ARDUPILOT_HOME or PATH; without one this says so and measures nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import os
+import shutil
+import socket
+import statistics
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from fdm.airframe import load_airframe
+from fdm.exchange import AircraftSpec, Exchange, default_port
+from fdm.fleet_clock import ClockStatus
+from fdm.geodesy import GeodeticPosition, Home
+from fdm.servo_packet import unpack_servo_packet
+
+HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 0.0)
+PARAMETERS = Path(__file__).parents[1] / "sitl_configs" / "params" / "copter.parm"
+LIMIT = 0.75
+FIRST_INSTANCE = 150
+AT_REST = (
+    b'\n{"timestamp":%.9f,"imu":{"gyro":[0.0, 0.0, 0.0],"accel_body":[0.0, 0.0, -9.8]},'
+    b'"position":[0.0, 0.0, 0.0],"attitude":[0.0, 0.0, 0.0],"velocity":[0.0, 0.0, 0.0],'
+    b'"airspeed":0.0,"no_time_sync":1}\n'
+)
+
+
+def find_arducopter() -> Path | None:
+    """A real arducopter, or None."""
+    root = os.environ.get("ARDUPILOT_HOME")
+    for place in (Path(root) / part / "arducopter" for part in ("", "bin", "build/sitl/bin") if root):
+        if os.access(place, os.X_OK):
+            return place
+    found = shutil.which("arducopter")
+    return Path(found) if found else None
+
+
+@contextlib.contextmanager
+def running(command: Callable[[int], Sequence[str]], instances: Sequence[int]) -> Iterator[None]:
+    """Run one process per instance, each in a directory of its own; killed at the end, as SITL ignores SIGTERM."""
+    with tempfile.TemporaryDirectory(prefix="bench-fdm-") as root, contextlib.ExitStack() as stack:
+        for instance in instances:
+            directory = Path(root) / str(instance)
+            directory.mkdir()
+            process = subprocess.Popen(
+                command(instance), cwd=directory, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+        yield
+
+
+def arducopter_command(binary: Path, instance: int) -> list[str]:
+    """What starts an arducopter on the physics at UDP 9002 + 10 * `instance`."""
+    place = HOME.position
+    home = f"{place.lat_deg},{place.lon_deg},{place.alt_amsl_m},{HOME.yaw_deg}"
+    command = [str(binary), "--wipe", "--model", "JSON:127.0.0.1", f"-I{instance}", "--home", home]
+    return [*command, "--defaults", str(PARAMETERS), "--serial0", "tcp:0", "--speedup", "20"]
+
+
+def factor_without_physics(port: int, warm_up_s: float, duration_s: float) -> float:
+    """Real-time factor of the autopilot that comes to UDP `port` if each frame is answered at once with rest."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", port))
+        sock.settimeout(20.0)
+        sock.recvfrom(128)  # SITL sends it again
+        sock.settimeout(None)
+        time_s = begin_s = 0.0
+        from_s = time.perf_counter() + warm_up_s
+        until_s = from_s + duration_s
+        while (wall_s := time.perf_counter()) < until_s:
+            if wall_s < from_s:
+                begin_s = time_s
+            datagram, sender = sock.recvfrom(128)
+            fields = unpack_servo_packet(datagram)
+            if not isinstance(fields, str):
+                time_s += 1.0 / fields[1]
+                sock.sendto(AT_REST % time_s, sender)
+    return (time_s - begin_s) / duration_s
+
+
+def factor_with_physics(
+    ports: Sequence[int], warm_up_s: float, duration_s: float, speed: float = math.inf
+) -> tuple[float, float]:
+    """Real-time factor of the fleet that comes to the UDP `ports`, and the cores that the exchange takes for it."""
+    airframe = load_airframe("f450")
+    marks: list[tuple[float, float, float]] = []
+
+    def on_tick(status: ClockStatus) -> None:
+        now_s = time.perf_counter()
+        if status.stalled_ua:
+            raise RuntimeError(f"UA {status.stalled_ua} do not answer")
+        if not marks or (len(marks) == 1 and now_s - marks[0][0] >= warm_up_s):
+            marks.append((now_s, status.sim_time_ns / 1e9, time.process_time()))
+        elif len(marks) == 2 and now_s - marks[1][0] >= duration_s:
+            marks.append((now_s, status.sim_time_ns / 1e9, time.process_time()))
+            exchange.stop()
+
+    exchange = Exchange(
+        [AircraftSpec(index, airframe, HOME, port) for index, port in enumerate(ports)],
+        speed=speed,
+        stall_timeout_s=10.0,
+        on_truth=lambda _: None,
+        on_tick=on_tick,
+    )
+    try:
+        exchange.run()
+    finally:
+        exchange.close()
+    wall_s, sim_s, cpu_s = (end - begin for begin, end in zip(marks[1], marks[2], strict=True))
+    return sim_s / wall_s, cpu_s / wall_s
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, print people's lines and one line of JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=4.0, help="wall time of each measure")
+    parser.add_argument("--instance", type=int, default=FIRST_INSTANCE, help="of ArduPilot, below 250")
+    options = parser.parse_args(arguments)
+    binary = find_arducopter()
+    if binary is None:
+        print("fdm with arducopter: skipped, as neither ARDUPILOT_HOME nor PATH leads to one")
+        return
+    port, rounds = default_port(options.instance), []
+    for _ in range(options.rounds):
+        with running(lambda i: arducopter_command(binary, i), [options.instance]):
+            bare = factor_without_physics(port, 1.0, options.seconds)
+        with running(lambda i: arducopter_command(binary, i), [options.instance]):
+            full, _ = factor_with_physics([port], 1.0, options.seconds)
+        rounds.append((full, bare))
+    full, bare = (round(statistics.median(values), 2) for values in zip(*rounds, strict=True))
+    ratio = round(statistics.median(full / bare for full, bare in rounds), 3)
+    print(
+        f"fdm with arducopter: real-time factor {full}, without physics {bare}, ratio {ratio} (wanted: {LIMIT})"
+    )
+    result = {"real_time_factor": full, "without_physics": bare, "ratio": ratio, "limit": LIMIT}
+    print(json.dumps({"bench": "fdm_ardupilot", **result}))
+
+
+if __name__ == "__main__":
+    main()
