@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.flight_log import FlightLog
-from channel.likelihood import LIMITS, NAMES, Likelihood, Parameters
+from channel.likelihood import LIMITS, NAMES, RSSI_ERROR_DB, Likelihood, Parameters
 from channel.presets import merged, radio_from_mapping
 
 CHI2_95 = {1: 3.841458820694124, 2: 5.991464547107979}
@@ -31,6 +31,10 @@ MAX_ITERATIONS = 40
 TOLERANCE = 1e-3
 ROOT_TOLERANCE = 0.03
 DIFFERENCE = 1e-4
+LEAST_DAMPING = 1e-8
+"""Small: exponent and offset hang together so closely that a little more would stop the climb along their ridge."""
+DAMPINGS = 9
+ROUGH_ERRORS_DB = (4.0, 1.0)
 PROFILE_STEPS = 30
 STARTS_SIGMA_DB = (1.0, 4.0, 9.0)
 STARTS_EXPONENT = (2.0, 3.5, 6.0, 12.0)
@@ -103,7 +107,7 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
         raise ChannelInputError("hold", sorted(held - set(NAMES)), f"names among {', '.join(NAMES)}")
     free &= [name not in held for name in NAMES]
     best, height = _climb_from_everywhere(likelihood, free)
-    degrees = 2 if likelihood.has_rssi and base.shadowing.model == "one-sided-normal" else 1
+    degrees = 2 if likelihood.has_edge else 1
     estimates = [
         _estimate(likelihood, i, best, height, free, CHI2_95[degrees]) if free[i] else _held(i, held)
         for i in range(len(NAMES))
@@ -165,28 +169,39 @@ def _climb_from_everywhere(likelihood: Likelihood, free: Mask) -> tuple[FloatArr
         for sigma_db in STARTS_SIGMA_DB:
             start = np.where(free, likelihood.start(exponent, sigma_db), likelihood.base_values)
             tries.add((likelihood.log_likelihood(start), tuple(start)))
-    maxima = [_climb(likelihood, np.asarray(start), free) for _, start in sorted(tries, reverse=True)[:3]]
+    maxima = [
+        _descend_errors(likelihood, np.asarray(start), free) for _, start in sorted(tries, reverse=True)[:3]
+    ]
     return max(maxima, key=lambda each: each[1])
+
+
+def _descend_errors(likelihood: Likelihood, start: FloatArray, free: Mask) -> tuple[FloatArray, float]:
+    """Return the maximum, reached by way of those for greater errors of RSSI, whose laws have no sharp edge."""
+    here, height = start, -math.inf
+    for error_db in (*ROUGH_ERRORS_DB, RSSI_ERROR_DB) if likelihood.has_edge else (RSSI_ERROR_DB,):
+        likelihood.rssi_error_db = error_db
+        here, height = _climb(likelihood, here, free)
+    return here, height
 
 
 def _climb(likelihood: Likelihood, start: FloatArray, free: Mask) -> tuple[FloatArray, float]:
     """Return the maximum over the free parameters: Fisher scoring, damped as Levenberg's."""
-    here, damping = np.array(start), 1e-3
+    here, damping = np.array(start), LEAST_DAMPING
     height = likelihood.log_likelihood(here)
     for _ in range(MAX_ITERATIONS):
         gradient, information = _scoring(likelihood, here, free)
         scale = np.diag(np.maximum(np.diag(information), 1e-9))
-        for _ in range(10):
+        for _ in range(DAMPINGS):
             step = np.zeros_like(here)
             step[free] = np.linalg.solve(information + damping * scale, gradient)
             there = likelihood.inside(here + step)
             new = likelihood.log_likelihood(there)
             if new > height:
                 break
-            damping = max(damping * 10.0, 1e-3)
+            damping *= 30.0
         else:
             return here, height
-        gained, here, height, damping = new - height, there, new, damping / 10.0
+        gained, here, height, damping = new - height, there, new, max(damping / 900.0, LEAST_DAMPING)
         if gained < TOLERANCE:
             break
     return here, height
@@ -198,14 +213,14 @@ def _scoring(likelihood: Likelihood, here: FloatArray, free: Mask) -> tuple[Floa
     A Bernoulli packet's information is its squared score times the odds of what happened; with a measured power
     the squared score itself stands in (Berndt, Hall, Hall, Hausman 1974).
     """
+    at_here = likelihood.per_packet(here)
     columns = []
     for i in np.flatnonzero(free):
         shift = np.zeros_like(here)
         shift[i] = DIFFERENCE
-        up, down = likelihood.per_packet(here + shift), likelihood.per_packet(here - shift)
-        columns.append((up - down) / (2.0 * DIFFERENCE))
+        columns.append((likelihood.per_packet(here + shift) - at_here) / DIFFERENCE)
     scores = np.stack(columns, axis=-1)
-    chance = np.minimum(likelihood.per_packet(here), -1e-9)
+    chance = np.minimum(at_here, -1e-9)
     odds = np.where(likelihood.with_rssi, 1.0, np.exp(chance) / -np.expm1(chance))
     return scores.sum(axis=0), scores.T @ (scores * odds[:, np.newaxis])
 
@@ -246,6 +261,7 @@ def _profile_end(
     limit, goal = likelihood.limit(index, sign), math.sqrt(threshold)
     inside, inside_root, outside, outside_root = float(best[index]), 0.0, math.nan, math.nan
     near, step = best, likelihood.scale(index, best)
+    way = _way(likelihood, index, best, free)
     for _ in range(PROFILE_STEPS):
         target = (
             inside + sign * step
@@ -253,7 +269,9 @@ def _profile_end(
             else _between(inside, inside_root, outside, outside_root, goal)
         )
         hit = sign * (target - limit) >= 0.0
-        there, value = _climb(likelihood, likelihood.slid(near, index, limit if hit else target), others)
+        there, value = _climb(
+            likelihood, _start(likelihood, index, near, limit if hit else target, way), others
+        )
         root = math.sqrt(max(2.0 * (height - value), 0.0))
         at = float(there[index])
         if root > goal:
@@ -271,6 +289,27 @@ def _profile_end(
     found = np.array(best)
     found[index] = outside if not math.isnan(outside) else inside
     return float(likelihood.natural(found)[index])
+
+
+def _way(likelihood: Likelihood, index: int, best: Parameters, free: Mask) -> FloatArray:
+    """Return how the other free parameters go with one of them near the maximum, by the information there."""
+    _, information = _scoring(likelihood, best, free)
+    place = int(np.count_nonzero(free[:index]))
+    rest = np.delete(information[place], place)
+    square = np.delete(np.delete(information, place, axis=0), place, axis=1)
+    along = -np.linalg.lstsq(square, rest, rcond=1e-10)[0]
+    way = np.zeros_like(best)
+    way[free] = np.insert(along, place, 1.0)
+    return way
+
+
+def _start(
+    likelihood: Likelihood, index: int, near: Parameters, target: float, way: FloatArray
+) -> Parameters:
+    """Return the better of two points with one coordinate at the target from which to climb in the others."""
+    straight = likelihood.inside(near + (target - near[index]) * way)
+    slid = likelihood.slid(near, index, target)
+    return max((straight, slid), key=likelihood.log_likelihood)
 
 
 def _between(inside: float, inside_root: float, outside: float, outside_root: float, goal: float) -> float:

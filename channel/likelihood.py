@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,10 @@ LIMITS = {
 }
 EXPONENT, MARGIN, SIGMA, BASE, FLOOR = range(5)
 PANELS = 6
-GRID_STEP_DB = 0.25
+AVERAGE_GRID_DB = np.arange(-250.0, 250.0, 0.25)
+ROOT_STEP = 0.125
+ROOTS = np.arange(0.0, math.sqrt(30.0) + 2.0 * ROOT_STEP, ROOT_STEP)
+"""Square roots of sigma for which the average over the shadowing is tabulated, up to its limit."""
 SUCCESS_GRID_DB = np.arange(-60.0, 120.0, 0.05)
 TINY = 1e-12
 RSSI_ERROR_DB = 0.3
@@ -62,12 +66,19 @@ class Likelihood:
         self._power_at_reference = float(fixed - base.propagation.path_loss_db(at_reference))
         self._floor_dbm = base.noise.noise_floor_dbm(base.bandwidth_hz)
         self._one_sided = isinstance(base.shadowing, OneSidedNormalShadowing)
+        self.has_edge = self.has_rssi and self._one_sided
+        self.rssi_error_db = RSSI_ERROR_DB
         self._lengths = np.unique(log.length_bytes)
         band = Band(base.bandwidth_hz, base.bit_rate_bps)
         self._success = {
             float(length): 1.0 - base.error.per(SUCCESS_GRID_DB, float(length), band)
             for length in self._lengths
         }
+        self._averages = {
+            length: _average_table(success.tobytes(), one_sided=self._one_sided)
+            for length, success in self._success.items()
+        }
+        self._of_length = {length: np.flatnonzero(log.length_bytes == length) for length in self._success}
 
     @property
     def base_values(self) -> Parameters:
@@ -169,7 +180,7 @@ class Likelihood:
         One-sided: -|N(0, sigma^2)| and a receiver's own error N(0, RSSI_ERROR_DB^2), a skew normal law (Azzalini
         1985); the error rounds off the edge of the half-normal law.
         """
-        error_db = RSSI_ERROR_DB if self._one_sided else 0.0
+        error_db = self.rssi_error_db if self._one_sided else 0.0
         spread = math.hypot(sigma_db, error_db)
         normal = -0.5 * (residual_db / spread) ** 2 - math.log(spread * math.sqrt(2.0 * math.pi))
         if not self._one_sided:
@@ -186,19 +197,13 @@ class Likelihood:
 
     def _averaged(self, snr_db: FloatArray, sigma_db: float) -> FloatArray:
         """Return E[1 - PER] over the shadowing at each packet's mean SNR."""
-        z, weights = standard_normal_rule(PANELS)
-        kept = weights > 1e-12
-        loss_db = sigma_db * (np.abs(z[kept]) if self._one_sided else z[kept])
-        low = float(np.clip(np.min(snr_db), -100.0, 199.0))
-        high = float(np.clip(np.max(snr_db), low, 200.0))
-        steps = np.arange(math.floor(low / GRID_STEP_DB), math.ceil(high / GRID_STEP_DB) + 2)
-        grid_db = GRID_STEP_DB * steps
+        at = min(math.sqrt(sigma_db) / ROOT_STEP, len(ROOTS) - 1.0)
+        first = min(max(int(at) - 1, 0), len(ROOTS) - 4)
+        weights = _cubic_weights(at - first)
         out = np.empty_like(snr_db)
-        for length, success in self._success.items():
-            here = self._log.length_bytes == length
-            shifted = grid_db[:, np.newaxis] - loss_db
-            curve = np.interp(shifted, SUCCESS_GRID_DB, success) @ weights[kept]
-            out[here] = np.interp(snr_db[here], grid_db, curve)
+        for length, table in self._averages.items():
+            here = self._of_length[length]
+            out[here] = np.interp(snr_db[here], AVERAGE_GRID_DB, weights @ table[first : first + 4])
         return np.clip(out, 0.0, 1.0)
 
     def overrides(self, parameters: Parameters) -> dict[str, Any]:
@@ -215,3 +220,28 @@ class Likelihood:
         if self.has_rssi:
             out["noise"] = {"model": "fixed", "floor_dbm": floor_dbm}
         return out
+
+
+def _cubic_weights(at: float) -> FloatArray:
+    """Return the weights of Lagrange's cubic through values at 0, 1, 2 and 3, for its value at `at`."""
+    a, b, c, d = at, at - 1.0, at - 2.0, at - 3.0
+    return np.array([-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0])
+
+
+@lru_cache(maxsize=64)
+def _average_table(success: bytes, *, one_sided: bool) -> FloatArray:
+    """Return E[1 - PER], a row per root of sigma, a column per mean SNR.
+
+    Args:
+        success: 1 - PER on SUCCESS_GRID_DB, as bytes of float64.
+        one_sided: whether the shadowing can only cost.
+    """
+    curve = np.frombuffer(success)
+    z, weights = standard_normal_rule(PANELS)
+    kept = weights > 1e-12
+    z = np.abs(z[kept]) if one_sided else z[kept]
+    rows = []
+    for root in ROOTS:
+        shifted = AVERAGE_GRID_DB[:, np.newaxis] - root**2 * z
+        rows.append(np.interp(shifted, SUCCESS_GRID_DB, curve) @ weights[kept])
+    return np.array(rows)
