@@ -34,6 +34,9 @@ DIFFERENCE = 1e-4
 LEAST_DAMPING = 1e-8
 """Small: exponent and offset hang together so closely that a little more would stop the climb along their ridge."""
 DAMPINGS = 9
+RESTARTS = 12
+HIGHER = 0.02
+"""By how much a likelihood has to be above the maximum for the climb to start anew from there."""
 ROUGH_ERRORS_DB = (4.0, 1.0)
 PROFILE_STEPS = 30
 STARTS_SIGMA_DB = (1.0, 4.0, 9.0)
@@ -41,6 +44,14 @@ STARTS_EXPONENT = (2.0, 3.5, 6.0, 12.0)
 
 
 Mask = NDArray[np.bool_]
+
+
+class _HigherError(Exception):
+    """The search for the end of an interval came higher than the maximum it started from."""
+
+    def __init__(self, point: Parameters) -> None:
+        super().__init__("not the maximum")
+        self.point = point
 
 
 class NotEnoughInformationError(ValueError):
@@ -108,10 +119,18 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
     free &= [name not in held for name in NAMES]
     best, height = _climb_from_everywhere(likelihood, free)
     degrees = 2 if likelihood.has_edge else 1
-    estimates = [
-        _estimate(likelihood, i, best, height, free, CHI2_95[degrees]) if free[i] else _held(i, held)
-        for i in range(len(NAMES))
-    ]
+    for restarts_left in range(RESTARTS, -1, -1):
+        ceiling = height + HIGHER if restarts_left else math.inf
+        try:
+            estimates = [
+                _estimate(likelihood, i, best, height, free, CHI2_95[degrees], ceiling)
+                if free[i]
+                else _held(i, held)
+                for i in range(len(NAMES))
+            ]
+            break
+        except _HigherError as higher:
+            best, height = _climb(likelihood, higher.point, free)
     determined = np.array([estimate.value is not None for estimate in estimates])
     if not determined[free].all() and determined.any():
         known = np.where(determined, best, likelihood.base_values)
@@ -226,9 +245,17 @@ def _scoring(likelihood: Likelihood, here: FloatArray, free: Mask) -> tuple[Floa
 
 
 def _estimate(
-    likelihood: Likelihood, index: int, best: Parameters, height: float, free: Mask, threshold: float
+    likelihood: Likelihood,
+    index: int,
+    best: Parameters,
+    height: float,
+    free: Mask,
+    threshold: float,
+    ceiling: float,
 ) -> Estimate:
-    low, high = (_profile_end(likelihood, index, best, height, free, threshold, sign) for sign in (-1.0, 1.0))
+    low, high = (
+        _profile_end(likelihood, index, best, height, free, threshold, ceiling, sign) for sign in (-1.0, 1.0)
+    )
     name = NAMES[index]
     if name in {"shadowing.sigma_db", "base_loss"} and low == -math.inf:
         low = LIMITS[name][0]
@@ -250,6 +277,7 @@ def _profile_end(
     height: float,
     free: Mask,
     threshold: float,
+    ceiling: float,
     sign: float,
 ) -> float:
     """Return where the profile deviance crosses the threshold on one side; infinite if nowhere within the limits.
@@ -272,6 +300,8 @@ def _profile_end(
         there, value = _climb(
             likelihood, _start(likelihood, index, near, limit if hit else target, way), others
         )
+        if value > ceiling:
+            raise _HigherError(there)
         root = math.sqrt(max(2.0 * (height - value), 0.0))
         at = float(there[index])
         if root > goal:

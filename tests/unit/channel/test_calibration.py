@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from benchmarks.fit_coverage import SETS, one_fit
 from channel import presets
 from channel.calibration import NotEnoughInformationError, fit_radio, fitted_radio
 from channel.checks import ChannelInputError
@@ -48,6 +49,21 @@ def test_with_rssi_everything_is_found(seed):
     by_name = {estimate.name: estimate for estimate in fit.estimates}
     assert by_name["propagation.exponent"].high - by_name["propagation.exponent"].low < 0.8
     assert by_name["noise.floor_dbm"].high - by_name["noise.floor_dbm"].low < 4.0
+
+
+def test_intervals_hold_the_truth_and_are_no_wider_than_the_data_ask():
+    """Fits of radios of the benchmark: every interval closed, and few of them beside the truth."""
+    held = total = 0
+    for name, widest in (("steep, much shadowing", 0.6), ("nearly free space", 0.4)):
+        truth = truth_of(SETS[name].truth)
+        for repeat in range(3):
+            fit, _ = one_fit(name, repeat)
+            for estimate in fit.estimates:
+                total += 1
+                held += estimate.low <= truth[estimate.name] <= estimate.high
+                assert np.isfinite([estimate.low, estimate.high]).all()
+            assert fit.estimates[0].high - fit.estimates[0].low < widest
+    assert held >= 0.9 * total
 
 
 def test_the_papers_gap_is_found_as_base_loss():
