@@ -24,8 +24,6 @@ MAX_LAG_NS = 100_000_000
 """Wall time that a fleet running late may make up for by running faster."""
 MAX_GAP_NS = 200_000_000
 """Longest time between two updates that counts towards a stall: a sleeping process hears nobody."""
-PACE_GRAIN_NS = 4_000_000
-"""Wall time by which the pace moves on at once: a fleet that wakes for each frame spends its time on waking."""
 RATE_WINDOW_NS = 1_000_000_000
 """Wall time over which the real-time factor is measured."""
 
@@ -320,8 +318,7 @@ class FleetClock:
             return wake_ns
         for member in self._live:
             if member.waiting and member.target_ns > self._pace_limit_ns:
-                goal_ns = max(member.target_ns, self._pace_limit_ns + int(PACE_GRAIN_NS * self.speed))
-                behind_ns = goal_ns - self._pace_sim_ns
+                behind_ns = member.target_ns - self._pace_sim_ns
                 wake_ns = min(wake_ns, self._pace_wall_ns + int(behind_ns / self.speed) + 1)
         return wake_ns
 
@@ -373,7 +370,7 @@ class FleetClock:
         if limit_ns > self._slowest_ns + lead_ns:
             limit_ns = self._slowest_ns + lead_ns
             self._pace_sim_ns, self._pace_wall_ns = limit_ns, wall_ns
-        if limit_ns >= self._pace_limit_ns + int(PACE_GRAIN_NS * self.speed):
+        if limit_ns != self._pace_limit_ns:
             self._pace_limit_ns = limit_ns
             self.limits_version += 1
 
