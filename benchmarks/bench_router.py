@@ -128,7 +128,7 @@ def measure(kind: str, receivers: int) -> float:
     server.join(10)
     if delivered < 0.99 * expected:
         raise RuntimeError(f"{kind}, {receivers} receivers: only {delivered} of {expected} arrived")
-    return used_s / delivered * 1e6
+    return float(used_s / delivered * 1e6)
 
 
 def _cpu(pipe: Connection) -> float:
