@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/pycache
 export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
-.PHONY: demo test check bench bench-fdm lock clean help
+.PHONY: demo test check bench bench-fdm bench-channel lock clean help
 
 help:  ## Show the targets.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -28,6 +28,9 @@ bench: $(VENV)/.dev  ## Run the benchmarks.
 
 bench-fdm: $(VENV)/.dev  ## Run the benchmarks of the flight dynamics (ARDUPILOT_HOME adds those with arducopter).
 	$(BIN)/python -m benchmarks fdm fdm_ardupilot fdm_fleet fdm_fuzz
+
+bench-channel: $(VENV)/.dev  ## Run the benchmarks of the channel.
+	$(BIN)/python -m benchmarks channel
 
 # The build backend is in both locks, so that an install asks the registry for nothing that is not pinned.
 $(VENV)/.run: requirements/run.txt pyproject.toml

@@ -80,7 +80,14 @@ def link(
     plot: Path | None,
     **ends: float | None,
 ) -> None:
-    """Print the link budget at a distance, term by term, and what it comes to."""
+    """Print the link budget at a distance, term by term, and what it comes to.
+
+    \b
+    Examples:
+      link --radio moon2020 --distance 400
+      link --radio corrected --distance 400 --set propagation.exponent=3 --json
+      link --radio moon2020 --sweep distance 50:1000:10 --plot range.png
+    """
     given: dict[str, Any] = {name: value for name, value in ends.items() if value is not None}
     if "ground_distance_m" not in given and (sweep is None or sweep[0] != "distance"):
         raise BadInput("--distance is missing")
@@ -133,7 +140,13 @@ def _warnings_on_stderr() -> Iterator[None]:
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
 def radios(as_json: bool) -> None:
-    """List the radio presets: what each is, and how far it delivers 50 % and 90 % of its packets."""
+    """List the radio presets: what each is, and how far it delivers 50 % and 90 % of its packets.
+
+    \b
+    Examples:
+      radios
+      radios --json
+    """
     rows = [sweeps.reach(presets.load_radio(name)) for name in presets.preset_names()]
     if as_json:
         table = [
@@ -161,7 +174,12 @@ def _metres(distance_m: float) -> str:
 )
 @click.option("--seed", type=int, default=1, show_default=True, help="Seed of the draws.")
 def figures(out: Path, seed: int) -> None:
-    """Redraw the paper's figures 5 and 6 as PNG and CSV; beside them the same for the corrected radio."""
+    """Redraw the paper's figures 5 and 6 as PNG and CSV; beside them the same for the corrected radio.
+
+    \b
+    Examples:
+      figures --out figures
+    """
     from channel.figures import write_figures
 
     for file in write_figures(out, seed=seed):
