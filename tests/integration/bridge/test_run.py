@@ -112,7 +112,7 @@ def test_default_scenario_agrees_with_the_model(tmp_path: Path, free_slot: Calla
 
 
 def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> None:
-    run = start_run(duration_s=30.0)
+    run = start_run(duration_s=15.0)
     run.wait_for("sim time")
     keys = Keys(run.directory.name)
     nan = float("nan")
@@ -129,8 +129,15 @@ def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> Non
     assert all(set(link["lost"]) <= {"channel_erasure"} for link in summary["links"])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("moment", ["starts the radio router", "starts flight dynamics", "sim time"])
+@pytest.mark.parametrize(
+    ("moment", "number"),
+    [
+        ("starts the radio router", signal.SIGINT),
+        ("starts flight dynamics", signal.SIGTERM),
+        ("sim time", signal.SIGINT),
+        ("sim time", signal.SIGTERM),
+    ],
+)
 def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.Signals, moment: str) -> None:
     run = start_run()
     run.wait_for(moment)
