@@ -153,8 +153,6 @@ def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.S
     [
         ("bridge.autopilots.standin --sysid 2", "autopilot-1"),
         ("bridge.processes.router", "router"),
-        ("bridge.processes.physics", "physics"),
-        ("bridge.processes.aircraft", "aircraft-0"),
         ("bridge.processes.agent --run-dir", "agent-0"),
     ],
 )
