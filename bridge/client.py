@@ -231,20 +231,21 @@ class UaClient:
 
     def _clock_came(self, sample: Sample) -> None:
         self.sim_time_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
+        for _, future, deadline_ns in tuple(self._waiters):
+            if self.sim_time_ns > deadline_ns and not future.done():
+                future.set_exception(
+                    TimeoutError(f"still waiting at {self.sim_time_ns / 1e9:.1f} s of sim time")
+                )
         for callback in self._on_tick:
             callback(self.sim_time_ns)
 
     def _state_came(self, sample: Sample) -> None:
         self.state = decode(sample.payload.to_bytes(), AircraftState)
-        for condition, future, deadline_ns in tuple(self._waiters):
+        for condition, future, _ in tuple(self._waiters):
             if future.done():
                 continue
             if condition(self.state):
                 future.set_result(self.state)
-            elif self.sim_time_ns > deadline_ns:
-                future.set_exception(
-                    TimeoutError(f"still waiting at {self.sim_time_ns / 1e9:.1f} s of sim time")
-                )
 
     def _comm_status_came(self, sample: Sample) -> None:
         self.comm_status = decode(sample.payload.to_bytes(), CommunicationStatus)

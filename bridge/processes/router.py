@@ -72,8 +72,10 @@ class RouterProcess:
         try:
             self._serve()
         finally:
-            self._perform(self._core.finish())
-            self._writer.close()
+            try:
+                self._perform(self._core.finish())
+            finally:
+                self._writer.close()
             write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused)
 
     def _serve(self) -> None:
