@@ -11,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
 
-from bridge.agents import AGENTS
+from bridge.agents import nodes_with_a_task
 from bridge.autopilots import LAUNCHERS, AutopilotError, Launcher, LaunchPlan
 from bridge.child_process import Child, ProcessSpec, end_all
 from bridge.inbox import Inbox
@@ -78,10 +78,9 @@ class Fleet:
         self._children: list[Child] = []
         self._router: Child | None = None
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
-        with_a_task = {ua.node for ua in scenario.ua if not AGENTS[ua.agent.type].open_ended}
-        self._has_task = bool(with_a_task)
-        self.unfinished = with_a_task
+        self.unfinished = set(nodes_with_a_task(scenario))
         """Nodes whose agents have a task and have not done it."""
+        self._has_task = bool(self.unfinished)
         self.killed: list[str] = []
         """Processes that did not end when they were asked to."""
         self._ended: set[str] = set()
@@ -128,7 +127,10 @@ class Fleet:
         for ua in self._scenario.ua:
             home = home_of(ua, self._scenario.origin)
             plan = LaunchPlan(self._run, self._scenario, ua, airframe_of(ua), home)
-            autopilot = self._launcher.process(plan)
+            try:
+                autopilot = self._launcher.process(plan)
+            except AutopilotError as error:
+                raise FleetError(str(error)) from error
             if autopilot is not None:
                 await self._start(autopilot)
         self._observer.on_phase("waits for the autopilots")

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterable
 from time import monotonic
 
-from bridge.agents import AGENTS
+from bridge.agents import nodes_with_a_task
 from bridge.keys import Keys
 from bridge.messages import AgentStatus, Clock, Header, Truth, decode
 from bridge.processes.common import exit_status, on_stop_signal, parse_arguments
@@ -41,7 +41,7 @@ class RouterProcess:
             keys,
             medium,
             scenario.nodes,
-            tasks=(ua.node for ua in scenario.ua if not AGENTS[ua.agent.type].open_ended),
+            tasks=nodes_with_a_task(scenario),
             end_ns=round(scenario.duration_s * 1e9),
         )
         self._writer = DeliveriesWriter(run.path / DELIVERIES)
