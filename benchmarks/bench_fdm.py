@@ -76,7 +76,7 @@ def bare_step_us(model: JsbsimModel, frames: int) -> float:
     run = model._run
     spent_us = []
     for count in range(frames):
-        model._drive((MAGIC_16, RATE_HZ, 0, *pwm_of(count)))
+        model._drive(pwm_of(count))
         begin_ns = time.perf_counter_ns()
         run()
         spent_us.append((time.perf_counter_ns() - begin_ns) / 1e3)

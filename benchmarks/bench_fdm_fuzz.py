@@ -17,13 +17,13 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
-from pathlib import Path
 
 import numpy as np
 
 from fdm.airframe import load_airframe
 from fdm.exchange import AircraftSpec, Exchange
 from fdm.geodesy import GeodeticPosition, Home
+from fdm.seat import DROPPED_BY_SYSTEM
 from fdm.servo_packet import DROP_REASONS, ServoPacket, encode_servo_packet, unpack_servo_packet
 
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 0.0)
@@ -106,15 +106,6 @@ def counted(exchange: Exchange, name: str) -> int:
     return sum(exchange.counters(ua_id).get(name, 0) for ua_id in range(FLEET))
 
 
-def dropped_by_system(ports: Sequence[int]) -> int | None:
-    """Datagrams that the system dropped as a socket's buffer was full; None where it does not tell."""
-    table = Path("/proc/net/udp")
-    if not table.exists():
-        return None
-    rows = (line.split() for line in table.read_text().splitlines()[1:])
-    return sum(int(row[-1]) for row in rows if int(row[1].split(":")[1], 16) in ports)
-
-
 def frame_rate_hz(
     exchange: Exchange, wait: threading.Event | multiprocessing.Process, limit_s: float
 ) -> float:
@@ -146,7 +137,7 @@ def measure(total: int, speed: float, peace_s: float, pause_s: float) -> dict[st
         flood_hz = frame_rate_hz(exchange, storm, 600.0)  # type: ignore[arg-type]
         flood_s = time.perf_counter() - begin_s
         sent, answers = receiver.recv()
-        dropped = dropped_by_system(ports)
+        dropped = counted(exchange, DROPPED_BY_SYSTEM)
     finally:
         pilots.kill()
         storm.kill()
@@ -180,10 +171,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--pause", type=float, default=1e-3, help=f"between bursts of {BURST} datagrams, s")
     options = parser.parse_args(arguments)
     result = measure(options.datagrams, options.speed, options.peace, options.pause)
-    lost = sum(result["sent"].values()) - sum(result["counted"].values())  # type: ignore[attr-defined]
+    counted = sum(result["counted"].values()) + result["dropped_by_system"]  # type: ignore[attr-defined, operator]
     print(
-        f"fdm fuzz: {options.datagrams} datagrams at {result['datagrams_per_s']}/s, {lost} not counted "
-        f"(the system dropped {result['dropped_by_system']}), {result['answers']} answered; "
+        f"fdm fuzz: {options.datagrams} datagrams at {result['datagrams_per_s']}/s, speed {options.speed:g}: "
+        f"{options.datagrams - counted} not counted, {result['dropped_by_system']} counted as dropped by the "
+        f"system, {result['answers']} answered; "
         f"frames per second {result['flood_frames_per_s']}, in peace {result['peace_frames_per_s']}: "
         f"ratio {result['ratio']} (wanted: {LIMIT})"
     )

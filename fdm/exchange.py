@@ -7,85 +7,36 @@ handler.
 from __future__ import annotations
 
 import logging
-import select
+import os
 import socket
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from math import inf
 
-from fdm.airframe import Airframe
-from fdm.errors import ModelDivergedError, PortInUseError
+from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
+from fdm.errors import ModelDivergedError
 from fdm.events import EventKind, UaEvent
 from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, check_speed
-from fdm.geodesy import Home
-from fdm.hosted_aircraft import Disturb, FlightModel, HostedAircraft
 from fdm.jsbsim_model import JsbsimModel
-from fdm.legacy_scheme import make_legacy_encoder, make_legacy_unpacker
 from fdm.lockstep import Verdict
-from fdm.sensor_frame import decode_sensor_frame, make_encoder
-from fdm.servo_packet import unpack_servo_packet
+from fdm.poller import Poller
+from fdm.seat import BuildModel, Seat, bind
+from fdm.sensor_frame import decode_sensor_frame
 from fdm.truth import Truth
-from fdm.wind import Wind
 
-PORT_BASE = 9002
-PORT_STRIDE = 10
+__all__ = ["AircraftSpec", "Exchange", "LegacyPeer", "default_port"]
+
 DATAGRAM_MAX_BYTES = 128
 """Longer datagrams arrive cut to this length, which is the length of no servo packet either."""
 DRAIN_MAX = 16
 """Datagrams without effect that are read from one socket before the others get their turn."""
+BATCH = 8
+"""UA that are stepped one after the other before they are answered: that keeps JSBSim in the processor's caches."""
+SPIN_NS = 200_000
+"""How long to look for packets before going to sleep, at full speed and with a core to spare."""
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class AircraftSpec:
-    """One UA to host.
-
-    Attributes:
-        ua_id: its number, unique in the fleet.
-        airframe: what it is.
-        home: where it starts.
-        port: UDP port on which its autopilot is served; 0 = any free one.
-        wind: the air around it (fdm.wind.WindConfig.build); None = still.
-        disturb: adds errors to its sensors (fdm.sensor_noise); None = only those of SITL itself.
-        legacy: speak the legacy scheme; None = ArduPilot's JSON scheme.
-    """
-
-    ua_id: int
-    airframe: Airframe
-    home: Home
-    port: int
-    wind: Wind | None = None
-    disturb: Disturb | None = None
-    legacy: LegacyPeer | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class LegacyPeer:
-    """How a peer of the legacy scheme is served (fdm.legacy_scheme).
-
-    Attributes:
-        state_port: port on the sender's host to which the state goes.
-        rate_hz: frames per second of sim time; each servo packet asks for one.
-    """
-
-    state_port: int
-    rate_hz: int
-
-
-class _Seat:
-    """One UA with its socket."""
-
-    __slots__ = ("aircraft", "member", "recvfrom", "reply_port", "sendto", "sock")
-
-    def __init__(self, aircraft: HostedAircraft, sock: socket.socket, reply_port: int | None) -> None:
-        self.reply_port = reply_port
-        self.aircraft = aircraft
-        self.member = aircraft.member
-        self.sock = sock
-        self.recvfrom = sock.recvfrom
-        self.sendto = sock.sendto
 
 
 class Exchange:
@@ -127,7 +78,7 @@ class Exchange:
         on_truth: Callable[[Truth], object] | None = None,
         on_tick: Callable[[ClockStatus], object] | None = None,
         on_event: Callable[[UaEvent], object] | None = None,
-        build_model: Callable[[Airframe, Home], FlightModel] = JsbsimModel,
+        build_model: BuildModel = JsbsimModel,
     ) -> None:
         settings = ClockSettings(
             speed=speed,
@@ -143,23 +94,29 @@ class Exchange:
             raise ValueError(f"ua_id twice in {ids}")
         self._clock = FleetClock(ids, settings, time.monotonic_ns())
         self._on_truth, self._on_tick, self._on_event = on_truth, on_tick, on_event
-        self._seats: dict[int, _Seat] = {}
-        self._arrivals: list[_Seat] = []
-        self._blocked: list[_Seat] = []
+        self._seats: dict[int, Seat] = {}
+        self._lone: Seat | None = None
+        self._arrivals: list[Seat] = []
+        self._blocked: list[Seat] = []
         self._seen_version = -1
         self._commands: deque[Callable[[], None]] = deque()
         self._stopping = False
+        self._cores = (
+            len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        )
         self._wake_receiver, self._wake_sender = socket.socketpair()
         self._wake_receiver.setblocking(False)
         self._wake_sender.setblocking(False)
-        self._poller = _Poller()
+        self._poller = Poller()
         self._poller.register(self._wake_receiver.fileno())
         try:
             for spec in aircraft:
-                self._add(spec, host, build_model)
+                self._add(spec, bind(spec, host), build_model)
         except BaseException:
             self.close()
             raise
+        if len(self._seats) == 1:
+            (self._lone,) = self._seats.values()
 
     @property
     def ports(self) -> dict[int, int]:
@@ -167,10 +124,10 @@ class Exchange:
         return {seat.aircraft.ua_id: seat.sock.getsockname()[1] for seat in self._seats.values()}
 
     def counters(self, ua_id: int) -> dict[str, int]:
-        """What UA `ua_id` received and did so far, by reason (see fdm.lockstep.Verdict and DROP_REASONS)."""
+        """What UA `ua_id` received and did so far, by reason (fdm.lockstep.Verdict, DROP_REASONS, fdm.seat)."""
         for seat in self._seats.values():
             if seat.aircraft.ua_id == ua_id:
-                return seat.aircraft.counters()
+                return seat.counters()
         raise KeyError(f"no UA {ua_id}")
 
     # The loop
@@ -183,22 +140,33 @@ class Exchange:
 
     def turn(self) -> None:
         """Once round the loop: wait until something is there to do, and do it. What `run` repeats."""
+        clock, lone = self._clock, self._lone
+        # A single UA at full speed has often answered by now: looking costs less than asking the poller.
+        if lone is None or clock.speed != inf or lone.member.waiting or not self._heard_at_once(lone):
+            self._wait()
+        self._progress()
+        for member in clock.take_stalled():
+            self._tell(EventKind.STALLED, member, "its autopilot does not answer")
+            self._progress()
+
+    def _heard_at_once(self, seat: Seat) -> bool:
+        self._clock.update(time.monotonic_ns())
+        return self._hear(seat)
+
+    def _wait(self) -> None:
+        """Wait for packets, wakes or the clock, and hear what has come."""
         clock = self._clock
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
-        ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
-        wall_ns = time.monotonic_ns()
-        clock.update(wall_ns)
+        spin_ns = SPIN_NS if clock.speed == inf and clock.live_count < self._cores else 0
+        ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns, spin_ns)
+        clock.update(time.monotonic_ns())
         seats = self._seats
-        for fd in ready:
+        for fd, _ in ready:
             seat = seats.get(fd)
             if seat is None:
                 self._drain_wakes()
             else:
-                self._hear(seat, wall_ns)
-        self._progress(wall_ns)
-        for member in clock.take_stalled():
-            self._tell(EventKind.STALLED, member, "its autopilot does not answer")
-            self._progress(wall_ns)
+                self._hear(seat)
 
     def stop(self) -> None:
         """Let `run` return soon."""
@@ -248,24 +216,13 @@ class Exchange:
 
     # Inner workings
 
-    def _add(
-        self, spec: AircraftSpec, host: str, build_model: Callable[[Airframe, Home], FlightModel]
-    ) -> None:
-        sock = _bind(spec, host)
-        legacy = spec.legacy
+    def _add(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
         try:
-            aircraft = HostedAircraft(
-                self._clock.members[spec.ua_id],
-                lambda: build_model(spec.airframe, spec.home),
-                make_legacy_encoder(spec.home) if legacy else make_encoder(spec.airframe.sensors),
-                spec.wind,
-                spec.disturb,
-                make_legacy_unpacker(legacy.rate_hz) if legacy else unpack_servo_packet,
-            )
+            seat = Seat(spec, sock, self._clock.members[spec.ua_id], build_model)
         except BaseException:
             sock.close()
             raise
-        self._seats[sock.fileno()] = _Seat(aircraft, sock, legacy.state_port if legacy else None)
+        self._seats[sock.fileno()] = seat
         self._poller.register(sock.fileno())
 
     def _command(self, command: Callable[[], None]) -> None:
@@ -287,31 +244,32 @@ class Exchange:
         except BlockingIOError:
             return
 
-    def _hear(self, seat: _Seat, wall_ns: int) -> None:
-        """Read datagrams of one UA until one asks for a step, or there are none."""
-        aircraft = seat.aircraft
-        for _ in range(DRAIN_MAX):
+    def _hear(self, seat: Seat) -> bool:
+        """Read datagrams of one UA until one asks for a step, or there are none. Whether there were any."""
+        aircraft, wall_ns = seat.aircraft, self._clock.wall_ns
+        for count in range(DRAIN_MAX):
             try:
                 datagram, sender = seat.recvfrom(DATAGRAM_MAX_BYTES)
             except BlockingIOError:
-                return
+                return count > 0
             verdict = aircraft.receive(datagram, sender, wall_ns)
             if verdict is Verdict.ADVANCE or verdict is Verdict.GAP:
                 if seat.member.live or self._return(seat):
                     self._ask(seat)
-                return
+                return True
             if verdict is Verdict.BOOT or verdict is Verdict.RESTART:
                 self._boot(seat, verdict)
-                return
+                return True
             if verdict is Verdict.RESEND:
-                self._send(seat, aircraft.lockstep.reply)
+                seat.send(aircraft.lockstep.reply)
+        return True
 
-    def _ask(self, seat: _Seat) -> None:
+    def _ask(self, seat: Seat) -> None:
         if not seat.member.waiting:
             self._arrivals.append(seat)
         self._clock.ask(seat.member, seat.aircraft.target_ns())
 
-    def _boot(self, seat: _Seat, verdict: Verdict) -> None:
+    def _boot(self, seat: Seat, verdict: Verdict) -> None:
         seat.aircraft.reset()
         seat.aircraft.set_fleet_time(self._clock.join(seat.member))
         self._forget(seat)
@@ -321,7 +279,7 @@ class Exchange:
             self._tell(EventKind.RESTARTED, seat.member, "its autopilot booted anew")
         self._ask(seat)
 
-    def _return(self, seat: _Seat) -> bool:
+    def _return(self, seat: Seat) -> bool:
         """Take a stalled UA back; False if it is out for good."""
         if seat.member.ended:
             seat.aircraft.count("ignored_after_end")
@@ -331,12 +289,12 @@ class Exchange:
         self._tell(EventKind.RETURNED, seat.member, "its autopilot answers again")
         return True
 
-    def _forget(self, seat: _Seat) -> None:
+    def _forget(self, seat: Seat) -> None:
         for waiting in (self._arrivals, self._blocked):
             if seat in waiting:
                 waiting.remove(seat)
 
-    def _progress(self, wall_ns: int) -> None:
+    def _progress(self) -> None:
         """Step whoever may, emit the ticks that are reached, until nothing moves."""
         clock = self._clock
         while True:
@@ -351,33 +309,35 @@ class Exchange:
             if not candidates:
                 return
             self._arrivals = []
+            granted: list[Seat] = []
             for seat in candidates:
-                if clock.may_step(seat.member):
-                    self._serve(seat, wall_ns)
-                else:
-                    self._blocked.append(seat)
+                (granted if clock.may_step(seat.member) else self._blocked).append(seat)
+            for begin in range(0, len(granted), BATCH):
+                self._serve(granted[begin : begin + BATCH])
 
-    def _serve(self, seat: _Seat, wall_ns: int) -> None:
-        aircraft = seat.aircraft
-        try:
-            reply = aircraft.step()
-        except ModelDivergedError as error:
-            self._clock.end(seat.member)
-            self._tell(EventKind.DIVERGED, seat.member, str(error))
-            return
-        self._send(seat, reply)
-        aircraft.lockstep.answered(reply, wall_ns)
-        self._clock.stepped(seat.member)
+    def _serve(self, seats: Sequence[Seat]) -> None:
+        """Step all, then answer all."""
+        for seat in seats:
+            try:
+                seat.aircraft.step()
+            except ModelDivergedError as error:
+                self._end(seat, error)
+        clock = self._clock
+        for seat in seats:
+            if not seat.member.waiting:
+                continue  # it has just ended
+            try:
+                reply = seat.aircraft.measure()
+            except ModelDivergedError as error:
+                self._end(seat, error)
+                continue
+            seat.send(reply)
+            seat.aircraft.lockstep.answered(reply, clock.wall_ns)
+            clock.stepped(seat.member)
 
-    def _send(self, seat: _Seat, reply: bytes) -> None:
-        sender = seat.aircraft.lockstep.sender
-        if seat.reply_port is not None:
-            sender = (sender[0], seat.reply_port)
-        try:
-            seat.sendto(reply, sender)
-        except OSError as error:  # the autopilot will ask again
-            seat.aircraft.count("send_failed")
-            _log.debug("UA %d: reply not sent: %s", seat.aircraft.ua_id, error)
+    def _end(self, seat: Seat, error: ModelDivergedError) -> None:
+        self._clock.end(seat.member)
+        self._tell(EventKind.DIVERGED, seat.member, str(error))
 
     def _emit_due_ticks(self) -> None:
         clock = self._clock
@@ -404,49 +364,3 @@ class Exchange:
         _log.info("UA %d %s: %s", event.ua_id, kind.value, detail)
         if self._on_event is not None:
             self._on_event(event)
-
-
-def default_port(index: int) -> int:
-    """UDP port of UA `index` in ArduPilot's JSON scheme."""
-    return PORT_BASE + PORT_STRIDE * index
-
-
-def _bind(spec: AircraftSpec, host: str) -> socket.socket:
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        sock.setblocking(False)
-        sock.bind((host, spec.port))
-    except OSError as error:
-        sock.close()
-        raise PortInUseError(
-            f"UDP port {spec.port} on {host} (flight dynamics of UA {spec.ua_id}) cannot be used: "
-            f"{error.strerror}",
-            spec.port,
-        ) from None
-    return sock
-
-
-class _Poller:
-    """The cheapest wait for readable sockets that the system has; one millisecond is its grain."""
-
-    def __init__(self) -> None:
-        self._epoll = select.epoll() if hasattr(select, "epoll") else None
-        self._poll = None if self._epoll else select.poll()
-
-    def register(self, fd: int) -> None:
-        if self._epoll is not None:
-            self._epoll.register(fd, select.EPOLLIN)
-        elif self._poll is not None:
-            self._poll.register(fd, select.POLLIN)
-
-    def wait(self, timeout_ns: int) -> list[int]:
-        """File descriptors that can be read, after at most `timeout_ns` (rounded up to a millisecond)."""
-        timeout_ms = 0 if timeout_ns <= 0 else -(-timeout_ns // 1_000_000)
-        if self._epoll is not None:
-            return [fd for fd, _ in self._epoll.poll(timeout_ms / 1000)]
-        assert self._poll is not None
-        return [fd for fd, _ in self._poll.poll(timeout_ms)]
-
-    def close(self) -> None:
-        if self._epoll is not None:
-            self._epoll.close()

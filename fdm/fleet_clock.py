@@ -256,6 +256,11 @@ class FleetClock:
             self._released_ns = sim_time_ns
             self._set_tick_bound()
 
+    @property
+    def live_count(self) -> int:
+        """How many members others wait for."""
+        return len(self._live)
+
     def live_members(self) -> list[Member]:
         """The members that others wait for, by UA id."""
         return sorted(self._live, key=lambda member: member.ua_id)

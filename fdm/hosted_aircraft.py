@@ -145,20 +145,25 @@ class HostedAircraft:
         """Fleet sim time after the frame that was asked for."""
         return self._offset_ns + self._timer.next_ns(self.fields[1])
 
-    def step(self) -> bytes:
-        """Take the frame that was asked for; returns the reply's datagram.
+    def step(self) -> None:
+        """Fly the frame that was asked for; `measure` is to follow.
 
         Raises:
             ModelDivergedError: the flight model is lost, or there is no wind where it is.
         """
         self._used = True
         fields = self.fields
-        rate_hz = fields[1]
-        model = self.model
         if self.member.sim_time_ns >= self._wind_at_ns:
             self._feel_the_wind()
-        model.step(fields, rate_hz)
-        return self._encode((self._timer.advance(rate_hz) / 1e9, *self._measure()))
+        self.model.step(fields, fields[1])
+
+    def measure(self) -> bytes:
+        """The reply's datagram after a step.
+
+        Raises:
+            ModelDivergedError: the flight model is lost.
+        """
+        return self._encode((self._timer.advance(self.fields[1]) / 1e9, *self._measure()))
 
     def _feel_the_wind(self) -> None:
         now_ns = self.member.sim_time_ns

@@ -30,7 +30,6 @@ SETTLE_RATE_HZ = 400.0
 _log = logging.getLogger(__name__)
 
 Getter = Callable[[], float]
-Setter = Callable[[float], object]
 
 _SENSED = (
     "velocities/pi-rad_sec",
@@ -115,7 +114,11 @@ class JsbsimModel:
                 )
             return found
 
-        self._channels = tuple(_driver(channel, node(channel.property)) for channel in airframe.channels)
+        self._drivers = tuple(
+            (channel.channel - 1, node(channel.property).set_double_value, _ChannelValues(channel))
+            for channel in airframe.channels
+        )
+        self._channels_needed = max(channel.channel for channel in airframe.channels)
         for name, value in airframe.jsbsim.properties.items():
             node(name).set_double_value(value)
         self._truth_only = tuple(node(name).get_double_value for name in _TRUTH_ONLY)
@@ -148,9 +151,10 @@ class JsbsimModel:
         """
         if rate_hz != self._rate_hz:
             self._set_rate(rate_hz)
-        if fields[PWM_OFFSET:] != self._last_pwm:
-            self._last_pwm = fields[PWM_OFFSET:]
-            self._drive(fields)
+        pwm = fields[PWM_OFFSET:]
+        if pwm != self._last_pwm:
+            self._last_pwm = pwm
+            self._drive(pwm)
         try:
             if self._substeps == 1:
                 self._run()
@@ -196,15 +200,11 @@ class JsbsimModel:
             wind_ned_mps=(wind[0], wind[1], wind[2]),
         )
 
-    def _drive(self, fields: Fields) -> None:
-        count = len(fields)
-        for index, setter, offset_us, gain, low, high, no_output in self._channels:
-            pwm = fields[index] if index < count else 0
-            if pwm == 0:
-                setter(no_output)
-                continue
-            value = gain * (pwm - offset_us)
-            setter(low if value < low else high if value > high else value)
+    def _drive(self, pwm: Fields) -> None:
+        if len(pwm) < self._channels_needed:
+            pwm += (0,) * (self._channels_needed - len(pwm))
+        for index, setter, values in self._drivers:
+            setter(values[pwm[index]])
 
     def _set_rate(self, rate_hz: int) -> None:
         self._rate_hz = rate_hz
@@ -262,18 +262,19 @@ def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
     return executive
 
 
-Driver = tuple[int, Setter, float, float, float, float, float]
+class _ChannelValues(dict[int, float]):
+    """What a channel writes to its property, by pulse width in us; each is worked out once."""
 
+    def __init__(self, channel: Channel) -> None:
+        super().__init__({0: channel.no_output})
+        self._channel = channel
 
-def _driver(channel: Channel, node: jsbsim.FGPropertyNode) -> Driver:
-    return (
-        PWM_OFFSET + channel.channel - 1,
-        node.set_double_value,
-        channel.offset_us,
-        channel.sign * channel.scale_per_us,
-        *channel.range,
-        channel.no_output,
-    )
+    def __missing__(self, pwm_us: int) -> float:
+        channel = self._channel
+        low, high = channel.range
+        value = channel.sign * channel.scale_per_us * (pwm_us - channel.offset_us)
+        self[pwm_us] = value = low if value < low else high if value > high else value
+        return value
 
 
 def _make_sense(

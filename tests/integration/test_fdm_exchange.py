@@ -536,3 +536,17 @@ def test_the_help_says_how_to_start_ardupilot():
     )
     assert done.returncode == 0
     assert "arducopter --model JSON:127.0.0.1 -I3" in done.stdout
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what a socket dropped")
+def test_what_the_system_drops_from_a_full_buffer_is_counted_too():
+    exchange = Exchange([AircraftSpec(0, load_airframe("f450"), HOME, 0)])
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            for _ in range(2000):
+                sock.sendto(b"garbage", ("127.0.0.1", exchange.ports[0]))
+        while exchange.counters(0).get("bad_length", 0) + exchange.counters(0)["dropped_by_system"] < 2000:
+            exchange.turn()
+        assert exchange.counters(0).keys() == {"frames", "bad_length", "dropped_by_system"}
+    finally:
+        exchange.close()
