@@ -94,6 +94,9 @@ MASS, JY, S, B, C, GRAVITY = 11.0, 1.135, 0.55, 2.8956, 0.18994, 9.8066
 CL0, CL_ALPHA, CL_Q, CL_DE = 0.23, 5.61, 7.95, 0.13
 CD_P, CD_DE, EFFICIENCY = 0.043, 0.0135, 0.9
 CM0, CM_ALPHA, CM_Q, CM_DE = 0.0135, -2.74, -38.21, -0.99
+JX, JZ, JXZ = 0.8244, 1.759, 0.1204
+CY_BETA, CL_BETA, CN_BETA = -0.98, -0.13, 0.073
+CL_P, CN_P, CL_R, CN_R = -0.51, -0.069, 0.25, -0.095
 ASPECT = B**2 / S
 
 
@@ -218,3 +221,47 @@ def test_the_short_period_is_that_of_the_linear_model():
     mode = fitted_mode(times, alphas, alpha, expected)
     assert mode.imag == pytest.approx(expected.imag, rel=0.15)
     assert mode.real == pytest.approx(expected.real, rel=0.15)
+
+
+def dutch_roll(rho):
+    """Eigenvalue of the book's linear lateral model (section 5.5), of (v, p, r, phi) about the trim."""
+    alpha, *_ = book_trim(rho)
+    u, w = CRUISE_MPS * math.cos(alpha), CRUISE_MPS * math.sin(alpha)
+    pressure, rate = 0.5 * rho * CRUISE_MPS**2 * S, B / (2 * CRUISE_MPS)
+    inertia = np.linalg.inv([[JX, -JXZ], [-JXZ, JZ]])
+    roll = pressure * B * np.array([CL_BETA / CRUISE_MPS, CL_P * rate, CL_R * rate, 0.0])
+    yaw = pressure * B * np.array([CN_BETA / CRUISE_MPS, CN_P * rate, CN_R * rate, 0.0])
+    side = [pressure * CY_BETA / MASS / CRUISE_MPS, w, -u, GRAVITY * math.cos(alpha)]
+    matrix = np.vstack([side, inertia @ np.vstack([roll, yaw]), [0.0, 1.0, math.tan(alpha), 0.0]])
+    return max(np.linalg.eigvals(matrix), key=lambda value: value.imag)
+
+
+def test_the_dutch_roll_is_that_of_the_linear_model():
+    rho = density(airborne())
+    alpha, elevator, throttle = book_trim(rho)
+    expected = dutch_roll(rho)
+    model = airborne(alpha_rad=alpha)
+    pwm_us = (1500, 1500 - elevator / 0.000872, 1000 + 1000 * throttle)
+    fly(model, packet(*pwm_us, 1500), 1.0)
+    fly(model, packet(*pwm_us, 1600), 0.3)
+    rows = []
+    for frame in range(1000):
+        fly(model, packet(*pwm_us, 1500), 1 / 400)
+        rows.append((frame / 400, model.sense()[2]))
+
+    def oscillation(t, growth, omega, a, b, mean, drift):
+        return np.exp(growth * t) * (a * np.cos(omega * t) + b * np.sin(omega * t)) + mean + drift * t
+
+    start = (expected.real, expected.imag, rows[0][1], 0.0, 0.0, 0.0)
+    (growth, omega, *_), _ = curve_fit(oscillation, *np.array(rows).T, p0=start)
+    assert omega == pytest.approx(expected.imag, rel=0.03)
+    assert growth == pytest.approx(expected.real, rel=0.05)
+
+
+def test_roll_and_yaw_are_coupled_as_the_book_s_product_of_inertia_does():
+    model = airborne()
+    fly(model, packet(1800, 1500, 1700, 1500), 0.01)
+    foot_pound = 1.35581795
+    roll, yaw = (model._exec[f"moments/{axis}-total-lbsft"] * foot_pound for axis in "ln")
+    expected = np.linalg.solve([[JX, -JXZ], [-JXZ, JZ]], [roll, yaw])
+    assert model._exec["accelerations/rdot-rad_sec2"] == pytest.approx(expected[1], rel=0.01)
