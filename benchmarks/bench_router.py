@@ -25,7 +25,7 @@ from typing import Any
 from bridge.keys import Keys
 from bridge.radio_router import Forward, RadioRouter
 from bridge.recorder import DeliveriesWriter
-from bridge.session import Sample, Session, Stamp, free_port, open_client, open_router
+from bridge.session import AGENT, Sample, Session, Stamp, free_port, open_client, open_router
 from channel.medium import Medium
 from channel.presets import load_radio
 from channel.radio import Radio
@@ -142,7 +142,7 @@ def _transmit(sender: Session) -> None:
         pause_s = start + seq / RATE_HZ - time.monotonic()
         if pause_s > 0:
             time.sleep(pause_s)
-        stamp = Stamp(seq, seq * 1_000_000, b"0").to_bytes()
+        stamp = Stamp(seq, seq * 1_000_000, AGENT).to_bytes()
         sender.put_bytes(KEYS.tx("0", "team"), PAYLOAD, attachment=stamp, must_arrive=True)
 
 

@@ -1,7 +1,7 @@
 """One node as its agents see it: state, commands, radio, sim time. Nothing of another node or of the truth.
 
 A script beside the node's agent may watch and command the aircraft; it cannot transmit, since one sender, the
-agent, numbers a node's packets, and the radio refuses a second:
+agent, numbers a node's packets:
 
     async with connect_ua("tcp/127.0.0.1:7447", run="20261121T120000Z-separation", node="1") as ua:
         await ua.wait_for(lambda state: state.armed)
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import secrets
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
@@ -34,7 +33,7 @@ from bridge.messages import (
     encode,
     encoding_of,
 )
-from bridge.session import Sample, Session, Stamp, open_client
+from bridge.session import AGENT, Sample, Session, Stamp, open_client
 
 COMMAND_TIMEOUT_S = 3600.0
 """Wall time; the aircraft's own time-outs come long before."""
@@ -51,9 +50,15 @@ class UaClient:
     """A node's view of the run.
 
     Callbacks run in the asyncio loop, in the order in which things happened on the wire.
+
+    Args:
+        session: to the run's router.
+        keys: of the run.
+        node: id of the node.
+        is_agent: this is the node's agent: it may transmit.
     """
 
-    def __init__(self, session: Session, keys: Keys, node: str) -> None:
+    def __init__(self, session: Session, keys: Keys, node: str, *, is_agent: bool = False) -> None:
         self.node = node
         self.state: AircraftState | None = None
         self.comm_status: CommunicationStatus | None = None
@@ -62,8 +67,8 @@ class UaClient:
         self.received = 0
         self.malformed = 0
         self.on_error: Callable[[Exception], object] | None = None
-        """Told of what a callback or a condition raises; without it, that is logged."""
-        self._source = secrets.token_hex(8).encode()
+        """Told of what a callback raises; without it, that is logged."""
+        self._is_agent = is_agent
         self._session = session
         self._keys = keys
         self._loop = asyncio.get_running_loop()
@@ -101,6 +106,7 @@ class UaClient:
 
         Raises:
             TimeoutError: it did not within ``timeout_s`` of sim time.
+            Exception: whatever ``condition`` raises.
         """
         if self.state is not None and condition(self.state):
             return self.state
@@ -119,10 +125,13 @@ class UaClient:
 
         Raises:
             ValueError: ``channel`` cannot be part of a key.
+            PermissionError: this is not the node's agent.
         """
+        if not self._is_agent:
+            raise PermissionError(f"only the agent of UA {self.node} may transmit: it numbers the packets")
         key = self._keys.tx(self.node, checked_chunk(channel))
         seq, self.sent = self.sent, self.sent + 1
-        stamp = Stamp(seq, self.sim_time_ns, self._source)
+        stamp = Stamp(seq, self.sim_time_ns, AGENT)
         self._session.put_bytes(
             key,
             encode(payload) if isinstance(payload, Message) else payload,
@@ -244,8 +253,11 @@ class UaClient:
         for condition, future, _ in tuple(self._waiters):
             if future.done():
                 continue
-            if condition(self.state):
-                future.set_result(self.state)
+            try:
+                if condition(self.state):
+                    future.set_result(self.state)
+            except Exception as error:  # somebody's own code: it is for whoever waits
+                future.set_exception(error)
 
     def _comm_status_came(self, sample: Sample) -> None:
         self.comm_status = decode(sample.payload.to_bytes(), CommunicationStatus)
@@ -270,7 +282,7 @@ def _event_of(reply: zenoh.Reply) -> CommandEvent:
 
 @asynccontextmanager
 async def connect_ua(endpoint: str, run: str, node: str) -> AsyncIterator[UaClient]:
-    """Join a run as the agent of ``node``.
+    """Join a run beside the agent of ``node``.
 
     Raises:
         SessionError: if there is no router at ``endpoint``.

@@ -19,7 +19,7 @@ from enum import StrEnum
 from bridge.keys import Keys
 from bridge.messages import CommunicationStatus, Header, Link, Message
 from bridge.recorder import Delivery
-from bridge.session import Stamp
+from bridge.session import AGENT, Stamp
 from channel.ledger import Ledger
 from channel.medium import Fate, Medium, Reception
 
@@ -45,8 +45,8 @@ class Refused(StrEnum):
     MALFORMED = "malformed"
     REPEATED = "repeated_sequence_number"
     OVERLOAD = "overload"
-    SECOND_SENDER = "second_sender"
-    """A node's packets are numbered by one sender, its agent: the first whose packet comes."""
+    NOT_THE_AGENT = "not_the_agent"
+    """A node's packets are numbered by one sender, its agent; the stamp says that somebody else sent this one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,6 @@ class RadioRouter:
         self._tasks = set(tasks)
         self._tick_ns = 0
         self._next_seq = dict.fromkeys(nodes, 0)
-        self._sender: dict[str, bytes] = {}
         self._taken: list[Packet] = []
         self._waiting: dict[tuple[str, int], tuple[Packet, int]] = {}
         self._others = {node: tuple(other for other in nodes if other != node) for node in nodes}
@@ -145,19 +144,18 @@ class RadioRouter:
         if node not in self._next_seq:
             self.refused[Refused.UNKNOWN_NODE] += 1
             return []
+        if not self._is_plausible(sim_time_ns):
+            self.refused[Refused.MALFORMED] += 1
+            return []
         self._latest_ns = max(self._latest_ns, sim_time_ns)
         return self._settle(self._medium.observe(node, sim_time_ns, position_ned_m, attitude_wxyz))
 
-    def on_packet(
-        self, tx: str, channel: str, payload: bytes, encoding: object = None, stamp: Stamp | None = None
-    ) -> None:
-        """Take a packet; `settle` decides its fate. Without a stamp it gets the next number and the latest time."""
-        stamp = stamp or Stamp(self._next_seq.get(tx, 0), self._latest_ns)
+    def on_packet(self, tx: str, channel: str, payload: bytes, encoding: object, stamp: Stamp | None) -> None:
+        """Take a packet with its agent's stamp; `settle` decides its fate."""
         refused = self._why_refused(tx, stamp)
-        if refused is not None:
-            self.refused[refused] += 1
+        if stamp is None or refused is not None:
+            self.refused[refused or Refused.NOT_THE_AGENT] += 1
             return
-        self._sender[tx] = stamp.source
         self._book_missing(tx, stamp.seq, stamp.sim_time_ns, TRANSPORT)
         if len(payload) > MAX_LENGTH_BYTES:
             self._book_missing(tx, stamp.seq + 1, stamp.sim_time_ns, TOO_LONG)
@@ -179,11 +177,11 @@ class RadioRouter:
             )
         return actions
 
-    def _why_refused(self, tx: str, stamp: Stamp) -> Refused | None:
+    def _why_refused(self, tx: str, stamp: Stamp | None) -> Refused | None:
         if tx not in self._next_seq:
             return Refused.UNKNOWN_NODE
-        if self._sender.get(tx, stamp.source) != stamp.source:
-            return Refused.SECOND_SENDER
+        if stamp is None or stamp.source != AGENT:
+            return Refused.NOT_THE_AGENT
         if stamp.seq < self._next_seq[tx]:
             return Refused.REPEATED
         if len(self._taken) >= TAKEN_MAX:
@@ -211,6 +209,9 @@ class RadioRouter:
 
     def on_tick(self, sim_time_ns: int) -> None:
         """Take a tick of the fleet clock."""
+        if not self._is_plausible(sim_time_ns):
+            self.refused[Refused.MALFORMED] += 1
+            return
         self._tick_ns = self._latest_ns = max(self._latest_ns, sim_time_ns)
 
     def on_done(self, node: str) -> None:
@@ -222,8 +223,10 @@ class RadioRouter:
 
     def on_sent_total(self, tx: str, sent: int) -> None:
         """Take an agent's own count of what it gave to the radio; what never came here is booked."""
-        if tx in self._next_seq and sent - self._next_seq[tx] <= MAX_GAP:
-            self._book_missing(tx, sent, self._latest_ns, TRANSPORT)
+        if tx not in self._next_seq or not 0 <= sent <= self._next_seq[tx] + MAX_GAP:
+            self.refused[Refused.MALFORMED if tx in self._next_seq else Refused.UNKNOWN_NODE] += 1
+            return
+        self._book_missing(tx, sent, self._latest_ns, TRANSPORT)
 
     def finish(self) -> list[Action]:
         """Settle what still waits, with the newest positions, and balance the books.

@@ -22,6 +22,8 @@ from bridge.messages import Message, encode, encoding_of
 CONNECT_TIMEOUT_S = 10.0
 STUCK_READER_S = 1.0
 """How long the router waits for a reader that takes nothing before it cuts it off (Zenoh's default: 5 s)."""
+AGENT = b"agent"
+"""The source in the stamps of a node's agent: the one sender that numbers the node's packets."""
 _ATTACHMENT = struct.Struct("<qqB16s")
 """Sequence number, time in ns, length of the id, id: the layout that rmw_zenoh attaches to a sample."""
 

@@ -20,6 +20,9 @@ from bridge.messages.codec import class_of
 from bridge.run_directory import live_runs
 from bridge.session import Sample, SessionError, Stamp, checked_endpoint, open_client, plain_text
 
+WAITING_MAX = 10_000
+"""Samples that may wait for a slow reader of our output; later ones are dropped, and said to be."""
+
 
 @click.command(short_help="Print decoded samples of a run that goes on.")
 @click.argument("key")
@@ -42,8 +45,16 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
       lostlink echo 'lostlink/**/link/*/*' --json --connect tcp/127.0.0.1:7447
     """
     samples: queue.SimpleQueue[Sample | None] = queue.SimpleQueue()
+    dropped: list[None] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: samples.put(None))
+
+    def on_sample(sample: Sample) -> None:
+        if samples.qsize() < WAITING_MAX:
+            samples.put(sample)
+        else:
+            dropped.append(None)
+
     try:
         endpoint = checked_endpoint(connect) if connect else _newest_endpoint(out)
     except ValueError as error:
@@ -51,7 +62,7 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
     try:
         with open_client(endpoint) as session:
             try:
-                session.subscribe(key, samples.put)
+                session.subscribe(key, on_sample)
             except zenoh.ZError as error:
                 raise click.BadParameter(
                     f"{key!r} is not a Zenoh key expression: {plain_text(error)}", param_hint="KEY"
@@ -63,6 +74,8 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
 
             session.watch_alive(f"{ROOT}/*/alive/router", on_router)
             _print_samples(samples, count, as_json=as_json)
+        if dropped:
+            click.echo(f"lostlink: {len(dropped)} samples came faster than they were read", err=True)
     except SessionError as error:
         click.echo(f"lostlink: {error}", err=True)
         sys.exit(1)

@@ -83,8 +83,9 @@ def run(
     """Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
 
     Writes OUT/<time>-<scenario>/ with summary.json, deliveries.csv, a figure, the scenario as resolved and a log
-    per process. Ends with status 0 if the measured deliveries agree with the channel's model, 1 if not or if
-    the run broke off, 2 if it could not start.
+    per process. Ends with status 0 if the measured deliveries agree with the channel's model (also when
+    --duration ends the run before its tasks: summary.json names the unfinished ones), 1 if not or if the run
+    broke off, 2 if it could not start.
 
     \b
     Examples:
@@ -159,13 +160,16 @@ class _Run:
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
         ending = await fleet.fly()
-        if "router" in fleet.killed:
-            log = self.directory.log_path("router")
-            raise FleetError(
-                f"router did not end in time, so that its record is not complete; its log is {log}"
-            )
+        self._tell_killed(fleet.killed)
         self._unfinished = sorted(fleet.unfinished)
         return ending, fleet.sim_time_ns
+
+    def _tell_killed(self, killed: list[str]) -> None:
+        for name in killed:
+            text = f"{name} did not end in time and was killed; its log is {self.directory.log_path(name)}"
+            if name == "router":
+                raise FleetError(f"{text}; without its last part the record is not complete")
+            click.echo(f"lostlink: {text}", err=True)
 
     def _report(self, ending: Ending, sim_time_ns: int) -> int:
         interrupted = 128 + self.signal if self.signal is not None else 0

@@ -20,7 +20,7 @@ async def run_agent(run: RunDirectory, node: str, stop: asyncio.Event) -> None:
     scenario, keys = run.scenario, run.keys
     aircraft = scenario.aircraft(node)
     with open_client(run.info.endpoint) as session:
-        ua = UaClient(session, keys, node)
+        ua = UaClient(session, keys, node, is_agent=True)
         agent = AGENTS[aircraft.agent.type](ua, aircraft, scenario.transmit)
         ua.on_error = lambda error: _fail(agent, "in a callback", error)
         ua.on_tick(lambda sim_time_ns: _tick(agent, sim_time_ns))

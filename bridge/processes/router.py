@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import sys
+import threading
 from collections.abc import Callable, Iterable
 from time import monotonic
 
@@ -46,13 +47,16 @@ class RouterProcess:
         )
         self._writer = DeliveriesWriter(run.path / DELIVERIES)
         self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
+        self._overload = 0
+        self._overload_lock = threading.Lock()
         for key_expr, handler in self._handlers():
             session.subscribe(key_expr, lambda sample, handler=handler: self._enqueue(handler, sample))  # type: ignore[misc]
 
     def _enqueue(self, handler: Handler, sample: Sample) -> None:
         """Called in Zenoh's threads."""
         if handler == self._on_packet and self._queue.qsize() >= QUEUE_MAX:
-            self._core.refused[Refused.OVERLOAD] += 1
+            with self._overload_lock:
+                self._overload += 1
         else:
             self._queue.put((handler, sample))
 
@@ -76,6 +80,8 @@ class RouterProcess:
                 self._perform(self._core.finish())
             finally:
                 self._writer.close()
+            if self._overload:
+                self._core.refused[Refused.OVERLOAD] += self._overload
             write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused)
 
     def _serve(self) -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from bridge.keys import Keys
 from bridge.radio_router import RadioRouter
-from bridge.session import Stamp
+from bridge.session import AGENT, Stamp
 from channel.medium import Medium
 from channel.presets import load_radio
 from channel.radio import Radio
@@ -35,7 +35,7 @@ def fates(
             north_m = start_m[node] + tick * int(node)
             core.on_truth(node, tick * TICK_NS, (north_m, 0.0, -40.0), LEVEL)
         else:
-            core.on_packet(node, "team", b"x" * 40, None, Stamp(tick, tick * TICK_NS))
+            core.on_packet(node, "team", b"x" * 40, None, Stamp(tick, tick * TICK_NS, AGENT))
             core.settle()
     core.finish()
     return {(row.tx, row.rx, row.seq): (row.fate, round(row.distance_m, 6)) for row in core.settled}

@@ -125,7 +125,7 @@ def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> Non
         session.put_bytes(keys.tx("9", "team"), b"from nobody", must_arrive=True)
     assert run.finish() == 0, run.output.decode()
     summary = json.loads((run.directory / "summary.json").read_text())
-    assert summary["refused"] == {"malformed": 2, "second_sender": 1, "unknown_node": 1}
+    assert summary["refused"] == {"malformed": 2, "not_the_agent": 1, "unknown_node": 1}
     assert all(set(link["lost"]) <= {"channel_erasure"} for link in summary["links"])
 
 

@@ -9,7 +9,7 @@ import pytest
 from bridge.keys import Keys
 from bridge.messages import CommunicationStatus, Header, Link
 from bridge.radio_router import TRANSPORT, Action, Forward, Publish, RadioRouter, Refused
-from bridge.session import Stamp
+from bridge.session import AGENT, Stamp
 from channel.medium import Medium
 from channel.presets import load_radio
 from channel.radio import Radio
@@ -17,6 +17,10 @@ from channel.radio import Radio
 KEYS = Keys("r")
 TICK_NS = 50_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def by_agent(seq: int, sim_time_ns: int) -> Stamp:
+    return Stamp(seq, sim_time_ns, AGENT)
 
 
 def router(preset: str = "perfect", nodes: tuple[str, ...] = ("0", "1"), **more: Any) -> RadioRouter:
@@ -50,7 +54,7 @@ def published(actions: list[Action], kind: type) -> list[Publish]:
 def test_packet_goes_on_with_its_bytes_stamp_and_encoding() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=100.0)
-    (forward,) = forwards(send(core, "0", b"\x00payload", "text/plain", Stamp(0, 0)))
+    (forward,) = forwards(send(core, "0", b"\x00payload", "text/plain", by_agent(0, 0)))
     assert forward.key == "lostlink/r/ua/1/rx/0/team"
     assert (forward.packet.payload, forward.packet.encoding) == (b"\x00payload", "text/plain")
     assert len(forward.attachment) == 33
@@ -59,7 +63,7 @@ def test_packet_goes_on_with_its_bytes_stamp_and_encoding() -> None:
 def test_packet_waits_for_the_truth_of_its_instant() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=100.0)
-    assert not forwards(send(core, "0", b"x", None, Stamp(0, TICK_NS)))
+    assert not forwards(send(core, "0", b"x", None, by_agent(0, TICK_NS)))
     assert not forwards(place(core, TICK_NS, n0=0.0))
     assert forwards(place(core, TICK_NS, n1=100.0))
 
@@ -67,24 +71,16 @@ def test_packet_waits_for_the_truth_of_its_instant() -> None:
 def test_out_of_range_is_lost_and_booked() -> None:
     core = router("disk")
     place(core, 0, n0=0.0, n1=1e6)
-    assert not forwards(send(core, "0", b"x", None, Stamp(0, 0)))
+    assert not forwards(send(core, "0", b"x", None, by_agent(0, 0)))
     (row,) = core.settled
     assert (row.tx, row.rx, row.fate) == ("0", "1", "out_of_range")
     assert core.ledger.links["0", "1"].lost == {"out_of_range": 1}
 
 
-def test_packet_without_stamp_gets_number_and_time() -> None:
-    core = router()
-    place(core, TICK_NS, n0=0.0, n1=1.0)
-    send(core, "0", b"a")
-    send(core, "0", b"b")
-    assert [(row.seq, row.sim_time_ns) for row in core.settled] == [(0, TICK_NS), (1, TICK_NS)]
-
-
 def test_missing_numbers_are_the_hosts_losses() -> None:
     core = router(nodes=("0", "1", "2"))
     place(core, 0, n0=0.0, n1=1.0, n2=2.0)
-    send(core, "0", b"x", None, Stamp(3, 0))
+    send(core, "0", b"x", None, by_agent(3, 0))
     assert core.ledger.links["0", "1"].lost == {TRANSPORT: 3}
     assert core.ledger.links["0", "2"].sent == 4
     core.on_sent_total("0", 6)
@@ -97,18 +93,18 @@ def test_missing_numbers_are_the_hosts_losses() -> None:
 @pytest.mark.parametrize(
     ("tx", "stamp", "payload", "reason"),
     [
-        ("9", Stamp(0, 0), b"x", Refused.UNKNOWN_NODE),
-        ("0", Stamp(0, 0), b"x", Refused.REPEATED),
-        ("0", Stamp(-5, 0), b"x", Refused.REPEATED),
-        ("0", Stamp(2**62, 0), b"x", Refused.MALFORMED),
-        ("0", Stamp(1, 2**62), b"x", Refused.MALFORMED),
-        ("0", Stamp(1, -1), b"x", Refused.MALFORMED),
+        ("9", by_agent(0, 0), b"x", Refused.UNKNOWN_NODE),
+        ("0", by_agent(0, 0), b"x", Refused.REPEATED),
+        ("0", by_agent(-5, 0), b"x", Refused.REPEATED),
+        ("0", by_agent(2**62, 0), b"x", Refused.MALFORMED),
+        ("0", by_agent(1, 2**62), b"x", Refused.MALFORMED),
+        ("0", by_agent(1, -1), b"x", Refused.MALFORMED),
     ],
 )
 def test_what_is_refused_is_counted_by_reason(tx: str, stamp: Stamp, payload: bytes, reason: Refused) -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    send(core, "0", b"x", None, Stamp(0, 0))
+    send(core, "0", b"x", None, by_agent(0, 0))
     rows = len(core.settled)
     assert send(core, tx, payload, None, stamp) == []
     assert core.refused == {reason: 1}
@@ -129,7 +125,7 @@ def test_clock_is_released_when_all_have_answered() -> None:
 def test_release_comes_after_what_the_tick_delivered() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    send(core, "0", b"x", None, Stamp(0, 0))
+    send(core, "0", b"x", None, by_agent(0, 0))
     core.on_answer("0", 0)
     actions = core.on_answer("1", 0)
     (status,) = published(actions, CommunicationStatus)
@@ -183,27 +179,48 @@ def test_answer_of_an_impossible_time_releases_nothing(sim_time_ns: int) -> None
 def test_packet_that_is_too_long_is_booked_as_such() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    send(core, "0", bytes((1 << 20) + 1), None, Stamp(0, 0))
-    send(core, "0", b"x", None, Stamp(1, 0))
+    send(core, "0", bytes((1 << 20) + 1), None, by_agent(0, 0))
+    send(core, "0", b"x", None, by_agent(1, 0))
     assert [row.fate for row in core.settled] == ["too_long", "delivered"]
     assert core.ledger.links["0", "1"].lost == {"too_long": 1}
     core.finish()
 
 
-@pytest.mark.parametrize("stamp", [None, Stamp(0, 0, b"guest"), Stamp(1, 0, b"guest")])
-def test_second_sender_of_a_node_is_refused_and_harms_nothing(stamp: Stamp | None) -> None:
+@pytest.mark.parametrize("stamp", [None, Stamp(0, 0), Stamp(0, 0, b"guest")])
+def test_packet_of_a_guest_is_refused_and_harms_nothing(stamp: Stamp | None) -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    send(core, "0", b"x", None, Stamp(0, 0, b"agent"))
     assert send(core, "0", b"x", None, stamp) == []
-    assert core.refused == {Refused.SECOND_SENDER: 1}
-    assert forwards(send(core, "0", b"x", None, Stamp(1, 0, b"agent")))
+    assert core.refused == {Refused.NOT_THE_AGENT: 1}
+    assert forwards(send(core, "0", b"x", None, by_agent(0, 0)))
+    assert core.settled[0].seq == 0
+
+
+@pytest.mark.parametrize("sim_time_ns", [-1, 2**62])
+def test_truth_and_ticks_of_an_impossible_time_are_refused(sim_time_ns: int) -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    assert place(core, sim_time_ns, n0=0.0) == []
+    core.on_tick(sim_time_ns)
+    assert core.refused == {Refused.MALFORMED: 2}
+    send(core, "0", b"x", None, by_agent(0, 2**61))
+    assert core.refused == {Refused.MALFORMED: 3}
+    core.on_tick(TICK_NS)
+    assert core.waiting_for == ("0", "1")
+
+
+@pytest.mark.parametrize("sent", [-1, 2**62])
+def test_impossible_count_of_an_agent_books_nothing(sent: int) -> None:
+    core = router()
+    core.on_sent_total("0", sent)
+    assert core.refused == {Refused.MALFORMED: 1}
+    assert core.settled == []
 
 
 def test_books_balance_when_the_run_ends_with_packets_that_wait() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    send(core, "0", b"x", None, Stamp(0, 10 * TICK_NS))
+    send(core, "0", b"x", None, by_agent(0, 10 * TICK_NS))
     core.finish()
     account = core.ledger.links["0", "1"]
     assert (account.sent, account.in_flight) == (1, 0)
@@ -215,7 +232,7 @@ def test_packets_of_a_tick_are_settled_in_one_order_whoever_was_first() -> None:
         core = router(nodes=("0", "1", "2"))
         place(core, 0, n0=0.0, n1=1.0, n2=2.0)
         for tx in senders:
-            core.on_packet(tx, "team", b"x", None, Stamp(0, 0))
+            core.on_packet(tx, "team", b"x", None, by_agent(0, 0))
         orders.append(keys_of(core.settle()))
         assert core.settle() == []
     assert orders[0] == orders[1]
