@@ -15,7 +15,7 @@ demo: $(VENV)/.run  ## Fly two UA on one radio and write runs/<time>-separation/
 	$(BIN)/lostlink run
 
 test: $(VENV)/.dev  ## Run the tests.
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 check: $(VENV)/.dev  ## Format, lint, types, layers.
 	$(BIN)/ruff format --check .

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -32,6 +32,15 @@ def arducopter() -> Path:
     return found
 
 
+@pytest.fixture
+def arduplane() -> Path:
+    """A real ArduPlane, or the test is skipped."""
+    found = ardupilot_binary("arduplane")
+    if found is None:
+        pytest.skip("no arduplane: neither ARDUPILOT_HOME nor PATH leads to one")
+    return found
+
+
 def _is_free(kind: socket.SocketKind, port: int) -> bool:
     with socket.socket(type=kind) as probe:
         try:
@@ -54,11 +63,19 @@ def _slot_is_free(slot: int, count: int) -> bool:
     )
 
 
+def _slots_of_this_process() -> range:
+    """Slots that no other test process of this session uses; ArduPilot keeps its instance number in eight bits."""
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    size = 230 // workers
+    first = 20 + worker * size
+    return range(first + os.getpid() % (size // 2), first + size)
+
+
 @pytest.fixture
 def free_slot() -> Callable[[int], int]:
     """Find a port slot at which ``count`` UA find all their ports free; each call gives another."""
-    # ArduPilot keeps its instance number in eight bits.
-    candidates: Iterator[int] = iter(range(20 + os.getpid() % 180, 250))
+    candidates = iter(_slots_of_this_process())
 
     def find(count: int) -> int:
         slot = next(s for s in candidates if _slot_is_free(s, count))
