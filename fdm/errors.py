@@ -4,6 +4,7 @@ FdmError
  +-- AirframeError       an airframe file or its JSBSim model is wrong
  +-- WindError           a wind file or wind map is wrong, or a UA left its map
  +-- PortInUseError      a UDP port cannot be bound
+ +-- WorkerError         a worker process ended
  +-- ModelDivergedError  a flight model left the finite numbers (the exchange ends that UA and goes on)
 """
 
@@ -32,6 +33,10 @@ class PortInUseError(FdmError):
     def __init__(self, message: str, port: int) -> None:
         super().__init__(message)
         self.port = port
+
+
+class WorkerError(FdmError):
+    """A worker process of a fleet ended by itself; the text says which and how."""
 
 
 class ModelDivergedError(FdmError):

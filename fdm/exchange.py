@@ -7,7 +7,6 @@ handler.
 from __future__ import annotations
 
 import logging
-import os
 import socket
 import time
 from collections import deque
@@ -17,10 +16,10 @@ from math import inf
 from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.errors import ModelDivergedError
 from fdm.events import EventKind, UaEvent
-from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, check_speed
+from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, Peers, check_speed
 from fdm.jsbsim_model import JsbsimModel
 from fdm.lockstep import Verdict
-from fdm.poller import Poller
+from fdm.poller import Poller, core_count
 from fdm.seat import BuildModel, Seat, bind
 from fdm.sensor_frame import decode_sensor_frame
 from fdm.truth import Truth
@@ -56,6 +55,8 @@ class Exchange:
         on_tick: called after that with the clock's status.
         on_event: called when a UA joins, restarts, stalls, returns or diverges.
         build_model: makes a flight model from airframe and home.
+        sockets: the UA's sockets, if they are bound already, in the order of `aircraft`; the exchange's from now on.
+        peers: the rest of the fleet, in other processes (see fdm.fleet_exchange).
 
     Raises:
         PortInUseError: a port is taken.
@@ -79,6 +80,8 @@ class Exchange:
         on_tick: Callable[[ClockStatus], object] | None = None,
         on_event: Callable[[UaEvent], object] | None = None,
         build_model: BuildModel = JsbsimModel,
+        sockets: Sequence[socket.socket] | None = None,
+        peers: Peers | None = None,
     ) -> None:
         settings = ClockSettings(
             speed=speed,
@@ -92,7 +95,7 @@ class Exchange:
         ids = [spec.ua_id for spec in aircraft]
         if len(set(ids)) != len(ids):
             raise ValueError(f"ua_id twice in {ids}")
-        self._clock = FleetClock(ids, settings, time.monotonic_ns())
+        self._clock = FleetClock(ids, settings, time.monotonic_ns(), peers)
         self._on_truth, self._on_tick, self._on_event = on_truth, on_tick, on_event
         self._seats: dict[int, Seat] = {}
         self._lone: Seat | None = None
@@ -101,17 +104,16 @@ class Exchange:
         self._seen_version = -1
         self._commands: deque[Callable[[], None]] = deque()
         self._stopping = False
-        self._cores = (
-            len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        )
+        self._spare_cores = core_count() if peers is None else 0
         self._wake_receiver, self._wake_sender = socket.socketpair()
         self._wake_receiver.setblocking(False)
         self._wake_sender.setblocking(False)
         self._poller = Poller()
-        self._poller.register(self._wake_receiver.fileno())
+        self._listeners: dict[int, Callable[[], object]] = {}
+        self.listen(self._wake_receiver.fileno(), self._drain_wakes)
         try:
-            for spec in aircraft:
-                self._add(spec, bind(spec, host), build_model)
+            for index, spec in enumerate(aircraft):
+                self._add(spec, sockets[index] if sockets else bind(spec, host), build_model)
         except BaseException:
             self.close()
             raise
@@ -157,14 +159,14 @@ class Exchange:
         """Wait for packets, wakes or the clock, and hear what has come."""
         clock = self._clock
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
-        spin_ns = SPIN_NS if clock.speed == inf and clock.live_count < self._cores else 0
+        spin_ns = SPIN_NS if clock.speed == inf and clock.live_count < self._spare_cores else 0
         ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns, spin_ns)
         clock.update(time.monotonic_ns())
         seats = self._seats
         for fd, _ in ready:
             seat = seats.get(fd)
             if seat is None:
-                self._drain_wakes()
+                self._listeners[fd]()
             else:
                 self._hear(seat)
 
@@ -181,11 +183,20 @@ class Exchange:
         self._wake_receiver.close()
         self._wake_sender.close()
 
+    def listen(self, fd: int, callback: Callable[[], object]) -> None:
+        """Have the loop call `callback` when the file descriptor `fd` can be read. Not while `run` runs."""
+        self._listeners[fd] = callback
+        self._poller.register(fd)
+
     # Control, from any thread
 
     def release_tick(self, sim_time_ns: int) -> None:
         """With hold_ticks: UA may go on beyond the ticks up to `sim_time_ns`."""
         self._command(lambda: self._clock.release(sim_time_ns))
+
+    def pass_ticks(self, sim_time_ns: int) -> None:
+        """With peers: all processes have reached the ticks up to `sim_time_ns`, and they were emitted."""
+        self._command(lambda: self._clock.pass_ticks(sim_time_ns))
 
     def set_speed(self, speed: float) -> None:
         """Aim at `speed` of sim time per wall time (inf = as fast as possible).

@@ -16,70 +16,36 @@ it sends again it joins again, as after a boot, at the next tick.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from math import inf
+from typing import Protocol
+
+from fdm.clock_status import ClockSettings, ClockStatus, RateMeter, check_speed
+
+__all__ = ["ClockSettings", "ClockStatus", "FleetClock", "Member", "Peers", "check_speed"]
 
 NEVER_NS = 1 << 62
 MAX_LAG_NS = 100_000_000
 """Wall time that a fleet running late may make up for by running faster."""
 MAX_GAP_NS = 200_000_000
 """Longest time between two updates that counts towards a stall: a sleeping process hears nobody."""
-RATE_WINDOW_NS = 1_000_000_000
-"""Wall time over which the real-time factor is measured."""
+WAKE_CHECK_NS = 20_000_000
+"""A UA that waits for another process looks after this long even if no wake came."""
 
 
-@dataclass(frozen=True, slots=True)
-class ClockSettings:
-    """How a fleet clock runs.
+class Peers(Protocol):
+    """The fleet clocks of other processes, where a fleet is spread over several."""
 
-    Attributes:
-        speed: sim time per wall time; inf = as fast as possible.
-        window_ns: how far a UA may be ahead of the slowest; None = one frame at the slowest rate.
-        tick_period_ns: sim time between ticks.
-        hold_ticks: a tick must be released before a UA steps beyond it.
-        stall_timeout_ns: wall time without a packet after which a UA is let go.
-        start_together: nobody steps before every UA has joined.
-        start_timeout_ns: wall time after which the fleet starts with those that have joined.
-    """
+    def slowest_ns(self) -> int:
+        """Sim time of the slowest live UA of all processes, this one's as published; NEVER_NS: none is live."""
 
-    speed: float = 1.0
-    window_ns: int | None = None
-    tick_period_ns: int = 50_000_000
-    hold_ticks: bool = False
-    stall_timeout_ns: int = 1_000_000_000
-    start_together: bool = True
-    start_timeout_ns: int = 60_000_000_000
+    def largest_step_ns(self) -> int:
+        """The longest step of all processes, this one's as published."""
 
-    def __post_init__(self) -> None:
-        check_speed(self.speed)
-        for name in ("window_ns", "tick_period_ns", "stall_timeout_ns", "start_timeout_ns"):
-            value = getattr(self, name)
-            if value is not None and value <= 0:
-                raise ValueError(f"{name} = {value}: must be above 0")
+    def publish(self, slowest_ns: int, largest_step_ns: int) -> None:
+        """Tell this process's slowest live UA (NEVER_NS: none) and longest step to the others."""
 
-
-@dataclass(frozen=True, slots=True)
-class ClockStatus:
-    """State of the fleet clock at a tick.
-
-    Attributes:
-        sim_time_ns: fleet sim time of the tick.
-        speed: wanted sim time per wall time; inf = as fast as possible.
-        real_time_factor: sim time per wall time, measured over the last second or so of wall time.
-        paused: the clock is held by `pause`.
-        stalled_ua: UA that nobody waits for, sorted: those that stopped answering, and those that never
-            joined.
-        restarts: per UA, how often its autopilot booted anew.
-        ended_ua: UA whose flight model diverged, sorted.
-    """
-
-    sim_time_ns: int
-    speed: float
-    real_time_factor: float
-    paused: bool
-    stalled_ua: tuple[int, ...]
-    restarts: Mapping[int, int]
-    ended_ua: tuple[int, ...] = ()
+    def ask_for_wake(self) -> None:
+        """Have this process woken when `slowest_ns` changes."""
 
 
 class Member:
@@ -115,23 +81,29 @@ class FleetClock:
         ua_ids: the fleet, each once, at least one.
         settings: how to run.
         wall_ns: the present instant.
+        peers: the rest of the fleet, in other processes; None = there is none. The ticks are then those of this
+            process, to be held until all processes have reached them.
 
     Attributes:
         wall_ns: instant of the latest `update`.
         limits_version: changes whenever a UA that was refused a step might be granted it now.
     """
 
-    def __init__(self, ua_ids: Iterable[int], settings: ClockSettings, wall_ns: int) -> None:
+    def __init__(
+        self, ua_ids: Iterable[int], settings: ClockSettings, wall_ns: int, peers: Peers | None = None
+    ) -> None:
         self.members = {ua_id: Member(ua_id) for ua_id in ua_ids}
         if not self.members:
             raise ValueError("a fleet clock needs at least one UA")
         self._settings = settings
+        self._peers = peers
         self.speed = settings.speed
         self.paused = False
         self.started = not settings.start_together
         self.limits_version = 0
         self._live: list[Member] = []
-        self._slowest_ns = 0
+        self._slowest_ns = 0  # of the whole fleet; the next two are of this process
+        self._own_slowest_ns = 0
         self._at_slowest = 0
         self._largest_step_ns = 0
         self._window_limit_ns = 0
@@ -141,9 +113,11 @@ class FleetClock:
         self.wall_ns = self._begin_ns = self._pace_wall_ns = self._stall_check_ns = wall_ns
         self._pace_sim_ns = 0
         self._pace_limit_ns = 0
-        self._rate_wall_ns, self._rate_sim_ns, self._rate = wall_ns, 0, 0.0
+        self._rate = RateMeter(wall_ns)
         self._step_limit_ns = 0
         self._restart_pace()
+        if self.started:
+            self._set_slowest()
 
     # The hot path
 
@@ -154,7 +128,7 @@ class FleetClock:
         step_ns = target_ns - member.sim_time_ns
         if step_ns > self._largest_step_ns:
             self._largest_step_ns = step_ns
-            self._set_window_limit()
+            self._set_slowest()
 
     def may_step(self, member: Member) -> bool:
         """Whether `member` may take the step it asked for, now."""
@@ -167,7 +141,7 @@ class FleetClock:
 
     def stepped(self, member: Member) -> None:
         """Take note that `member` took its step and was answered."""
-        was_slowest = member.sim_time_ns == self._slowest_ns
+        was_slowest = member.sim_time_ns == self._own_slowest_ns
         member.sim_time_ns = member.target_ns
         member.waiting = False
         member.idle_ns = 0
@@ -186,6 +160,8 @@ class FleetClock:
             return
         if not self.paused and self.speed != inf:
             self._move_pace(wall_ns)
+        if self._peers is not None and self._peers.slowest_ns() != self._slowest_ns:
+            self._set_slowest()
         if gap_ns > MAX_GAP_NS:
             self._stall_check_ns += gap_ns - MAX_GAP_NS
 
@@ -241,7 +217,7 @@ class FleetClock:
 
     def due_tick_ns(self) -> int | None:
         """The tick that every live UA has reached and that was not emitted yet, or None."""
-        if self._slowest_ns >= self._next_tick_ns and self._live and self.started:
+        if self._own_slowest_ns >= self._next_tick_ns and self._live and self.started:
             return self._next_tick_ns
         return None
 
@@ -256,6 +232,12 @@ class FleetClock:
             self._released_ns = sim_time_ns
             self._set_tick_bound()
 
+    def pass_ticks(self, sim_time_ns: int) -> None:
+        """The ticks up to `sim_time_ns` were emitted by peers: who joins from now on joins at a later one."""
+        if not self._live and self._next_tick_ns <= sim_time_ns:
+            self._next_tick_ns = sim_time_ns + self._settings.tick_period_ns
+            self._set_tick_bound()
+
     @property
     def live_count(self) -> int:
         """How many members others wait for."""
@@ -267,12 +249,11 @@ class FleetClock:
 
     def status(self, sim_time_ns: int, restarts: Mapping[int, int]) -> ClockStatus:
         """The status at the tick `sim_time_ns`."""
-        self._measure_rate(sim_time_ns)
         members = sorted(self.members.values(), key=lambda member: member.ua_id)
         return ClockStatus(
             sim_time_ns=sim_time_ns,
             speed=self.speed,
-            real_time_factor=self._rate,
+            real_time_factor=self._rate.measure(sim_time_ns, self.wall_ns),
             paused=self.paused,
             stalled_ua=tuple(m.ua_id for m in members if not m.live and not m.ended) if self.started else (),
             restarts=dict(restarts),
@@ -319,6 +300,8 @@ class FleetClock:
         if not self.started:
             return self._begin_ns + self._settings.start_timeout_ns
         wake_ns = self._stall_check_ns + self._settings.stall_timeout_ns // 10 + 1
+        if self._peers is not None:
+            wake_ns = min(wake_ns, self._wake_with_peers_ns(self._peers))
         if self.paused or self.speed == inf:
             return wake_ns
         for member in self._live:
@@ -333,7 +316,7 @@ class FleetClock:
         self.started = True
         self._stall_check_ns = self.wall_ns
         self._find_slowest()
-        self._rate_wall_ns = self.wall_ns
+        self._rate = RateMeter(self.wall_ns)
         self._restart_pace()
 
     def _drop(self, member: Member) -> None:
@@ -344,12 +327,29 @@ class FleetClock:
 
     def _find_slowest(self) -> None:
         if len(self._live) == 1:
-            self._slowest_ns, self._at_slowest = self._live[0].sim_time_ns, 1
+            self._own_slowest_ns, self._at_slowest = self._live[0].sim_time_ns, 1
         elif self._live:
             times = [member.sim_time_ns for member in self._live]
-            self._slowest_ns = min(times)
-            self._at_slowest = times.count(self._slowest_ns)
+            self._own_slowest_ns = min(times)
+            self._at_slowest = times.count(self._own_slowest_ns)
+        self._set_slowest()
+
+    def _set_slowest(self) -> None:
+        slowest_ns = self._own_slowest_ns
+        if self._peers is not None and self.started:
+            self._peers.publish(slowest_ns if self._live else NEVER_NS, self._largest_step_ns)
+            slowest_ns = self._peers.slowest_ns()
+            self._largest_step_ns = self._peers.largest_step_ns()
+        if slowest_ns != NEVER_NS:
+            self._slowest_ns = slowest_ns
         self._set_window_limit()
+
+    def _wake_with_peers_ns(self, peers: Peers) -> int:
+        if not any(member.waiting for member in self._live):
+            return NEVER_NS
+        peers.ask_for_wake()
+        # What changed before the wake was asked for would go unnoticed.
+        return self.wall_ns + WAKE_CHECK_NS if peers.slowest_ns() == self._slowest_ns else self.wall_ns
 
     def _set_window_limit(self) -> None:
         window_ns = self._settings.window_ns
@@ -378,20 +378,3 @@ class FleetClock:
         if limit_ns != self._pace_limit_ns:
             self._pace_limit_ns = limit_ns
             self.limits_version += 1
-
-    def _measure_rate(self, sim_time_ns: int) -> None:
-        elapsed_ns = self.wall_ns - self._rate_wall_ns
-        if elapsed_ns >= RATE_WINDOW_NS or (self._rate == 0.0 and elapsed_ns > 0):
-            self._rate = (sim_time_ns - self._rate_sim_ns) / elapsed_ns
-        if elapsed_ns >= RATE_WINDOW_NS:
-            self._rate_wall_ns, self._rate_sim_ns = self.wall_ns, sim_time_ns
-
-
-def check_speed(speed: float) -> None:
-    """Refuse a speed that is not above 0.
-
-    Raises:
-        ValueError: so.
-    """
-    if not speed > 0:
-        raise ValueError(f"speed = {speed}: must be above 0 (inf = as fast as possible)")

@@ -7,6 +7,7 @@ worse, or for an autopilot that adds none. Draws are keyed by seed and UA.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -47,26 +48,27 @@ class SensorNoise(BaseModel):
             seed: of the run.
             ua_id: which UA.
         """
-        sigmas, biases = np.zeros(_COUNT), np.zeros(_COUNT)
-        sigmas[_GYRO], biases[_GYRO] = self.gyro_sigma_radps, self.gyro_bias_frd_radps
-        sigmas[_ACCEL], biases[_ACCEL] = self.accel_sigma_mps2, self.accel_bias_frd_mps2
-        sigmas[_POSITION] = self.position_sigma_m
-        sigmas[_VELOCITY] = self.velocity_sigma_mps
-        sigmas[_AIRSPEED] = self.airspeed_sigma_mps
-        generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, ua_id, 0x5E45])))
+        return partial(_disturbed, self, seed, ua_id)
 
-        def errors() -> Iterator[list[float]]:
-            while True:
-                yield from (generator.standard_normal((_BLOCK, _COUNT)) * sigmas + biases).tolist()
 
-        stream = errors()
+def _disturbed(noise: SensorNoise, seed: int, ua_id: int, sense: Sense) -> Sense:
+    sigmas, biases = np.zeros(_COUNT), np.zeros(_COUNT)
+    sigmas[_GYRO], biases[_GYRO] = noise.gyro_sigma_radps, noise.gyro_bias_frd_radps
+    sigmas[_ACCEL], biases[_ACCEL] = noise.accel_sigma_mps2, noise.accel_bias_frd_mps2
+    sigmas[_POSITION] = noise.position_sigma_m
+    sigmas[_VELOCITY] = noise.velocity_sigma_mps
+    sigmas[_AIRSPEED] = noise.airspeed_sigma_mps
+    generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, ua_id, 0x5E45])))
 
-        def wrap(sense: Sense) -> Sense:
-            def noisy() -> tuple[float, ...]:
-                values = sense()
-                measured = (value + error for value, error in zip(values, next(stream), strict=False))
-                return (*measured, *values[_COUNT:])
+    def errors() -> Iterator[list[float]]:
+        while True:
+            yield from (generator.standard_normal((_BLOCK, _COUNT)) * sigmas + biases).tolist()
 
-            return noisy
+    stream = errors()
 
-        return wrap
+    def noisy() -> tuple[float, ...]:
+        values = sense()
+        measured = (value + error for value, error in zip(values, next(stream), strict=False))
+        return (*measured, *values[_COUNT:])
+
+    return noisy

@@ -94,6 +94,7 @@ class DrydenTurbulence:
     """
 
     def __init__(self, mean: Wind, w20_mps: float, *, seed: int, ua_id: int) -> None:
+        self._arguments = (mean, w20_mps, seed, ua_id)
         self._mean = mean
         self._w20_mps = w20_mps
         self._normals = _normals(seed, ua_id)
@@ -102,6 +103,10 @@ class DrydenTurbulence:
         self._v = SecondOrder(next(normal), next(normal))
         self._w = SecondOrder(next(normal), next(normal))
         self._last_ns: int | None = None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickled as new: what goes to another process is a wind that nobody has asked yet."""
+        return (_from_arguments, self._arguments)
 
     def air_ned_mps(self, point: AirPoint) -> Vector:
         """Mean wind and turbulence at `point`."""
@@ -117,6 +122,10 @@ class DrydenTurbulence:
         speed = hypot(north, east)
         cosine, sine = (north / speed, east / speed) if speed > 0.0 else (1.0, 0.0)
         return (north + u * cosine - v * sine, east + u * sine + v * cosine, down + w)
+
+
+def _from_arguments(mean: Wind, w20_mps: float, seed: int, ua_id: int) -> DrydenTurbulence:
+    return DrydenTurbulence(mean, w20_mps, seed=seed, ua_id=ua_id)
 
 
 def _normals(seed: int, ua_id: int) -> Iterator[float]:

@@ -2,15 +2,12 @@
 
 import contextlib
 import math
-import os
-import re
-import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -18,6 +15,7 @@ from fdm.airframe import load_airframe
 from fdm.errors import ModelDivergedError, PortInUseError
 from fdm.events import EventKind
 from fdm.exchange import AircraftSpec, Exchange, LegacyPeer
+from fdm.fleet_exchange import open_exchange
 from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
 from fdm.jsbsim_model import JsbsimModel
 from fdm.legacy_scheme import decode_legacy_state, encode_legacy_servos
@@ -71,12 +69,13 @@ class Client:
 class Running:
     """An exchange in a thread, with what it told."""
 
-    def __init__(self, ids=(0,), specs=None, **settings):
+    def __init__(self, ids=(0,), specs=None, workers=1, **settings):
         self.truths, self.ticks, self.events = [], [], []
         self.changed = threading.Condition()
         airframe = load_airframe("f450")
         specs = specs or [AircraftSpec(ua_id, airframe, HOME, 0) for ua_id in ids]
-        self.exchange = Exchange(
+        kind = partial(open_exchange, workers=workers) if workers > 1 else Exchange
+        self.exchange = kind(
             specs,
             **{"speed": math.inf, **settings},
             on_truth=self.truths.append,
@@ -120,6 +119,12 @@ def start():
         yield start
 
 
+@pytest.fixture(params=[1, 2], ids=["one process", "two workers"])
+def start_any(start, request):
+    """Starts an exchange in this process, or one that is spread over two workers."""
+    return partial(start, workers=request.param)
+
+
 def fly_together(running, frames):
     """Send and receive for every client in turn: nobody is answered before the others have asked."""
     last = {}
@@ -153,8 +158,8 @@ def test_it_takes_off_when_the_motors_say_so(start):
     assert running.truths[-1].position_ned_m == pytest.approx(frame.position_ned_m, abs=1e-4)
 
 
-def test_two_ua_go_in_lockstep(start):
-    running = start(ids=(4, 7))
+def test_two_ua_go_in_lockstep(start_any):
+    running = start_any(ids=(4, 7))
     first, second = running.clients[4], running.clients[7]
     first.send()
     assert first.silent()
@@ -168,8 +173,8 @@ def test_two_ua_go_in_lockstep(start):
     first.receive()
 
 
-def test_truth_of_every_ua_comes_before_the_tick_and_at_its_instant(start):
-    running = start(ids=(0, 1, 2), tick_period_ns=25_000_000)
+def test_truth_of_every_ua_comes_before_the_tick_and_at_its_instant(start_any):
+    running = start_any(ids=(0, 1, 2), tick_period_ns=25_000_000)
     fly_together(running, 101)
     running.wait_for(lambda: len(running.ticks) == 11)
     assert [tick.sim_time_ns for tick in running.ticks] == [k * 25_000_000 for k in range(11)]
@@ -178,13 +183,10 @@ def test_truth_of_every_ua_comes_before_the_tick_and_at_its_instant(start):
     ]
 
 
-@pytest.mark.parametrize("speed", [math.inf, 1.0])
-def test_eight_ua_of_mixed_types_and_rates_stay_within_the_window(start, speed):
-    names, rates = ("f450", "hexa550", "aerosonde", "f450"), (400, 800, 1200, 400, 50, 300, 800, 400)
-    specs = [AircraftSpec(i, load_airframe(names[i % 4]), HOME, 0) for i in range(8)]
-    running = start(specs=specs, speed=speed, tick_period_ns=20_000_000)
+def watch_the_window(exchange):
+    """How far apart the fleet's sim times are after every step; grows with the run."""
     apart_ns = []
-    clock = running.exchange._clock
+    clock = exchange._clock
     stepped = clock.stepped
 
     def watched(member):
@@ -193,6 +195,16 @@ def test_eight_ua_of_mixed_types_and_rates_stay_within_the_window(start, speed):
         apart_ns.append(max(times) - min(times))
 
     clock.stepped = watched
+    return apart_ns
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("speed", [math.inf, 1.0])
+def test_eight_ua_of_mixed_types_and_rates_stay_within_the_window(start, workers, speed):
+    names, rates = ("f450", "hexa550", "aerosonde", "f450"), (400, 800, 1200, 400, 50, 300, 800, 400)
+    specs = [AircraftSpec(i, load_airframe(names[i % 4]), HOME, 0) for i in range(8)]
+    running = start(specs=specs, workers=workers, speed=speed, tick_period_ns=20_000_000)
+    apart_ns = watch_the_window(running.exchange) if workers == 1 else []
 
     def fly(client, rate_hz):
         client.rate_hz = rate_hz
@@ -209,7 +221,7 @@ def test_eight_ua_of_mixed_types_and_rates_stay_within_the_window(start, speed):
     for thread in threads:
         thread.join(WAIT_S)
         assert not thread.is_alive()
-    assert max(apart_ns) <= 20_000_000  # one frame at the slowest rate, 50 Hz
+    assert max(apart_ns, default=0) <= 20_000_000  # one frame at the slowest rate, 50 Hz
     running.wait_for(lambda: running.ticks[-1].sim_time_ns == 500_000_000)
     for tick in running.ticks:
         truths = [t for t in running.truths if 0 <= t.sim_time_ns - tick.sim_time_ns < 20_000_000]
@@ -287,8 +299,8 @@ def test_a_change_to_thirty_two_channels_is_followed(start):
             assert math.isfinite(client.exchange((1000,) * channels).timestamp_s)
 
 
-def test_an_autopilot_that_boots_anew_starts_from_zero_at_home(start):
-    running = start(ids=(0, 1))
+def test_an_autopilot_that_boots_anew_starts_from_zero_at_home(start_any):
+    running = start_any(ids=(0, 1))
     fly_together(running, 50)
     for _ in range(100):
         for client in running.clients.values():
@@ -322,8 +334,8 @@ def test_an_autopilot_that_boots_anew_starts_from_zero_at_home(start):
     assert {t.sim_time_ns for t in restarted} == {450_000_000, 500_000_000}
 
 
-def test_a_mute_autopilot_is_let_go_and_taken_back(start):
-    running = start(ids=(0, 1), stall_timeout_s=0.2)
+def test_a_mute_autopilot_is_let_go_and_taken_back(start_any):
+    running = start_any(ids=(0, 1), stall_timeout_s=0.2)
     fly_together(running, 10)
     for _ in range(30):
         running.clients[0].exchange()
@@ -405,14 +417,21 @@ def test_two_ua_300_m_apart_in_a_sheared_map_feel_different_winds_and_drift_apar
     assert north.velocity_ned_mps[1] > south.velocity_ned_mps[1] + 0.01
 
 
-def test_a_ua_that_leaves_a_strict_map_ends_with_the_reason(start, tmp_path):
+def test_a_ua_that_leaves_a_strict_map_ends_with_the_reason(start_any):
     path = load_wind("shear").map.file
     config = WindConfig.model_validate({"map": {"file": str(path), "outside": "error"}})
-    spec = AircraftSpec(0, load_airframe("f450"), HOME, 0, config.build(seed=1, ua_id=0))
-    running = start(specs=[spec])
-    running.clients[0].send()
+    wind = config.build(seed=1, ua_id=0)
+    spec = AircraftSpec(0, load_airframe("f450"), HOME, 0)
+    running = start_any(specs=[replace(spec, wind=wind), replace(spec, ua_id=1)])
+    for client in running.clients.values():
+        client.send()
     running.wait_for(lambda: running.events[-1:] and running.events[-1].kind is EventKind.DIVERGED)
     assert "outside the map" in running.events[-1].detail
+    running.clients[1].receive()
+    running.clients[1].count += 1
+    for _ in range(30):
+        running.clients[1].exchange()
+    assert running.ticks[-1].ended_ua == (0,)
 
 
 def test_a_legacy_peer_gets_its_state_on_its_own_port(start):
@@ -459,20 +478,46 @@ def test_real_time_is_kept(start):
     assert (time.monotonic_ns() - begin_ns) / 1e9 >= 0.49
 
 
-def test_pause_and_resume_from_another_thread(start):
-    running = start()
-    client = running.clients[0]
-    client.exchange()
+def test_pause_step_and_resume_from_another_thread(start_any):
+    running = start_any(ids=(0, 1))
+    fly_together(running, 10)
     running.exchange.pause()
-    client.send()
-    assert client.silent()
+    for client in running.clients.values():
+        client.send()
+    assert running.clients[0].silent()
+    assert running.clients[1].silent()
     running.exchange.step(2_500_000)
-    client.receive()
-    client.count += 1
-    client.send()
-    assert client.silent()
+    for client in running.clients.values():
+        assert client.receive().timestamp_s == pytest.approx(11 / 400)
+        client.count += 1
+        client.send()
+    assert running.clients[0].silent()
+    assert running.clients[1].silent()
     running.exchange.resume()
-    client.receive()
+    for client in running.clients.values():
+        client.receive()
+        client.count += 1
+    running.exchange.set_speed(0.5)
+    begin_ns = time.monotonic_ns()
+    fly_together(running, 40)
+    assert (time.monotonic_ns() - begin_ns) / 1e9 >= 0.18  # 0.1 s of sim time
+
+
+def test_held_ticks_of_several_ua_wait_for_their_release(start_any):
+    running = start_any(ids=(0, 1), hold_ticks=True, tick_period_ns=5_000_000)
+    for client in running.clients.values():
+        client.send()
+    running.wait_for(lambda: running.ticks)
+    assert running.clients[1].silent()
+    running.exchange.release_tick(5_000_000)
+    for client in running.clients.values():
+        client.receive()
+        client.count += 1
+    fly_together(running, 3)
+    for client in running.clients.values():
+        client.send()
+    assert running.clients[0].silent()
+    assert [tick.sim_time_ns for tick in running.ticks] == [0, 5_000_000, 10_000_000]
 
 
 def test_a_port_in_use_is_named():
@@ -493,49 +538,6 @@ def test_mistakes_of_the_caller_are_refused():
         Exchange([])
     with pytest.raises(ValueError, match="speed"):
         Exchange([spec], speed=0.0)
-
-
-def command(*arguments):
-    return [sys.executable, "-m", "fdm", "--home", "47,8,400,0", *arguments]
-
-
-def test_the_command_serves_until_it_is_ended():
-    process = subprocess.Popen(
-        command("--port", "0", "--speed", "max"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        ready = process.stdout.readline()
-        port = int(re.fullmatch(r"ready: UA 0, f450, UDP 127\.0\.0\.1:(\d+)\n", ready).group(1))
-        client = Client(port)
-        for _ in range(10):
-            client.exchange()
-        client.sock.close()
-        os.kill(process.pid, signal.SIGTERM)
-        out, err = process.communicate(timeout=WAIT_S)
-    finally:
-        process.kill()
-        process.communicate()
-    assert process.returncode == 0
-    assert out == "served: boots 1, frames 9\n"
-    assert "Traceback" not in err
-
-
-def test_the_command_explains_a_port_in_use():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        port = taken.getsockname()[1]
-        done = subprocess.run(command("--port", str(port)), capture_output=True, text=True, timeout=WAIT_S)
-    assert done.returncode == 2
-    assert f"UDP port {port}" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_the_help_says_how_to_start_ardupilot():
-    done = subprocess.run(
-        [sys.executable, "-m", "fdm", "--help"], capture_output=True, text=True, timeout=WAIT_S
-    )
-    assert done.returncode == 0
-    assert "arducopter --model JSON:127.0.0.1 -I3" in done.stdout
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what a socket dropped")

@@ -2,7 +2,7 @@ from math import inf
 
 import pytest
 
-from fdm.fleet_clock import MAX_GAP_NS, ClockSettings, FleetClock
+from fdm.fleet_clock import MAX_GAP_NS, NEVER_NS, ClockSettings, FleetClock
 
 MS = 1_000_000
 SECOND = 1_000_000_000
@@ -259,3 +259,83 @@ def test_settings_out_of_range_are_refused(settings):
 def test_a_fleet_has_somebody():
     with pytest.raises(ValueError, match="at least one"):
         FleetClock([], ClockSettings(), 0)
+
+
+class SharedNumbers:
+    """The board of several clocks in one process."""
+
+    def __init__(self, count):
+        self.slowest = [0] * count
+        self.steps = [0] * count
+
+    def view(self, index):
+        shared = self
+
+        class View:
+            woken = 0
+
+            def slowest_ns(self):
+                return min(shared.slowest)
+
+            def largest_step_ns(self):
+                return max(shared.steps)
+
+            def publish(self, slowest_ns, largest_step_ns):
+                shared.slowest[index], shared.steps[index] = slowest_ns, largest_step_ns
+
+            def ask_for_wake(self):
+                self.woken += 1
+
+        return View()
+
+
+class PeerFleet(Fleet):
+    def __init__(self, steps_ns, peers, **settings):
+        super().__init__(steps_ns, joined=False, hold_ticks=True, **settings)
+        clock_settings = ClockSettings(**{"speed": inf, "hold_ticks": True, **settings})
+        self.clock = FleetClock(steps_ns, clock_settings, 0, peers)
+        for ua_id in steps_ns:
+            self.join(ua_id)
+        self.clock.release(0)
+
+
+def test_clocks_of_two_processes_keep_one_window():
+    board = SharedNumbers(2)
+    first = PeerFleet({0: MS, 1: MS}, board.view(0))
+    second = PeerFleet({2: 3 * MS}, board.view(1))
+    times = []
+    for which in (first, first, first, first, second, first, first, second, second, first) * 5:
+        which.turn()
+        times = [*first.times().values(), *second.times().values()]
+        assert max(times) - min(times) <= 3 * MS  # one frame at the slowest rate, which is the other's
+    assert min(times) >= 15 * MS
+
+
+def test_a_clock_asks_to_be_woken_only_while_a_ua_waits_and_does_not_miss_a_change():
+    board = SharedNumbers(2)
+    peers = board.view(0)
+    fleet = PeerFleet({0: MS}, peers)
+    board.slowest[1] = 0
+    fleet.turn()
+    fleet.turn()
+    assert fleet.times() == {0: MS}
+    assert fleet.clock.wake_at_ns() > fleet.wall_ns
+    assert peers.woken == 1
+    board.slowest[1] = MS
+    assert fleet.clock.wake_at_ns() == fleet.wall_ns
+    fleet.turn()
+    assert fleet.times() == {0: 2 * MS}
+
+
+def test_who_joins_where_all_had_stalled_joins_at_the_fleets_next_tick():
+    board = SharedNumbers(2)
+    fleet = PeerFleet({0: MS}, board.view(0), stall_timeout_ns=10 * MS)
+    fleet.turn()
+    board.slowest[1] = 400 * MS
+    fleet.mute.add(0)
+    for _ in range(20):
+        fleet.turn()
+        fleet.clock.take_stalled()
+    assert board.slowest[0] == NEVER_NS
+    fleet.clock.pass_ticks(350 * MS)
+    assert fleet.clock.join(fleet[0]) == 400 * MS

@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -41,3 +43,9 @@ def test_errors_are_keyed_by_seed_and_ua():
 def test_a_negative_deviation_is_refused():
     with pytest.raises(ValidationError, match="greater than or equal to 0"):
         SensorNoise(gyro_sigma_radps=-1)
+
+
+def test_it_goes_to_another_process_as_it_is():
+    disturb = SensorNoise(accel_sigma_mps2=1.0).disturb(seed=3, ua_id=2)
+    sent = pickle.loads(pickle.dumps(disturb))
+    assert sent(lambda: EXACT)() == disturb(lambda: EXACT)()
