@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 import signal
 import sys
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
 import click
 
+from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.airframe import load_airframe
-from fdm.errors import FdmError, PortInUseError
+from fdm.errors import FdmError, PortInUseError, WorkerError
 from fdm.events import UaEvent
-from fdm.exchange import AircraftSpec, Exchange, default_port
+from fdm.fleet_exchange import Workers, open_exchange
 from fdm.geodesy import GeodeticPosition, Home
+from fdm.legacy_scheme import legacy_ports
+from fdm.sensor_noise import load_sensor_noise
 from fdm.wind import load_wind
 
 EPILOG = """\b
@@ -60,38 +65,147 @@ class HomeType(click.ParamType[Home]):
             self.fail(f"{value!r} is not LAT,LON,ALT,YAW: {error}", param, ctx)
 
 
+class WorkersType(click.ParamType[Workers]):
+    """A number of processes, or ``auto``."""
+
+    name = "N|auto"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Workers:
+        """Convert `value`."""
+        if value == "auto":
+            return "auto"
+        if not str(value).isdecimal() or int(str(value)) < 1:
+            self.fail(f"{value!r} is neither a number from 1 nor auto", param, ctx)
+        return int(str(value))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What the command line says; see the options' help."""
+
+    index: int
+    count: int
+    airframe: str
+    home: Home
+    speed: float
+    host: str
+    port: int | None
+    ports: str
+    legacy_rate: int
+    wind: str
+    noise: str | None
+    seed: int
+    workers: Workers
+
+
+def specs_of(options: Options) -> list[AircraftSpec]:
+    """The UA that the options ask for.
+
+    Raises:
+        FdmError: an airframe, wind or sensor noise cannot be used.
+    """
+    airframe, wind = load_airframe(options.airframe), load_wind(options.wind)
+    noise = load_sensor_noise(options.noise) if options.noise is not None else None
+    specs = []
+    for ua_id in range(options.index, options.index + options.count):
+        state_port, servo_port = legacy_ports(ua_id)
+        legacy = LegacyPeer(state_port, options.legacy_rate) if options.ports == "legacy" else None
+        port = servo_port if legacy else default_port(ua_id)
+        specs.append(
+            AircraftSpec(
+                ua_id,
+                airframe,
+                options.home,
+                port if options.port is None else options.port,
+                wind.build(seed=options.seed, ua_id=ua_id),
+                noise.disturb(seed=options.seed, ua_id=ua_id) if noise else None,
+                legacy,
+            )
+        )
+    return specs
+
+
 @click.command(epilog=EPILOG)
-@click.option("--index", type=click.IntRange(0, 5000), default=0, show_default=True, help="UA index I.")
+@click.option(
+    "--index", type=click.IntRange(0, 5000), default=0, show_default=True, help="First UA's index I."
+)
+@click.option("--count", type=click.IntRange(1, 500), default=1, show_default=True, help="How many UA.")
 @click.option("--airframe", default="f450", show_default=True, help="Name or YAML file of the airframe.")
-@click.option("--home", type=HomeType(), required=True, help="Where the UA starts, and its heading.")
+@click.option("--home", type=HomeType(), required=True, help="Where the UA start, and their heading.")
 @click.option("--speed", type=SpeedType(), default="1", show_default=True, help="Real-time factor.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to bind to.")
-@click.option("--port", type=click.IntRange(0, 65535), help="UDP port; 9002 + 10 I if not given, 0 = any.")
+@click.option(
+    "--ports",
+    type=click.Choice(["json", "legacy"]),
+    default="json",
+    show_default=True,
+    help="json: UDP 9002 + 10 I. legacy: servos to UDP 5502 + 3 I, state to 5501 + 3 I of their sender, binary.",
+)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), help="UDP port instead of the scheme's; 0 = any free one."
+)
+@click.option(
+    "--legacy-rate",
+    type=click.IntRange(10, 65535),
+    default=400,
+    show_default=True,
+    help="Frames per second of sim time in the legacy scheme, which does not tell.",
+)
 @click.option("--wind", default="calm", show_default=True, help="Name or YAML file of the wind.")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the turbulence.")
-def main(
-    index: int, airframe: str, home: Home, speed: float, host: str, port: int | None, wind: str, seed: int
-) -> None:
-    """Serve the flight dynamics of one UA to an ArduPilot started by hand (UDP, JSON scheme)."""
+@click.option(
+    "--noise", help="YAML file of sensor errors beyond those of SITL (docs/fdm.md); none if not given."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Seed of turbulence and sensor errors.",
+)
+@click.option(
+    "--workers",
+    type=WorkersType(),
+    default="auto",
+    show_default=True,
+    help="Processes to spread the UA over.",
+)
+def main(**arguments: Any) -> None:
+    """Serve the flight dynamics of one UA, or of several, to ArduPilots started by hand (UDP, JSON scheme)."""
+    options = Options(**arguments)
+    if options.count > 1 and options.port:
+        raise click.BadOptionUsage(
+            "port", "--port is for one UA; with --count it can only be 0 (any free ones)"
+        )
     try:
-        air = load_wind(wind).build(seed=seed, ua_id=index)
-        number = default_port(index) if port is None else port
-        spec = AircraftSpec(index, load_airframe(airframe), home, number, air)
-        exchange = Exchange([spec], host=host, speed=speed, on_event=_print_event)
+        specs = specs_of(options)
+        exchange = open_exchange(
+            specs, workers=options.workers, host=options.host, speed=options.speed, on_event=_print_event
+        )
     except FdmError as error:
         hint = "; another port: --port" if isinstance(error, PortInUseError) else ""
-        click.echo(f"error: {error}{hint}", err=True)
-        sys.exit(2)
+        _fail(f"{error}{hint}")
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: exchange.stop())
-    click.echo(f"ready: UA {index}, {spec.airframe.name}, UDP {host}:{exchange.ports[index]}")
+    for spec in specs:
+        click.echo(
+            f"ready: UA {spec.ua_id}, {spec.airframe.name}, UDP {options.host}:{exchange.ports[spec.ua_id]}"
+        )
     sys.stdout.flush()
     try:
         exchange.run()
+    except WorkerError as error:
+        _fail(str(error))
     finally:
-        counters = exchange.counters(index)
+        counters = {spec.ua_id: exchange.counters(spec.ua_id) for spec in specs}
         exchange.close()
-    click.echo(f"served: {', '.join(f'{name} {count}' for name, count in sorted(counters.items()))}")
+    for ua_id, counts in counters.items():
+        name = f"UA {ua_id} " if options.count > 1 else ""
+        click.echo(f"served: {name}{', '.join(f'{name} {count}' for name, count in sorted(counts.items()))}")
+
+
+def _fail(message: str) -> NoReturn:
+    click.echo(f"error: {message}", err=True)
+    sys.exit(2)
 
 
 def _print_event(event: UaEvent) -> None:

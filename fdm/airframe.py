@@ -7,11 +7,12 @@ exists, and has the properties named, shows when `fdm.jsbsim_model` loads it; th
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from fdm.config_file import explain
 from fdm.errors import AirframeError
 
 AIRFRAMES_DIR = Path(__file__).resolve().parent.parent / "sitl_configs" / "airframes"
@@ -142,7 +143,7 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
     except yaml.YAMLError as error:
         raise AirframeError(f"{path}: {error}") from None
     except ValidationError as error:
-        raise AirframeError(_explain(path, text, error)) from None
+        raise AirframeError(explain(path, text, error)) from None
     return _with_absolute_root(airframe, path)
 
 
@@ -168,31 +169,3 @@ def _with_absolute_root(airframe: Airframe, path: Path) -> Airframe:
     if not root.is_dir():
         raise AirframeError(f"{path}: jsbsim.root: no directory {root}")
     return airframe.model_copy(update={"jsbsim": airframe.jsbsim.model_copy(update={"root": root})})
-
-
-def _explain(path: Path, text: str, error: ValidationError) -> str:
-    lines = []
-    for problem in error.errors():
-        location = problem["loc"]
-        key = ".".join(str(part) for part in location) or "(file)"
-        lines.append(f"{path}:{_line_of(text, location)}: {key}: {problem['msg']}")
-    return "\n".join(lines)
-
-
-def _line_of(text: str, location: tuple[int | str, ...]) -> int:
-    """Line of the deepest node on the way to `location` that the file has (from 1)."""
-    node: Any = yaml.compose(text)
-    line = 1
-    for part in location:
-        if isinstance(node, yaml.MappingNode):
-            pairs = {key.value: (key, value) for key, value in node.value}
-            if part not in pairs:
-                break
-            key, node = pairs[part]
-            line = key.start_mark.line + 1
-        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
-            node = node.value[part]
-            line = node.start_mark.line + 1
-        else:
-            break
-    return line

@@ -3,6 +3,7 @@
 FdmError
  +-- AirframeError       an airframe file or its JSBSim model is wrong
  +-- WindError           a wind file or wind map is wrong, or a UA left its map
+ +-- SensorNoiseError    a file of sensor errors is wrong
  +-- PortInUseError      a UDP port cannot be bound
  +-- WorkerError         a worker process ended
  +-- ModelDivergedError  a flight model left the finite numbers (the exchange ends that UA and goes on)
@@ -21,6 +22,10 @@ class AirframeError(FdmError):
 
 class WindError(FdmError):
     """A wind cannot be used, or a UA is outside a wind map that forbids it."""
+
+
+class SensorNoiseError(FdmError):
+    """A file of sensor errors cannot be used."""
 
 
 class PortInUseError(FdmError):

@@ -49,6 +49,11 @@ class LegacyState:
     airspeed_eas_mps: float
 
 
+def legacy_ports(index: int) -> tuple[int, int]:
+    """UDP ports of UA `index`: where its state goes to, and where its servo outputs come to."""
+    return STATE_PORT_BASE + PORT_STRIDE * index, SERVO_PORT_BASE + PORT_STRIDE * index
+
+
 def encode_legacy_servos(servo_output_us: tuple[int, ...]) -> bytes:
     """The datagram of 11 pulse widths, us.
 

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from fdm.config_file import explain
+from fdm.errors import SensorNoiseError
 from fdm.truth import Vector
 
 Sigma = Annotated[float, Field(ge=0)]
@@ -44,6 +48,8 @@ class SensorNoise(BaseModel):
     def disturb(self, *, seed: int, ua_id: int) -> Callable[[Sense], Sense]:
         """What turns the exact numbers of a frame into measured ones; attitude and optional sensors stay exact.
 
+        Each boot of the autopilot meets the same errors anew.
+
         Args:
             seed: of the run.
             ua_id: which UA.
@@ -72,3 +78,21 @@ def _disturbed(noise: SensorNoise, seed: int, ua_id: int, sense: Sense) -> Sense
         return (*measured, *values[_COUNT:])
 
     return noisy
+
+
+def load_sensor_noise(path: str | Path) -> SensorNoise:
+    """Load the errors of a UA's sensors from a YAML file with the keys of `SensorNoise`.
+
+    Raises:
+        SensorNoiseError: no such file, or it is wrong; the text says where.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        return SensorNoise.model_validate(yaml.safe_load(text))
+    except OSError as error:
+        raise SensorNoiseError(f"{path}: {error.strerror}") from None
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise SensorNoiseError(f"{path}: {error}") from None
+    except ValidationError as error:
+        raise SensorNoiseError(explain(path, text, error, SensorNoise.model_fields)) from None

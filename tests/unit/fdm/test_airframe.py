@@ -45,7 +45,7 @@ def test_an_unknown_key_is_named_with_file_and_line(tmp_path, f450_data):
     f450_data["channels"][1]["gain"] = 2
     path = write(tmp_path, f450_data)
     line = 1 + next(i for i, text in enumerate(path.read_text().splitlines()) if "gain" in text)
-    with pytest.raises(AirframeError, match=rf"mine\.yaml:{line}: channels\.1\.gain: Extra inputs"):
+    with pytest.raises(AirframeError, match=rf"mine\.yaml:{line}: channels\.1\.gain: unknown key"):
         load_airframe(path)
 
 
