@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 from bridge.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
+from bridge.autopilots.standin.mixer import MotorFrame, UnknownFrameError, motor_frame
 from bridge.child_process import ProcessSpec
 from bridge.resolve import airframe_of
 from bridge.scenario import Aircraft, Scenario
+from fdm.airframe import Airframe
+
+FRAME_PARAMETERS = ("FRAME_CLASS", "FRAME_TYPE")
+"""What the stand-in takes of an airframe's parameters for ArduPilot: its gains are its own."""
 
 
 class StandIn(Launcher):
@@ -25,6 +31,10 @@ class StandIn(Launcher):
                 f"UA {ua.id}: the stand-in autopilot flies multirotors only, and {ua.airframe} is a "
                 f"{airframe.vehicle}; fly it with --autopilot ardupilot"
             )
+        try:
+            _motor_frame(airframe)
+        except UnknownFrameError as error:
+            raise AutopilotError(f"UA {ua.id}: airframe {ua.airframe}: {error}") from error
 
     def process(self, plan: LaunchPlan) -> ProcessSpec | None:
         """The stand-in with the UA's ports, home and system id."""
@@ -33,4 +43,21 @@ class StandIn(Launcher):
         command += ["--sysid", str(ua.sysid), "--home", plan.home_text]
         command += ["--fdm-port", str(scenario.fdm_port(ua))]
         command += ["--mavlink-port", str(scenario.autopilot_port(ua))]
+        command += ["--defaults", str(_frame_file(plan))]
         return ProcessSpec(plan.name, command, plan.run.log_path(plan.name))
+
+
+def _frame(airframe: Airframe) -> dict[str, float]:
+    given = airframe.ardupilot_parameters
+    return {name: given.get(name, 1.0) for name in FRAME_PARAMETERS}
+
+
+def _motor_frame(airframe: Airframe) -> MotorFrame:
+    return motor_frame(*_frame(airframe).values())
+
+
+def _frame_file(plan: LaunchPlan) -> Path:
+    """The frame as a parameter file in the run's directory."""
+    path = plan.run.path / f"{plan.name}.parm"
+    path.write_text("".join(f"{name} {value:g}\n" for name, value in _frame(plan.airframe).items()))
+    return path

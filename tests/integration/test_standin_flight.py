@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,6 +23,7 @@ from fdm.exchange import AircraftSpec, Exchange
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.jsbsim_model import JsbsimModel
 from fdm.truth import Truth
+from fdm.wind import Wind, load_wind
 
 HEADING_DEG = 120.0
 HOME_TEXT = f"45,10,100,{HEADING_DEG}"
@@ -96,7 +98,9 @@ class Client:
 class Flight:
     """An exchange, the autopilot and a client; ``truth`` is what really happened."""
 
-    def __init__(self, airframe: Airframe, wind_ned_mps: tuple[float, float, float]) -> None:
+    def __init__(
+        self, airframe: Airframe, wind_ned_mps: tuple[float, float, float], wind: Wind | None, *more: str
+    ) -> None:
         def build(airframe: Airframe, home: Home) -> JsbsimModel:
             model = JsbsimModel(airframe, home)
             model.set_wind(wind_ned_mps)
@@ -105,14 +109,14 @@ class Flight:
         self.truth: list[Truth] = []
         home = Home(GeodeticPosition(45.0, 10.0, 100.0), HEADING_DEG)
         self.exchange = Exchange(
-            [AircraftSpec(0, airframe, home, 0)],
+            [AircraftSpec(0, airframe, home, 0, wind)],
             speed=math.inf,
             on_truth=self.truth.append,
             build_model=build,
         )
         self.thread = threading.Thread(target=self.exchange.run)
         self.thread.start()
-        self.process = start(self.exchange.ports[0])
+        self.process = start(self.exchange.ports[0], *more)
         self.client = Client(port_of(self.process))
         for message_id, interval_ms in STREAMED_MS.items():
             assert self.client.command(511, message_id, interval_ms * 1000) == 0
@@ -166,16 +170,20 @@ def port_of(child: "subprocess.Popen[str]") -> int:
 
 @contextlib.contextmanager
 def flying(
-    *, wind_ned_mps: tuple[float, float, float] = (0.0, 0.0, 0.0), thrust_scale: float = 1.0
+    *more: str,
+    airframe_name: str = "f450",
+    wind_ned_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    wind: Wind | None = None,
+    thrust_scale: float = 1.0,
 ) -> Iterator[Flight]:
-    airframe = load_airframe("f450")
+    airframe = load_airframe(airframe_name)
     if thrust_scale != 1.0:
         channels = tuple(
             channel.model_copy(update={"scale_per_us": channel.scale_per_us * thrust_scale})
             for channel in airframe.channels
         )
         airframe = airframe.model_copy(update={"channels": channels})
-    flight = Flight(airframe, wind_ned_mps)
+    flight = Flight(airframe, wind_ned_mps, wind, *more)
     try:
         yield flight
     finally:
@@ -243,6 +251,48 @@ def test_guided_flight_from_refusal_to_disarm() -> None:
         client.wait_for("EXTENDED_SYS_STATE", landed_state=1)
         states = [m.landed_state for m in client.heard if m.get_type() == "EXTENDED_SYS_STATE"]
         assert [a for a, b in zip(states, [*states[1:], None], strict=True) if a != b] == [1, 3, 2, 4, 1]
+
+
+@pytest.mark.parametrize(("wind_name", "hover_limit_m"), [("calm", 0.3), ("breeze", 1.5)])
+@pytest.mark.parametrize("airframe_name", ["f450", "hexa550"])
+def test_a_square_is_flown_as_arducopter_flies_it(
+    tmp_path: Path, airframe_name: str, wind_name: str, hover_limit_m: float
+) -> None:
+    frame = tmp_path / "frame.parm"
+    parameters = load_airframe(airframe_name).ardupilot_parameters
+    frame.write_text("".join(f"{name} {value:g}\n" for name, value in parameters.items()))
+    wind = load_wind(wind_name).build(seed=1, ua_id=0)
+    with flying("--defaults", str(frame), airframe_name=airframe_name, wind=wind) as flight:
+        client = flight.client
+        flight.take_off(10.0)
+        assert client.command(178, 1, 15.0) == 0
+
+        def goto(north_m: float, east_m: float) -> None:
+            client.send(
+                dialect.MAVLink_set_position_target_local_ned_message(
+                    0, SYSID, 1, 1, POSITION_ONLY, north_m, east_m, -10.0, 0, 0, 0, 0, 0, 0, 0, 0
+                )
+            )
+            client.wait_near(north_m, east_m, -10.0, 1.0)
+
+        goto(0.0, 0.0)
+        flight.run_for(4.0)
+        hover_m = spread_m(flight.run_for(10.0), (0.0, 0.0, -10.0))
+        first = len(flight.truth)
+        for corner in ((100.0, 0.0), (100.0, 100.0), (0.0, 100.0), (0.0, 0.0)):
+            goto(*corner)
+        square = flight.truth[first:]
+        assert client.command(176, 1, RTL) == 0
+        client.wait_disarmed()
+        landed = flight.truth[-1]
+    heights = [-one.position_ned_m[2] for one in square]
+    print(
+        f"{airframe_name}, {wind_name}: hover within {hover_m:.2f} m, square at {min(heights):.1f} to "
+        f"{max(heights):.1f} m, landed {math.hypot(*landed.position_ned_m[:2]):.2f} m from home"
+    )
+    assert hover_m < hover_limit_m
+    assert max(abs(height - 10.0) for height in heights) < 2.0
+    assert math.hypot(*landed.position_ned_m[:2]) < 1.5
 
 
 def test_mission_is_flown_in_auto() -> None:
@@ -476,7 +526,7 @@ def test_a_client_that_does_not_read_is_let_go_and_the_flight_goes_on(
             server.close()
 
 
-def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:
+def test_ends_on_sigterm_and_tells_mistakes_in_one_line(tmp_path: Path) -> None:
     with physics() as udp, autopilot(udp.getsockname()[1]) as (child, port):
         taken = [sys.executable, "-m", "bridge.autopilots.standin", "--home", HOME_TEXT]
         result = subprocess.run(
@@ -486,6 +536,17 @@ def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:
         assert result.stderr.count("\n") == 1
         assert f"TCP 127.0.0.1:{port}" in result.stderr
         assert "--mavlink-port" in result.stderr
+        octo = tmp_path / "octo.parm"
+        octo.write_text("FRAME_CLASS 3\n")
+        result = subprocess.run(
+            [*taken, "--mavlink-port", "0", "--defaults", str(octo)],
+            capture_output=True,
+            text=True,
+            timeout=20,
+            check=False,
+        )
+        assert result.returncode == 2
+        assert result.stderr.startswith("standin: FRAME_CLASS 3 with FRAME_TYPE 1: the stand-in flies")
         result = subprocess.run(
             [*taken, "--mavlink-port", "0", "--defaults", "/nowhere/x.parm"],
             capture_output=True,

@@ -18,7 +18,7 @@ class Battery:
         self.current_a = IDLE_CURRENT_A
         self.voltage_v = CELLS * CELL_FULL_V
 
-    def step(self, commands: tuple[float, float, float, float], capacity_mah: float, step_s: float) -> None:
+    def step(self, commands: tuple[float, ...], capacity_mah: float, step_s: float) -> None:
         """Draw current for ``step_s``."""
         self.current_a = IDLE_CURRENT_A + MOTOR_CURRENT_MAX_A * sum(
             command * command**0.5 for command in commands if command > 0.0

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from bridge.autopilots.standin.autopilot import Autopilot
 from bridge.autopilots.standin.location import Location
+from bridge.autopilots.standin.mixer import UnknownFrameError
 from bridge.autopilots.standin.parameters import DefaultsFileError, Parameters, load_defaults
 from bridge.autopilots.standin.process import Process
 
@@ -24,7 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         process = _prepare(options)
-    except (OSError, DefaultsFileError) as error:
+    except (OSError, DefaultsFileError, UnknownFrameError) as error:
         print(f"standin: {error}", file=sys.stderr)
         return EXIT_ERROR
     process.stop_on_signals()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import sqrt, tan
 
 from bridge.autopilots.standin.attitude_control import AttitudeController, AttitudeGains
-from bridge.autopilots.standin.mixer import MotorCommands, mix_quad_x
+from bridge.autopilots.standin.mixer import QUAD_X, MotorCommands, MotorFrame
 from bridge.autopilots.standin.navigator import Navigator
 from bridge.autopilots.standin.position_control import (
     GRAVITY_MPS2,
@@ -38,15 +38,19 @@ LEARNING_SPEED_ERROR_MPS = 0.3
 STEP_MAX_S = 0.05
 """A longer gap between frames is taken as this long by the loops (they would overreact)."""
 
-IDLE: MotorCommands = (0.0, 0.0, 0.0, 0.0)
-
 
 class FlightController:
-    """Cascaded controller of a quad X."""
+    """Cascaded controller of a multirotor."""
 
     def __init__(
-        self, attitude_gains: AttitudeGains, position_gains: PositionGains, hover_throttle: float
+        self,
+        attitude_gains: AttitudeGains,
+        position_gains: PositionGains,
+        hover_throttle: float,
+        frame: MotorFrame = QUAD_X,
     ) -> None:
+        self._mix = frame.mix
+        self._motors = frame.motors
         self._attitude = AttitudeController(attitude_gains)
         self._position = PositionController(position_gains)
         self.hover_throttle = hover_throttle
@@ -71,7 +75,7 @@ class FlightController:
         self._position.reset()
         self.target = quaternion_from_euler(0.0, 0.0, yaw_of(frame.attitude_wxyz))
         self.throttle = command
-        return (command, command, command, command)
+        return (command,) * self._motors
 
     def spool(self, frame: SensorFrame, throttle: float, yaw_rad: float, step_s: float) -> MotorCommands:
         """Hold level at a throttle that is given: for leaving the ground."""
@@ -145,8 +149,8 @@ class FlightController:
             yaw_rate_radps,
             STEP_MAX_S if step_s > STEP_MAX_S else step_s,
         )
-        commands = mix_quad_x(throttle, roll, pitch, yaw, self.lowest_command)
-        self.throttle = 0.25 * (commands[0] + commands[1] + commands[2] + commands[3])
+        commands = self._mix(throttle, roll, pitch, yaw, self.lowest_command)
+        self.throttle = sum(commands) / self._motors
         return commands
 
     def _learn_hover_throttle(self, frame: SensorFrame, step_s: float) -> None:

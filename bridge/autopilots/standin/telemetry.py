@@ -51,6 +51,8 @@ CAPABILITIES = (
     | dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
 )
+_MAV_TYPES = {4: dialect.MAV_TYPE_QUADROTOR, 6: dialect.MAV_TYPE_HEXAROTOR}
+"""By the number of motors."""
 SEA_LEVEL_PRESSURE_HPA = 1013.25
 POSITION_TARGET_MASK = 0x0DF8  # only the position is meaningful
 UNKNOWN_16 = 0xFFFF
@@ -116,7 +118,7 @@ class Telemetry:
             base_mode |= dialect.MAV_MODE_FLAG_SAFETY_ARMED
         state = dialect.MAV_STATE_STANDBY if vehicle.landed else dialect.MAV_STATE_ACTIVE
         return dialect.MAVLink_heartbeat_message(
-            dialect.MAV_TYPE_QUADROTOR,
+            _MAV_TYPES[vehicle.motor_count],
             dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
             base_mode,
             int(vehicle.mode.number),

@@ -7,13 +7,13 @@ from math import degrees, radians
 from bridge.autopilots.standin.arming import arm_failures, prearm_failures
 from bridge.autopilots.standin.attitude_control import AttitudeGains
 from bridge.autopilots.standin.battery import Battery
-from bridge.autopilots.standin.controller import IDLE, OUTER_STEP_S, FlightController
+from bridge.autopilots.standin.controller import OUTER_STEP_S, FlightController
 from bridge.autopilots.standin.events import Event, HomeChanged, ModeChanged, Severity, StatusText
 from bridge.autopilots.standin.flight_modes import FlightMode, ModeNumber, Stabilize
 from bridge.autopilots.standin.location import Location
 from bridge.autopilots.standin.maneuvers import Drive
 from bridge.autopilots.standin.mission import Mission
-from bridge.autopilots.standin.mixer import MOTORS, PWM_MIN_US, MotorCommands, pwm_us
+from bridge.autopilots.standin.mixer import PWM_MIN_US, MotorCommands, motor_frame, pwm_us
 from bridge.autopilots.standin.modes import mode_by_number
 from bridge.autopilots.standin.navigator import FlightLimits, Navigator
 from bridge.autopilots.standin.parameters import Parameters
@@ -64,17 +64,21 @@ class Vehicle:
         """Set by MAV_CMD_DO_CHANGE_SPEED, as the two below; ends with the mode."""
         self.climb_override_mps: float | None = None
         self.sink_override_mps: float | None = None
-        self.servo_output_us = [PWM_MIN_US] * MOTORS + [0] * (SERVOS - MOTORS)
+        frame = motor_frame(parameters["FRAME_CLASS"], parameters["FRAME_TYPE"])
+        motors = self._motor_count = frame.motors
+        self.servo_output_us = [PWM_MIN_US] * motors + [0] * (SERVOS - motors)
         self.flight_started_ns: int | None = None
         self._events: list[Event] = []
-        self._commands: MotorCommands = IDLE
+        self._commands: MotorCommands = (0.0,) * motors
         self._outer_s = 0.0
         self._ground_s = 0.0
         self._idle_since_ns = 0
         self._revision = -1
         self._ready = False
         self._home_locked = False
-        self.controller = FlightController(AttitudeGains(), PositionGains(), parameters["MOT_THST_HOVER"])
+        self.controller = FlightController(
+            AttitudeGains(), PositionGains(), parameters["MOT_THST_HOVER"], frame
+        )
         self._read_parameters()
 
     # --- time
@@ -99,7 +103,7 @@ class Vehicle:
             self._outer_s = 0.0
         if self.armed:
             self._commands = self._motors(frame, step_s)
-            self.servo_output_us[0:MOTORS] = pwm_us(self._commands)
+            self.servo_output_us[0 : self._motor_count] = pwm_us(self._commands)
         return self.servo_output_us
 
     @property
@@ -151,6 +155,11 @@ class Vehicle:
     def alt_rel_m(self) -> float:
         """Height above home."""
         return self.origin.alt_amsl_m - self.position_ned_m[2] - self.home_or_origin.alt_amsl_m
+
+    @property
+    def motor_count(self) -> int:
+        """How many motors it has."""
+        return self._motor_count
 
     @property
     def motor_commands(self) -> MotorCommands:
@@ -207,8 +216,8 @@ class Vehicle:
             self.armed = self.taking_off = self.landing = False
             self.landed = True
             self.drive = Drive.IDLE
-            self._commands = IDLE
-            self.servo_output_us[0:MOTORS] = [PWM_MIN_US] * MOTORS
+            self._commands = (0.0,) * self._motor_count
+            self.servo_output_us[0 : self._motor_count] = [PWM_MIN_US] * self._motor_count
             self.flight_started_ns = None
             self.say(Severity.INFO, "Disarming motors")
             self.tell(ModeChanged())

@@ -4,7 +4,7 @@ from math import cos, hypot, pi, radians, sin
 
 import pytest
 
-from bridge.autopilots.standin.mixer import mix_quad_x, pwm_us
+from bridge.autopilots.standin.mixer import UnknownFrameError, mix_hexa_x, mix_quad_x, motor_frame, pwm_us
 from bridge.autopilots.standin.profile import HorizontalProfile, Limits, VerticalProfile
 from bridge.autopilots.standin.quaternion import (
     attitude_for_thrust,
@@ -89,6 +89,43 @@ def test_mixer_stays_in_range_and_keeps_the_signs(
     assert ((two + three) - (one + four)) * roll >= -1e-9
     assert ((one + three) - (two + four)) * pitch >= -1e-9
     assert ((one + two) - (three + four)) * yaw >= -1e-9
+
+
+def test_mixer_follows_the_motor_order_of_hexa_x() -> None:
+    right, left, front_left, rear_right, front_right, rear_left = mix_hexa_x(0.5, 0.1, 0.0, 0.0, 0.1)
+    assert left > front_left == rear_left > 0.5 > front_right == rear_right > right, (
+        "roll right lifts the left"
+    )
+    right, left, front_left, rear_right, front_right, rear_left = mix_hexa_x(0.5, 0.0, 0.1, 0.0, 0.1)
+    assert front_left == front_right > left == right == 0.5 > rear_left == rear_right, (
+        "nose up lifts the front"
+    )
+    right, left, front_left, rear_right, front_right, rear_left = mix_hexa_x(0.5, 0.0, 0.0, 0.1, 0.1)
+    assert left == rear_right == front_right > 0.5 > right == front_left == rear_left, (
+        "nose right: the CCW ones"
+    )
+
+
+@pytest.mark.parametrize("throttle", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("roll", [-1.0, 0.0, 0.3])
+@pytest.mark.parametrize("pitch", [-0.2, 0.0, 1.0])
+@pytest.mark.parametrize("yaw", [-1.0, 0.0, 0.5])
+def test_hexa_mixer_stays_in_range_and_keeps_the_signs(
+    throttle: float, roll: float, pitch: float, yaw: float
+) -> None:
+    commands = mix_hexa_x(throttle, roll, pitch, yaw, 0.15)
+    assert all(0.15 - 1e-9 <= command <= 1.0 + 1e-9 for command in commands)
+    right, left, front_left, rear_right, front_right, rear_left = commands
+    assert (left + front_left + rear_left - right - front_right - rear_right) * roll >= -1e-9
+    assert (front_left + front_right - rear_left - rear_right) * pitch >= -1e-9
+    assert (left + rear_right + front_right - right - front_left - rear_left) * yaw >= -1e-9
+
+
+def test_frames_are_chosen_by_ardupilots_numbers() -> None:
+    assert motor_frame(1, 1).motors == 4
+    assert motor_frame(2.0, 1.0).motors == 6
+    with pytest.raises(UnknownFrameError, match="FRAME_CLASS 3 with FRAME_TYPE 0: the stand-in flies"):
+        motor_frame(3, 0)
 
 
 def test_pwm_is_limited() -> None:
