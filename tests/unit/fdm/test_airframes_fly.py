@@ -9,6 +9,7 @@ from scipy.optimize import curve_fit, fsolve
 from fdm.airframe import airframe_names, load_airframe
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.jsbsim_model import JsbsimModel
+from fdm.wind import ConstantConfig
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 0.0), 0.0)
 CRUISE_MPS = 25.0
@@ -33,6 +34,18 @@ def test_every_airframe_stands_still_at_any_rate(name, rate_hz):
     assert after[6:9] == pytest.approx(before[6:9], abs=2e-3)
     assert after[12:15] == pytest.approx((0, 0, 0), abs=1e-3)
     assert math.hypot(*after[3:6]) == pytest.approx(9.807, abs=0.01)
+
+
+@pytest.mark.parametrize("from_deg", [0, 60, 270])
+@pytest.mark.parametrize("name", [n for n in airframe_names() if load_airframe(n).vehicle == "copter"])
+def test_a_multirotor_that_stands_in_the_wind_stays_where_it_is(name, from_deg):
+    model = JsbsimModel(load_airframe(name), HOME)
+    before = model.sense()
+    model.set_wind(ConstantConfig(speed_mps=10, from_deg=from_deg).ned_mps())
+    fly(model, packet(), 10.0)
+    after = model.sense()
+    assert after[6:9] == pytest.approx(before[6:9], abs=0.02)
+    assert math.hypot(*after[12:15]) < 0.002
 
 
 @pytest.mark.parametrize(
