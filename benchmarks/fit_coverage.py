@@ -1,8 +1,8 @@
 """How often `lostlink fit` covers the truth: fits of synthetic logs, `python -m benchmarks.fit_coverage --repeats 100`.
 
 Each set is a radio that differs from the one it is fitted from in every parameter. Logs are drawn with numpy's own
-generator, not with the draws of the medium: distances evenly over 0.1 to 1.6 times the range of 50 % delivery,
-received powers of what arrived rounded to whole dB, as a modem reports them, where the set has them.
+generator, not with the draws of the medium: distances from 0.1 to 1.6 times the range of 50 % delivery, evenly at
+random or flown out and back, and received powers of what arrived where the set has them, rounded to the set's step.
 A parameter is covered if its 95 % interval holds the truth; how many of the intervals had two ends is counted, too.
 """
 
@@ -23,7 +23,6 @@ from channel.config import RadioConfig
 from channel.flight_log import FlightLog
 from channel.presets import load_radio
 from channel.radio import Radio
-from channel.sweep import reach
 
 PACKETS = 2000
 LENGTH_BYTES = 40.0
@@ -36,6 +35,8 @@ class ParameterSet:
     base: str
     values: Mapping[str, Any]
     rssi: bool
+    rssi_step_db: float = 1.0
+    out_and_back: bool = False
     hold: tuple[str, ...] = ()
 
     @property
@@ -65,31 +66,44 @@ def _set(
 
 
 SETS = {
-    "steep, much shadowing": _set("corrected", 3.4, -4.0, 7.0, 0.12, rssi=True, floor_dbm=-93.0),
-    "nearly free space": _set("corrected", 2.15, 1.5, 2.5, 0.03, rssi=True, floor_dbm=-97.5),
-    "one-sided, steep": _set("moon2020", 10.6, 3.0, 5.0, 0.08, rssi=True, floor_dbm=-331.0),
-    "one-sided, less steep": _set("moon2020", 7.2, -6.0, 9.0, 0.01, rssi=True, floor_dbm=-270.0),
-    "deliveries, sigma known": _set(
-        "moon2020", 11.1, 2.0, 4.0, 0.1, rssi=False, hold=("shadowing.sigma_db",)
+    "paper-like": _set(
+        "moon2020", 11.6, 1.5, 6.8, 0.1, rssi=True, floor_dbm=-337.0, rssi_step_db=0.0, out_and_back=True
     ),
-    "deliveries, exponent known": _set(
-        "corrected", 2.8, -1.0, 4.5, 0.06, rssi=False, hold=("propagation.exponent",)
+    "one-sided, exponent 3.5": _set("moon2020", 3.5, -2.0, 3.2, 0.04, rssi=True, floor_dbm=-101.0),
+    "open, no base loss": _set("corrected", 2.0, -3.0, 4.2, 0.0, rssi=True, floor_dbm=-91.5),
+    "obstructed, out and back": _set(
+        "corrected", 3.1, 2.5, 8.5, 0.2, rssi=True, floor_dbm=-99.0, rssi_step_db=0.5, out_and_back=True
     ),
+    "no RSSI, sigma known": _set(
+        "corrected", 2.6, 0.0, 3.5, 0.07, rssi=False, out_and_back=True, hold=("shadowing.sigma_db",)
+    ),
+    "no RSSI": _set("moon2020", 9.4, -4.0, 6.2, 0.1, rssi=False),
 }
 
 
-def synthetic_log(config: RadioConfig, packets: int, *, rssi: bool, seed: Sequence[int]) -> FlightLog:
+def synthetic_log(chosen: ParameterSet, packets: int, seed: Sequence[int]) -> FlightLog:
     """Draw a flight log of a radio with normal or one-sided shadowing."""
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
+    config = chosen.truth
     radio = Radio(config)
-    range_m = reach(config).range_50_m / (1.0 - config.base_loss)
-    distance = rng.uniform(0.1 * range_m, 1.6 * range_m, packets)
+    range_m = half_range_m(config)
+    share = np.abs((np.linspace(0.0, 4.0, packets) + 1.0) % 2.0 - 1.0)
+    distance = range_m * (0.1 + 1.5 * (share if chosen.out_and_back else rng.uniform(size=packets)))
     loss_db = config.shadowing.loss_db(rng.standard_normal(packets))
     power = radio.mean_power_dbm(radio.path(distance)) - loss_db
     per = radio.per(power - radio.noise_floor_dbm, LENGTH_BYTES)
     delivered = (rng.uniform(size=packets) > per) & (rng.uniform(size=packets) > config.base_loss)
-    measured = np.where(delivered & rssi, np.round(power), np.nan)
-    return FlightLog(distance, delivered, np.full(packets, LENGTH_BYTES), measured)
+    step_db = chosen.rssi_step_db
+    measured = np.round(power / step_db) * step_db if step_db > 0.0 else power
+    known = delivered & chosen.rssi
+    return FlightLog(distance, delivered, np.full(packets, LENGTH_BYTES), np.where(known, measured, np.nan))
+
+
+def half_range_m(config: RadioConfig) -> float:
+    """Return where half of what base loss leaves arrives, m."""
+    distance_m = np.geomspace(1.0, 1e6, 2001)
+    arrives = Radio(config).probability_of_delivery(distance_m) / (1.0 - config.base_loss)
+    return float(distance_m[np.argmax(arrives < 0.5)])
 
 
 def truth_of(config: RadioConfig) -> dict[str, float]:
@@ -107,7 +121,7 @@ def one_fit(name: str, repeat: int) -> tuple[Fit, float]:
     """Fit one log; return the fit and its CPU time in s."""
     chosen = SETS[name]
     seed = (list(SETS).index(name), repeat)
-    log = synthetic_log(chosen.truth, PACKETS, rssi=chosen.rssi, seed=seed)
+    log = synthetic_log(chosen, PACKETS, seed)
     start = process_time()
     return fit_radio(log, chosen.known, chosen.hold), process_time() - start
 

@@ -2,11 +2,10 @@
 
 What is fitted: the exponent of a log-distance law, an offset of the received power, the spread of the shadowing and
 the base loss; with received powers (RSSI) in the log also the noise floor. The error model is the base radio's.
+With RSSI the receiver's own error of it, up to 3 dB, is fitted along: it blurs at which power packets get lost, and the
+edge of one-sided shadowing.
 
-The likelihood of a packet without RSSI is Bernoulli with the closed probability of delivery. A delivered packet with
-RSSI r adds the density of r and the probability of delivery at r. Intervals hold the values whose profile deviance
-is below the chi-squared quantile (Wilks); for the one-sided shadowing with RSSI, whose density has an edge that
-moves with the parameters, below that of two degrees of freedom (Smith, Biometrika 72 (1985)).
+Intervals hold the values whose profile deviance is below the chi-squared quantile (Wilks).
 """
 
 from __future__ import annotations
@@ -17,41 +16,31 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from channel.checks import ChannelInputError, FloatArray
+from channel.checks import ChannelInputError
 from channel.config import RadioConfig
 from channel.flight_log import FlightLog
-from channel.likelihood import LIMITS, NAMES, RSSI_ERROR_DB, Likelihood, Parameters
+from channel.likelihood import (
+    ALL_NAMES,
+    ERROR,
+    EXPONENT,
+    FLOOR,
+    NAMES,
+    OFFSET,
+    SIGMA,
+    Likelihood,
+    Parameters,
+    Point,
+)
 from channel.presets import merged, radio_from_mapping
+from channel.profile import HIGHER, HigherError, Mask, Side, climb, interval_end
 
-CHI2_95 = {1: 3.841458820694124, 2: 5.991464547107979}
+CHI2_95 = 3.841458820694124
 MIN_PACKETS = 20
-MAX_ITERATIONS = 40
-TOLERANCE = 1e-3
-ROOT_TOLERANCE = 0.03
-DIFFERENCE = 1e-4
-LEAST_DAMPING = 1e-8
-"""Small: exponent and offset hang together so closely that a little more would stop the climb along their ridge."""
-DAMPINGS = 9
 RESTARTS = 12
-HIGHER = 0.02
-"""By how much a likelihood has to be above the maximum for the climb to start anew from there."""
-ROUGH_ERRORS_DB = (4.0, 1.0)
-PROFILE_STEPS = 30
+MOST_STARTS = 3
 STARTS_SIGMA_DB = (1.0, 4.0, 9.0)
 STARTS_EXPONENT = (2.0, 3.5, 6.0, 12.0)
-
-
-Mask = NDArray[np.bool_]
-
-
-class _HigherError(Exception):
-    """The search for the end of an interval came higher than the maximum it started from."""
-
-    def __init__(self, point: Parameters) -> None:
-        super().__init__("not the maximum")
-        self.point = point
 
 
 class NotEnoughInformationError(ValueError):
@@ -87,6 +76,7 @@ class Fit:
         packets: in the log.
         delivered: of these.
         overrides: what to lay over the base radio: the fitted values, the base's where nothing was determined.
+        rssi_error_db: the receiver's own error of RSSI, a by-product; None without RSSI.
     """
 
     estimates: tuple[Estimate, ...]
@@ -94,6 +84,7 @@ class Fit:
     packets: int
     delivered: int
     overrides: Mapping[str, Any]
+    rssi_error_db: float | None = None
 
 
 def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fit:
@@ -109,40 +100,20 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
         NotEnoughInformationError: too few packets, all or none delivered, or all at one distance.
         ChannelInputError: a base of another kind.
     """
+    held = _known_names(hold)
+    log = _within_range(log, base)
     _check(log, base)
     likelihood = Likelihood(log, base)
-    free = np.ones(len(NAMES), dtype=bool)
-    free[NAMES.index("noise.floor_dbm")] = likelihood.has_rssi
-    held = frozenset(hold)
-    if not held <= set(NAMES):
-        raise ChannelInputError("hold", sorted(held - set(NAMES)), f"names among {', '.join(NAMES)}")
-    free &= [name not in held for name in NAMES]
-    best, height = _climb_from_everywhere(likelihood, free)
-    degrees = 2 if likelihood.has_edge else 1
-    for restarts_left in range(RESTARTS, -1, -1):
-        ceiling = height + HIGHER if restarts_left else math.inf
-        try:
-            estimates = [
-                _estimate(likelihood, i, best, height, free, CHI2_95[degrees], ceiling)
-                if free[i]
-                else _held(i, held)
-                for i in range(len(NAMES))
-            ]
-            break
-        except _HigherError as higher:
-            best, height = _climb(likelihood, higher.point, free)
-    determined = np.array([estimate.value is not None for estimate in estimates])
-    if not determined[free].all() and determined.any():
-        known = np.where(determined, best, likelihood.base_values)
-        best, _ = _climb(likelihood, known, determined & free)
-    else:
-        best = np.where(determined, best, likelihood.base_values)
+    free = _free(likelihood, held)
+    best, ends = _intervals(likelihood, free)
+    estimates = tuple(_estimate(i, best, ends.get(i), likelihood, held) for i in range(len(NAMES)))
     return Fit(
-        estimates=tuple(estimates),
-        log_likelihood=height,
+        estimates=estimates,
+        log_likelihood=best.value,
         packets=log.packets,
         delivered=int(np.count_nonzero(log.delivered)),
-        overrides=likelihood.overrides(best),
+        overrides=likelihood.overrides(_settled(likelihood, best, free, estimates)),
+        rssi_error_db=float(best.at[ERROR]) if likelihood.has_rssi else None,
     )
 
 
@@ -157,23 +128,39 @@ def fitted_radio(fit: Fit, base: RadioConfig, name: str) -> RadioConfig:
     return radio_from_mapping(tree)
 
 
+def _known_names(hold: Iterable[str]) -> frozenset[str]:
+    held = frozenset(hold)
+    if not held <= set(NAMES):
+        raise ChannelInputError("hold", sorted(held - set(NAMES)), f"names among {', '.join(NAMES)}")
+    return held
+
+
+def _within_range(log: FlightLog, base: RadioConfig) -> FlightLog:
+    """Return the packets within the radio's maximal range: beyond it nothing arrives, whatever else the radio is."""
+    if base.max_range_m is None:
+        return log
+    inside = log.distance_m <= base.max_range_m
+    if log.delivered[~inside].any():
+        farthest = float(np.max(log.distance_m[log.delivered]))
+        raise ChannelInputError(
+            "max_range_m", base.max_range_m, f"null, or beyond {farthest:g} m, where a packet arrived"
+        )
+    return log.part(inside)
+
+
 def _check(log: FlightLog, base: RadioConfig) -> None:
-    if base.propagation.model != "log-distance":
-        raise ChannelInputError(
-            "propagation.model", base.propagation.model, "log-distance, to fit a radio from"
-        )
-    if base.shadowing.model not in {"normal", "one-sided-normal"}:
-        raise ChannelInputError(
-            "shadowing.model", base.shadowing.model, "normal or one-sided-normal, to fit from"
-        )
+    _check_base(base)
     delivered = int(np.count_nonzero(log.delivered))
+    powers = int(np.count_nonzero(log.delivered & np.isfinite(log.rssi_dbm)))
     if log.packets < MIN_PACKETS:
         raise NotEnoughInformationError(f"{log.packets} packets: at least {MIN_PACKETS} are needed")
-    if delivered == log.packets:
-        raise NotEnoughInformationError(f"all {delivered} packets arrived: fly farther, until some are lost")
     if delivered == 0:
         raise NotEnoughInformationError(
             f"none of {log.packets} packets arrived: fly nearer, until some arrive"
+        )
+    if delivered == log.packets and powers < MIN_PACKETS:
+        raise NotEnoughInformationError(
+            f"all {delivered} packets arrived, and their powers are not known: fly farther, until some are lost"
         )
     if float(np.ptp(np.log(log.distance_m))) < 1e-3:
         raise NotEnoughInformationError(
@@ -181,168 +168,95 @@ def _check(log: FlightLog, base: RadioConfig) -> None:
         )
 
 
-def _climb_from_everywhere(likelihood: Likelihood, free: Mask) -> tuple[FloatArray, float]:
+def _check_base(base: RadioConfig) -> None:
+    """Refuse a base with terms that a fit does not take into account."""
+    for name, value, allowed in (
+        ("propagation.model", base.propagation.model, ("log-distance",)),
+        ("shadowing.model", base.shadowing.model, ("normal", "one-sided-normal")),
+        ("fading.model", base.fading.model, ("none",)),
+        ("bursts.model", base.bursts.model, ("none",)),
+    ):
+        if value not in allowed:
+            raise ChannelInputError(name, value, f"{' or '.join(allowed)}, to fit a radio from")
+    if base.interference.interferers:
+        raise ChannelInputError(
+            "interference.interferers", len(base.interference.interferers), "none, to fit"
+        )
+
+
+def _free(likelihood: Likelihood, held: frozenset[str]) -> Mask:
+    """Return what is to be fitted. Without RSSI only the difference of offset and noise floor shows: one is given."""
+    free = np.array([name not in held for name in ALL_NAMES])
+    free[ERROR] = likelihood.has_rssi
+    if not likelihood.has_rssi:
+        free[FLOOR] &= not free[OFFSET]
+    return free
+
+
+Ends = dict[int, tuple[float, float]]
+
+
+def _intervals(likelihood: Likelihood, free: Mask) -> tuple[Point, Ends]:
+    """Return the maximum and the ends of the intervals; from a higher maximum, if the search finds one."""
+    best = _climb_from_everywhere(likelihood, free)
+    for restarts_left in range(RESTARTS, -1, -1):
+        ceiling = best.value + HIGHER if restarts_left else math.inf
+        try:
+            return best, {i: _ends(likelihood, best, free, i, ceiling) for i in range(len(NAMES)) if free[i]}
+        except HigherError as higher:
+            best = climb(likelihood, higher.point.at, free)
+    raise AssertionError("the last search has no ceiling")
+
+
+def _ends(likelihood: Likelihood, best: Point, free: Mask, index: int, ceiling: float) -> tuple[float, float]:
+    target = best.value - 0.5 * CHI2_95
+    sides = (
+        Side(index, sign, target, ceiling, float(limits[index]))
+        for sign, limits in ((-1.0, likelihood.low), (1.0, likelihood.high))
+    )
+    low, high = (interval_end(likelihood, best, free, side) for side in sides)
+    return (likelihood.sigma_db(low), likelihood.sigma_db(high)) if index == SIGMA else (low, high)
+
+
+def _climb_from_everywhere(likelihood: Likelihood, free: Mask) -> Point:
     """Return the best of the maxima that several starts lead to."""
-    tries = set()
-    for exponent in STARTS_EXPONENT:
-        for sigma_db in STARTS_SIGMA_DB:
-            start = np.where(free, likelihood.start(exponent, sigma_db), likelihood.base_values)
-            tries.add((likelihood.log_likelihood(start), tuple(start)))
-    maxima = [
-        _descend_errors(likelihood, np.asarray(start), free) for _, start in sorted(tries, reverse=True)[:3]
+    known = likelihood.natural(likelihood.base_values)
+    exponents = STARTS_EXPONENT if free[EXPONENT] else (float(known[EXPONENT]),)
+    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (float(known[SIGMA]),)
+    starts = [
+        np.where(free, start, likelihood.base_values) for start in likelihood.starts(exponents, sigmas_db)
     ]
-    return max(maxima, key=lambda each: each[1])
-
-
-def _descend_errors(likelihood: Likelihood, start: FloatArray, free: Mask) -> tuple[FloatArray, float]:
-    """Return the maximum, reached by way of those for greater errors of RSSI, whose laws have no sharp edge."""
-    here, height = start, -math.inf
-    for error_db in (*ROUGH_ERRORS_DB, RSSI_ERROR_DB) if likelihood.has_edge else (RSSI_ERROR_DB,):
-        likelihood.rssi_error_db = error_db
-        here, height = _climb(likelihood, here, free)
-    return here, height
-
-
-def _climb(likelihood: Likelihood, start: FloatArray, free: Mask) -> tuple[FloatArray, float]:
-    """Return the maximum over the free parameters: Fisher scoring, damped as Levenberg's."""
-    here, damping = np.array(start), LEAST_DAMPING
-    height = likelihood.log_likelihood(here)
-    for _ in range(MAX_ITERATIONS):
-        gradient, information = _scoring(likelihood, here, free)
-        scale = np.diag(np.maximum(np.diag(information), 1e-9))
-        for _ in range(DAMPINGS):
-            step = np.zeros_like(here)
-            step[free] = np.linalg.solve(information + damping * scale, gradient)
-            there = likelihood.inside(here + step)
-            new = likelihood.log_likelihood(there)
-            if new > height:
-                break
-            damping *= 30.0
-        else:
-            return here, height
-        gained, here, height, damping = new - height, there, new, max(damping / 900.0, LEAST_DAMPING)
-        if gained < TOLERANCE:
-            break
-    return here, height
-
-
-def _scoring(likelihood: Likelihood, here: FloatArray, free: Mask) -> tuple[FloatArray, FloatArray]:
-    """Return the gradient and the Fisher information of the free parameters.
-
-    A Bernoulli packet's information is its squared score times the odds of what happened; with a measured power
-    the squared score itself stands in (Berndt, Hall, Hall, Hausman 1974).
-    """
-    at_here = likelihood.per_packet(here)
-    columns = []
-    for i in np.flatnonzero(free):
-        shift = np.zeros_like(here)
-        shift[i] = DIFFERENCE
-        columns.append((likelihood.per_packet(here + shift) - at_here) / DIFFERENCE)
-    scores = np.stack(columns, axis=-1)
-    chance = np.minimum(at_here, -1e-9)
-    odds = np.where(likelihood.with_rssi, 1.0, np.exp(chance) / -np.expm1(chance))
-    return scores.sum(axis=0), scores.T @ (scores * odds[:, np.newaxis])
+    starts.sort(key=lambda start: likelihood.point(start).value, reverse=True)
+    return max(
+        (climb(likelihood, start, free) for start in starts[:MOST_STARTS]), key=lambda each: each.value
+    )
 
 
 def _estimate(
-    likelihood: Likelihood,
-    index: int,
-    best: Parameters,
-    height: float,
-    free: Mask,
-    threshold: float,
-    ceiling: float,
+    index: int, best: Point, ends: tuple[float, float] | None, likelihood: Likelihood, held: frozenset[str]
 ) -> Estimate:
-    low, high = (
-        _profile_end(likelihood, index, best, height, free, threshold, ceiling, sign) for sign in (-1.0, 1.0)
-    )
     name = NAMES[index]
-    if name in {"shadowing.sigma_db", "base_loss"} and low == -math.inf:
-        low = LIMITS[name][0]
+    if ends is None:
+        note = "as given" if name in held else f"without RSSI it cannot be told apart from {_twin(name)}"
+        return Estimate(name, None, -math.inf, math.inf, f"{note}: the base radio's")
+    low, high = ends
     if math.isinf(low) or math.isinf(high):
         return Estimate(name, None, low, high, "the data do not determine it")
-    return Estimate(name, float(likelihood.natural(best)[index]), low, high)
+    note = ""
+    if not likelihood.has_rssi and name in {"offset_db", "noise.floor_dbm"} and _twin(name) not in held:
+        note = "if the noise floor is the base radio's: without RSSI only their difference shows"
+    return Estimate(name, float(likelihood.natural(best.at)[index]), low, high, note)
 
 
-def _held(index: int, held: frozenset[str]) -> Estimate:
-    name = NAMES[index]
-    note = "as given" if name in held else "without RSSI it cannot be told apart from offset_db"
-    return Estimate(name, None, -math.inf, math.inf, f"{note}: the base radio's")
+def _twin(name: str) -> str:
+    return "noise.floor_dbm" if name == "offset_db" else "offset_db"
 
 
-def _profile_end(
-    likelihood: Likelihood,
-    index: int,
-    best: Parameters,
-    height: float,
-    free: Mask,
-    threshold: float,
-    ceiling: float,
-    sign: float,
-) -> float:
-    """Return where the profile deviance crosses the threshold on one side; infinite if nowhere within the limits.
-
-    The root of the deviance is nearly linear in the parameter: steps follow the secant, kept within the bracket.
-    """
-    others = free.copy()
-    others[index] = False
-    limit, goal = likelihood.limit(index, sign), math.sqrt(threshold)
-    inside, inside_root, outside, outside_root = float(best[index]), 0.0, math.nan, math.nan
-    near, step = best, likelihood.scale(index, best)
-    way = _way(likelihood, index, best, free)
-    for _ in range(PROFILE_STEPS):
-        target = (
-            inside + sign * step
-            if math.isnan(outside)
-            else _between(inside, inside_root, outside, outside_root, goal)
-        )
-        hit = sign * (target - limit) >= 0.0
-        there, value = _climb(
-            likelihood, _start(likelihood, index, near, limit if hit else target, way), others
-        )
-        if value > ceiling:
-            raise _HigherError(there)
-        root = math.sqrt(max(2.0 * (height - value), 0.0))
-        at = float(there[index])
-        if root > goal:
-            outside, outside_root = at, root
-        elif hit or likelihood.at_limit(there, others):
-            return sign * math.inf
-        else:
-            step = min(
-                max(1.2 * abs(at - inside) * (goal - root) / max(root - inside_root, 0.02), 1.2 * step),
-                3.0 * step,
-            )
-            inside, inside_root, near = at, root, there
-        if abs(root - goal) < ROOT_TOLERANCE:
-            break
-    found = np.array(best)
-    found[index] = outside if not math.isnan(outside) else inside
-    return float(likelihood.natural(found)[index])
-
-
-def _way(likelihood: Likelihood, index: int, best: Parameters, free: Mask) -> FloatArray:
-    """Return how the other free parameters go with one of them near the maximum, by the information there."""
-    _, information = _scoring(likelihood, best, free)
-    place = int(np.count_nonzero(free[:index]))
-    rest = np.delete(information[place], place)
-    square = np.delete(np.delete(information, place, axis=0), place, axis=1)
-    along = -np.linalg.lstsq(square, rest, rcond=1e-10)[0]
-    way = np.zeros_like(best)
-    way[free] = np.insert(along, place, 1.0)
-    return way
-
-
-def _start(
-    likelihood: Likelihood, index: int, near: Parameters, target: float, way: FloatArray
-) -> Parameters:
-    """Return the better of two points with one coordinate at the target from which to climb in the others."""
-    straight = likelihood.inside(near + (target - near[index]) * way)
-    slid = likelihood.slid(near, index, target)
-    return max((straight, slid), key=likelihood.log_likelihood)
-
-
-def _between(inside: float, inside_root: float, outside: float, outside_root: float, goal: float) -> float:
-    """Return where the straight line between two ends of a bracket meets the goal, away from the ends."""
-    share = (goal - inside_root) / max(outside_root - inside_root, 1e-12)
-    return inside + min(max(share, 0.05), 0.95) * (outside - inside)
+def _settled(likelihood: Likelihood, best: Point, free: Mask, estimates: tuple[Estimate, ...]) -> Parameters:
+    """Return the values for a radio: what the data do not determine is the base's, the rest the best beside it."""
+    determined = free.copy()
+    determined[: len(NAMES)] &= [estimate.value is not None for estimate in estimates]
+    values = np.where(determined, best.at, likelihood.base_values)
+    if not determined[: len(NAMES)].any() or (determined == free).all():
+        return values
+    return climb(likelihood, values, determined).at

@@ -206,7 +206,17 @@ def fit(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    """Fit a radio to a flight LOG: a CSV of distance_m (or positions), delivered, and optional rssi_dbm."""
+    """Fit a radio to a flight LOG: a CSV of distance_m (or positions), delivered, and optional rssi_dbm.
+
+    The radio to start from needs log-distance propagation and normal or one-sided-normal shadowing; it gives the error
+    model, powers and gains. Prints each parameter with its 95 % interval, or that the data do not determine it.
+
+    \b
+    Examples:
+      fit flight.csv                                         from moon2020
+      fit flight.csv --radio corrected --out mine.yaml --plot fit.png
+      fit flight.csv --radio corrected --set noise.noise_figure_db=4 --hold shadowing.sigma_db --json
+    """
     from channel import calibration, flight_log
 
     base = chosen_radio(radio, settings)
@@ -217,12 +227,19 @@ def fit(
         raise BadInput(str(error)) from error
     fitted = calibration.fitted_radio(found, base, log.stem if out is None else out.stem)
     if out is not None:
-        out.write_text(presets.radio_to_yaml(fitted), encoding="utf-8")
+        _write_radio(fitted, out)
     if plot is not None:
         from channel.figures import plot_fit
 
         plot_fit(data, fitted, plot)
     click.echo(json_module.dumps(_fit_report(found), indent=2) if as_json else _fit_text(found))
+
+
+def _write_radio(radio: RadioConfig, file: Path) -> None:
+    try:
+        file.write_text(presets.radio_to_yaml(radio), encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"cannot write {file}: {error.strerror}") from error
 
 
 def _fit_report(found: Fit) -> dict[str, Any]:
@@ -237,6 +254,7 @@ def _fit_report(found: Fit) -> dict[str, Any]:
         "packets": found.packets,
         "delivered": found.delivered,
         "log_likelihood": found.log_likelihood,
+        "rssi_error_db": found.rssi_error_db,
         "estimates": estimates,
         "radio": dict(found.overrides),
     }

@@ -43,6 +43,12 @@ class FlightLog:
         """How many packets the log has."""
         return int(self.distance_m.size)
 
+    def part(self, chosen: NDArray[np.bool_]) -> FlightLog:
+        """Return some of the packets."""
+        return FlightLog(
+            self.distance_m[chosen], self.delivered[chosen], self.length_bytes[chosen], self.rssi_dbm[chosen]
+        )
+
 
 def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
     """Read a CSV with a heading.

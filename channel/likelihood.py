@@ -1,49 +1,86 @@
-"""How likely a flight log is under a radio, as a function of what is fitted."""
+"""How likely a flight log is under a radio, as a function of what is fitted.
+
+A packet without a measured power is a Bernoulli trial with the closed probability of delivery. One that arrived with
+RSSI r adds the chance of the bin that r lies in, times the probability of delivery at the power that was there: r less
+the receiver's own error, a normal law about (1 - k) mean + k r with k = sigma^2 / (sigma^2 + error^2), as of two normal
+laws. (Beside the edge of a one-sided law that is an approximation; nearly everything arrives there.) A lost packet has
+no RSSI: what a log says of its power is left alone.
+"""
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
 
 from channel.checks import FloatArray
 from channel.config import RadioConfig
 from channel.error_model import Band
 from channel.flight_log import FlightLog
 from channel.geometry import Path
-from channel.quadrature import standard_normal_rule
+from channel.rssi_law import BinChance, bins_of, normal_bins, one_sided_bins
 from channel.shadowing import OneSidedNormalShadowing
+from channel.success_table import SuccessTable
 
 NAMES = ("propagation.exponent", "offset_db", "shadowing.sigma_db", "base_loss", "noise.floor_dbm")
+ERROR_NAME = "rssi_error_db"
+ALL_NAMES = (*NAMES, ERROR_NAME)
+EXPONENT, OFFSET, SIGMA, BASE, FLOOR, ERROR = range(6)
+MAX_SIGMA_DB = 30.0
 LIMITS = {
     "propagation.exponent": (0.0, 20.0),
     "offset_db": (-500.0, 500.0),
-    "shadowing.sigma_db": (0.0, 30.0),
+    "shadowing.sigma_db": (0.0, MAX_SIGMA_DB),
     "base_loss": (0.0, 0.99),
     "noise.floor_dbm": (-500.0, 100.0),
+    ERROR_NAME: (0.02, 3.0),
 }
-EXPONENT, MARGIN, SIGMA, BASE, FLOOR = range(5)
-PANELS = 6
-AVERAGE_GRID_DB = np.arange(-250.0, 250.0, 0.25)
-ROOT_STEP = 0.125
-ROOTS = np.arange(0.0, math.sqrt(30.0) + 2.0 * ROOT_STEP, ROOT_STEP)
-"""Square roots of sigma for which the average over the shadowing is tabulated, up to its limit."""
-SUCCESS_GRID_DB = np.arange(-60.0, 120.0, 0.05)
+NATURAL_LOW = np.isin(np.arange(len(ALL_NAMES)), (SIGMA, BASE, ERROR))
+"""Where the lower limit is nature's, so that an interval may end there."""
+NATURAL_HIGH = np.arange(len(ALL_NAMES)) == ERROR
+LEAST_SIGMA_DB = 0.01
 TINY = 1e-12
-RSSI_ERROR_DB = 0.3
-"""Standard error of a measured power, dB: about that of a reading in steps of 1 dB."""
 Parameters = FloatArray
-"""Exponent; offset in dB; square root of sigma; square root of base loss; noise floor in dBm."""
+"""Exponent, offset in dB, shadowing, base loss, noise floor in dBm, the receiver's own error of RSSI in dB.
+
+The shadowing goes in as sigma in dB where it is one-sided, as sigma^2 where it is normal: so that the likelihood has a
+slope at 0.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """The likelihood at one place.
+
+    Attributes:
+        at: the parameters.
+        value: log-likelihood.
+        gradient: of it, one per parameter.
+        information: how sharply it is bent, a matrix: the expected information of the Bernoulli trials or, in a log
+            with RSSI, the sum of squared scores (Berndt, Hall, Hall, Hausman 1974).
+    """
+
+    at: Parameters
+    value: float
+    gradient: FloatArray
+    information: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Packets:
+    """Packets of one length: those that arrived with RSSI, and the others."""
+
+    table: SuccessTable
+    at_rssi: SuccessTable
+    heard: NDArray[np.intp]
+    silent: NDArray[np.intp]
 
 
 class Likelihood:
-    """The log-likelihood of one log, its parameters in coordinates in which their ranges are open or end at 0.
-
-    Sigma and base loss go in as square roots: so that 0 is an inner point of the square, reached smoothly.
+    """The log-likelihood of one log.
 
     Args:
         log: the flight log.
@@ -51,165 +88,169 @@ class Likelihood:
     """
 
     def __init__(self, log: FlightLog, base: RadioConfig) -> None:
-        self._log = log
         self._base = base
-        self.has_rssi = bool(np.any(log.delivered & np.isfinite(log.rssi_dbm)))
-        self.with_rssi = log.delivered & np.isfinite(log.rssi_dbm)
-        distance = np.maximum(log.distance_m, base.min_distance_m)
-        reference_m = getattr(base.propagation, "reference_distance_m", 1.0)
-        self._decades = np.log10(distance / reference_m)
-        self._pivot = float(np.mean(self._decades))
-        at_reference = Path(base.frequency_hz, np.asarray(reference_m), 1.0, 1.0)
-        gains = base.antenna.towards_db(np.array([[1.0, 0.0, 0.0]]))
-        receive = base.receiving_antenna.towards_db(np.array([[-1.0, 0.0, 0.0]]))
-        fixed = base.transmit_power_dbm + np.sum(gains) + np.sum(receive)
-        self._power_at_reference = float(fixed - base.propagation.path_loss_db(at_reference))
-        self._floor_dbm = base.noise.noise_floor_dbm(base.bandwidth_hz)
+        heard = log.delivered & np.isfinite(log.rssi_dbm)
+        self.has_rssi = bool(heard.any())
         self._one_sided = isinstance(base.shadowing, OneSidedNormalShadowing)
-        self.has_edge = self.has_rssi and self._one_sided
-        self.rssi_error_db = RSSI_ERROR_DB
-        self._lengths = np.unique(log.length_bytes)
+        low, high = (np.array([LIMITS[name][end] for name in ALL_NAMES]) for end in (0, 1))
+        self.low, self.high = self._coordinates(low), self._coordinates(high)
+        distance = np.maximum(log.distance_m, base.min_distance_m)
+        reference_m = float(getattr(base.propagation, "reference_distance_m", 1.0))
+        self._decades = np.log10(distance / reference_m)
+        self._delivered = log.delivered
+        self._rssi_dbm = np.full(log.packets, np.nan)
+        bin_db = 1.0
+        if self.has_rssi:
+            self._rssi_dbm[heard], bin_db = bins_of(log.rssi_dbm[heard])
+        self._bin_db = bin_db
+        self._power_at_reference = power_at_reference_dbm(base, reference_m)
+        self._floor_dbm = base.noise.noise_floor_dbm(base.bandwidth_hz)
         band = Band(base.bandwidth_hz, base.bit_rate_bps)
-        self._success = {
-            float(length): 1.0 - base.error.per(SUCCESS_GRID_DB, float(length), band)
-            for length in self._lengths
-        }
-        self._averages = {
-            length: _average_table(success.tobytes(), one_sided=self._one_sided)
-            for length, success in self._success.items()
-        }
-        self._of_length = {length: np.flatnonzero(log.length_bytes == length) for length in self._success}
+        self._groups = []
+        for length in np.unique(log.length_bytes):
+            here = log.length_bytes == length
+            table = SuccessTable(base.error, float(length), band, one_sided=self._one_sided)
+            at_rssi = SuccessTable(base.error, float(length), band, one_sided=False, bin_db=bin_db)
+            index = np.flatnonzero(here & heard), np.flatnonzero(here & ~heard)
+            self._groups.append(_Packets(table, at_rssi, *index))
 
     @property
     def base_values(self) -> Parameters:
-        """The base radio's parameters."""
-        exponent = getattr(self._base.propagation, "exponent", 2.0)
-        sigma = getattr(self._base.shadowing, "sigma_db", 0.0)
-        roots = math.sqrt(sigma), math.sqrt(self._base.base_loss)
-        return np.array([exponent, self._base.offset_db, *roots, self._floor_dbm])
+        """The base radio's parameters; a receiver's error of 0.3 dB."""
+        exponent = float(getattr(self._base.propagation, "exponent", 2.0))
+        sigma_db = self._base.shadowing.spread_db
+        base = self._base
+        values = [exponent, base.offset_db, sigma_db, base.base_loss, self._floor_dbm, LIMITS[ERROR_NAME][0]]
+        return self._coordinates(np.array(values))
 
-    def start(self, exponent: float, sigma_db: float) -> Parameters:
-        """Return a point from which to climb: the SNR of half the packets put where half of them arrived."""
-        log = self._log
-        weight = 1.0 - log.delivered
-        far = float(np.average(self._decades, weights=np.maximum(weight, 1e-3)))
-        offset = -self._power_at_reference + self._floor_dbm + 8.0 + 10.0 * exponent * far
-        floor = self._floor_dbm
+    def _coordinates(self, natural: FloatArray) -> Parameters:
+        """Return parameters from exponent, offset, sigma, base loss, floor and error."""
+        out = np.array(natural, dtype=np.float64)
+        out[SIGMA] = out[SIGMA] if self._one_sided else out[SIGMA] ** 2
+        return out
+
+    def natural(self, at: Parameters) -> FloatArray:
+        """Return exponent, offset, sigma, base loss, floor and error from parameters."""
+        out = np.array(at)
+        out[SIGMA] = out[SIGMA] if self._one_sided else math.sqrt(max(out[SIGMA], 0.0))
+        return out
+
+    def sigma_db(self, value: float) -> float:
+        """Return sigma from its parameter, infinities kept."""
+        return value if self._one_sided or math.isinf(value) else math.sqrt(max(value, 0.0))
+
+    def inside(self, at: Parameters) -> Parameters:
+        """Return the nearest place within the limits."""
+        return np.clip(at, self.low, self.high)
+
+    def starts(self, exponents: tuple[float, ...], sigmas_db: tuple[float, ...]) -> list[Parameters]:
+        """Return points from which to climb."""
+        near = self._decades <= np.quantile(self._decades, 0.25)
+        base_loss = float(np.clip(1.0 - np.mean(self._delivered[near]), 0.005, 0.5))
         if self.has_rssi:
-            seen = self.with_rssi
-            design = np.stack((np.ones(np.count_nonzero(seen)), -10.0 * self._decades[seen]), axis=-1)
-            (level, slope), *_ = np.linalg.lstsq(design, log.rssi_dbm[seen], rcond=None)
-            residual = log.rssi_dbm[seen] - design @ (level, slope)
-            spread = float(np.std(residual))
+            return self._starts_from_rssi(base_loss)
+        lost = np.maximum(1.0 - self._delivered, 1e-3)
+        far = float(np.average(self._decades, weights=lost))
+        level = self._floor_dbm + 8.0 - self._power_at_reference
+        rest = base_loss, self._floor_dbm, LIMITS[ERROR_NAME][0]
+        return [
+            self._coordinates(np.array([exponent, level + 10.0 * exponent * far, sigma_db, *rest]))
+            for exponent in exponents
+            for sigma_db in sigmas_db
+        ]
+
+    def _starts_from_rssi(self, base_loss: float) -> list[Parameters]:
+        """Return starts from a straight line through the powers measured in the nearer half of what arrived."""
+        seen = np.flatnonzero(np.isfinite(self._rssi_dbm))
+        out = []
+        for share in (0.5, 1.0):
+            part = seen[self._decades[seen] <= np.quantile(self._decades[seen], share)]
+            design = np.stack((np.ones(part.size), -10.0 * self._decades[part]), axis=-1)
+            (level, slope), *_ = np.linalg.lstsq(design, self._rssi_dbm[part], rcond=None)
+            spread = float(np.std(self._rssi_dbm[part] - design @ (level, slope)))
             if self._one_sided:  # the half-normal law: mean 0.798 sigma below its edge, deviation 0.603 sigma
                 spread /= 0.603
                 level += 0.798 * spread
-            exponent, sigma_db = float(slope), max(spread, 0.1)
-            offset = float(level - self._power_at_reference)
-            floor = float(np.min(log.rssi_dbm[seen])) - 6.0
-        near = self._decades <= np.quantile(self._decades, 0.25)
-        base_loss = float(np.clip(1.0 - np.mean(log.delivered[near]), 0.005, 0.5))
-        return np.array([exponent, offset, math.sqrt(sigma_db), math.sqrt(base_loss), floor])
-
-    def natural(self, parameters: Parameters) -> FloatArray:
-        """Return exponent, offset, sigma, base loss and floor themselves."""
-        out = np.array(parameters)
-        out[[SIGMA, BASE]] = out[[SIGMA, BASE]] ** 2
+            offset = float(level) - self._power_at_reference
+            floor = float(np.quantile(self._rssi_dbm[seen], 0.01)) - 6.0
+            values = [float(slope), offset, max(spread, 0.3), base_loss, floor, 1.0]
+            out.append(self.inside(self._coordinates(np.array(values))))
         return out
 
-    def inside(self, parameters: Parameters) -> Parameters:
-        """Return the nearest point within the limits."""
-        low, high = self._bounds()
-        return np.clip(parameters, low, high)
+    def point(self, at: Parameters) -> Point:
+        """Return the log-likelihood of all packets, with its gradient and its information."""
+        value, gradient, information = 0.0, np.zeros(len(ALL_NAMES)), np.zeros((len(ALL_NAMES),) * 2)
+        for group in self._groups:
+            for part in (self._silent(at, group), self._heard(at, group)):
+                logs, scores, weights = part
+                value += float(np.sum(logs))
+                gradient += np.sum(scores, axis=1)
+                information += (scores * weights) @ scores.T
+        return Point(at, value, gradient, information)
 
-    def limit(self, index: int, sign: float) -> float:
-        """Return the end of a coordinate's range on one side."""
-        return float(self._bounds()[int(sign > 0.0)][index])
+    def _mean_dbm(self, at: Parameters, index: NDArray[np.intp]) -> FloatArray:
+        level = self._power_at_reference + at[OFFSET]
+        return np.asarray(level - 10.0 * at[EXPONENT] * self._decades[index])
 
-    def _bounds(self) -> tuple[FloatArray, FloatArray]:
-        low, high = np.array([LIMITS[name] for name in NAMES]).T
-        high = high.copy()
-        high[[SIGMA, BASE]] = np.sqrt(high[[SIGMA, BASE]])
-        return low, high
+    def _silent(self, at: Parameters, group: _Packets) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log-likelihood, scores (one row per parameter) and weights of packets without RSSI."""
+        index = group.silent
+        mean = self._mean_dbm(at, index)
+        sigma_db = self._sigma_db(at)
+        success, by_snr, by_sigma = group.table.averaged(mean - at[FLOOR], sigma_db)
+        kept = 1.0 - at[BASE]
+        arrives = np.clip(kept * success, TINY, 1.0 - TINY)
+        arrived = self._delivered[index]
+        chance = np.where(arrived, arrives, 1.0 - arrives)
+        slope = np.where(arrived, 1.0, -1.0) / chance
+        scores = np.zeros((len(ALL_NAMES), index.size))
+        scores[OFFSET] = slope * kept * by_snr
+        scores[EXPONENT] = -10.0 * self._decades[index] * scores[OFFSET]
+        scores[FLOOR] = -scores[OFFSET]
+        scores[SIGMA] = slope * kept * by_sigma * self._sigma_slope(sigma_db)
+        scores[BASE] = -slope * success
+        weights = np.ones(index.size) if self.has_rssi else chance / (1.0 - chance)
+        return np.log(chance), scores, weights
 
-    def at_limit(self, parameters: Parameters, free: NDArray[np.bool_]) -> bool:
-        """Return whether a free coordinate stands at an end of its range that is ours, not nature's."""
-        low, high = self._bounds()
-        ours = np.array([True, True, False, False, True])
-        return bool(np.any(free & ((ours & (parameters <= low)) | (parameters >= high))))
+    def _heard(self, at: Parameters, group: _Packets) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the same of packets that arrived with RSSI."""
+        index = group.heard
+        sigma_db, error_db = self._sigma_db(at), float(at[ERROR])
+        residual = self._rssi_dbm[index] - self._mean_dbm(at, index)
+        variance = sigma_db**2 + error_db**2
+        kept, spread = sigma_db**2 / variance, sigma_db * error_db / math.sqrt(variance)
+        power_snr = self._rssi_dbm[index] - (1.0 - kept) * residual - at[FLOOR]
+        success, by_snr, by_spread = group.at_rssi.averaged(power_snr, spread)
+        success = np.maximum(success, TINY)
+        law = self._law(sigma_db, error_db, residual)
+        logs = np.log(success) + np.log(law.chance) + np.log(max(1.0 - at[BASE], TINY))
+        scores = np.zeros((len(ALL_NAMES), index.size))
+        turn = 2.0 * sigma_db * error_db / variance**2 * residual * by_snr
+        scores[OFFSET] = (1.0 - kept) * by_snr / success - law.by_residual / law.chance
+        scores[EXPONENT] = -10.0 * self._decades[index] * scores[OFFSET]
+        by_sigma = (turn * error_db + error_db**3 / variance**1.5 * by_spread) / success
+        by_error = (-turn * sigma_db + sigma_db**3 / variance**1.5 * by_spread) / success
+        scores[SIGMA] = (by_sigma + law.by_sigma / law.chance) * self._sigma_slope(sigma_db)
+        scores[ERROR] = by_error + law.by_error / law.chance
+        scores[FLOOR] = -by_snr / success
+        scores[BASE] = -1.0 / max(1.0 - at[BASE], TINY)
+        return logs, scores, np.ones(index.size)
 
-    def scale(self, index: int, at: Parameters) -> float:
-        """Return a first step for a search along one coordinate."""
-        return (0.05 * max(float(at[EXPONENT]), 1.0), 1.0, 0.1, 0.03, 0.5)[index]
+    def _sigma_db(self, at: Parameters) -> float:
+        return max(self.sigma_db(float(at[SIGMA])), LEAST_SIGMA_DB)
 
-    def slid(self, parameters: Parameters, index: int, target: float) -> Parameters:
-        """Return the point with one coordinate moved, the SNR in the middle of the log kept where it was."""
-        out = np.array(parameters)
-        change = target - out[index]
-        out[index] = target
-        if index == EXPONENT:
-            out[MARGIN] += 10.0 * self._pivot * change
-        elif index == MARGIN and self._pivot > 0.1:
-            out[EXPONENT] += change / (10.0 * self._pivot)
-        return self.inside(out)
+    def _sigma_slope(self, sigma_db: float) -> float:
+        """Return the derivative of sigma by its parameter."""
+        return 1.0 if self._one_sided else 0.5 / sigma_db
 
-    def log_likelihood(self, parameters: Parameters) -> float:
-        """Return the sum over all packets."""
-        return float(np.sum(self.per_packet(parameters)))
+    def _law(self, sigma_db: float, error_db: float, residual_db: FloatArray) -> BinChance:
+        law = one_sided_bins if self._one_sided else normal_bins
+        return law(residual_db, self._bin_db, sigma_db, error_db)
 
-    def per_packet(self, parameters: Parameters) -> FloatArray:
-        """Return the log-likelihood of each packet."""
-        exponent, offset, sigma_db, base_loss, floor_dbm = self.natural(parameters)
-        mean_dbm = self._power_at_reference + offset - 10.0 * exponent * self._decades
-        arrives = (1.0 - base_loss) * self._averaged(mean_dbm - floor_dbm, sigma_db)
-        out = np.where(
-            self._log.delivered, np.log(np.maximum(arrives, TINY)), np.log(np.maximum(1.0 - arrives, TINY))
-        )
-        if self.has_rssi:
-            seen = self.with_rssi
-            at_rssi = (1.0 - base_loss) * self._at(
-                self._log.rssi_dbm[seen] - floor_dbm, self._log.length_bytes[seen]
-            )
-            residual = self._log.rssi_dbm[seen] - mean_dbm[seen]
-            out[seen] = np.log(np.maximum(at_rssi, TINY)) + self._log_density(residual, max(sigma_db, 1e-3))
-        return np.asarray(out)
-
-    def _log_density(self, residual_db: FloatArray, sigma_db: float) -> FloatArray:
-        """Return the log of the density of a measured power about its mean without shadowing.
-
-        One-sided: -|N(0, sigma^2)| and a receiver's own error N(0, RSSI_ERROR_DB^2), a skew normal law (Azzalini
-        1985); the error rounds off the edge of the half-normal law.
-        """
-        error_db = self.rssi_error_db if self._one_sided else 0.0
-        spread = math.hypot(sigma_db, error_db)
-        normal = -0.5 * (residual_db / spread) ** 2 - math.log(spread * math.sqrt(2.0 * math.pi))
-        if not self._one_sided:
-            return np.asarray(normal)
-        skew = -residual_db / spread * (sigma_db / error_db)
-        return np.asarray(normal + math.log(2.0) + log_ndtr(skew))
-
-    def _at(self, snr_db: FloatArray, length: FloatArray) -> FloatArray:
-        out = np.empty_like(snr_db)
-        for each, success in self._success.items():
-            here = length == each
-            out[here] = np.interp(snr_db[here], SUCCESS_GRID_DB, success)
-        return out
-
-    def _averaged(self, snr_db: FloatArray, sigma_db: float) -> FloatArray:
-        """Return E[1 - PER] over the shadowing at each packet's mean SNR."""
-        at = min(math.sqrt(sigma_db) / ROOT_STEP, len(ROOTS) - 1.0)
-        first = min(max(int(at) - 1, 0), len(ROOTS) - 4)
-        weights = _cubic_weights(at - first)
-        out = np.empty_like(snr_db)
-        for length, table in self._averages.items():
-            here = self._of_length[length]
-            out[here] = np.interp(snr_db[here], AVERAGE_GRID_DB, weights @ table[first : first + 4])
-        return np.clip(out, 0.0, 1.0)
-
-    def overrides(self, parameters: Parameters) -> dict[str, Any]:
+    def overrides(self, at: Parameters) -> dict[str, Any]:
         """Return the keys of a radio with these parameters."""
         exponent, offset, sigma_db, base_loss, floor_dbm = (
-            float(value) for value in self.natural(parameters)
+            float(value) for value in self.natural(at)[: len(NAMES)]
         )
         out: dict[str, Any] = {
             "propagation": {"exponent": exponent},
@@ -217,31 +258,15 @@ class Likelihood:
             "shadowing": {"sigma_db": sigma_db},
             "base_loss": base_loss,
         }
-        if self.has_rssi:
+        if floor_dbm != self._floor_dbm:
             out["noise"] = {"model": "fixed", "floor_dbm": floor_dbm}
         return out
 
 
-def _cubic_weights(at: float) -> FloatArray:
-    """Return the weights of Lagrange's cubic through values at 0, 1, 2 and 3, for its value at `at`."""
-    a, b, c, d = at, at - 1.0, at - 2.0, at - 3.0
-    return np.array([-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0])
-
-
-@lru_cache(maxsize=64)
-def _average_table(success: bytes, *, one_sided: bool) -> FloatArray:
-    """Return E[1 - PER], a row per root of sigma, a column per mean SNR.
-
-    Args:
-        success: 1 - PER on SUCCESS_GRID_DB, as bytes of float64.
-        one_sided: whether the shadowing can only cost.
-    """
-    curve = np.frombuffer(success)
-    z, weights = standard_normal_rule(PANELS)
-    kept = weights > 1e-12
-    z = np.abs(z[kept]) if one_sided else z[kept]
-    rows = []
-    for root in ROOTS:
-        shifted = AVERAGE_GRID_DB[:, np.newaxis] - root**2 * z
-        rows.append(np.interp(shifted, SUCCESS_GRID_DB, curve) @ weights[kept])
-    return np.array(rows)
+def power_at_reference_dbm(base: RadioConfig, reference_m: float) -> float:
+    """Return the received power at the reference distance, level and nose to nose, without the offset."""
+    at_reference = Path(base.frequency_hz, np.asarray(reference_m), 1.0, 1.0)
+    gains = base.antenna.towards_db(np.array([[1.0, 0.0, 0.0]]))
+    receive = base.receiving_antenna.towards_db(np.array([[-1.0, 0.0, 0.0]]))
+    fixed = base.transmit_power_dbm + np.sum(gains) + np.sum(receive)
+    return float(fixed - base.propagation.path_loss_db(at_reference))

@@ -1,0 +1,90 @@
+"""How measured received powers scatter about their mean: a law of bins, because a receiver reports whole steps.
+
+The loss is a normal shadowing, or a one-sided one, with a receiver's own normal error on top. The chance of a bin is a
+difference of distribution functions: exact for rounded readings, and regular even where the density has an edge.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtr, owens_t
+
+from channel.checks import FloatArray
+
+OWN_BIN_DB = 1.0
+"""Readings finer than this are sorted into bins this wide: it costs next to nothing and keeps the likelihood smooth."""
+FINEST_STEP_DB = 0.25
+WIDEST_STEP_DB = 3.0
+OUTLIERS = 1e-9
+"""Added to each chance, so that one reading that fits nothing does not decide a fit."""
+_SQRT_2PI = math.sqrt(2.0 * math.pi)
+
+
+class BinChance(NamedTuple):
+    """Chance of each bin, and its derivatives by residual, sigma and the receiver's error, per dB."""
+
+    chance: FloatArray
+    by_residual: FloatArray
+    by_sigma: FloatArray
+    by_error: FloatArray
+
+
+def bins_of(rssi_dbm: FloatArray) -> tuple[FloatArray, float]:
+    """Return the centres of the bins that readings lie in, and the width of a bin, dB.
+
+    Readings that all lie on a grid of steps between 0.25 and 3 dB keep it; others go into bins of 1 dB.
+    """
+    levels = np.unique(np.round(rssi_dbm, 6))
+    for step_db in (1.0, float(np.min(np.diff(levels), initial=np.inf))):
+        if FINEST_STEP_DB <= step_db <= WIDEST_STEP_DB:
+            steps = (levels - levels[0]) / step_db
+            if np.all(np.abs(steps - np.round(steps)) < 0.02 * np.maximum(1.0, 0.05 * steps)):
+                return np.array(rssi_dbm), step_db
+    return (np.floor(rssi_dbm / OWN_BIN_DB) + 0.5) * OWN_BIN_DB, OWN_BIN_DB
+
+
+def normal_bins(residual_db: FloatArray, width_db: float, sigma_db: float, error_db: float) -> BinChance:
+    """Return the law of bins for normal shadowing and a normal error; residual is the centre less the mean power."""
+    sigma = math.hypot(sigma_db, error_db)
+    sign = np.where(residual_db > 0.0, -1.0, 1.0)  # both ends on the lower side, where differences are exact
+    middle = sign * residual_db / sigma
+    half = width_db / (2.0 * sigma)
+    upper, lower = middle + half, middle - half
+    chance = ndtr(upper) - ndtr(lower) + OUTLIERS
+    at_upper, at_lower = _density(upper), _density(lower)
+    by_residual = sign * (at_upper - at_lower) / sigma
+    by_spread = -(upper * at_upper - lower * at_lower) / sigma**2
+    return BinChance(chance, by_residual, by_spread * sigma_db, by_spread * error_db)
+
+
+def one_sided_bins(residual_db: FloatArray, width_db: float, sigma_db: float, error_db: float) -> BinChance:
+    """Return the law of bins for -sigma |z| + error w, z and w standard normal: a skew normal law (Azzalini 1985).
+
+    F(x) = Phi(x / s) + 2 T(x / s, sigma / error), s^2 = sigma^2 + error^2, T Owen's function.
+    """
+    upper = _skew_normal(residual_db + width_db / 2.0, sigma_db, error_db)
+    lower = _skew_normal(residual_db - width_db / 2.0, sigma_db, error_db)
+    chance, *slopes = (high - low for high, low in zip(upper, lower, strict=True))
+    return BinChance(np.maximum(chance, 0.0) + OUTLIERS, *slopes)
+
+
+def _skew_normal(
+    x_db: FloatArray, sigma_db: float, error_db: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the distribution function and its derivatives by x, sigma and error."""
+    variance = sigma_db**2 + error_db**2
+    spread = math.sqrt(variance)
+    at = x_db / spread
+    below = ndtr(at) + 2.0 * owens_t(at, sigma_db / error_db)
+    density = 2.0 / spread * _density(at) * ndtr(-at * (sigma_db / error_db))
+    edge = np.exp(-0.5 * (x_db / error_db) ** 2) / (math.pi * variance)
+    drift = -density * x_db / variance
+    return below, density, drift * sigma_db + error_db * edge, drift * error_db - sigma_db * edge
+
+
+def _density(z: FloatArray) -> FloatArray:
+    out: FloatArray = np.exp(-0.5 * z * z) / _SQRT_2PI
+    return out
