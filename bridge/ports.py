@@ -43,8 +43,9 @@ def ports_of(scenario: Scenario) -> Iterator[PortUse]:
     """All ports that the run listens on, or expects its autopilots to."""
     if scenario.ports.zenoh:
         yield PortUse(scenario.ports.zenoh, "TCP", "Zenoh router", "ports.zenoh")
+    fdm_setting = "ports.fdm" if scenario.fdm.scheme == "json" else "ports.first_slot"
     for ua in scenario.ua:
-        yield PortUse(scenario.fdm_port(ua), "UDP", f"flight dynamics of UA {ua.id}", "ports.fdm")
+        yield PortUse(scenario.fdm_port(ua), "UDP", f"flight dynamics of UA {ua.id}", fdm_setting)
         yield PortUse(scenario.aps_port(ua), "TCP", f"MAVLink server of UA {ua.id}", "ports.aps")
         if scenario.autopilot != "external":
             yield PortUse(scenario.autopilot_port(ua), "TCP", f"autopilot of UA {ua.id}", "ports.autopilot")

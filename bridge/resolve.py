@@ -5,8 +5,12 @@ from __future__ import annotations
 from bridge.scenario import Aircraft, Origin, Scenario
 from channel.presets import load_radio, radio_from_mapping
 from channel.radio import Radio
+from fdm.aircraft_spec import LegacyPeer
 from fdm.airframe import Airframe, load_airframe
 from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
+from fdm.hosted_aircraft import Disturb
+from fdm.legacy_scheme import legacy_ports
+from fdm.sensor_noise import SensorNoise
 from fdm.wind import WindConfig, load_wind
 
 
@@ -36,6 +40,19 @@ def wind_of(scenario: Scenario) -> WindConfig:
         WindError: there is no such wind, or its file is wrong.
     """
     return load_wind(scenario.wind)
+
+
+def disturb_of(scenario: Scenario, ua: Aircraft) -> Disturb | None:
+    """What adds the errors of a UA's sensors; None if it has none."""
+    noise = ua.sensor_noise or scenario.fdm.sensor_noise
+    return None if noise == SensorNoise() else noise.disturb(seed=scenario.seed, ua_id=ua.id)
+
+
+def legacy_of(scenario: Scenario, ua: Aircraft) -> LegacyPeer | None:
+    """How a UA whose autopilot speaks the legacy scheme is served; None if it speaks json."""
+    if scenario.fdm.scheme != "legacy":
+        return None
+    return LegacyPeer(legacy_ports(scenario.instance(ua))[0], scenario.fdm.legacy_rate_hz)
 
 
 def origin_of(origin: Origin) -> GeodeticPosition:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+
+from fdm.exchange_settings import Workers
+from fdm.legacy_scheme import legacy_ports
+from fdm.sensor_noise import SensorNoise
 
 SCHEMA = 1
 MAX = "max"
@@ -25,6 +29,12 @@ def _speed(value: object) -> object:
     if isinstance(value, int | float) and not isinstance(value, bool) and SPEED_MIN <= value < float("inf"):
         return value
     raise ValueError(f"has to be {MAX!r} or a real-time factor of at least {SPEED_MIN}")
+
+
+def _workers(value: object) -> object:
+    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
+        return value
+    raise ValueError("has to be 'auto' or a number of processes, at least 1")
 
 
 def _radio(value: object) -> object:
@@ -58,6 +68,7 @@ class HomePlace(_Part):
 class HoldAgent(_Part):
     """Takes off and holds over home until the others are done."""
 
+    has_task: ClassVar[bool] = False
     type: Literal["hold"]
     altitude_m: Positive
 
@@ -65,6 +76,7 @@ class HoldAgent(_Part):
 class OutAndBackAgent(_Part):
     """Takes off, flies straight out, turns and flies back."""
 
+    has_task: ClassVar[bool] = True
     type: Literal["out_and_back"]
     altitude_m: Positive
     distance_m: Positive
@@ -75,10 +87,49 @@ class OutAndBackAgent(_Part):
 class StillAgent(_Part):
     """Stays on the ground and transmits: for links without flight, and for tests."""
 
+    has_task: ClassVar[bool] = False
     type: Literal["still"]
 
 
-AgentConfig = Annotated[HoldAgent | OutAndBackAgent | StillAgent, Field(discriminator="type")]
+class OwnAgent(_Part):
+    """An agent of the user's own: a subclass of `bridge.agents.Agent`, in a file or an installed module."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+    type: Literal["own"]
+    class_: Annotated[str, Field(alias="class", pattern=r"^[^:]+:[A-Za-z_]\w*$")]
+    has_task: bool = True
+    options: dict[str, Any] = {}
+
+    @property
+    def place(self) -> str:
+        """The file (ending in .py) or module that the class is in."""
+        return self.class_.rpartition(":")[0]
+
+    @property
+    def class_name(self) -> str:
+        """The name of the class there."""
+        return self.class_.rpartition(":")[2]
+
+
+AgentConfig = Annotated[HoldAgent | OutAndBackAgent | StillAgent | OwnAgent, Field(discriminator="type")]
+"""``has_task``: the agent has an end of its own, which the run waits for."""
+
+
+class FlightDynamics(_Part):
+    """How the flight dynamics are served.
+
+    Attributes:
+        workers: processes that the UA are spread over; auto = as many as pay.
+        scheme: what the autopilots speak: ArduPilot's json, or the legacy scheme of external ones.
+        legacy_rate_hz: frames per second of sim time in the legacy scheme, which does not tell.
+        sensor_noise: errors of the sensors beyond those of the autopilot's simulation.
+    """
+
+    workers: Annotated[Workers, BeforeValidator(_workers)] = "auto"
+    scheme: Literal["json", "legacy"] = "json"
+    legacy_rate_hz: Annotated[int, Field(strict=True, ge=10, le=65535)] = 400
+    sensor_noise: SensorNoise = SensorNoise()
 
 
 class Aircraft(_Part):
@@ -87,6 +138,7 @@ class Aircraft(_Part):
     id: Annotated[int, Field(strict=True, ge=0, le=249)]
     airframe: str = "f450"
     home: HomePlace = HomePlace()
+    sensor_noise: SensorNoise | None = None
     agent: AgentConfig
 
     @property
@@ -134,6 +186,7 @@ class Scenario(_Part):
     wind: str = "calm"
     transmit: Transmit = Transmit()
     ports: Ports = Ports()
+    fdm: FlightDynamics = FlightDynamics()
     ua: Annotated[tuple[Aircraft, ...], Field(min_length=1)]
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
@@ -146,6 +199,13 @@ class Scenario(_Part):
                 "must divide a second into whole nanoseconds (1, 2, 4, 5, 8, 10, 16, 20, 25, ...)"
             )
         return rate_hz
+
+    @field_validator("fdm")
+    @classmethod
+    def _scheme_is_spoken(cls, fdm: FlightDynamics, info: ValidationInfo) -> FlightDynamics:
+        if fdm.scheme == "legacy" and info.data.get("autopilot", "external") != "external":
+            raise ValueError("scheme legacy is for autopilot: external; the others speak json only")
+        return fdm
 
     @field_validator("ua")
     @classmethod
@@ -167,6 +227,11 @@ class Scenario(_Part):
         return tuple(ua.node for ua in self.ua)
 
     @property
+    def nodes_with_a_task(self) -> frozenset[str]:
+        """Nodes whose agents have an end of their own, which the run waits for."""
+        return frozenset(ua.node for ua in self.ua if ua.agent.has_task)
+
+    @property
     def speed_factor(self) -> float:
         """Target real-time factor; ``inf`` for max."""
         return float("inf") if self.speed == MAX else float(self.speed)
@@ -177,6 +242,8 @@ class Scenario(_Part):
 
     def fdm_port(self, ua: Aircraft) -> int:
         """UDP port of the flight dynamics exchange of ``ua``."""
+        if self.fdm.scheme == "legacy":
+            return legacy_ports(self.instance(ua))[1]
         return self._port(self.ports.fdm, ua)
 
     def autopilot_port(self, ua: Aircraft) -> int:

@@ -6,25 +6,26 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
 from bridge.resolve import airframe_of, radio_of, wind_of
 from bridge.scenario import (
+    AgentConfig,
     Aircraft,
-    HoldAgent,
+    FlightDynamics,
     HomePlace,
     Origin,
-    OutAndBackAgent,
+    OwnAgent,
     Ports,
     Scenario,
-    StillAgent,
     Transmit,
 )
 from channel.presets import PresetError
 from fdm.errors import AirframeError, WindError
+from fdm.sensor_noise import SensorNoise
 
 SCENARIOS = resources.files("sitl_configs") / "scenarios"
 DEFAULT_SCENARIO = "separation"
@@ -150,6 +151,10 @@ def _refuse_unknown_names(source: _Source, scenario: Scenario) -> None:
         except AirframeError as error:
             line = source.line_of(("ua", index, "airframe"))
             mistakes.append(f"{source.name}:{line}: ua.{index}.airframe: {error}")
+        agent = ua.agent
+        if isinstance(agent, OwnAgent) and agent.place.endswith(".py") and not Path(agent.place).is_file():
+            line = source.line_of(("ua", index, "agent", "class"))
+            mistakes.append(f"{source.name}:{line}: ua.{index}.agent.class: {agent.place}: no such file")
     if mistakes:
         raise ScenarioError("\n".join(mistakes))
 
@@ -202,15 +207,15 @@ def _explain(item: Any, path: tuple[str | int, ...]) -> str:
 
 
 _AGENTS: dict[str, type[BaseModel]] = {
-    "hold": HoldAgent,
-    "out_and_back": OutAndBackAgent,
-    "still": StillAgent,
+    get_args(model.model_fields["type"].annotation)[0]: model for model in get_args(get_args(AgentConfig)[0])
 }
 _MODELS: dict[str, type[BaseModel]] = {
     "origin": Origin,
     "home": HomePlace,
     "transmit": Transmit,
     "ports": Ports,
+    "fdm": FlightDynamics,
+    "sensor_noise": SensorNoise,
     "ua": Aircraft,
 }
 

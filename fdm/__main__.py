@@ -14,7 +14,8 @@ from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.airframe import load_airframe
 from fdm.errors import FdmError, PortInUseError, WorkerError
 from fdm.events import UaEvent
-from fdm.fleet_exchange import Workers, open_exchange
+from fdm.exchange_settings import Workers
+from fdm.fleet_exchange import open_exchange
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.legacy_scheme import legacy_ports
 from fdm.sensor_noise import load_sensor_noise

@@ -17,18 +17,18 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Literal, TypedDict, Unpack
+from typing import Unpack
 
 from fdm.aircraft_spec import AircraftSpec
 from fdm.board import Board, create_board
-from fdm.clock_status import ClockSettings, ClockStatus, check_speed
+from fdm.clock_status import check_speed
 from fdm.events import UaEvent
 from fdm.exchange import Exchange
+from fdm.exchange_settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Workers, check_settings
 from fdm.fleet_clock import NEVER_NS
 from fdm.fleet_ticks import FleetTicks
 from fdm.poller import core_count
 from fdm.seat import bind
-from fdm.truth import Truth
 from fdm.worker_messages import Ended, Happened, Plan, Reached
 from fdm.worker_process import WorkerProcess, end_all
 
@@ -39,42 +39,6 @@ UA_PER_WORKER = 32
 """What `auto` gives one process (docs/performance.md)."""
 
 _log = logging.getLogger(__name__)
-
-Workers = int | Literal["auto"]
-
-
-class ExchangeSettings(TypedDict, total=False):
-    """The settings that both kinds of exchange take; see fdm.exchange.Exchange."""
-
-    host: str
-    speed: float
-    window_ns: int | None
-    stall_timeout_s: float
-    tick_period_ns: int
-    hold_ticks: bool
-    start_together: bool
-    start_timeout_s: float
-    on_truth: Callable[[Truth], object] | None
-    on_tick: Callable[[ClockStatus], object] | None
-    on_event: Callable[[UaEvent], object] | None
-
-
-DEFAULTS: ExchangeSettings = {
-    "host": "127.0.0.1",
-    "speed": 1.0,
-    "window_ns": None,
-    "stall_timeout_s": 1.0,
-    "tick_period_ns": 50_000_000,
-    "hold_ticks": False,
-    "start_together": True,
-    "start_timeout_s": 60.0,
-    "on_truth": None,
-    "on_tick": None,
-    "on_event": None,
-}
-FOR_WORKERS = frozenset(
-    {"speed", "window_ns", "stall_timeout_s", "tick_period_ns", "start_together", "start_timeout_s"}
-)
 
 
 class FleetExchange:
@@ -99,7 +63,7 @@ class FleetExchange:
     ) -> None:
         ids = [spec.ua_id for spec in aircraft]
         options: ExchangeSettings = {**DEFAULTS, **settings}
-        _check(ids, workers, options)
+        check_settings(ids, workers, options)
         self._on_truth, self._on_tick = options["on_truth"], options["on_tick"]
         self._on_event = options["on_event"]
         self._speed, self._hold_ticks, self._paused = options["speed"], options["hold_ticks"], False
@@ -321,22 +285,6 @@ class FleetExchange:
                 self._selector.unregister(worker.control)
         self._counters.update(end_all(self._workers, END_TIMEOUT_S))
         self._workers.clear()
-
-
-def _check(ids: Sequence[int], workers: int, options: ExchangeSettings) -> None:
-    if not ids:
-        raise ValueError("a fleet needs at least one UA")
-    if len(set(ids)) != len(ids):
-        raise ValueError(f"ua_id twice in {ids}")
-    if not 1 <= workers <= len(ids):
-        raise ValueError(f"workers = {workers}: must be from 1 to {len(ids)}, the number of UA")
-    ClockSettings(
-        speed=options["speed"],
-        window_ns=options["window_ns"],
-        tick_period_ns=options["tick_period_ns"],
-        stall_timeout_ns=int(options["stall_timeout_s"] * 1e9),
-        start_timeout_ns=int(options["start_timeout_s"] * 1e9),
-    )
 
 
 def worker_count(workers: Workers, ua: int) -> int:

@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -58,6 +57,8 @@ class SensorNoise(BaseModel):
 
 
 def _disturbed(noise: SensorNoise, seed: int, ua_id: int, sense: Sense) -> Sense:
+    import numpy as np  # late: whoever only reads a scenario does without
+
     sigmas, biases = np.zeros(_COUNT), np.zeros(_COUNT)
     sigmas[_GYRO], biases[_GYRO] = noise.gyro_sigma_radps, noise.gyro_bias_frd_radps
     sigmas[_ACCEL], biases[_ACCEL] = noise.accel_sigma_mps2, noise.accel_bias_frd_mps2

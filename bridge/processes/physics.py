@@ -7,17 +7,20 @@ import sys
 
 from bridge.messages import DecodeError, Header, decode
 from bridge.processes.common import exit_status, on_stop_signal, parse_arguments
-from bridge.resolve import airframe_of, home_of, origin_of, wind_of
+from bridge.resolve import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario import Scenario
 from bridge.session import Sample, Session, open_client
 from bridge.truth import clock_message, truth_message
-from fdm.exchange import AircraftSpec, Exchange
+from fdm.aircraft_spec import AircraftSpec
+from fdm.errors import FdmError
+from fdm.exchange import Exchange
+from fdm.fleet_exchange import FleetExchange, open_exchange
 
 log = logging.getLogger("physics")
 
 
-def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exchange:
+def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exchange | FleetExchange:
     """The exchange of a scenario, publishing truth and clock."""
     keys, origin = run.keys, origin_of(scenario.origin)
     wind = wind_of(scenario)
@@ -28,11 +31,14 @@ def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exch
             home_of(ua, scenario.origin),
             scenario.fdm_port(ua),
             wind.build(seed=scenario.seed, ua_id=ua.id),
+            disturb_of(scenario, ua),
+            legacy_of(scenario, ua),
         )
         for ua in scenario.ua
     ]
-    return Exchange(
+    return open_exchange(
         specs,
+        workers=scenario.fdm.workers,
         speed=scenario.speed_factor,
         tick_period_ns=scenario.tick_period_ns,
         hold_ticks=True,
@@ -67,7 +73,11 @@ def serve(run: RunDirectory) -> None:
 def main() -> int:
     """Run the process."""
     run, _ = parse_arguments("physics", __doc__ or "", per_ua=False)
-    return exit_status(lambda: serve(run))
+    try:
+        return exit_status(lambda: serve(run))
+    except FdmError as error:
+        log.error("%s", error)
+        return 1
 
 
 if __name__ == "__main__":

@@ -1,0 +1,68 @@
+"""The settings of an exchange, in one process or over several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal, TypedDict
+
+from fdm.clock_status import ClockSettings, ClockStatus
+from fdm.events import UaEvent
+from fdm.truth import Truth
+
+Workers = int | Literal["auto"]
+"""How many processes; see fdm.fleet_exchange.worker_count."""
+
+
+class ExchangeSettings(TypedDict, total=False):
+    """The settings that both kinds of exchange take; see fdm.exchange.Exchange."""
+
+    host: str
+    speed: float
+    window_ns: int | None
+    stall_timeout_s: float
+    tick_period_ns: int
+    hold_ticks: bool
+    start_together: bool
+    start_timeout_s: float
+    on_truth: Callable[[Truth], object] | None
+    on_tick: Callable[[ClockStatus], object] | None
+    on_event: Callable[[UaEvent], object] | None
+
+
+DEFAULTS: ExchangeSettings = {
+    "host": "127.0.0.1",
+    "speed": 1.0,
+    "window_ns": None,
+    "stall_timeout_s": 1.0,
+    "tick_period_ns": 50_000_000,
+    "hold_ticks": False,
+    "start_together": True,
+    "start_timeout_s": 60.0,
+    "on_truth": None,
+    "on_tick": None,
+    "on_event": None,
+}
+FOR_WORKERS = frozenset(
+    {"speed", "window_ns", "stall_timeout_s", "tick_period_ns", "start_together", "start_timeout_s"}
+)
+
+
+def check_settings(ids: Sequence[int], workers: int, options: ExchangeSettings) -> None:
+    """See that the settings of a fleet of the UA `ids` are in their ranges.
+
+    Raises:
+        ValueError: one is not.
+    """
+    if not ids:
+        raise ValueError("a fleet needs at least one UA")
+    if len(set(ids)) != len(ids):
+        raise ValueError(f"ua_id twice in {ids}")
+    if not 1 <= workers <= len(ids):
+        raise ValueError(f"workers = {workers}: must be from 1 to {len(ids)}, the number of UA")
+    ClockSettings(
+        speed=options["speed"],
+        window_ns=options["window_ns"],
+        tick_period_ns=options["tick_period_ns"],
+        stall_timeout_ns=int(options["stall_timeout_s"] * 1e9),
+        start_timeout_ns=int(options["start_timeout_s"] * 1e9),
+    )
