@@ -11,7 +11,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
 
-from bridge.agents import nodes_with_a_task
 from bridge.autopilots import LAUNCHERS, AutopilotError, Launcher, LaunchPlan
 from bridge.child_process import Child, ProcessSpec, end_all
 from bridge.inbox import Inbox
@@ -78,7 +77,7 @@ class Fleet:
         self._children: list[Child] = []
         self._router: Child | None = None
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
-        self.unfinished = set(nodes_with_a_task(scenario))
+        self.unfinished = set(scenario.nodes_with_a_task)
         """Nodes whose agents have a task and have not done it."""
         self._has_task = bool(self.unfinished)
         self.killed: list[str] = []

@@ -78,7 +78,9 @@ def _verdict(judged: int, within: int, links: Sequence[dict[str, Any]], ending: 
         return f"interrupted: {counts}"
     if not judged:
         return f"no verdict: {counts}; no distance bin has {BIN_SENT_MIN} packets or more"
-    agreement = f"{within} of {judged} bins (each directed link, each 20 m) within the 99 % interval of the model"
+    agreement = (
+        f"{within} of {judged} bins (each directed link, each 20 m) within the 99 % interval of the model"
+    )
     return f"{'pass' if within >= BINS_WITHIN_MIN * judged else 'fail'}: {agreement}; {counts}"
 
 

@@ -1,20 +1,27 @@
 """Agents: what runs on board beside the autopilot, sees only its own node, and talks over the radio.
 
-A scenario names one per UA; `AGENTS` knows them by name. Write your own by subclassing `Agent`.
+A scenario names one per UA; `agent_class` finds it. Write your own by subclassing `Agent` (type ``own``).
 """
 
 from bridge.agents.agent import Agent
 from bridge.agents.hold import Hold
 from bridge.agents.out_and_back import OutAndBack
+from bridge.agents.own import AgentError, load_class
 from bridge.agents.still import Still
-from bridge.scenario import Scenario
+from bridge.scenario import AgentConfig, OwnAgent
 
 AGENTS: dict[str, type[Agent]] = {"hold": Hold, "out_and_back": OutAndBack, "still": Still}
 
 
-def nodes_with_a_task(scenario: Scenario) -> frozenset[str]:
-    """Nodes whose agents have an end of their own, which the run waits for."""
-    return frozenset(ua.node for ua in scenario.ua if not AGENTS[ua.agent.type].open_ended)
+def agent_class(config: AgentConfig) -> type[Agent]:
+    """The class of the agent that a scenario asks for.
+
+    Raises:
+        AgentError: if an agent of type ``own`` cannot be found.
+    """
+    return (
+        load_class(config.place, config.class_name) if isinstance(config, OwnAgent) else AGENTS[config.type]
+    )
 
 
-__all__ = ["AGENTS", "Agent", "Hold", "OutAndBack", "Still", "nodes_with_a_task"]
+__all__ = ["AGENTS", "Agent", "AgentError", "Hold", "OutAndBack", "Still", "agent_class"]

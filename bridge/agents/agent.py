@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import Any
 
 from bridge.client import CommandFailed, UaClient
-from bridge.messages import AircraftState, DataPackage, Header, Waypoint
-from bridge.scenario import Aircraft, Transmit
+from bridge.messages import AircraftState, DataPackage, Header, Waypoint, decode
+from bridge.scenario import Aircraft, OwnAgent, Transmit
+from bridge.session import Stamp
 
 READY_TIMEOUT_S = 180.0
 """Sim time; ArduPilot's estimator takes about 40 s."""
@@ -16,13 +18,10 @@ class Agent:
     """One UA's agent.
 
     Attributes:
-        open_ended: it has no end of its own; the run does not wait for it.
         ua: the node as the agent sees it.
         waypoints: what it plans to fly; told to the others.
-        latest: newest package of each other node.
+        latest: newest package that the radio delivered, of each other node.
     """
-
-    open_ended: ClassVar[bool] = False
 
     def __init__(self, ua: UaClient, aircraft: Aircraft, transmit: Transmit) -> None:
         self.ua = ua
@@ -30,7 +29,15 @@ class Agent:
         self.transmit_config = transmit
         self.waypoints: tuple[Waypoint, ...] = ()
         self.measurements_dbm: tuple[float, ...] = ()
+        self.latest: dict[str, DataPackage] = {}
         self._ticks = 0
+        ua.on_packet(self.on_packet)
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """What the scenario gives to an agent of type ``own``."""
+        config = self.aircraft.agent
+        return config.options if isinstance(config, OwnAgent) else {}
 
     async def fly(self) -> None:
         """What the agent does, once; the run is over when every agent is back from here."""
@@ -40,6 +47,15 @@ class Agent:
         if self._ticks % self.transmit_config.every_ticks == 0:
             self.ua.transmit(self.transmit_config.channel, self.package(sim_time_ns))
         self._ticks += 1
+
+    def on_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:  # noqa: ARG002
+        """What the agent does with a packet that the radio delivered.
+
+        Raises:
+            DecodeError: it is no data package; counted as malformed.
+        """
+        if channel == self.transmit_config.channel:
+            self.latest[sender] = decode(payload, DataPackage)
 
     def package(self, sim_time_ns: int) -> DataPackage:
         """The data package of Moon et al. 2020, Table II."""

@@ -9,8 +9,6 @@ from bridge.scenario import HoldAgent
 class Hold(Agent):
     """Climbs to the configured altitude and stays there; others decide when the run is over."""
 
-    open_ended = True
-
     async def fly(self) -> None:
         """Take off; GUIDED then holds by itself."""
         config = self.aircraft.agent

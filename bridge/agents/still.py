@@ -8,8 +8,6 @@ from bridge.agents.agent import Agent
 class Still(Agent):
     """Never arms: for links without flight, and for tests."""
 
-    open_ended = True
-
     async def fly(self) -> None:
         """Nothing to fly."""
         self.ua.report("stays on the ground")

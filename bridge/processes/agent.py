@@ -6,7 +6,7 @@ import asyncio
 import logging
 import sys
 
-from bridge.agents import AGENTS, Agent
+from bridge.agents import Agent, agent_class
 from bridge.client import CommandFailed, UaClient
 from bridge.processes.common import parse_arguments, run_until_stopped
 from bridge.run_directory import RunDirectory
@@ -21,7 +21,7 @@ async def run_agent(run: RunDirectory, node: str, stop: asyncio.Event) -> None:
     aircraft = scenario.aircraft(node)
     with open_client(run.info.endpoint) as session:
         ua = UaClient(session, keys, node, is_agent=True)
-        agent = AGENTS[aircraft.agent.type](ua, aircraft, scenario.transmit)
+        agent = agent_class(aircraft.agent)(ua, aircraft, scenario.transmit)
         ua.on_error = lambda error: _fail(agent, "in a callback", error)
         ua.on_tick(lambda sim_time_ns: _tick(agent, sim_time_ns))
         session.declare_alive(keys.alive(f"agent-{node}"))

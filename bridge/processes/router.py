@@ -9,7 +9,6 @@ import threading
 from collections.abc import Callable, Iterable
 from time import monotonic
 
-from bridge.agents import nodes_with_a_task
 from bridge.keys import Keys
 from bridge.messages import AgentStatus, Clock, Header, Truth, decode
 from bridge.processes.common import exit_status, on_stop_signal, parse_arguments
@@ -42,7 +41,7 @@ class RouterProcess:
             keys,
             medium,
             scenario.nodes,
-            tasks=nodes_with_a_task(scenario),
+            tasks=scenario.nodes_with_a_task,
             end_ns=round(scenario.duration_s * 1e9),
         )
         self._writer = DeliveriesWriter(run.path / DELIVERIES)

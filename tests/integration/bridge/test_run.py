@@ -19,7 +19,7 @@ from bridge.messages import Header, Truth, Vector3
 from bridge.recorder import COLUMNS
 from bridge.scenario_file import SCENARIOS
 from bridge.session import open_client
-from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
 
 def ports_of(run: Run) -> list[tuple[socket.SocketKind, int]]:
@@ -262,3 +262,49 @@ def test_json_output_is_the_summary_and_nothing_else(start_run: StartRun) -> Non
     run = start_run("--json", duration_s=1.0)
     assert run.finish() == 0, run.output.decode()
     assert json.loads(run.output) == json.loads((run.directory / "summary.json").read_text())
+
+
+LISTENER = """\
+import asyncio
+from bridge.agents import Agent
+
+class Listener(Agent):
+    async def fly(self):
+        self.enough = asyncio.Event()
+        await self.enough.wait()
+        self.ua.report("has heard enough", done=False)
+
+    def on_packet(self, sender, channel, payload, stamp):
+        super().on_packet(sender, channel, payload, stamp)
+        if stamp.seq == self.options["until_seq"]:
+            assert self.latest[sender].header.stamp.ns == stamp.sim_time_ns
+            self.enough.set()
+        if stamp.seq == self.options.get("raise_at_seq"):
+            raise ArithmeticError("a mistake of mine")
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "says"),
+    [
+        ("{until_seq: 60}", 0, "pass: 2 of 2"),
+        ("{until_seq: 60, raise_at_seq: 3}", 1, "the agent of UA 1 failed: ArithmeticError"),
+    ],
+)
+def test_run_with_an_agent_of_ones_own(
+    start_run: StartRun, tmp_path: Path, options: str, status: int, says: str
+) -> None:
+    (tmp_path / "listener.py").write_text(LISTENER)
+    own = f"{{type: own, class: {tmp_path}/listener.py:Listener, options: {options}}}"
+    head, _, tail = STILL.rpartition("{{type: still}}")
+    run = start_run(
+        scenario=head.replace("radio: moon2020", "radio: perfect")
+        + own.replace("{", "{{").replace("}", "}}")
+        + tail
+    )
+    assert run.finish() == status, run.output.decode()
+    assert says in run.output.decode()
+    if status == 0:
+        summary = json.loads((run.directory / "summary.json").read_text())
+        assert (summary["ending"], summary["unfinished"]) == ("done", [])
+        assert summary["sim_duration_s"] < 10.0

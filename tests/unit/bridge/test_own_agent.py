@@ -1,0 +1,76 @@
+"""Agents of the user's own are found by file or module, and what is wrong with them is said."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from bridge.agents import Agent, AgentError, agent_class
+from bridge.agents.own import load_class
+from bridge.scenario import OwnAgent
+from bridge.scenario_file import SCENARIOS, ScenarioError, parse_scenario
+
+TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
+OWN = """\
+from bridge.agents import Agent
+from own_constants import VALUE
+
+class Own(Agent):
+    value = VALUE
+
+class Other:
+    pass
+"""
+
+
+@pytest.fixture
+def agent_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A file with an agent, which imports another file beside it."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "own_constants.py").write_text("VALUE = 5\n")
+    path = tmp_path / "own_agent.py"
+    path.write_text(OWN)
+    return path
+
+
+def test_agent_in_a_file_may_import_what_lies_beside_it(agent_file: Path) -> None:
+    found = agent_class(OwnAgent(type="own", class_=f"{agent_file}:Own"))
+    assert issubclass(found, Agent)
+    assert found.value == 5  # type: ignore[attr-defined]
+
+
+def test_agent_in_a_module() -> None:
+    assert load_class("bridge.agents.still", "Still").__name__ == "Still"
+
+
+@pytest.mark.parametrize(
+    ("name", "says"), [("Nobody", "has no class Nobody"), ("Other", "no subclass of"), ("VALUE", "no class")]
+)
+def test_what_is_no_agent_is_refused(agent_file: Path, name: str, says: str) -> None:
+    with pytest.raises(AgentError, match=says):
+        load_class(str(agent_file), name)
+
+
+def test_missing_module_is_named() -> None:
+    with pytest.raises(AgentError, match=r"no module nowhere\.to_be_found"):
+        load_class("nowhere.to_be_found", "Own")
+
+
+@pytest.mark.parametrize(
+    ("agent", "key", "says"),
+    [
+        ("{type: own, class: nowhere.py:Own}", "ua.0.agent.class", "nowhere.py: no such file"),
+        ("{type: own, class: nowhere}", "ua.0.agent.class", "should match pattern"),
+        ("{type: own}", "ua.0.agent.class", "is required"),
+        ("{type: own, clas: a:B}", "ua.0.agent.clas", "allowed here: type, class, has_task, options"),
+    ],
+)
+def test_mistake_is_told_with_its_place(agent: str, key: str, says: str) -> None:
+    old = "{type: hold, altitude_m: 40}"
+    assert old in TEXT
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(TEXT.replace(old, agent), "my.yaml")
+    assert f"my.yaml:{TEXT[: TEXT.index(old)].count(chr(10)) + 1}: {key}: " in str(caught.value)
+    assert says in str(caught.value)
