@@ -9,6 +9,7 @@ import click
 
 from bridge.commands.doctor import doctor
 from bridge.commands.echo import echo
+from bridge.commands.fit import fit
 from bridge.commands.run import run
 from channel.cli import main as channel_commands
 
@@ -28,7 +29,7 @@ def lostlink() -> None:
     """
 
 
-for command in (run, doctor, echo, *channel_commands.commands.values()):
+for command in (run, doctor, echo, *channel_commands.commands.values(), fit):
     lostlink.add_command(command)
 
 

@@ -4,55 +4,20 @@ from __future__ import annotations
 
 import json as json_module
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from channel import presets
 from channel import sweep as sweeps
 from channel.checks import ChannelInputError
-from channel.config import RadioConfig
+from channel.command_input import BadInput, chosen_radio, radio_options
+from channel.fit_command import FitRequest, fit_options, run_fit
 from channel.link_report import link_report, link_text
 from channel.validity import ValidityWarning
-
-if TYPE_CHECKING:
-    from channel.calibration import Fit
-
-
-class BadInput(click.ClickException):
-    """A mistake of the user: one line, exit code 2."""
-
-    exit_code = 2
-
-
-def radio_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add --radio and --set to a command."""
-    command = click.option(
-        "--set",
-        "settings",
-        multiple=True,
-        metavar="KEY=VALUE",
-        help="Override a key of the radio, as in --set propagation.exponent=2.5. Repeatable.",
-    )(command)
-    return click.option(
-        "--radio", default="moon2020", show_default=True, help="A preset's name, or a YAML file."
-    )(command)
-
-
-def chosen_radio(radio: str, settings: tuple[str, ...]) -> RadioConfig:
-    """Return the radio that the options name.
-
-    Raises:
-        BadInput: no such radio, key or value.
-    """
-    try:
-        return presets.load_radio(radio, presets.overrides_from_settings(settings))
-    except presets.PresetError as error:
-        raise BadInput(str(error)) from error
 
 
 @click.command()
@@ -188,24 +153,8 @@ def figures(out: Path, seed: int) -> None:
 
 @click.command()
 @click.argument("log", type=click.Path(dir_okay=False, path_type=Path))
-@radio_options
-@click.option(
-    "--hold", multiple=True, metavar="KEY", help="A parameter that is known: the radio's. Repeatable."
-)
-@click.option(
-    "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the fitted radio as YAML."
-)
-@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw the data over the model.")
-@click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
-def fit(
-    log: Path,
-    radio: str,
-    settings: tuple[str, ...],
-    hold: tuple[str, ...],
-    out: Path | None,
-    plot: Path | None,
-    as_json: bool,
-) -> None:
+@fit_options
+def fit(log: Path, **options: Any) -> None:
     """Fit a radio to a flight LOG: a CSV of distance_m (or positions), delivered, and optional rssi_dbm.
 
     The radio to start from needs log-distance propagation and normal or one-sided-normal shadowing; it gives the error
@@ -213,59 +162,13 @@ def fit(
 
     \b
     Examples:
-      fit flight.csv                                         from moon2020
+      fit flight.csv
       fit flight.csv --radio corrected --out mine.yaml --plot fit.png
       fit flight.csv --radio corrected --set noise.noise_figure_db=4 --hold shadowing.sigma_db --json
     """
-    from channel import calibration, flight_log
+    from channel.flight_log import read_csv_log
 
-    base = chosen_radio(radio, settings)
-    try:
-        data = flight_log.read_flight_log(log, base.length.length_bytes(base.nominal_payload_bytes))
-        found = calibration.fit_radio(data, base, hold)
-    except (flight_log.FlightLogError, calibration.NotEnoughInformationError, ChannelInputError) as error:
-        raise BadInput(str(error)) from error
-    fitted = calibration.fitted_radio(found, base, log.stem if out is None else out.stem)
-    if out is not None:
-        _write_radio(fitted, out)
-    if plot is not None:
-        from channel.figures import plot_fit
-
-        plot_fit(data, fitted, plot)
-    click.echo(json_module.dumps(_fit_report(found), indent=2) if as_json else _fit_text(found))
-
-
-def _write_radio(radio: RadioConfig, file: Path) -> None:
-    try:
-        file.write_text(presets.radio_to_yaml(radio), encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"cannot write {file}: {error.strerror}") from error
-
-
-def _fit_report(found: Fit) -> dict[str, Any]:
-    estimates = [
-        {
-            key: None if value in (float("inf"), float("-inf")) else value
-            for key, value in asdict(each).items()
-        }
-        for each in found.estimates
-    ]
-    return {
-        "packets": found.packets,
-        "delivered": found.delivered,
-        "log_likelihood": found.log_likelihood,
-        "rssi_error_db": found.rssi_error_db,
-        "estimates": estimates,
-        "radio": dict(found.overrides),
-    }
-
-
-def _fit_text(found: Fit) -> str:
-    rows = [f"{found.packets} packets, {found.delivered} delivered", f"{'':<22}{'value':>12}   95 % interval"]
-    for each in found.estimates:
-        value = "-" if each.value is None else f"{each.value:.4g}"
-        rows.append(f"{each.name:<22}{value:>12}   {each.low:.4g} .. {each.high:.4g}  {each.note}".rstrip())
-    return "\n".join(rows)
+    run_fit(FitRequest(**options), log.stem, lambda base: read_csv_log(log, base))
 
 
 @click.group()

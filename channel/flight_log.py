@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
+from channel.config import RadioConfig
 
 EARTH_RADIUS_M = 6_371_008.8
 POSITION_COLUMNS = tuple(f"{end}_{part}" for end in ("tx", "rx") for part in ("lat_deg", "lon_deg", "alt_m"))
@@ -67,10 +68,25 @@ def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
             rows = [_row(row, names, default_length_bytes, f"{file}:{reader.line_num}") for row in reader]
     except OSError as error:
         raise FlightLogError(f"cannot read {file}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FlightLogError(f"{file}: not a CSV of text: {error}") from error
     if not rows:
         raise FlightLogError(f"{file}: no rows")
     distance, delivered, length, rssi = (np.asarray(column) for column in zip(*rows, strict=True))
     return FlightLog(distance.astype(float), delivered.astype(bool), length.astype(float), rssi.astype(float))
+
+
+def read_csv_log(file: Path, base: RadioConfig) -> FlightLog:
+    """Return what `read_flight_log` returns, with the lengths as a radio counts them.
+
+    A radio with a fixed length has it for every packet, and where the log has none the nominal one counts. The lengths
+    of a log that has some are taken as they are: `deliveries.csv` has them as the error model counted them.
+    """
+    nominal = base.length.length_bytes(base.nominal_payload_bytes)
+    log = read_flight_log(file, nominal)
+    if base.length.model == "fixed":
+        return replace(log, length_bytes=np.full(log.packets, float(nominal)))
+    return log
 
 
 def _row(
@@ -101,10 +117,10 @@ def _delivered(row: Mapping[str, str | None], place: str) -> bool:
 def _number(row: Mapping[str, str | None], name: str, place: str) -> float:
     try:
         value = float(row[name] or "")
-    except ValueError:
+    except (ValueError, TypeError):
         value = float("nan")
     if not np.isfinite(value):
-        raise FlightLogError(f"{place}: {name} = {row[name]!r}: has to be a number")
+        raise FlightLogError(f"{place}: {name} = {row.get(name)!r}: has to be a number")
     return value
 
 

@@ -1,0 +1,99 @@
+"""`lostlink fit`: from a CSV, or from the logs of the two ends of a flight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from channel.command_input import BadInput
+from channel.config import RadioConfig
+from channel.fit_command import FitRequest, fit_options, run_fit
+
+if TYPE_CHECKING:
+    from aps.flight_log import Place
+    from channel.flight_log import FlightLog
+
+AUTOPILOT_LOGS = frozenset({".tlog", ".bin"})
+
+
+@click.command()
+@click.argument("log", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("sent", required=False, type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--sender", "sender_sysid", type=click.IntRange(1, 255), help="MAVLink system of the sender.")
+@click.option(
+    "--receiver-at", metavar="LAT,LON,ALT", help="Where the receiver stood: degrees, m above sea level."
+)
+@click.option(
+    "--rssi-scale",
+    type=click.Choice(["sik", "dbm"]),
+    default="sik",
+    show_default=True,
+    help="Unit of RADIO_STATUS.rssi: SiK's, or dBm as a signed byte.",
+)
+@fit_options
+def fit(
+    log: Path,
+    sent: Path | None,
+    sender_sysid: int | None,
+    receiver_at: str | None,
+    rssi_scale: str,
+    **options: Any,
+) -> None:
+    """Fit a radio to a flight: to a CSV, or to the LOG of the receiver and that of the sender, SENT.
+
+    A CSV has one row per packet: distance_m (or positions), delivered, and optional rssi_dbm and length_bytes.
+    Otherwise LOG is a .tlog recorded at the receiving end, and SENT the sender's own .tlog or .bin.
+
+    The radio to start from needs log-distance propagation and normal or one-sided-normal shadowing; it gives the error
+    model, powers and gains. Prints each parameter with its 95 % interval, or that the data do not determine it.
+
+    \b
+    Examples:
+      lostlink fit flight.csv --out mine.yaml --plot fit.png
+      lostlink fit flight.csv --radio corrected --hold shadowing.sigma_db --json
+      lostlink fit ground.tlog ua1.bin --radio corrected --receiver-at 40.13,-105.24,1580 --out mine.yaml
+      lostlink link --radio mine.yaml --distance 300         what the fitted radio does
+    """
+    request = FitRequest(**options)
+    if sent is None and log.suffix.lower() in AUTOPILOT_LOGS:
+        raise BadInput(
+            f"{log}: the sender's own log (.tlog or .bin) is missing: it says where the sender was"
+        )
+    if sent is None:
+        from channel.flight_log import read_csv_log
+
+        run_fit(request, log.stem, lambda base: read_csv_log(log, base))
+        return
+    place = None if receiver_at is None else _place(receiver_at)
+    run_fit(request, log.stem, lambda base: _from_logs(base, log, sent, sender_sysid, place, rssi_scale))
+
+
+def _from_logs(
+    base: RadioConfig, log: Path, sent: Path, sender: int | None, place: Place | None, rssi_scale: str
+) -> FlightLog:
+    import numpy as np
+
+    from aps import flight_log as aps_log
+    from channel.flight_log import FlightLog
+
+    try:
+        link = aps_log.read_link(log, sent, sender_sysid=sender, receiver_at=place, rssi_scale=rssi_scale)
+    except aps_log.FlightLogError as error:
+        raise BadInput(str(error)) from error
+    counted = {int(length): float(base.length.length_bytes(int(length))) for length in set(link.length_bytes)}
+    lengths = np.array([counted[int(length)] for length in link.length_bytes])
+    return FlightLog(link.distance_m, link.delivered, lengths, link.rssi_dbm)
+
+
+def _place(text: str) -> Place:
+    from aps.flight_log import Place
+
+    try:
+        lat, lon, alt = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise BadInput(f"--receiver-at {text!r}: three numbers, as in 40.13,-105.24,1580") from error
+    if not (abs(lat) <= 90.0 and abs(lon) <= 180.0 and abs(alt) <= 1e5):
+        raise BadInput(f"--receiver-at {text!r}: degrees within 90 and 180, metres")
+    return Place(lat, lon, alt)

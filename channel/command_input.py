@@ -1,0 +1,42 @@
+"""What commands of this package share: how a radio is chosen, and how a mistake of the user ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import click
+
+from channel import presets
+from channel.config import RadioConfig
+
+
+class BadInput(click.ClickException):
+    """A mistake of the user: one line, exit code 2."""
+
+    exit_code = 2
+
+
+def radio_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add --radio and --set to a command."""
+    command = click.option(
+        "--set",
+        "settings",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Override a key of the radio, as in --set propagation.exponent=2.5. Repeatable.",
+    )(command)
+    return click.option(
+        "--radio", default="moon2020", show_default=True, help="A preset's name, or a YAML file."
+    )(command)
+
+
+def chosen_radio(radio: str, settings: tuple[str, ...]) -> RadioConfig:
+    """Return the radio that the options name.
+
+    Raises:
+        BadInput: no such radio, key or value.
+    """
+    try:
+        return presets.load_radio(radio, presets.overrides_from_settings(settings))
+    except presets.PresetError as error:
+        raise BadInput(str(error)) from error
