@@ -175,6 +175,7 @@ def _check_base(base: RadioConfig) -> None:
         ("shadowing.model", base.shadowing.model, ("normal", "one-sided-normal")),
         ("fading.model", base.fading.model, ("none",)),
         ("bursts.model", base.bursts.model, ("none",)),
+        ("atmosphere.model", base.atmosphere.model, ("none",)),
     ):
         if value not in allowed:
             raise ChannelInputError(name, value, f"{' or '.join(allowed)}, to fit a radio from")

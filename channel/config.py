@@ -8,6 +8,7 @@ from pydantic import Field
 
 from channel.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
+from channel.atmosphere import ItuAtmosphere, NoAtmosphere
 from channel.bursts import GilbertElliott, NoBursts
 from channel.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
 from channel.fading import Nakagami, NoFading, Rayleigh, Rician
@@ -39,6 +40,7 @@ Shadowing = Annotated[
 ]
 Fading = Annotated[NoFading | Rayleigh | Rician | Nakagami, Field(discriminator="model")]
 Antenna = Annotated[Isotropic | HalfWaveDipole | Sector | Pattern, Field(discriminator="model")]
+Atmosphere = Annotated[NoAtmosphere | ItuAtmosphere, Field(discriminator="model")]
 Bursts = Annotated[NoBursts | GilbertElliott, Field(discriminator="model")]
 Noise = Annotated[FixedNoise | ThermalNoise, Field(discriminator="model")]
 Error = Annotated[
@@ -100,6 +102,7 @@ class RadioConfig(Settings):
     max_range_m: float | None = Field(default=None, gt=0.0, description="nothing is received beyond it")
     offset_db: float = Field(default=0.0, description="added to the received power (the paper's delta)")
     propagation: Propagation = Field(default_factory=FreeSpace)
+    atmosphere: Atmosphere = Field(default_factory=NoAtmosphere, description="gases and rain")
     shadowing: Shadowing = Field(default_factory=NoShadowing)
     fading: Fading = Field(default_factory=NoFading)
     noise: Noise = Field(default_factory=ThermalNoise)

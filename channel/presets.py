@@ -202,7 +202,7 @@ def _validated(tree: Tree, file: Path | None, overridden: tuple[str, ...]) -> Ra
         first = error.errors(include_url=False)[0]
         key = _key_of(first["loc"], tree)
         problem = _problem(first, key, tree)
-        if file is None or key in overridden:
+        if file is None or any(each == key or each.startswith(f"{key}.") for each in overridden):
             raise PresetError(problem, key=key) from error
         raise PresetError(problem, key=key, file=str(file), line=_line_of(file, key)) from error
 
@@ -230,6 +230,8 @@ def _problem(error: Mapping[str, Any], key: str, tree: Tree) -> str:
     if error["type"] == "union_tag_invalid":
         context = error["ctx"]
         return f"no model {context['tag']!r}; allowed: {context['expected_tags']}"
+    if error["type"] == "value_error":
+        return str(error["msg"]).removeprefix("Value error, ")
     return f"{error['msg']}, not {error['input']!r}"
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from channel import checks
 from channel.antenna import to_body
+from channel.atmosphere import ItuAtmosphere
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.error_model import Band, ErfcBytes
@@ -184,6 +185,8 @@ class Radio:
         law = self.config.propagation
         if self._fixed_dbm is None or not isinstance(law, FreeSpace | LogDistance):
             return None
+        if isinstance(self.config.atmosphere, ItuAtmosphere):
+            return None
         at_one_metre_db, slope_db = law.line_db(self.config.frequency_hz)
         return self._fixed_dbm - float(at_one_metre_db), slope_db
 
@@ -208,13 +211,29 @@ class Radio:
     def budget(self, path: Path) -> tuple[BudgetTerm, ...]:
         """Return the terms of the received power without its random part, in order."""
         before = self._fixed_terms if self._fixed_terms is not None else self._terms_before_path(path)
-        return (*before, BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path)))
+        return (*before, *self._terms_of_the_way(path))
+
+    def _terms_of_the_way(self, path: Path) -> tuple[BudgetTerm, ...]:
+        """Return what the way takes: gases and rain if they are configured, and the path loss last."""
+        loss = BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path))
+        air = self.config.atmosphere
+        if not isinstance(air, ItuAtmosphere):
+            return (loss,)
+        gas = -air.gas_loss_db(path.distance_m, path.frequency_hz)
+        rain = -air.rain_loss_db(path.distance_m, path.frequency_hz)
+        return BudgetTerm("gas_db", gas), BudgetTerm("rain_db", rain), loss
+
+    def _loss_db(self, path: Path) -> FloatArray:
+        """Return what the way takes, all terms together, dB."""
+        if isinstance(self.config.atmosphere, ItuAtmosphere):
+            return np.negative(total(self._terms_of_the_way(path)))
+        return self.config.propagation.path_loss_db(path)
 
     def mean_power_dbm(self, path: Path) -> FloatArray:
         """Return the received power without its random part, dBm: the sum of `budget`."""
         if self._fixed_dbm is None:
             return np.asarray(total(self.budget(path)))
-        return self._fixed_dbm - self.config.propagation.path_loss_db(path)
+        return self._fixed_dbm - self._loss_db(path)
 
     def noise_dbm(self, path: Path, transmitting: States | None = None) -> FloatArray | float:
         """Return noise floor and interference at the receivers, dBm.
@@ -243,7 +262,7 @@ class Radio:
         gain_db = self.config.receiving_antenna.towards_db(to_body(attitude, -way.way_ned))
         offset_hz = 0.0 if interferer.frequency_hz is None else carrier - self.config.frequency_hz
         kept_db = gain_db - self.config.interference.rejection_db(offset_hz)
-        return np.asarray(interferer.power_dbm + kept_db - self.config.propagation.path_loss_db(way))
+        return np.asarray(interferer.power_dbm + kept_db - self._loss_db(way))
 
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
         """Return the packet error rate at an SNR, range, bursts and `base_loss` aside."""
