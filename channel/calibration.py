@@ -162,7 +162,7 @@ def _check(log: FlightLog, base: RadioConfig) -> None:
         raise NotEnoughInformationError(
             f"all {delivered} packets arrived, and their powers are not known: fly farther, until some are lost"
         )
-    if float(np.ptp(np.log(log.distance_m))) < 1e-3:
+    if float(np.ptp(np.log(np.maximum(log.distance_m, base.min_distance_m)))) < 1e-3:
         raise NotEnoughInformationError(
             "all packets were sent at one distance: fly along a range of distances"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ EARTH_RADIUS_M = 6_371_008.8
 POSITION_COLUMNS = tuple(f"{end}_{part}" for end in ("tx", "rx") for part in ("lat_deg", "lon_deg", "alt_m"))
 TRUE = frozenset({"1", "true", "yes", "delivered"})
 FALSE = frozenset({"0", "false", "no"})
+NOTHING = frozenset({"", "nan", "none", "null", "-"})
 
 
 class FlightLogError(ValueError):
@@ -28,7 +30,7 @@ class FlightLog:
     """One row per packet; arrays of one length.
 
     Attributes:
-        distance_m: between the ends, > 0.
+        distance_m: between the ends, >= 0.
         delivered: whether it arrived.
         length_bytes: as the error model counts it.
         rssi_dbm: received power where it was measured, else NaN.
@@ -62,7 +64,7 @@ def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
         FlightLogError: no such file, a missing column, or a value that is none.
     """
     try:
-        with file.open(encoding="utf-8", newline="") as lines:
+        with file.open(encoding="utf-8-sig", newline="") as lines:
             reader = csv.DictReader(lines)
             names = set(reader.fieldnames or ())
             rows = [_row(row, names, default_length_bytes, f"{file}:{reader.line_num}") for row in reader]
@@ -98,10 +100,11 @@ def _row(
         distance = _separation_m([_number(row, name, place) for name in POSITION_COLUMNS])
     else:
         raise FlightLogError(f"{place}: needs distance_m, or {', '.join(POSITION_COLUMNS)}")
-    if not distance > 0.0:
-        raise FlightLogError(f"{place}: distance_m = {distance:g}: has to be above 0")
+    if distance < 0.0:
+        raise FlightLogError(f"{place}: distance_m = {distance:g}: has to be 0 or above")
     length = _number(row, "length_bytes", place) if row.get("length_bytes") else float(default_length)
-    rssi = _number(row, "rssi_dbm", place) if row.get("rssi_dbm") else float("nan")
+    has_rssi = (row.get("rssi_dbm") or "").strip().lower() not in NOTHING
+    rssi = _number(row, "rssi_dbm", place) if has_rssi else float("nan")
     return distance, _delivered(row, place), length, rssi
 
 
@@ -109,6 +112,8 @@ def _delivered(row: Mapping[str, str | None], place: str) -> bool:
     if row.get("fate"):
         return row["fate"] == "delivered"
     text = (row.get("delivered") or "").strip().lower()
+    with suppress(ValueError):  # 1.0 and 1e+00, as programs write a column of ones and zeros
+        text = {1.0: "1", 0.0: "0"}.get(float(text), text)
     if text not in TRUE | FALSE:
         raise FlightLogError(f"{place}: delivered = {text!r}: allowed are 1, 0, true, false")
     return text in TRUE

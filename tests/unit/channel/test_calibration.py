@@ -220,12 +220,33 @@ def test_log_with_positions_and_fates(tmp_path):
     assert np.isnan(read.rssi_dbm[1])
 
 
+def test_columns_as_programs_write_them(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_bytes(
+        b"\xef\xbb\xbfdistance_m,delivered,rssi_dbm\r\n0,1.0,nan\r\n2.5e+01,0.000e+00,\r\n30,True,-80\r\n"
+    )
+    read = read_flight_log(log, 40)
+    assert read.distance_m.tolist() == [0.0, 25.0, 30.0]
+    assert read.delivered.tolist() == [True, False, True]
+    assert np.isnan(read.rssi_dbm[:2]).all()
+    assert read.rssi_dbm[2] == -80.0
+
+
+def test_a_file_of_bytes_is_no_log(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_bytes(bytes(range(256)) * 10)
+    with pytest.raises(FlightLogError, match=r"log\.csv"):
+        read_flight_log(log, 40)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("distance_m,delivered\n1,maybe\n", "delivered = 'maybe'"),
         ("distance_m,delivered\nx,1\n", "distance_m = 'x'"),
-        ("distance_m,delivered\n-3,1\n", "above 0"),
+        ("distance_m,delivered\n-3,1\n", "0 or above"),
+        ("distance_m,delivered\n3,0.5\n", "delivered = '0.5'"),
+        ("distance_m,delivered,rssi_dbm\n3,1,loud\n", "rssi_dbm = 'loud'"),
         ("time,delivered\n1,1\n", "needs distance_m"),
         ("distance_m,delivered\n", "no rows"),
     ],
