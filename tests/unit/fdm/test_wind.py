@@ -2,14 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.interpolate import RegularGridInterpolator
-from scipy.io import netcdf_file
 
 from fdm.errors import WindError
 from fdm.geodesy import GeodeticPosition, geodetic_from_ned
 from fdm.turbulence import intensities_mps, lengths_m
 from fdm.wind import AirPoint, WindConfig, load_wind, wind_names
-from fdm.wind_map import load_wind_map
 
 ORIGIN = GeodeticPosition(47.0, 8.0, 400.0)
 
@@ -113,95 +110,6 @@ def test_turbulence_is_keyed_by_seed_and_ua():
     assert first(1, 0) == first(1, 0)
     assert first(1, 0) != first(2, 0)
     assert first(1, 0) != first(1, 1)
-
-
-@pytest.fixture
-def write_map(tmp_path):
-    def write(units=("m", "m"), **changes):
-        axes = {
-            "time": [0.0, 60.0, 180.0],
-            "altitude": [400.0, 420.0, 500.0],
-            "y": [-300.0, 0.0, 100.0, 400.0],
-            "x": [-200.0, 0.0, 300.0],
-        } | changes
-        shape = tuple(len(axis) for axis in axes.values())
-        rng = np.random.default_rng(5)
-        path = tmp_path / "map.nc"
-        with netcdf_file(path, "w") as file:
-            file.origin_latitude, file.origin_longitude = 47.0, 8.0
-            for name, values in axes.items():
-                file.createDimension(name, len(values))
-                file.createVariable(name, "d", (name,))[:] = values
-            file.variables["y"].units, file.variables["x"].units = units
-            for name, standard_name in (
-                ("u", "eastward_wind"),
-                ("v", "northward_wind"),
-                ("w", "upward_air_velocity"),
-            ):
-                variable = file.createVariable(name, "d", tuple(axes))
-                variable[:] = rng.normal(0.0, 5.0, shape)
-                variable.standard_name = standard_name
-        load_wind_map.cache_clear()
-        return path
-
-    return write
-
-
-def test_a_map_is_exact_at_its_points(write_map):
-    wind_map = load_wind_map(write_map())
-    for index in np.ndindex(*wind_map.ned_mps.shape[:-1]):
-        where = tuple(axis[i] for axis, i in zip(wind_map.axes, index, strict=True))
-        assert wind_map.interpolate(where, clamp=False) == pytest.approx(
-            tuple(wind_map.ned_mps[index]), abs=1e-12
-        )
-
-
-def test_a_map_interpolates_as_scipy_does(write_map):
-    wind_map = load_wind_map(write_map())
-    oracle = RegularGridInterpolator(wind_map.axes, wind_map.ned_mps)
-    lows, highs = zip(*((axis[0], axis[-1]) for axis in wind_map.axes), strict=True)
-    for where in np.random.default_rng(6).uniform(lows, highs, (200, 4)):
-        got = wind_map.interpolate(tuple(where.tolist()), clamp=False)
-        assert got == pytest.approx(oracle(where)[0], abs=1e-9)
-
-
-def test_outside_a_map_it_is_clamped_or_an_error(write_map):
-    path = write_map()
-    clamped = build(map={"file": str(path)})
-    strict = build(map={"file": str(path), "outside": "error"})
-    inside, outside = at(0.0, (399.9, 0, -50)), at(0.0, (5000, 0, -50))
-    assert clamped.air_ned_mps(outside) == pytest.approx(strict.air_ned_mps(inside), abs=0.05)
-    with pytest.raises(WindError, match=r"y 5000 is outside the map \(-300 to 400\)"):
-        strict.air_ned_mps(outside)
-
-
-def test_a_map_in_degrees_is_read_at_latitude_and_longitude(write_map):
-    path = write_map(("degrees_north", "degrees_east"), y=[46.9, 47.0, 47.1, 47.2], x=[7.9, 8.0, 8.1])
-    wind_map = load_wind_map(path)
-    assert build(map={"file": str(path)}).air_ned_mps(at(0.0, (0, 0, -20))) == pytest.approx(
-        tuple(wind_map.ned_mps[0, 1, 1, 1]), abs=1e-9
-    )
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"units": ("m", "degrees_east")}, "needed are degrees or m"),
-        ({"x": [0.0, 0.0, 1.0]}, "coordinate x does not increase"),
-    ],
-)
-def test_a_map_that_is_none_is_explained(write_map, changes, message):
-    with pytest.raises(WindError, match=message):
-        load_wind_map(write_map(**changes))
-
-
-def test_a_file_that_is_no_map_is_explained(tmp_path):
-    path = tmp_path / "map.nc"
-    with pytest.raises(WindError, match="No such file"):
-        load_wind_map(path)
-    path.write_bytes(b"\x89HDF\r\n\x1a\n")
-    with pytest.raises(WindError, match="classic format"):
-        load_wind_map(path)
 
 
 @pytest.mark.parametrize(
