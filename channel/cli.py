@@ -49,9 +49,9 @@ def link(
 
     \b
     Examples:
-      link --radio moon2020 --distance 400
-      link --radio corrected --distance 400 --set propagation.exponent=3 --json
-      link --radio moon2020 --sweep distance 50:1000:10 --plot range.png
+      lostlink link --radio moon2020 --distance 400
+      lostlink link --radio corrected --distance 400 --set propagation.exponent=3 --json
+      lostlink link --radio moon2020 --sweep distance 50:1000:10 --plot range.png
     """
     given: dict[str, Any] = {name: value for name, value in ends.items() if value is not None}
     if "ground_distance_m" not in given and (sweep is None or sweep[0] != "distance"):
@@ -109,8 +109,8 @@ def radios(as_json: bool) -> None:
 
     \b
     Examples:
-      radios
-      radios --json
+      lostlink radios
+      lostlink radios --json
     """
     rows = [sweeps.reach(presets.load_radio(name)) for name in presets.preset_names()]
     if as_json:
@@ -143,7 +143,7 @@ def figures(out: Path, seed: int) -> None:
 
     \b
     Examples:
-      figures --out figures
+      lostlink figures --out figures
     """
     from channel.figures import write_figures
 
@@ -162,9 +162,9 @@ def fit(log: Path, **options: Any) -> None:
 
     \b
     Examples:
-      fit flight.csv
-      fit flight.csv --radio corrected --out mine.yaml --plot fit.png
-      fit flight.csv --radio corrected --set noise.noise_figure_db=4 --hold shadowing.sigma_db --json
+      lostlink fit flight.csv
+      lostlink fit flight.csv --radio corrected --out mine.yaml --plot fit.png
+      lostlink fit flight.csv --radio corrected --set noise.noise_figure_db=4 --hold shadowing.sigma_db --json
     """
     from channel.flight_log import read_csv_log
 
