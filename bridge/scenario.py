@@ -10,6 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationIn
 from fdm.exchange_settings import Workers
 from fdm.legacy_scheme import legacy_ports
 from fdm.sensor_noise import SensorNoise
+from fdm.weather import WeatherConfig
 
 SCHEMA = 1
 MAX = "max"
@@ -184,6 +185,7 @@ class Scenario(_Part):
     origin: Origin
     radio: Annotated[str | dict[str, Any], BeforeValidator(_radio)]
     wind: str = "calm"
+    weather: WeatherConfig = WeatherConfig()
     transmit: Transmit = Transmit()
     ports: Ports = Ports()
     fdm: FlightDynamics = FlightDynamics()

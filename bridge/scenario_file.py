@@ -26,6 +26,7 @@ from bridge.scenario import (
 from channel.presets import PresetError
 from fdm.errors import AirframeError, WindError
 from fdm.sensor_noise import SensorNoise
+from fdm.weather import WeatherConfig
 
 SCENARIOS = resources.files("sitl_configs") / "scenarios"
 DEFAULT_SCENARIO = "separation"
@@ -216,6 +217,7 @@ _MODELS: dict[str, type[BaseModel]] = {
     "ports": Ports,
     "fdm": FlightDynamics,
     "sensor_noise": SensorNoise,
+    "weather": WeatherConfig,
     "ua": Aircraft,
 }
 

@@ -19,6 +19,7 @@ from fdm.fleet_exchange import open_exchange
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.legacy_scheme import legacy_ports
 from fdm.sensor_noise import load_sensor_noise
+from fdm.weather import OFFSET_MAX_K, QNH_RANGE_HPA, SEA_LEVEL_PRESSURE_HPA, WeatherConfig, in_weather
 from fdm.wind import load_wind
 
 EPILOG = """\b
@@ -94,6 +95,8 @@ class Options:
     ports: str
     legacy_rate: int
     wind: str
+    temperature_offset: float
+    qnh: float
     noise: str | None
     seed: int
     workers: Workers
@@ -105,7 +108,9 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     Raises:
         FdmError: an airframe, wind or sensor noise cannot be used.
     """
-    airframe, wind = load_airframe(options.airframe), load_wind(options.wind)
+    weather = WeatherConfig(temperature_offset_k=options.temperature_offset, qnh_hpa=options.qnh)
+    airframe = in_weather(load_airframe(options.airframe), weather, options.home)
+    wind = load_wind(options.wind)
     noise = load_sensor_noise(options.noise) if options.noise is not None else None
     specs = []
     for ua_id in range(options.index, options.index + options.count):
@@ -153,6 +158,20 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     help="Frames per second of sim time in the legacy scheme, which does not tell.",
 )
 @click.option("--wind", default="calm", show_default=True, help="Name or YAML file of the wind.")
+@click.option(
+    "--temperature-offset",
+    type=click.FloatRange(-OFFSET_MAX_K, OFFSET_MAX_K),
+    default=0.0,
+    show_default=True,
+    help="How much warmer than the standard atmosphere the air is, K.",
+)
+@click.option(
+    "--qnh",
+    type=click.FloatRange(*QNH_RANGE_HPA),
+    default=SEA_LEVEL_PRESSURE_HPA,
+    show_default=True,
+    help="Pressure at home, reduced to sea level, hPa.",
+)
 @click.option(
     "--noise", help="YAML file of sensor errors beyond those of SITL (docs/fdm.md); none if not given."
 )

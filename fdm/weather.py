@@ -27,6 +27,7 @@ CELSIUS_ZERO_K = 273.15
 RANKINE_PER_K = 1.8
 PSF_PER_HPA = 100.0 / 47.88025898
 OFFSET_MAX_K = 60.0
+QNH_RANGE_HPA = (850.0, 1100.0)
 
 
 class WeatherConfig(BaseModel):
@@ -42,7 +43,7 @@ class WeatherConfig(BaseModel):
 
     temperature_offset_k: Annotated[float, Field(ge=-OFFSET_MAX_K, le=OFFSET_MAX_K)] | None = None
     ground_temperature_c: Annotated[float, Field(ge=-80, le=60)] | None = None
-    qnh_hpa: Annotated[float, Field(ge=850, le=1100)] = SEA_LEVEL_PRESSURE_HPA
+    qnh_hpa: Annotated[float, Field(ge=QNH_RANGE_HPA[0], le=QNH_RANGE_HPA[1])] = SEA_LEVEL_PRESSURE_HPA
 
     @model_validator(mode="after")
     def _at_most_one_temperature(self) -> Self:
@@ -53,7 +54,8 @@ class WeatherConfig(BaseModel):
     @property
     def is_standard(self) -> bool:
         """Whether it is the standard atmosphere."""
-        return self == WeatherConfig()
+        shifted = self.temperature_offset_k or self.ground_temperature_c is not None
+        return not shifted and self.qnh_hpa == SEA_LEVEL_PRESSURE_HPA
 
     def offset_k(self, home_alt_amsl_m: float) -> float:
         """Deviation from the standard atmosphere's temperature, K."""

@@ -16,6 +16,7 @@ from fdm.aircraft_spec import AircraftSpec
 from fdm.errors import FdmError
 from fdm.exchange import Exchange
 from fdm.fleet_exchange import FleetExchange, open_exchange
+from fdm.weather import in_weather
 
 log = logging.getLogger("physics")
 
@@ -27,7 +28,7 @@ def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exch
     specs = [
         AircraftSpec(
             ua.id,
-            airframe_of(ua),
+            in_weather(airframe_of(ua), scenario.weather, home_of(ua, scenario.origin)),
             home_of(ua, scenario.origin),
             scenario.fdm_port(ua),
             wind.build(seed=scenario.seed, ua_id=ua.id),

@@ -1,9 +1,12 @@
 import math
 
 import pytest
+from click.testing import CliRunner
 from pydantic import ValidationError
 
+import fdm.__main__
 from fdm.airframe import load_airframe
+from fdm.errors import FdmError
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.jsbsim_model import JsbsimModel
 from fdm.weather import WeatherConfig, in_weather
@@ -110,6 +113,22 @@ def test_propellers_pull_less_in_thin_air():
 def test_the_standard_weather_changes_nothing():
     airframe = load_airframe("f450")
     assert in_weather(airframe, WeatherConfig(), home(488.0)) is airframe
+    assert in_weather(airframe, WeatherConfig(temperature_offset_k=0.0), home(488.0)) is airframe
+
+
+def test_the_command_line_sets_the_weather(monkeypatch):
+    seen = []
+
+    def no_exchange(specs, **_):
+        seen.extend(specs)
+        raise FdmError("enough")
+
+    monkeypatch.setattr(fdm.__main__, "open_exchange", no_exchange)
+    arguments = ["--home", "47,8,500,0", "--temperature-offset", "20", "--qnh", "990"]
+    assert CliRunner().invoke(fdm.__main__.main, arguments).exit_code == 2
+    model = JsbsimModel(seen[0].airframe, seen[0].home)
+    expected = standard(500.15, offset_k=20.0, home_m=500.0, qnh_hpa=990.0)
+    assert air_of(model) == pytest.approx(expected, rel=2e-5)
 
 
 @pytest.mark.parametrize(
