@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import platform
 import socket
 import statistics
@@ -83,6 +84,11 @@ def bare_step_us(model: JsbsimModel, frames: int) -> float:
     return statistics.median(spent_us)
 
 
+def load() -> float:
+    """Processes that ran or wanted to, on average over the last minute; the measure's own is one of them."""
+    return round(os.getloadavg()[0], 1)
+
+
 def measure(airframe_name: str, rounds: int, frames: int, fleet: int) -> dict[str, object]:
     """Alternate both, `rounds` times; medians and the median of the ratios."""
     airframe = load_airframe(airframe_name)
@@ -110,19 +116,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, print people's lines and one line of JSON."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--airframe", default="f450")
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--frames", type=int, default=8000)
-    parser.add_argument("--fleet", type=int, nargs="*", default=[1, 4])
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--frames", type=int, default=3000, help="per round, all UA together")
+    parser.add_argument("--fleet", type=int, nargs="*", default=[1, 4, 16])
     options = parser.parse_args(arguments)
     results = [
         measure(options.airframe, options.rounds, options.frames // fleet, fleet) for fleet in options.fleet
     ]
+    print(f"fdm: load average {load()} on {os.cpu_count()} cores; a busy machine spoils the figures")
     for result in results:
         print(
             f"fdm: {result['airframe']}, {result['fleet']} UA: {result['frame_us']} us per frame, "
             f"bare JSBSim step {result['bare_step_us']} us, ratio {result['ratio']} (limit {LIMIT})"
         )
-    print(json.dumps({"bench": "fdm_frame", "results": results}))
+    print(json.dumps({"bench": "fdm_frame", "load": load(), "results": results}))
 
 
 if __name__ == "__main__":

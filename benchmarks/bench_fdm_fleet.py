@@ -15,6 +15,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from benchmarks.bench_fdm import load
 from benchmarks.bench_fdm_ardupilot import (
     FIRST_INSTANCE,
     HOME,
@@ -44,6 +45,7 @@ def curve(
     first: int,
     warm_up_s: float,
     seconds: float,
+    workers: int,
 ) -> Points:
     """Measure each fleet size."""
     points: Points = {}
@@ -51,7 +53,9 @@ def curve(
         instances = range(first, first + size)
         with running(command, instances):
             ports = [default_port(instance) for instance in instances]
-            points[size] = factor_with_physics(ports, warm_up_s, seconds, speed=1.0)
+            points[size] = factor_with_physics(
+                ports, warm_up_s, seconds, speed=1.0, workers=min(workers, size)
+            )
         print(
             f"  {size} UA: real-time factor {points[size][0]:.3f}, exchange {points[size][1]:.2f} cores",
             flush=True,
@@ -100,6 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--warm-up", type=float, default=3.0, help="wall time before the measure, s")
     parser.add_argument("--seconds", type=float, default=5.0, help="wall time of each measure")
     parser.add_argument("--instance", type=int, default=FIRST_INSTANCE, help="the first UA's, below 250")
+    parser.add_argument("--workers", type=int, default=1, help="processes of the exchange")
     parser.add_argument("--plot", type=Path, help="file of the plot")
     options = parser.parse_args(arguments)
     binary = find_arducopter()
@@ -111,9 +116,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if name not in commands:
             print("fdm fleet with arducopter: skipped, as neither ARDUPILOT_HOME nor PATH leads to one")
             continue
-        print(f"fdm fleet with {name}, speed 1, {os.cpu_count()} cores")
+        print(
+            f"fdm fleet with {name}, speed 1, {os.cpu_count()} cores, {options.workers} worker(s), "
+            f"load average {load()} before"
+        )
         curves[name] = curve(
-            commands[name], options.sizes, options.instance, options.warm_up, options.seconds
+            commands[name],
+            options.sizes,
+            options.instance,
+            options.warm_up,
+            options.seconds,
+            options.workers,
         )
     print(table(curves))
     if options.plot is not None:

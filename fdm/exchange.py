@@ -11,7 +11,6 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from math import inf
 
 from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.errors import ModelDivergedError
@@ -19,7 +18,7 @@ from fdm.events import EventKind, UaEvent
 from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, Peers, check_speed
 from fdm.jsbsim_model import JsbsimModel
 from fdm.lockstep import Verdict
-from fdm.poller import Poller, core_count
+from fdm.poller import Poller
 from fdm.seat import BuildModel, Seat, bind
 from fdm.sensor_frame import decode_sensor_frame
 from fdm.truth import Truth
@@ -28,12 +27,12 @@ __all__ = ["AircraftSpec", "Exchange", "LegacyPeer", "default_port"]
 
 DATAGRAM_MAX_BYTES = 128
 """Longer datagrams arrive cut to this length, which is the length of no servo packet either."""
+WAIT = 0
+"""Flag of a read that waits, up to the socket's time-out."""
 DRAIN_MAX = 16
 """Datagrams without effect that are read from one socket before the others get their turn."""
 BATCH = 8
 """UA that are stepped one after the other before they are answered: that keeps JSBSim in the processor's caches."""
-SPIN_NS = 200_000
-"""How long to look for packets before going to sleep, at full speed and with a core to spare."""
 
 _log = logging.getLogger(__name__)
 
@@ -104,7 +103,6 @@ class Exchange:
         self._seen_version = -1
         self._commands: deque[Callable[[], None]] = deque()
         self._stopping = False
-        self._spare_cores = core_count() if peers is None else 0
         self._wake_receiver, self._wake_sender = socket.socketpair()
         self._wake_receiver.setblocking(False)
         self._wake_sender.setblocking(False)
@@ -142,25 +140,20 @@ class Exchange:
 
     def turn(self) -> None:
         """Once round the loop: wait until something is there to do, and do it. What `run` repeats."""
-        clock, lone = self._clock, self._lone
-        # A single UA at full speed has often answered by now: looking costs less than asking the poller.
-        if lone is None or clock.speed != inf or lone.member.waiting or not self._heard_at_once(lone):
+        lone = self._lone
+        # Where only one packet can come, waiting in its socket spares the poller.
+        if lone is None or lone.member.waiting or not lone.member.live or not self._hear(lone, WAIT):
             self._wait()
         self._progress()
-        for member in clock.take_stalled():
+        for member in self._clock.take_stalled():
             self._tell(EventKind.STALLED, member, "its autopilot does not answer")
             self._progress()
-
-    def _heard_at_once(self, seat: Seat) -> bool:
-        self._clock.update(time.monotonic_ns())
-        return self._hear(seat)
 
     def _wait(self) -> None:
         """Wait for packets, wakes or the clock, and hear what has come."""
         clock = self._clock
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
-        spin_ns = SPIN_NS if clock.speed == inf and clock.live_count < self._spare_cores else 0
-        ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns, spin_ns)
+        ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
         clock.update(time.monotonic_ns())
         seats = self._seats
         for fd, _ in ready:
@@ -255,15 +248,21 @@ class Exchange:
         except BlockingIOError:
             return
 
-    def _hear(self, seat: Seat) -> bool:
-        """Read datagrams of one UA until one asks for a step, or there are none. Whether there were any."""
-        aircraft, wall_ns = seat.aircraft, self._clock.wall_ns
+    def _hear(self, seat: Seat, flags: int = socket.MSG_DONTWAIT) -> bool:
+        """Read datagrams of one UA until one asks for a step, or there are none. Whether there were any.
+
+        With `flags` WAIT the first may take until the socket's own time-out.
+        """
+        aircraft, clock = seat.aircraft, self._clock
         for count in range(DRAIN_MAX):
             try:
-                datagram, sender = seat.recvfrom(DATAGRAM_MAX_BYTES)
+                datagram, sender = seat.recvfrom(DATAGRAM_MAX_BYTES, flags)
             except BlockingIOError:
                 return count > 0
-            verdict = aircraft.receive(datagram, sender, wall_ns)
+            if flags == WAIT:
+                clock.update(time.monotonic_ns())
+                flags = socket.MSG_DONTWAIT
+            verdict = aircraft.receive(datagram, sender, clock.wall_ns)
             if verdict is Verdict.ADVANCE or verdict is Verdict.GAP:
                 if seat.member.live or self._return(seat):
                     self._ask(seat)
@@ -309,10 +308,11 @@ class Exchange:
         """Step whoever may, emit the ticks that are reached, until nothing moves."""
         clock = self._clock
         while True:
-            while self._commands:
-                self._commands.popleft()()
+            if self._commands:
+                self._obey()
             if clock.limits_version != self._seen_version:
-                self._emit_due_ticks()
+                if clock.due_tick_ns() is not None:
+                    self._emit_due_ticks()
                 self._seen_version = clock.limits_version
                 if self._blocked:
                     self._arrivals, self._blocked = self._blocked + self._arrivals, []
@@ -325,6 +325,10 @@ class Exchange:
                 (granted if clock.may_step(seat.member) else self._blocked).append(seat)
             for begin in range(0, len(granted), BATCH):
                 self._serve(granted[begin : begin + BATCH])
+
+    def _obey(self) -> None:
+        while self._commands:
+            self._commands.popleft()()
 
     def _serve(self, seats: Sequence[Seat]) -> None:
         """Step all, then answer all."""
@@ -361,8 +365,7 @@ class Exchange:
             clock.tick_emitted()
             if self._on_tick is not None:
                 self._on_tick(status)
-            while self._commands:
-                self._commands.popleft()()
+            self._obey()
 
     def _restarts(self) -> dict[int, int]:
         name = Verdict.RESTART.value

@@ -27,7 +27,6 @@ from fdm.exchange import Exchange
 from fdm.exchange_settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Workers, check_settings
 from fdm.fleet_clock import NEVER_NS
 from fdm.fleet_ticks import FleetTicks
-from fdm.poller import core_count
 from fdm.seat import bind
 from fdm.worker_messages import Ended, Happened, Plan, Reached
 from fdm.worker_process import WorkerProcess, end_all
@@ -294,7 +293,8 @@ def worker_count(workers: Workers, ua: int) -> int:
         ValueError: a number below 1.
     """
     if workers == "auto":
-        return max(1, min(core_count(), -(-ua // UA_PER_WORKER)))
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return max(1, min(cores, -(-ua // UA_PER_WORKER)))
     if workers < 1:
         raise ValueError(f"workers = {workers}: must be auto or at least 1")
     return min(workers, ua)

@@ -22,6 +22,9 @@ BuildModel = Callable[[Airframe, Home], FlightModel]
 
 DROPPED_BY_SYSTEM = "dropped_by_system"
 """Counter of the datagrams that the system dropped because the socket's buffer was full."""
+READ_TIMEOUT_US = 10_000
+"""Longest wait in a socket: for so long a lone UA's exchange may overlook commands."""
+_TIMEVAL = struct.Struct("@ll")
 _SO_MEMINFO = 55
 _MEMINFO = struct.Struct("9I")
 _MEMINFO_DROPS = 8
@@ -34,7 +37,7 @@ class Seat:
 
     Args:
         spec: the UA.
-        sock: its socket, bound and not blocking; the seat's from now on.
+        sock: its socket, of `bind`; the seat's from now on.
         member: its place in the fleet clock.
         build_model: makes its flight model.
 
@@ -68,7 +71,7 @@ class Seat:
         if self._state_port is not None:
             address = (address[0], self._state_port)
         try:
-            self.sendto(reply, address)
+            self.sendto(reply, socket.MSG_DONTWAIT, address)
         except OSError as error:  # the autopilot will ask again
             self.aircraft.count("send_failed")
             _log.debug("UA %d: reply not sent: %s", self.aircraft.ua_id, error)
@@ -81,14 +84,14 @@ class Seat:
 
 
 def bind(spec: AircraftSpec, host: str) -> socket.socket:
-    """A socket on the UA's port, not blocking.
+    """A socket on the UA's port. Its calls wait, for READ_TIMEOUT_US at most, unless a flag forbids it.
 
     Raises:
         PortInUseError: the port cannot be had.
     """
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIMEVAL.pack(0, READ_TIMEOUT_US))
         sock.bind((host, spec.port))
     except OSError as error:
         sock.close()
