@@ -1,6 +1,7 @@
 """The airframes that ship, each in its own flight model."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -278,3 +279,13 @@ def test_roll_and_yaw_are_coupled_as_the_book_s_product_of_inertia_does():
     roll, yaw = (model._exec[f"moments/{axis}-total-lbsft"] * foot_pound for axis in "ln")
     expected = np.linalg.solve([[JX, -JXZ], [-JXZ, JZ]], [roll, yaw])
     assert model._exec["accelerations/rdot-rad_sec2"] == pytest.approx(expected[1], rel=0.01)
+
+
+def test_the_worked_example_of_the_docs_flies():
+    example = Path(__file__).parents[3] / "examples" / "airframe" / "mini.yaml"
+    model = JsbsimModel(load_airframe(example), HOME)
+    fly(model, packet(1450, 1450, 1450, 1450), 0.5)
+    before = model.sense()
+    assert before[14] < 0.0  # it climbs
+    fly(model, packet(1450, 1500, 1500, 1450), 0.1)  # more on the left: rolls right
+    assert model.sense()[0] - before[0] > 0.5
