@@ -34,8 +34,8 @@ from fdm.worker_process import WorkerProcess, end_all
 IDLE_CHECK_S = 0.1
 """How often to look whether a worker has no live UA left, which it does not tell."""
 END_TIMEOUT_S = 5.0
-UA_PER_WORKER = 32
-"""What `auto` gives one process (docs/performance.md)."""
+UA_PER_WORKER = 16
+"""What `auto` gives one process: at 800 Hz that is two thirds of a core (docs/performance.md)."""
 
 _log = logging.getLogger(__name__)
 
@@ -287,14 +287,16 @@ class FleetExchange:
 
 
 def worker_count(workers: Workers, ua: int) -> int:
-    """How many worker processes to use for `ua` UA; with ``auto`` as many as pay, never more than cores or UA.
+    """How many worker processes to use for `ua` UA, never more than there are UA.
+
+    With ``auto`` that is one per UA_PER_WORKER, but at most half of the cores: the autopilots need the others.
 
     Raises:
         ValueError: a number below 1.
     """
     if workers == "auto":
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        return max(1, min(cores, -(-ua // UA_PER_WORKER)))
+        return max(1, min(cores // 2, -(-ua // UA_PER_WORKER)))
     if workers < 1:
         raise ValueError(f"workers = {workers}: must be auto or at least 1")
     return min(workers, ua)
