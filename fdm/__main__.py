@@ -173,7 +173,8 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     help="Pressure at home, reduced to sea level, hPa.",
 )
 @click.option(
-    "--noise", help="YAML file of sensor errors beyond those of SITL (docs/fdm-weather.md); none if not given."
+    "--noise",
+    help="YAML file of sensor errors beyond those of SITL (docs/fdm-weather.md); none if not given.",
 )
 @click.option(
     "--seed",
