@@ -1,10 +1,8 @@
 """How likely a flight log is under a radio, as a function of what is fitted.
 
 A packet without a measured power is a Bernoulli trial with the closed probability of delivery. One that arrived with
-RSSI r adds the chance of the bin that r lies in, times the probability of delivery at the power that was there: r less
-the receiver's own error, a normal law about (1 - k) mean + k r with k = sigma^2 / (sigma^2 + error^2), as of two normal
-laws. (Beside the edge of a one-sided law that is an approximation; nearly everything arrives there.) A lost packet has
-no RSSI: what a log says of its power is left alone.
+RSSI r adds the chance of the bin that r lies in, times the probability of delivery at the power that was there, which
+the receiver's own error blurs. A lost packet has no RSSI: what a log says of its power is left alone.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from channel.config import RadioConfig
 from channel.error_model import Band
 from channel.flight_log import FlightLog
 from channel.geometry import Path
-from channel.rssi_law import BinChance, bins_of, normal_bins, one_sided_bins
+from channel.rssi_law import BinChance, TruePower, bins_of, normal_bins, one_sided_bins, true_power
 from channel.shadowing import OneSidedNormalShadowing
 from channel.success_table import SuccessTable
 
@@ -103,6 +101,8 @@ class Likelihood:
         if self.has_rssi:
             self._rssi_dbm[heard], bin_db = bins_of(log.rssi_dbm[heard])
         self._bin_db = bin_db
+        self._far = float(np.average(self._decades, weights=np.maximum(1.0 - log.delivered, 1e-3)))
+        """Decades of distance at which packets are lost."""
         self._power_at_reference = power_at_reference_dbm(base, reference_m)
         self._floor_dbm = base.noise.noise_floor_dbm(base.bandwidth_hz)
         band = Band(base.bandwidth_hz, base.bit_rate_bps)
@@ -139,6 +139,23 @@ class Likelihood:
         """Return sigma from its parameter, infinities kept."""
         return value if self._one_sided or math.isinf(value) else math.sqrt(max(value, 0.0))
 
+    def shifted(self, at: Parameters, step: Parameters) -> Parameters:
+        """Return a place a step away, sigma taken on along its own slope: ridges are straight in it, not in sigma^2."""
+        out = at + step
+        if not self._one_sided:
+            sigma_db = math.sqrt(max(float(at[SIGMA]), LEAST_SIGMA_DB**2))
+            out[SIGMA] = max(sigma_db + 0.5 * float(step[SIGMA]) / sigma_db, 0.1 * sigma_db) ** 2
+        return out
+
+    def at_exponent(self, at: Parameters, exponent: float) -> Parameters:
+        """Return about the same radio with another exponent: loses as far away, over as many metres."""
+        values = self.natural(at)
+        share = exponent / max(values[EXPONENT], 0.1)
+        values[OFFSET] += 10.0 * (exponent - values[EXPONENT]) * self._far
+        values[SIGMA] *= share
+        values[EXPONENT] = exponent
+        return self.inside(self._coordinates(values))
+
     def inside(self, at: Parameters) -> Parameters:
         """Return the nearest place within the limits."""
         return np.clip(at, self.low, self.high)
@@ -149,8 +166,7 @@ class Likelihood:
         base_loss = float(np.clip(1.0 - np.mean(self._delivered[near]), 0.005, 0.5))
         if self.has_rssi:
             return self._starts_from_rssi(base_loss)
-        lost = np.maximum(1.0 - self._delivered, 1e-3)
-        far = float(np.average(self._decades, weights=lost))
+        far = self._far
         level = self._floor_dbm + 8.0 - self._power_at_reference
         rest = base_loss, self._floor_dbm, LIMITS[ERROR_NAME][0]
         return [
@@ -217,21 +233,16 @@ class Likelihood:
         index = group.heard
         sigma_db, error_db = self._sigma_db(at), float(at[ERROR])
         residual = self._rssi_dbm[index] - self._mean_dbm(at, index)
-        variance = sigma_db**2 + error_db**2
-        kept, spread = sigma_db**2 / variance, sigma_db * error_db / math.sqrt(variance)
-        power_snr = self._rssi_dbm[index] - (1.0 - kept) * residual - at[FLOOR]
-        success, by_snr, by_spread = group.at_rssi.averaged(power_snr, spread)
-        success = np.maximum(success, TINY)
         law = self._law(sigma_db, error_db, residual)
+        power = true_power(residual, sigma_db, error_db, one_sided=self._one_sided)
+        snr = self._rssi_dbm[index] - at[FLOOR]
+        success, by_snr, by_residual, by_sigma, by_error = _arriving(group.at_rssi, snr, power)
         logs = np.log(success) + np.log(law.chance) + np.log(max(1.0 - at[BASE], TINY))
         scores = np.zeros((len(ALL_NAMES), index.size))
-        turn = 2.0 * sigma_db * error_db / variance**2 * residual * by_snr
-        scores[OFFSET] = (1.0 - kept) * by_snr / success - law.by_residual / law.chance
+        scores[OFFSET] = -by_residual / success - law.by_residual / law.chance
         scores[EXPONENT] = -10.0 * self._decades[index] * scores[OFFSET]
-        by_sigma = (turn * error_db + error_db**3 / variance**1.5 * by_spread) / success
-        by_error = (-turn * sigma_db + sigma_db**3 / variance**1.5 * by_spread) / success
-        scores[SIGMA] = (by_sigma + law.by_sigma / law.chance) * self._sigma_slope(sigma_db)
-        scores[ERROR] = by_error + law.by_error / law.chance
+        scores[SIGMA] = (by_sigma / success + law.by_sigma / law.chance) * self._sigma_slope(sigma_db)
+        scores[ERROR] = by_error / success + law.by_error / law.chance
         scores[FLOOR] = -by_snr / success
         scores[BASE] = -1.0 / max(1.0 - at[BASE], TINY)
         return logs, scores, np.ones(index.size)
@@ -261,6 +272,34 @@ class Likelihood:
         if floor_dbm != self._floor_dbm:
             out["noise"] = {"model": "fixed", "floor_dbm": floor_dbm}
         return out
+
+
+def _arriving(
+    table: SuccessTable, snr_db: FloatArray, power: TruePower
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the probability of delivery at readings, and its derivatives by SNR, residual, sigma and error."""
+    shift, by_residual, by_sigma, by_error = power.shift
+    spread, spread_by_sigma, spread_by_error = power.spread
+    success, by_snr, by_spread = table.averaged(snr_db + shift, spread)
+    if power.share is None:
+        slopes = (
+            by_snr * by_residual,
+            by_snr * by_sigma + by_spread * spread_by_sigma,
+            by_snr * by_error + by_spread * spread_by_error,
+        )
+        return np.maximum(success, TINY), by_snr, *slopes
+    share, *share_slopes = power.share  # the average goes linearly with the variance
+    sharp, sharp_by_snr, _ = table.averaged(snr_db + shift, 0.0)
+    change = success - sharp
+    by_snr = sharp_by_snr + share * (by_snr - sharp_by_snr)
+    spread_slopes = 0.0, spread_by_sigma, spread_by_error
+    edge, steeper, blurred = (
+        by_snr * slope + share * by_spread * spread_slope + change * share_slope
+        for slope, spread_slope, share_slope in zip(
+            (by_residual, by_sigma, by_error), spread_slopes, share_slopes, strict=True
+        )
+    )
+    return np.maximum(sharp + share * change, TINY), by_snr, edge, steeper, blurred
 
 
 def power_at_reference_dbm(base: RadioConfig, reference_m: float) -> float:

@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtr, owens_t
+from scipy.special import log_ndtr, ndtr, owens_t
 
 from channel.checks import FloatArray
 
@@ -30,6 +30,57 @@ class BinChance(NamedTuple):
     by_residual: FloatArray
     by_sigma: FloatArray
     by_error: FloatArray
+
+
+class TruePower(NamedTuple):
+    """The power that was there, given a reading: the reading plus `shift`, and a normal spread about it, dB.
+
+    Attributes:
+        shift: mean, less the reading; with its derivatives by residual, sigma and error.
+        spread: standard deviation far from the edge; with its derivatives by sigma and error.
+        share: of the variance that the edge leaves; with its derivatives by residual, sigma and error.
+    """
+
+    shift: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    spread: tuple[float, float, float]
+    share: tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None
+
+
+def true_power(residual_db: FloatArray, sigma_db: float, error_db: float, *, one_sided: bool) -> TruePower:
+    """Return what a reading says of the power, by Bayes: two normal laws, cut off at the edge of a one-sided one.
+
+    Moments of the normal law cut off above: Johnson, Kotz, Balakrishnan, Continuous Univariate Distributions 1, 13.10.
+    """
+    variance = sigma_db**2 + error_db**2
+    root = math.sqrt(variance)
+    spread = sigma_db * error_db / root
+    by_sigma, by_error = (error_db / root) ** 3, (sigma_db / root) ** 3
+    lost = error_db**2 / variance  # 1 - k of the weight that the reading has
+    turn = 2.0 * sigma_db * error_db / variance**2
+    shift = -lost * residual_db
+    slopes = np.full_like(residual_db, -lost), turn * error_db * residual_db, -turn * sigma_db * residual_db
+    if not one_sided:
+        return TruePower((shift, *slopes), (spread, by_sigma, by_error), None)
+    steep = sigma_db / (error_db * root)
+    edge = np.clip(-steep * residual_db, -200.0, 200.0)
+    edge_slopes = (
+        np.full_like(residual_db, -steep),
+        -residual_db * error_db / (variance * root),
+        residual_db * sigma_db * (variance + error_db**2) / (error_db**2 * variance * root),
+    )
+    mills = np.exp(-0.5 * edge**2 - log_ndtr(edge)) / _SQRT_2PI
+    mills_slope = -mills * (edge + mills)
+    share = np.clip(1.0 - edge * mills - mills**2, 0.0, 1.0)
+    share_slope = -mills - edge * mills_slope - 2.0 * mills * mills_slope
+    cut = [
+        old - spread_slope * mills - spread * mills_slope * slope
+        for old, spread_slope, slope in zip(slopes, (0.0, by_sigma, by_error), edge_slopes, strict=True)
+    ]
+    return TruePower(
+        (shift - spread * mills, cut[0], cut[1], cut[2]),
+        (spread, by_sigma, by_error),
+        (share, share_slope * edge_slopes[0], share_slope * edge_slopes[1], share_slope * edge_slopes[2]),
+    )
 
 
 def bins_of(rssi_dbm: FloatArray) -> tuple[FloatArray, float]:

@@ -98,6 +98,20 @@ def test_a_receivers_own_error_is_told_from_shadowing():
     assert 1.0 < fit.rssi_error_db < 2.0
 
 
+def test_a_receivers_own_error_is_told_from_one_sided_shadowing():
+    chosen = fresh_set("moon2020", 7.0, 2.5, 0.05, -250.0, rssi_step_db=0.0)
+    truth, base = truth_of(chosen.truth), presets.load_radio("moon2020")
+    held = total = 0
+    for repeat in range(8):
+        clean = synthetic_log(chosen, 2000, (8, repeat))
+        error_db = np.random.Generator(np.random.PCG64(repeat)).normal(0.0, 1.2, 2000)
+        log = FlightLog(clean.distance_m, clean.delivered, clean.length_bytes, clean.rssi_dbm + error_db)
+        for estimate in fit_radio(log, base).estimates:
+            total += 1
+            held += estimate.low <= truth[estimate.name] <= estimate.high
+    assert held >= 0.88 * total
+
+
 def test_readings_off_the_law_do_not_decide_a_fit():
     config = presets.load_radio("moon2020", {"base_loss": 0.05})
     log = synthetic(config, 1500, 50, 550, 8, rssi=True)
