@@ -260,7 +260,8 @@ def test_a_square_is_flown_as_arducopter_flies_it(
 ) -> None:
     frame = tmp_path / "frame.parm"
     parameters = load_airframe(airframe_name).ardupilot_parameters
-    frame.write_text("".join(f"{name} {value:g}\n" for name, value in parameters.items()))
+    brisk = {"WPNAV_ACCEL": 500.0, "RTL_ALT": 1000.0, "LAND_SPEED": 100.0}
+    frame.write_text("".join(f"{name} {value:g}\n" for name, value in (parameters | brisk).items()))
     wind = load_wind(wind_name).build(seed=1, ua_id=0)
     with flying("--defaults", str(frame), airframe_name=airframe_name, wind=wind) as flight:
         client = flight.client
@@ -285,6 +286,7 @@ def test_a_square_is_flown_as_arducopter_flies_it(
         assert client.command(176, 1, RTL) == 0
         client.wait_disarmed()
         landed = flight.truth[-1]
+        print(f"{landed.sim_time_ns / 1e9:.0f} s of sim time")
     heights = [-one.position_ned_m[2] for one in square]
     print(
         f"{airframe_name}, {wind_name}: hover within {hover_m:.2f} m, square at {min(heights):.1f} to "
