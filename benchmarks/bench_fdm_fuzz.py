@@ -17,12 +17,15 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
+from multiprocessing.sharedctypes import Synchronized
+from typing import Any
 
 import numpy as np
 
 from fdm.airframe import load_airframe
 from fdm.exchange import AircraftSpec, Exchange
 from fdm.geodesy import GeodeticPosition, Home
+from fdm.lockstep import Verdict
 from fdm.seat import DROPPED_BY_SYSTEM
 from fdm.servo_packet import DROP_REASONS, ServoPacket, encode_servo_packet, unpack_servo_packet
 
@@ -55,8 +58,8 @@ def garbage_pool(seed: int) -> list[bytes]:
     return pool
 
 
-def fly(ports: Sequence[int]) -> None:
-    """Pilots in lockstep, one per port, until killed."""
+def fly(ports: Sequence[int], sent: Synchronized[int]) -> None:
+    """Pilots in lockstep, one per port, until killed; keeps count of what they send."""
     pilots = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in ports]
     for sock, port in zip(pilots, ports, strict=True):
         sock.connect(("127.0.0.1", port))
@@ -65,19 +68,21 @@ def fly(ports: Sequence[int]) -> None:
     while True:
         datagram = encode_servo_packet(ServoPacket(RATE_HZ, count, (1000 + count % 20,) * 16))
         for sock in pilots:
+            sent.value += 1
             sock.send(datagram)
         for sock in pilots:
-            receive_or_repeat(sock, datagram)
+            receive_or_repeat(sock, datagram, sent)
         count += 1
 
 
-def receive_or_repeat(sock: socket.socket, datagram: bytes) -> None:
+def receive_or_repeat(sock: socket.socket, datagram: bytes, sent: Synchronized[int]) -> None:
     """Wait for the answer as SITL does, which sends its packet again after 1.1 s."""
     while True:
         try:
             sock.recv(2048)
             return
         except TimeoutError:
+            sent.value += 1
             sock.send(datagram)
 
 
@@ -115,14 +120,15 @@ def frame_rate_hz(
     return (counted(exchange, "frames") - begin) / (time.perf_counter() - begin_s)
 
 
-def measure(total: int, speed: float, peace_s: float, pause_s: float) -> dict[str, object]:
+def measure(total: int, speed: float, peace_s: float, pause_s: float) -> dict[str, Any]:
     """Fly in peace, then in the flood."""
     airframe = load_airframe("f450")
     exchange = Exchange([AircraftSpec(index, airframe, HOME, 0) for index in range(FLEET)], speed=speed)
     ports = list(exchange.ports.values())
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    pilots = context.Process(target=fly, args=(ports,), daemon=True)
+    by_pilots = context.Value("q", 0)
+    pilots = context.Process(target=fly, args=(ports, by_pilots), daemon=True)
     storm = context.Process(target=flood, args=(ports, total, pause_s, sender), daemon=True)
     thread = threading.Thread(target=exchange.run)
     thread.start()
@@ -137,17 +143,23 @@ def measure(total: int, speed: float, peace_s: float, pause_s: float) -> dict[st
         flood_hz = frame_rate_hz(exchange, storm, 600.0)  # type: ignore[arg-type]
         flood_s = time.perf_counter() - begin_s
         sent, answers = receiver.recv()
-        dropped = counted(exchange, DROPPED_BY_SYSTEM)
+        pilots.kill()
+        pilots.join()
+        never.wait(0.5)  # the last packets of the pilots are heard
     finally:
         pilots.kill()
         storm.kill()
         exchange.stop()
         thread.join()
+        dropped = counted(exchange, DROPPED_BY_SYSTEM)
         exchange.close()
     got = {reason: counted(exchange, reason) for reason in DROP_REASONS}
+    valid = sum(counted(exchange, verdict.value) for verdict in Verdict)
     return {
         "sent": sent,
+        "sent_by_pilots": by_pilots.value,
         "counted": got,
+        "counted_of_pilots": valid,
         "dropped_by_system": dropped,
         "answers": answers,
         "datagrams_per_s": round(total / flood_s),
@@ -171,11 +183,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--pause", type=float, default=1e-3, help=f"between bursts of {BURST} datagrams, s")
     options = parser.parse_args(arguments)
     result = measure(options.datagrams, options.speed, options.peace, options.pause)
-    counted = sum(result["counted"].values()) + result["dropped_by_system"]  # type: ignore[attr-defined, operator]
+    all_sent = options.datagrams + result["sent_by_pilots"]
+    heard = sum(result["counted"].values()) + result["counted_of_pilots"]
+    missing = all_sent - heard - result["dropped_by_system"]
     print(
         f"fdm fuzz: {options.datagrams} datagrams at {result['datagrams_per_s']}/s, speed {options.speed:g}: "
-        f"{options.datagrams - counted} not counted, {result['dropped_by_system']} counted as dropped by the "
-        f"system, {result['answers']} answered; "
+        f"{missing} of them and of {result['sent_by_pilots']} valid ones not counted, "
+        f"{result['dropped_by_system']} counted as dropped by the system, {result['answers']} answered; "
         f"frames per second {result['flood_frames_per_s']}, in peace {result['peace_frames_per_s']}: "
         f"ratio {result['ratio']} (wanted: {LIMIT})"
     )

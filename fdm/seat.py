@@ -22,6 +22,8 @@ BuildModel = Callable[[Airframe, Home], FlightModel]
 
 DROPPED_BY_SYSTEM = "dropped_by_system"
 """Counter of the datagrams that the system dropped because the socket's buffer was full."""
+RECEIVE_BUFFER_BYTES = 4 << 20
+"""Asked of the system, which may give less: a full buffer loses the autopilot's packets among garbage."""
 READ_TIMEOUT_US = 10_000
 """Longest wait in a socket: for so long a lone UA's exchange may overlook commands."""
 _TIMEVAL = struct.Struct("@ll")
@@ -91,6 +93,7 @@ def bind(spec: AircraftSpec, host: str) -> socket.socket:
     """
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIMEVAL.pack(0, READ_TIMEOUT_US))
         sock.bind((host, spec.port))
     except OSError as error:

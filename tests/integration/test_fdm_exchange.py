@@ -558,6 +558,8 @@ def test_mistakes_of_the_caller_are_refused():
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what a socket dropped")
 def test_what_the_system_drops_from_a_full_buffer_is_counted_too():
     exchange = Exchange([AircraftSpec(0, load_airframe("f450"), HOME, 0)])
+    seat = next(iter(exchange._seats.values()))
+    seat.sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 50_000)
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             for _ in range(2000):
