@@ -11,7 +11,7 @@ Intervals hold the values whose profile deviance is below the chi-squared quanti
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +41,7 @@ RESTARTS = 12
 MOST_STARTS = 3
 STARTS_SIGMA_DB = (1.0, 4.0, 9.0)
 STARTS_EXPONENT = (2.0, 3.5, 6.0, 12.0)
+RIDGE_EXPONENTS = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 7.5, 10.0, 14.0, 20.0)
 
 
 class NotEnoughInformationError(ValueError):
@@ -200,22 +201,31 @@ Ends = dict[int, tuple[float, float]]
 def _intervals(likelihood: Likelihood, free: Mask) -> tuple[Point, Ends]:
     """Return the maximum and the ends of the intervals; from a higher maximum, if the search finds one."""
     best = _climb_from_everywhere(likelihood, free)
+    ridge = _ridge(likelihood, best, free)
+    best = max(
+        (best, *(climb(likelihood, point.at, free) for point in ridge if point.value > best.value)),
+        key=_value,
+    )
     for restarts_left in range(RESTARTS, -1, -1):
         ceiling = best.value + HIGHER if restarts_left else math.inf
         try:
-            return best, {i: _ends(likelihood, best, free, i, ceiling) for i in range(len(NAMES)) if free[i]}
+            return best, {
+                i: _ends(likelihood, best, free, i, ceiling, ridge) for i in range(len(NAMES)) if free[i]
+            }
         except HigherError as higher:
             best = climb(likelihood, higher.point.at, free)
     raise AssertionError("the last search has no ceiling")
 
 
-def _ends(likelihood: Likelihood, best: Point, free: Mask, index: int, ceiling: float) -> tuple[float, float]:
+def _ends(
+    likelihood: Likelihood, best: Point, free: Mask, index: int, ceiling: float, ridge: Sequence[Point]
+) -> tuple[float, float]:
     target = best.value - 0.5 * CHI2_95
     sides = (
         Side(index, sign, target, ceiling, float(limits[index]))
         for sign, limits in ((-1.0, likelihood.low), (1.0, likelihood.high))
     )
-    low, high = (interval_end(likelihood, best, free, side) for side in sides)
+    low, high = (interval_end(likelihood, best, free, side, ridge) for side in sides)
     return (likelihood.sigma_db(low), likelihood.sigma_db(high)) if index == SIGMA else (low, high)
 
 
@@ -231,6 +241,33 @@ def _climb_from_everywhere(likelihood: Likelihood, free: Mask) -> Point:
     return max(
         (climb(likelihood, start, free) for start in starts[:MOST_STARTS]), key=lambda each: each.value
     )
+
+
+def _ridge(likelihood: Likelihood, best: Point, free: Mask) -> list[Point]:
+    """Return the best there is at each of many exponents.
+
+    Without RSSI a steep law with much shadowing is nearly as likely as a flat one with little: the likelihood is a
+    long ridge, on which a search that starts at its highest point may not come far.
+    """
+    if likelihood.has_rssi or not free[EXPONENT]:
+        return []
+    known = likelihood.natural(likelihood.base_values)
+    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (float(known[SIGMA]),)
+    others = free.copy()
+    others[EXPONENT] = False
+    points = []
+    for exponent in RIDGE_EXPONENTS:
+        starts = [
+            np.where(free, at, likelihood.base_values) for at in likelihood.starts((exponent,), sigmas_db)
+        ]
+        starts.append(likelihood.at_exponent(best.at, exponent))
+        start = max((likelihood.point(likelihood.inside(at)) for at in starts), key=_value)
+        points.append(climb(likelihood, start.at, others))
+    return points
+
+
+def _value(point: Point) -> float:
+    return point.value
 
 
 def _estimate(

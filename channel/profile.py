@@ -8,6 +8,7 @@ Statistics 37 (1988)). Where that does not settle, the profile itself is climbed
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,8 @@ NO_INFORMATION = 1e-3
 """Of a parameter, over its range squared: with less it is left where it is."""
 DAMPINGS = 10
 HIGHER = 0.01
+FAR = 5.0
+"""Of the deviance's root at the end of an interval: further than that the secant is no guide."""
 
 
 class HigherError(Exception):
@@ -91,15 +94,26 @@ def climb(likelihood: Likelihood, start: Parameters, free: Mask) -> Point:
     return here
 
 
-def interval_end(likelihood: Likelihood, best: Point, free: Mask, side: Side) -> float:
+def interval_end(
+    likelihood: Likelihood, best: Point, free: Mask, side: Side, known: Sequence[Point] = ()
+) -> float:
     """Return where the profile falls to the side's target: infinite if nowhere within the limits.
+
+    Args:
+        likelihood: what is searched.
+        best: its maximum.
+        free: what may move.
+        side: which end.
+        known: other places; the interval has to hold those above the target.
 
     Raises:
         HigherError: there is a better maximum than `best`.
     """
+    inside = [side.checked(point) for point in known if point.value > side.target]
+    farthest = max((best, *inside), key=lambda point: side.sign * point.at[side.index])
     found = _direct(likelihood, best, free, side)
-    if found is None:
-        found = _by_profile(likelihood, best, free, side)
+    if found is None or side.sign * (farthest.at[side.index] - found) > 0.0:
+        found = _by_profile(likelihood, best, farthest, free, side)
     if found is None:
         natural = side.sign < 0.0 and NATURAL_LOW[side.index]
         return side.limit if natural else side.sign * math.inf
@@ -177,28 +191,35 @@ def _cautious(
     return None
 
 
-def _by_profile(likelihood: Likelihood, best: Point, free: Mask, side: Side) -> float | None:
+def _by_profile(likelihood: Likelihood, best: Point, near: Point, free: Mask, side: Side) -> float | None:
     """Return the end within a bracket of trial values, the other parameters climbed anew at each; None: nowhere.
+
+    The bracket begins at `near`, a place above the target.
 
     The root of the deviance is nearly linear in the parameter: trials follow the secant.
     """
     others = free.copy()
     others[side.index] = False
-    moving = _moving(likelihood, best, free)
+    if side.sign * (near.at[side.index] - side.limit) >= 0.0:
+        return None
+    moving = _moving(likelihood, near, free)
     moving[side.index] = True
-    way = _way(likelihood, best, moving, side.index)
+    way = _way(likelihood, near, moving, side.index)
     goal = math.sqrt(2.0 * (best.value - side.target))
-    inside, inside_root, outside, outside_root = float(best.at[side.index]), 0.0, math.nan, math.nan
-    near, step = best, float(way[side.index])
+    inside, outside, outside_root = float(near.at[side.index]), math.nan, math.nan
+    inside_root = math.sqrt(max(2.0 * (best.value - near.value), 0.0))
+    step = float(way[side.index])
     for _ in range(MAX_TRIALS):
         if math.isnan(outside):
             target = inside + side.sign * step
         else:
             share = (goal - inside_root) / max(outside_root - inside_root, 1e-12)
-            target = inside + min(max(share, 0.05), 0.95) * (outside - inside)
+            # A far outside may be a place from which the climb did not come up: then the middle says more.
+            share = min(max(share, 0.05), 0.95) if outside_root < FAR * goal else 0.5
+            target = inside + share * (outside - inside)
         hit = side.sign * (target - side.limit) >= 0.0
         target = side.limit if hit else target
-        start = near.at + (target - near.at[side.index]) / way[side.index] * way
+        start = likelihood.shifted(near.at, (target - near.at[side.index]) / way[side.index] * way)
         start[side.index] = target
         there = side.checked(climb(likelihood, start, others))
         root = math.sqrt(max(2.0 * (best.value - there.value), 0.0))

@@ -51,6 +51,19 @@ def test_with_rssi_everything_is_found(seed):
     assert by_name["noise.floor_dbm"].high - by_name["noise.floor_dbm"].low < 4.0
 
 
+@pytest.mark.parametrize("seed", [6, 17])
+def test_long_ridge_is_followed_to_its_end(seed):
+    """Without RSSI, where a steep law with much shadowing is as likely as the flat one that is true."""
+    floor = {"noise": {"model": "fixed", "floor_dbm": -95.0}}
+    config = presets.load_radio(
+        "corrected", {"propagation": {"exponent": 3.0}, "offset_db": 2.0, "base_loss": 0.05, **floor}
+    )
+    fit = fit_radio(synthetic(config, 2000, 20, 900, seed), presets.load_radio("corrected", floor))
+    truth = truth_of(config)
+    for estimate in fit.estimates:
+        assert estimate.low <= truth[estimate.name] <= estimate.high
+
+
 def fresh_set(base, exponent, sigma_db, base_loss, floor_dbm, **more):
     values = {
         "propagation": {"exponent": exponent},
