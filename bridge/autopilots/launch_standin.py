@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 from bridge.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.autopilots.standin.mixer import MotorFrame, UnknownFrameError, motor_frame
@@ -43,7 +42,8 @@ class StandIn(Launcher):
         command += ["--sysid", str(ua.sysid), "--home", plan.home_text]
         command += ["--fdm-port", str(scenario.fdm_port(ua))]
         command += ["--mavlink-port", str(scenario.autopilot_port(ua))]
-        command += ["--defaults", str(_frame_file(plan))]
+        for name, value in _frame(plan.airframe).items():
+            command += ["--parameter", f"{name}={value:g}"]
         return ProcessSpec(plan.name, command, plan.run.log_path(plan.name))
 
 
@@ -54,10 +54,3 @@ def _frame(airframe: Airframe) -> dict[str, float]:
 
 def _motor_frame(airframe: Airframe) -> MotorFrame:
     return motor_frame(*_frame(airframe).values())
-
-
-def _frame_file(plan: LaunchPlan) -> Path:
-    """The frame as a parameter file in the run's directory."""
-    path = plan.run.path / f"{plan.name}.parm"
-    path.write_text("".join(f"{name} {value:g}\n" for name, value in _frame(plan.airframe).items()))
-    return path

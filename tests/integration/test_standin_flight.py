@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -256,14 +255,13 @@ def test_guided_flight_from_refusal_to_disarm() -> None:
 @pytest.mark.parametrize(("wind_name", "hover_limit_m"), [("calm", 0.3), ("breeze", 1.5)])
 @pytest.mark.parametrize("airframe_name", ["f450", "hexa550"])
 def test_a_square_is_flown_as_arducopter_flies_it(
-    tmp_path: Path, airframe_name: str, wind_name: str, hover_limit_m: float
+    airframe_name: str, wind_name: str, hover_limit_m: float
 ) -> None:
-    frame = tmp_path / "frame.parm"
-    parameters = load_airframe(airframe_name).ardupilot_parameters
     brisk = {"WPNAV_ACCEL": 500.0, "RTL_ALT": 1000.0, "LAND_SPEED": 100.0}
-    frame.write_text("".join(f"{name} {value:g}\n" for name, value in (parameters | brisk).items()))
+    settings = load_airframe(airframe_name).ardupilot_parameters | brisk
+    given = [word for name, value in settings.items() for word in ("--parameter", f"{name}={value:g}")]
     wind = load_wind(wind_name).build(seed=1, ua_id=0)
-    with flying("--defaults", str(frame), airframe_name=airframe_name, wind=wind) as flight:
+    with flying(*given, airframe_name=airframe_name, wind=wind) as flight:
         client = flight.client
         flight.take_off(10.0)
         assert client.command(178, 1, 15.0) == 0
@@ -528,7 +526,7 @@ def test_a_client_that_does_not_read_is_let_go_and_the_flight_goes_on(
             server.close()
 
 
-def test_ends_on_sigterm_and_tells_mistakes_in_one_line(tmp_path: Path) -> None:
+def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:
     with physics() as udp, autopilot(udp.getsockname()[1]) as (child, port):
         taken = [sys.executable, "-m", "bridge.autopilots.standin", "--home", HOME_TEXT]
         result = subprocess.run(
@@ -538,10 +536,17 @@ def test_ends_on_sigterm_and_tells_mistakes_in_one_line(tmp_path: Path) -> None:
         assert result.stderr.count("\n") == 1
         assert f"TCP 127.0.0.1:{port}" in result.stderr
         assert "--mavlink-port" in result.stderr
-        octo = tmp_path / "octo.parm"
-        octo.write_text("FRAME_CLASS 3\n")
+        for setting, says in (
+            ("FRAME_CLASS", "is not the name of a parameter"),
+            ("NONE=1", "is not the name"),
+        ):
+            result = subprocess.run(
+                [*taken, "--parameter", setting], capture_output=True, text=True, timeout=20, check=False
+            )
+            assert result.returncode == 2
+            assert says in result.stderr
         result = subprocess.run(
-            [*taken, "--mavlink-port", "0", "--defaults", str(octo)],
+            [*taken, "--mavlink-port", "0", "--parameter", "FRAME_CLASS=3"],
             capture_output=True,
             text=True,
             timeout=20,

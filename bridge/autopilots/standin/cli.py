@@ -12,7 +12,12 @@ from pathlib import Path
 from bridge.autopilots.standin.autopilot import Autopilot
 from bridge.autopilots.standin.location import Location
 from bridge.autopilots.standin.mixer import UnknownFrameError
-from bridge.autopilots.standin.parameters import DefaultsFileError, Parameters, load_defaults
+from bridge.autopilots.standin.parameters import (
+    DefaultsFileError,
+    Parameters,
+    UnknownParameterError,
+    load_defaults,
+)
 from bridge.autopilots.standin.process import Process
 
 EXIT_ERROR = 2
@@ -49,6 +54,8 @@ def _prepare(options: argparse.Namespace) -> Process:
     unknown = load_defaults(parameters, options.defaults)
     if unknown:
         print(f"standin: {len(unknown)} parameters are not known here and ignored", file=sys.stderr)
+    for name, value in options.parameter:
+        parameters.set(name, value)
     parameters.set("MAV_SYSID", options.sysid)
     autopilot = Autopilot(
         options.home, parameters, frame_rate_hz=options.rate_hz, boot_unix_us=time.time_ns() // 1000
@@ -73,6 +80,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--defaults", type=_paths, default=[], metavar="A.parm[,B.parm]", help="parameter files"
+    )
+    parser.add_argument(
+        "--parameter", type=_setting, action="append", default=[], metavar="NAME=VALUE", help="one parameter"
     )
     parser.add_argument(
         "--rate-hz",
@@ -105,6 +115,17 @@ def _home(text: str) -> Location:
     if not (-90.0 <= lat_deg <= 90.0 and -180.0 <= lon_deg <= 180.0 and -1e5 < alt_m < 1e5):
         raise argparse.ArgumentTypeError(f"{text!r} is not on the earth")
     return Location(lat_deg, lon_deg, alt_m)
+
+
+def _setting(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        number = Parameters().set(name, float(value))
+    except (UnknownParameterError, ValueError):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not the name of a parameter, '=' and a number"
+        ) from None
+    return name, number
 
 
 def _paths(text: str) -> list[Path]:
