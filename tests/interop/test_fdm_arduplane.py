@@ -274,7 +274,7 @@ def test_arduplane_flies_a_rectangle_loiters_returns_and_lands(arduplane, free_s
     assert min(heights) > HEIGHT_M - 20.0
     assert max(heights) < HEIGHT_M + 20.0
     assert mean_wind_error < 2.0
-    assert max(winds) < (2.0 if wind_name != "breeze" else 4.0)
+    assert max(winds) < 2.0
     assert mean_gap < 0.5
     assert sizes[len(sizes) // 2] < (0.5 if wind_name != "breeze" else 1.0)
     assert [text for text in flight.texts() if text.endswith(("RTL", "Land"))] == [
