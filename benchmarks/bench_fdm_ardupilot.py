@@ -66,12 +66,20 @@ def running(command: Callable[[int], Sequence[str]], instances: Sequence[int]) -
         yield
 
 
-def arducopter_command(binary: Path, instance: int) -> list[str]:
-    """What starts an arducopter on the physics at UDP 9002 + 10 * `instance`."""
+def arducopter_command(binary: Path, instance: int, more: Sequence[Path] = ()) -> list[str]:
+    """What starts an arducopter on the physics at UDP 9002 + 10 * `instance`; `more` are files of parameters."""
     place = HOME.position
     home = f"{place.lat_deg},{place.lon_deg},{place.alt_amsl_m},{HOME.yaw_deg}"
     command = [str(binary), "--wipe", "--model", "JSON:127.0.0.1", f"-I{instance}", "--home", home]
-    return [*command, "--defaults", str(PARAMETERS), "--serial0", "tcp:0", "--speedup", "20"]
+    return [
+        *command,
+        "--defaults",
+        ",".join(map(str, (PARAMETERS, *more))),
+        "--serial0",
+        "tcp:0",
+        "--speedup",
+        "20",
+    ]
 
 
 def factor_without_physics(port: int, warm_up_s: float, duration_s: float) -> float:

@@ -105,12 +105,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=5.0, help="wall time of each measure")
     parser.add_argument("--instance", type=int, default=FIRST_INSTANCE, help="the first UA's, below 250")
     parser.add_argument("--workers", type=int, default=1, help="processes of the exchange")
+    parser.add_argument(
+        "--parameters", type=Path, nargs="*", default=[], help="more parameters of arducopter"
+    )
     parser.add_argument("--plot", type=Path, help="file of the plot")
     options = parser.parse_args(arguments)
-    binary = find_arducopter()
+    binary, more = find_arducopter(), [path.resolve() for path in options.parameters]
     commands: dict[str, Callable[[int], Sequence[str]]] = {"standin": standin_command}
     if binary is not None:
-        commands["arducopter"] = lambda instance: arducopter_command(binary, instance)
+        commands["arducopter"] = lambda instance: arducopter_command(binary, instance, more)
     curves: dict[str, Points] = {}
     for name in options.autopilot:
         if name not in commands:

@@ -21,6 +21,8 @@ Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Port = Annotated[int, Field(strict=True, ge=0, le=65535)]
+Parameters = dict[Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]{0,15}$")], Finite]
+"""Parameters of an autopilot; MAVLink gives their names 16 characters."""
 Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 
@@ -140,6 +142,7 @@ class Aircraft(_Part):
     airframe: str = "f450"
     home: HomePlace = HomePlace()
     sensor_noise: SensorNoise | None = None
+    parameters: Parameters = {}
     agent: AgentConfig
 
     @property
@@ -187,6 +190,7 @@ class Scenario(_Part):
     wind: str = "calm"
     weather: WeatherConfig = WeatherConfig()
     transmit: Transmit = Transmit()
+    parameters: Parameters = {}
     ports: Ports = Ports()
     fdm: FlightDynamics = FlightDynamics()
     ua: Annotated[tuple[Aircraft, ...], Field(min_length=1)]

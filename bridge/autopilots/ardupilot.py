@@ -78,7 +78,7 @@ class ArduPilot(Launcher):
         directory.mkdir()
         command = [str(self.binary(BINARIES[vehicle])), "--wipe", "--model", "JSON:127.0.0.1"]
         command += ["-I", str(scenario.instance(ua)), "--sysid", str(ua.sysid), "--home", plan.home_text]
-        command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_airframe_parameters(plan, directory)}"]
+        command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_own_parameters(plan, directory)}"]
         command += ["--serial0", "tcp:0", "--speedup", str(SPEEDUP)]
         return ProcessSpec(
             plan.name,
@@ -89,9 +89,10 @@ class ArduPilot(Launcher):
         )
 
 
-def _airframe_parameters(plan: LaunchPlan, directory: Path) -> Path:
-    """The airframe's own parameters, as a file that ArduPilot reads."""
-    path = directory / "airframe.parm"
-    lines = [f"{name} {value:g}\n" for name, value in plan.airframe.ardupilot_parameters.items()]
+def _own_parameters(plan: LaunchPlan, directory: Path) -> Path:
+    """What airframe and scenario set, as a file that ArduPilot reads; the UA's own values win."""
+    path = directory / "own.parm"
+    values = plan.airframe.ardupilot_parameters | plan.scenario.parameters | plan.ua.parameters
+    lines = [f"{name} {value:.9g}\n" for name, value in values.items()]
     path.write_text("".join(lines), encoding="ascii")
     return path
