@@ -12,6 +12,7 @@ import pytest
 
 from aps.commands import Outcome
 from aps.daemon import Daemon, DaemonConfig
+from aps.plans import PLANE_RADIUS_M
 
 pytestmark = pytest.mark.ardupilot
 
@@ -152,4 +153,5 @@ async def test_arduplane_takes_off_circles_and_returns(plane):
     assert plane.state.indicated_airspeed_mps > 10.0
     result = await commands.rtl()
     assert result.reached, result
-    assert math.hypot(*plane.state.position_ned_m[:2]) < 130.0
+    assert math.hypot(*plane.state.position_ned_m[:2]) < PLANE_RADIUS_M + 50.0
+    await until(plane, lambda state: math.hypot(*state.position_ned_m[:2]) < 130.0)
