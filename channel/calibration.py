@@ -257,11 +257,9 @@ def _ridge(likelihood: Likelihood, best: Point, free: Mask) -> list[Point]:
     others[EXPONENT] = False
     points = []
     for exponent in RIDGE_EXPONENTS:
-        starts = [
-            np.where(free, at, likelihood.base_values) for at in likelihood.starts((exponent,), sigmas_db)
-        ]
-        starts.append(likelihood.at_exponent(best.at, exponent))
-        start = max((likelihood.point(likelihood.inside(at)) for at in starts), key=_value)
+        starts = [*likelihood.starts((exponent,), sigmas_db), likelihood.at_exponent(best.at, exponent)]
+        allowed = (np.where(free, likelihood.inside(at), likelihood.base_values) for at in starts)
+        start = max((likelihood.point(at) for at in allowed), key=_value)
         points.append(climb(likelihood, start.at, others))
     return points
 

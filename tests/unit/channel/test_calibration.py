@@ -64,6 +64,19 @@ def test_long_ridge_is_followed_to_its_end(seed):
         assert estimate.low <= truth[estimate.name] <= estimate.high
 
 
+def test_what_is_known_stays_known_along_the_ridge():
+    """Without RSSI, with sigma known, the rest is determined."""
+    config = presets.load_radio("corrected", {"propagation": {"exponent": 2.6}, "base_loss": 0.07})
+    fit = fit_radio(
+        synthetic(config, 2000, 20, 900, 1), presets.load_radio("corrected"), ["shadowing.sigma_db"]
+    )
+    truth = truth_of(config)
+    for estimate in fit.estimates:
+        if estimate.name in {"propagation.exponent", "offset_db", "base_loss"}:
+            assert estimate.value is not None
+            assert estimate.low <= truth[estimate.name] <= estimate.high
+
+
 def fresh_set(base, exponent, sigma_db, base_loss, floor_dbm, **more):
     values = {
         "propagation": {"exponent": exponent},
