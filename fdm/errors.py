@@ -3,6 +3,7 @@
 FdmError
  +-- AirframeError       an airframe file or its JSBSim model is wrong
  +-- WindError           a wind file or wind map is wrong, or a UA left its map
+ +-- WeatherError        a UA starts where no temperature and pressure can be set
  +-- SensorNoiseError    a file of sensor errors is wrong
  +-- PortInUseError      a UDP port cannot be bound
  +-- WorkerError         a worker process ended
@@ -22,6 +23,10 @@ class AirframeError(FdmError):
 
 class WindError(FdmError):
     """A wind cannot be used, or a UA is outside a wind map that forbids it."""
+
+
+class WeatherError(FdmError):
+    """Temperature and pressure cannot be set where a UA starts."""
 
 
 class SensorNoiseError(FdmError):

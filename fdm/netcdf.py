@@ -8,7 +8,9 @@ What comes out is plain: arrays, dimension names and attributes. Nothing here kn
 
 from __future__ import annotations
 
+import math
 import pickle
+import resource
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -134,11 +136,20 @@ def _read_hdf5(path: Path) -> NetcdfFile:
 
     with h5py.File(path, "r") as file:
         variables = {
-            name: Variable(name, _dimension_names(v), _attributes(v.attrs), np.array(v[...]))
+            name: Variable(name, _dimension_names(v), _attributes(v.attrs), _values(v))
             for name, v in file.items()
             if isinstance(v, h5py.Dataset) and not _is_bare_dimension(v)
         }
         return NetcdfFile(_attributes(file.attrs), variables)
+
+
+def _values(dataset: Any) -> npt.NDArray[Any]:
+    """All of a dataset, which a small file may say is vast."""
+    if dataset.nbytes > FILE_MAX_BYTES:
+        raise MemoryError(
+            f"{dataset.name} has {dataset.nbytes / 1e9:g} GB, more than {FILE_MAX_BYTES / 1e9:g}"
+        )
+    return np.array(dataset[...])
 
 
 def _is_bare_dimension(dataset: Any) -> bool:
@@ -170,11 +181,21 @@ def _attributes(stored: Mapping[str, Any]) -> dict[str, str | float]:
     return plain
 
 
+def main(path: Path) -> None:
+    """Write the pickled contents of a NetCDF-4 file to standard output; ends the process with an error's text.
+
+    Its processor time is limited: who waits for it may be killed meanwhile, and HDF5 would loop for ever.
+    """
+    limit_s = math.ceil(READ_TIMEOUT_S)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 1))
+    try:
+        sys.stdout.buffer.write(pickle.dumps(_read_hdf5(path)))
+    except Exception as error:
+        sys.exit(f"{type(error).__name__}: {error}")
+
+
 if __name__ == "__main__":
     # As a module of its name, so that the records unpickle in the process that asked.
     from fdm import netcdf
 
-    try:
-        sys.stdout.buffer.write(pickle.dumps(netcdf._read_hdf5(Path(sys.argv[1]))))
-    except Exception as error:
-        sys.exit(f"{type(error).__name__}: {error}")
+    netcdf.main(Path(sys.argv[1]))

@@ -15,6 +15,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from fdm.airframe import Airframe
+from fdm.errors import WeatherError
 from fdm.geodesy import Home
 
 SEA_LEVEL_TEMPERATURE_K = 288.15
@@ -28,6 +29,8 @@ RANKINE_PER_K = 1.8
 PSF_PER_HPA = 100.0 / 47.88025898
 OFFSET_MAX_K = 60.0
 QNH_RANGE_HPA = (850.0, 1100.0)
+HOME_RANGE_M = (-2000.0, 11_000.0)
+"""Heights of home, above mean sea level, at which the formulas hold."""
 
 
 class WeatherConfig(BaseModel):
@@ -92,10 +95,18 @@ def in_weather(airframe: Airframe, weather: WeatherConfig, home: Home) -> Airfra
         airframe: what flies; its own settings of the atmosphere, if any, give way.
         weather: temperature and pressure.
         home: where they were measured.
+
+    Raises:
+        WeatherError: home is outside HOME_RANGE_M.
     """
     if weather.is_standard:
         return airframe
     alt_amsl_m = home.position.alt_amsl_m
+    if not HOME_RANGE_M[0] <= alt_amsl_m <= HOME_RANGE_M[1]:
+        raise WeatherError(
+            f"weather: home is at {alt_amsl_m:g} m; temperature and pressure can be set from "
+            f"{HOME_RANGE_M[0]:g} to {HOME_RANGE_M[1]:g} m"
+        )
     air = {
         "atmosphere/delta-T": weather.offset_k(alt_amsl_m) * RANKINE_PER_K,
         "atmosphere/P-sl-psf": weather.sea_level_pressure_hpa(alt_amsl_m) * PSF_PER_HPA,

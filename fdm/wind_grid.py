@@ -33,6 +33,8 @@ STANDARD_NAMES = {
 COMPONENTS = {"northward_wind": 1.0, "eastward_wind": 1.0, "upward_air_velocity": -1.0}
 """Standard names in the order north, east, down, and the sign that makes them so."""
 MAY_BE_MISSING = "upward_air_velocity"
+WIND_MAX_MPS = 200.0
+"""Faster air is a mistake: a fill value that the file does not declare, or wrong units or packing."""
 
 METRES = {
     "m": 1.0,
@@ -200,6 +202,13 @@ class _Reader:
         values = self._unpacked(variable) * self._scale(
             variable, SPEEDS, *(variable.text("units").strip(),) * 2
         )
+        fastest_mps = float(np.abs(values).max())
+        if not fastest_mps <= WIND_MAX_MPS:
+            raise self._error(
+                variable,
+                f"has a wind of {fastest_mps:g} m/s, more than {WIND_MAX_MPS:g}: see its units, _FillValue, "
+                "scale_factor and add_offset",
+            )
         present = [role for role in AXES if role in roles]
         places = [variable.dimensions.index(roles[role]) for role in present]
         rest = [place for place in range(values.ndim) if place not in places]
@@ -225,7 +234,8 @@ class _Reader:
         )
         if isinstance(scale, str) or isinstance(offset, str):
             raise self._error(variable, "attribute scale_factor or add_offset is no number")
-        return stored * scale + offset
+        with np.errstate(over="ignore", invalid="ignore"):
+            return stored * scale + offset
 
     def _numbers(self, variable: Variable) -> Array:
         if variable.values.ndim != len(variable.dimensions):

@@ -67,18 +67,22 @@ class WindMap:
         Raises:
             WindError: outside the grid, and not `clamp`.
         """
-        values: Array = self.ned_mps
+        cell: list[int | slice] = []
+        shares: list[float] = []
         for name, axis, at in zip(AXES, self.axes, coordinates, strict=True):
             if len(axis) == 1:
-                values = values[0]
+                cell.append(0)
                 continue
             if not clamp and not axis[0] <= at <= axis[-1]:
                 raise WindError(
                     f"{self.name}: {name} {at:g} is outside the map ({axis[0]:g} to {axis[-1]:g})"
                 )
             below = min(max(bisect_right(axis, at) - 1, 0), len(axis) - 2)
-            share = min(max((at - axis[below]) / (axis[below + 1] - axis[below]), 0.0), 1.0)
-            values = (1.0 - share) * values[below] + share * values[below + 1]
+            cell.append(slice(below, below + 2))
+            shares.append(min(max((at - axis[below]) / (axis[below + 1] - axis[below]), 0.0), 1.0))
+        values: Array = self.ned_mps[tuple(cell)]
+        for share in shares:
+            values = (1.0 - share) * values[0] + share * values[1]
         north, east, down = values.tolist()
         return (north, east, down)
 

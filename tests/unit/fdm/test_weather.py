@@ -6,7 +6,7 @@ from pydantic import ValidationError
 
 import fdm.__main__
 from fdm.airframe import load_airframe
-from fdm.errors import FdmError
+from fdm.errors import FdmError, WeatherError
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.jsbsim_model import JsbsimModel
 from fdm.weather import WeatherConfig, in_weather
@@ -129,6 +129,14 @@ def test_the_command_line_sets_the_weather(monkeypatch):
     model = JsbsimModel(seen[0].airframe, seen[0].home)
     expected = standard(500.15, offset_k=20.0, home_m=500.0, qnh_hpa=990.0)
     assert air_of(model) == pytest.approx(expected, rel=2e-5)
+
+
+@pytest.mark.parametrize("alt_amsl_m", [50_000.0, 11_001.0, -2001.0, -EARTH_M])
+def test_weather_is_for_homes_where_the_formulas_hold(alt_amsl_m):
+    airframe = load_airframe("f450")
+    assert in_weather(airframe, WeatherConfig(), home(alt_amsl_m)) is airframe
+    with pytest.raises(WeatherError, match=r"home is at .* can be set from -2000 to 11000 m"):
+        in_weather(airframe, WeatherConfig(qnh_hpa=990.0), home(alt_amsl_m))
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,6 @@
+import math
+import signal
+import subprocess
 import sys
 
 import h5py
@@ -10,7 +13,7 @@ from fdm import netcdf
 from fdm.errors import WindError
 from fdm.geodesy import GeodeticPosition, geodetic_from_ned
 from fdm.wind import WINDS_DIR, AirPoint, WindConfig
-from fdm.wind_map import load_wind_map
+from fdm.wind_map import WindMap, load_wind_map
 
 ORIGIN = GeodeticPosition(47.0, 8.0, 400.0)
 AXES = {
@@ -139,6 +142,15 @@ def test_a_map_interpolates_as_scipy_does(write_map):
     for where in np.random.default_rng(6).uniform(lows, highs, (200, 4)):
         got = wind_map.interpolate(tuple(where.tolist()), clamp=False)
         assert got == pytest.approx(oracle(where)[0], abs=1e-9)
+
+
+def test_only_the_cell_around_the_place_is_touched():
+    # 24 petabytes, were it not one vector repeated.
+    length = 100_000
+    axis = tuple(float(value) for value in range(length))
+    ned_mps = np.broadcast_to(np.array([1.0, 2.0, 3.0]), (2, length, length, length, 3))
+    wind_map = WindMap("vast", ((0.0, 60.0), axis, axis, axis), ORIGIN, ned_mps)
+    assert wind_map.interpolate((30.0, 500.5, 1e9, -7.0), clamp=True) == (1.0, 2.0, 3.0)
 
 
 def test_outside_a_map_it_is_clamped_or_an_error(write_map):
@@ -293,6 +305,14 @@ def with_hole(name, values):
             {"attributes": {"u": {"scale_factor": "two"}}},
             "u: attribute scale_factor or add_offset is no number",
         ),
+        (
+            {"attributes": {"u": {"scale_factor": math.nan}}},
+            "variable u: has a wind of nan m/s, more than 200",
+        ),
+        (
+            {"change": lambda name, values: np.full_like(values, 9.96921e36) if name == "v" else values},
+            r"variable v: has a wind of 9\.96921e\+36 m/s, more than 200: see its units, _FillValue",
+        ),
     ],
 )
 @pytest.mark.usefixtures("in_process")
@@ -348,21 +368,51 @@ def test_broken_files_are_refused_and_nothing_worse(write_map):
 
 
 @pytest.mark.parametrize(
-    ("code", "message"),
+    ("code", "timeout_s", "message"),
     [
-        ("import time; time.sleep(60)", r"is broken: HDF5 did not end with it in 0\.5 s"),
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", r"is broken: HDF5 crashed on it \(-11\)"),
+        ("import time; time.sleep(60)", 0.5, r"is broken: HDF5 did not end with it in 0\.5 s"),
+        (
+            "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)",
+            60.0,
+            r"is broken: HDF5 crashed on it \(-11\)",
+        ),
     ],
 )
-def test_a_file_that_hdf5_loops_over_or_crashes_on_is_explained(tmp_path, monkeypatch, code, message):
+def test_a_file_that_hdf5_loops_over_or_crashes_on_is_explained(
+    tmp_path, monkeypatch, code, timeout_s, message
+):
     reader = tmp_path / "python"
     reader.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{code}"\n')
     reader.chmod(0o755)
     path = tmp_path / "map.nc"
     path.write_bytes(netcdf.HDF5)
     monkeypatch.setattr(netcdf.sys, "executable", str(reader))
-    monkeypatch.setattr(netcdf, "READ_TIMEOUT_S", 0.5)
+    monkeypatch.setattr(netcdf, "READ_TIMEOUT_S", timeout_s)
     with pytest.raises(WindError, match=message):
+        load_wind_map(path)
+
+
+def test_the_reader_of_hdf5_ends_though_nobody_waits_for_it_any_more():
+    code = (
+        "from pathlib import Path\n"
+        "from fdm import netcdf\n"
+        "def loop(path):\n"
+        "    while True:\n"
+        "        pass\n"
+        "netcdf._read_hdf5, netcdf.READ_TIMEOUT_S = loop, 1.0\n"
+        "netcdf.main(Path('map.nc'))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], timeout=60, check=False)
+    assert done.returncode == -signal.SIGXCPU
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_small_file_that_says_it_is_vast_is_not_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr(netcdf, "FILE_MAX_BYTES", 1_000_000)
+    path = tmp_path / "map.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("x", shape=(1_000_000,), dtype="f8", chunks=(1000,)).make_scale("x")
+    with pytest.raises(WindError, match=r"is broken: MemoryError: /x has 0\.008 GB, more than 0\.001"):
         load_wind_map(path)
 
 
