@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
+from fdm.clock_status import SPEED_RANGE
 from fdm.exchange_settings import Workers
 from fdm.legacy_scheme import legacy_ports
 from fdm.sensor_noise import SensorNoise
@@ -14,7 +15,7 @@ from fdm.weather import WeatherConfig
 
 SCHEMA = 1
 MAX = "max"
-SPEED_MIN = 0.1
+SPEED_MIN, SPEED_MAX = 0.1, SPEED_RANGE[1]
 
 Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
@@ -29,9 +30,9 @@ Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 def _speed(value: object) -> object:
     if value == MAX:
         return value
-    if isinstance(value, int | float) and not isinstance(value, bool) and SPEED_MIN <= value < float("inf"):
+    if isinstance(value, int | float) and not isinstance(value, bool) and SPEED_MIN <= value <= SPEED_MAX:
         return value
-    raise ValueError(f"has to be {MAX!r} or a real-time factor of at least {SPEED_MIN}")
+    raise ValueError(f"has to be {MAX!r} or a real-time factor from {SPEED_MIN} to {SPEED_MAX:g}")
 
 
 def _workers(value: object) -> object:

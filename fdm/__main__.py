@@ -12,6 +12,7 @@ import click
 
 from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.airframe import load_airframe
+from fdm.clock_status import check_speed
 from fdm.errors import FdmError, PortInUseError, WorkerError
 from fdm.events import UaEvent
 from fdm.exchange_settings import Workers
@@ -34,7 +35,7 @@ Give --speedup 10 to ArduPilot too when running faster than real time.
 
 
 class SpeedType(click.ParamType[float]):
-    """A real-time factor: a number above 0, or ``max``."""
+    """A real-time factor, or ``max``."""
 
     name = "X|max"
 
@@ -44,10 +45,9 @@ class SpeedType(click.ParamType[float]):
             return math.inf
         try:
             speed = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            speed = 0.0
-        if not speed > 0:
-            self.fail(f"{value!r} is neither a number above 0 nor max", param, ctx)
+            check_speed(speed)
+        except (TypeError, ValueError) as error:
+            self.fail(f"{value!r} is neither a real-time factor nor max: {error}", param, ctx)
         return speed
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf, isfinite
 
+SPEED_RANGE = (1e-3, 1e6)
+"""Sim time per wall time, beside inf."""
 RATE_WINDOW_NS = 1_000_000_000
 """Wall time over which the real-time factor is measured."""
 
@@ -84,10 +87,23 @@ class RateMeter:
 
 
 def check_speed(speed: float) -> None:
-    """Refuse a speed that is not above 0.
+    """Refuse a speed that is out of SPEED_RANGE, and not infinite.
 
     Raises:
         ValueError: so.
     """
-    if not speed > 0:
-        raise ValueError(f"speed = {speed}: must be above 0 (inf = as fast as possible)")
+    if not (SPEED_RANGE[0] <= speed <= SPEED_RANGE[1] or speed == inf):
+        raise ValueError(
+            f"speed = {speed}: must be from {SPEED_RANGE[0]:g} to {SPEED_RANGE[1]:g}, or inf (as fast as possible)"
+        )
+
+
+def nanoseconds(name: str, seconds: float) -> int:
+    """The time-out `name` in ns.
+
+    Raises:
+        ValueError: it is not finite.
+    """
+    if not isfinite(seconds):
+        raise ValueError(f"{name} = {seconds}: must be finite")
+    return int(seconds * 1e9)

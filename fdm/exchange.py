@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
+from fdm.clock_status import nanoseconds
 from fdm.errors import ModelDivergedError
 from fdm.events import EventKind, UaEvent
 from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, Peers, check_speed
@@ -87,9 +88,9 @@ class Exchange:
             window_ns=window_ns,
             tick_period_ns=tick_period_ns,
             hold_ticks=hold_ticks,
-            stall_timeout_ns=int(stall_timeout_s * 1e9),
+            stall_timeout_ns=nanoseconds("stall_timeout_s", stall_timeout_s),
             start_together=start_together,
-            start_timeout_ns=int(start_timeout_s * 1e9),
+            start_timeout_ns=nanoseconds("start_timeout_s", start_timeout_s),
         )
         ids = [spec.ua_id for spec in aircraft]
         if len(set(ids)) != len(ids):
@@ -195,7 +196,7 @@ class Exchange:
         """Aim at `speed` of sim time per wall time (inf = as fast as possible).
 
         Raises:
-            ValueError: not above 0.
+            ValueError: out of its range (fdm.clock_status.SPEED_RANGE).
         """
         check_speed(speed)
         self._command(lambda: self._clock.set_speed(speed))

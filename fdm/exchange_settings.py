@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Literal, TypedDict
 
-from fdm.clock_status import ClockSettings, ClockStatus
+from fdm.clock_status import ClockSettings, ClockStatus, nanoseconds
 from fdm.events import UaEvent
 from fdm.truth import Truth
 
@@ -63,6 +63,6 @@ def check_settings(ids: Sequence[int], workers: int, options: ExchangeSettings) 
         speed=options["speed"],
         window_ns=options["window_ns"],
         tick_period_ns=options["tick_period_ns"],
-        stall_timeout_ns=int(options["stall_timeout_s"] * 1e9),
-        start_timeout_ns=int(options["start_timeout_s"] * 1e9),
+        stall_timeout_ns=nanoseconds("stall_timeout_s", options["stall_timeout_s"]),
+        start_timeout_ns=nanoseconds("start_timeout_s", options["start_timeout_s"]),
     )

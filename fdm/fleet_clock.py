@@ -263,10 +263,10 @@ class FleetClock:
     # Speed
 
     def set_speed(self, speed: float) -> None:
-        """Aim at `speed` (sim per wall time, above 0, inf = as fast as possible) from now on.
+        """Aim at `speed` (sim per wall time, inf = as fast as possible) from now on.
 
         Raises:
-            ValueError: a speed that is not above 0.
+            ValueError: a speed out of its range (fdm.clock_status.SPEED_RANGE).
         """
         check_speed(speed)
         self.speed = speed

@@ -135,7 +135,7 @@ class FleetExchange:
         """Aim at `speed` of sim time per wall time (inf = as fast as possible).
 
         Raises:
-            ValueError: not above 0.
+            ValueError: out of its range (fdm.clock_status.SPEED_RANGE).
         """
         check_speed(speed)
 

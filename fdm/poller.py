@@ -5,6 +5,9 @@ from __future__ import annotations
 import select
 from collections.abc import Sequence
 
+WAIT_MAX_NS = 60_000_000_000
+"""Longer waits end early: the system counts milliseconds in an int, which 25 days overflow."""
+
 
 class Poller:
     """Waits until a file descriptor can be read; one millisecond is its grain."""
@@ -21,8 +24,11 @@ class Poller:
         self._poll.register(fd, self._readable)
 
     def wait(self, timeout_ns: int) -> Sequence[tuple[int, int]]:
-        """What can be read after at most `timeout_ns`, rounded up to a millisecond: pairs of fd and event mask."""
-        timeout_ms = 0 if timeout_ns <= 0 else -(-timeout_ns // 1_000_000)
+        """What can be read after at most `timeout_ns`, rounded up to a millisecond: pairs of fd and event mask.
+
+        No wait is longer than WAIT_MAX_NS.
+        """
+        timeout_ms = 0 if timeout_ns <= 0 else -(-min(timeout_ns, WAIT_MAX_NS) // 1_000_000)
         return self._poll.poll(
             timeout_ms / self._per_s
         )  # select.epoll wants seconds, select.poll milliseconds

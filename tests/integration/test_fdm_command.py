@@ -10,7 +10,9 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from click.testing import CliRunner
 
+from fdm.__main__ import main
 from fdm.legacy_scheme import decode_legacy_state, encode_legacy_servos, legacy_ports
 from fdm.sensor_frame import decode_sensor_frame
 from fdm.servo_packet import ServoPacket, encode_servo_packet
@@ -97,6 +99,13 @@ def test_the_command_hosts_several_ua_with_sensor_errors(workers, tmp_path):
     assert process.returncode == 0
     assert out == "served: UA 5 boots 1, frames 0\nserved: UA 6 boots 1, frames 0\n"
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("speed", ["0", "nan", "fast", "1e300", "5e-324"])
+def test_an_impossible_speed_is_refused(speed):
+    done = CliRunner().invoke(main, ["--home", "47,8,400,0", "--speed", speed])
+    assert done.exit_code == 2
+    assert f"'{speed}' is neither a real-time factor nor max: " in done.output
 
 
 def bind_first_free_state_port(sock):

@@ -553,6 +553,8 @@ def test_mistakes_of_the_caller_are_refused():
         Exchange([])
     with pytest.raises(ValueError, match="speed"):
         Exchange([spec], speed=0.0)
+    with pytest.raises(ValueError, match="start_timeout_s = nan: must be finite"):
+        Exchange([spec], start_timeout_s=math.nan)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what a socket dropped")
