@@ -72,7 +72,8 @@ class _Worker:
 
 def main() -> int:
     """Serve the plan that comes over the file descriptor named by the first argument."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever started it
+    for number in (signal.SIGINT, signal.SIGTERM):  # sent to a whole group, they are for whoever started it
+        signal.signal(number, signal.SIG_IGN)
     with Connection(int(sys.argv[1])) as control:
         try:
             _Worker(control.recv(), control).serve()

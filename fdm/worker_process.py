@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 
 from fdm.errors import WorkerError
 from fdm.worker_messages import Ended, Failed, Message, Plan
@@ -30,6 +31,7 @@ class WorkerProcess:
     def __init__(self, plan: Plan) -> None:
         ids = ", ".join(str(spec.ua_id) for spec in plan.aircraft)
         self.name = f"flight dynamics worker {plan.index} (UA {ids})"
+        packed = ForkingPickler.dumps(plan)  # first: what cannot be sent leaves no process behind
         ours, theirs = socket.socketpair()
         with theirs:
             # A process of its own and no fork of this one, which may have threads.
@@ -40,7 +42,8 @@ class WorkerProcess:
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
             )
         self.control = Connection(ours.detach())
-        self.tell(plan)
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # shows in `receive`
+            self.control.send_bytes(packed)
 
     @property
     def pid(self) -> int:
@@ -61,16 +64,15 @@ class WorkerProcess:
         """
         try:
             message: Message = self.control.recv()
-        except (EOFError, ConnectionResetError):
+        except (EOFError, OSError):  # killed while it said something, too
             raise WorkerError(f"{self.name} {self._how_it_ended()}") from None
         if isinstance(message, Failed):
             raise message.error or WorkerError(f"{self.name} failed: {message.trace}")
         return message
 
-    def end(self, timeout_s: float) -> Ended | None:
-        """Have it end, at worst by killing it; gives its last message if there was one."""
+    def end(self, until_s: float) -> Ended | None:
+        """Have it end, by killing it at `until_s` (monotonic) at worst; gives its last message if there was one."""
         self.tell(("stop",))
-        until_s = time.monotonic() + timeout_s
         last = None
         with contextlib.suppress(EOFError, OSError):
             while last is None and self.control.poll(max(0.0, until_s - time.monotonic())):
@@ -94,12 +96,13 @@ class WorkerProcess:
 
 
 def end_all(workers: Sequence[WorkerProcess], timeout_s: float) -> dict[int, dict[str, int]]:
-    """End all; gives the last counters of those that told them, by UA id."""
+    """End all within `timeout_s` together; gives the last counters of those that told them, by UA id."""
+    until_s = time.monotonic() + timeout_s
     for worker in workers:
         worker.tell(("stop",))
     counters: dict[int, dict[str, int]] = {}
     for worker in workers:
-        last = worker.end(timeout_s)
+        last = worker.end(until_s)
         if last is not None:
             counters.update((ua_id, dict(counts)) for ua_id, counts in last.counters.items())
     return counters

@@ -8,17 +8,20 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
 from fdm.airframe import load_airframe
 from fdm.errors import AirframeError, PortInUseError, WorkerError
+from fdm.events import EventKind
 from fdm.exchange import AircraftSpec, Exchange
 from fdm.fleet_exchange import FleetExchange, open_exchange, worker_count
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.servo_packet import ServoPacket, encode_servo_packet
 from fdm.wind import AirPoint, load_wind
+from fdm.worker_process import end_all
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 400.0), 0.0)
 WAIT_S = 20.0
@@ -49,6 +52,25 @@ def test_a_killed_worker_ends_the_run_with_its_name():
         killer.join()
         exchange.close()
     assert all(is_gone(pid) for pid in pids)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_the_whole_process_group_leaves_the_end_to_who_started_the_workers(number):
+    events = []
+    exchange = FleetExchange(
+        fleet(2), workers=2, on_event=lambda event: events.append(event) or exchange.stop()
+    )
+    try:
+        for pid in exchange.worker_pids:
+            os.kill(pid, number)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            packet = ServoPacket(400, 0, (1000,) * 16)
+            sock.sendto(encode_servo_packet(packet), ("127.0.0.1", exchange.ports[1]))
+            exchange.run()
+    finally:
+        exchange.close()
+    assert [(event.kind, event.ua_id) for event in events] == [(EventKind.JOINED, 1)]
+    assert exchange.counters(1) == {"boots": 1, "frames": 0}
 
 
 def test_a_worker_that_nobody_answers_for_is_not_waited_for():
@@ -115,8 +137,40 @@ def test_mistakes_are_refused_before_a_worker_starts():
         FleetExchange(fleet(2), workers=3)
     with pytest.raises(ValueError, match="speed"):
         FleetExchange(fleet(2), workers=2, speed=0.0)
+    with pytest.raises(ValueError, match="stall_timeout_s = inf: must be finite"):
+        FleetExchange(fleet(2), workers=2, stall_timeout_s=math.inf)
     with pytest.raises(ValueError, match="auto or at least 1"):
         worker_count(0, 4)
+
+
+def test_a_ua_that_cannot_be_sent_to_another_process_leaves_none_behind(monkeypatch):
+    started = []
+    popen = subprocess.Popen
+
+    def note(*args, **kwargs):
+        started.append(popen(*args, **kwargs))
+        return started[-1]
+
+    monkeypatch.setattr("fdm.worker_process.subprocess.Popen", note)
+    stray = AircraftSpec(1, load_airframe("f450"), HOME, 0, disturb=lambda sense: sense)
+    with pytest.raises((AttributeError, pickle.PicklingError), match="pickle"):
+        FleetExchange([*fleet(1), stray], workers=2)
+    assert len(started) == 1
+    assert started[0].returncode is not None
+
+
+def test_workers_that_do_not_listen_are_killed_all_at_once():
+    class Deaf:
+        def tell(self, message):
+            assert message == ("stop",)
+
+        def end(self, until_s):
+            self.until_s = until_s
+
+    workers = [Deaf(), Deaf(), Deaf()]
+    begin_s = time.monotonic()
+    assert end_all(workers, 5.0) == {}
+    assert workers[0].until_s == workers[1].until_s == workers[2].until_s >= begin_s + 5.0
 
 
 def test_one_worker_is_this_process_and_there_are_never_more_than_ua():
