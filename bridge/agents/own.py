@@ -33,6 +33,8 @@ def load_class(place: str, name: str) -> type[Agent]:
 def _from_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise AgentError(f"{path}: no such file (looked from {Path.cwd()})")
+    if path.stem in sys.modules:
+        raise AgentError(f"{path}: {path.stem} is the name of a module in use; give the file another name")
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None, "a name that ends in .py has a loader"
     assert spec.loader is not None

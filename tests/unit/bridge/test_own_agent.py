@@ -29,6 +29,8 @@ class Other:
 def agent_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A file with an agent, which imports another file beside it."""
     monkeypatch.setattr(sys, "path", [*sys.path])
+    for module in ("own_agent", "own_constants"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
     (tmp_path / "own_constants.py").write_text("VALUE = 5\n")
     path = tmp_path / "own_agent.py"
     path.write_text(OWN)
@@ -51,6 +53,19 @@ def test_agent_in_a_module() -> None:
 def test_what_is_no_agent_is_refused(agent_file: Path, name: str, says: str) -> None:
     with pytest.raises(AgentError, match=says):
         load_class(str(agent_file), name)
+
+
+@pytest.mark.parametrize("name", ["bridge", "logging"])
+def test_file_must_not_take_the_place_of_another_module(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    before = sys.modules[name]
+    monkeypatch.setitem(sys.modules, name, before)
+    (tmp_path / f"{name}.py").write_text(OWN)
+    with pytest.raises(AgentError, match=f"{name} is the name of a module in use; give the file another"):
+        load_class(f"{tmp_path}/{name}.py", "Own")
+    assert sys.modules[name] is before
 
 
 def test_missing_module_is_named() -> None:
