@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 import struct
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -29,7 +30,17 @@ from numpy.typing import NDArray
 
 from aps.dataflash import DataflashError, read_messages
 from aps.dialect import AUTOPILOT_COMPID, mavlink
-from aps.framer import Frame, Framer
+from aps.framer import (
+    CRC_BYTES,
+    HEADER_V1_BYTES,
+    HEADER_V2_BYTES,
+    INCOMPAT_SIGNED,
+    MAGIC_V1,
+    MAGIC_V2,
+    SIGNATURE_BYTES,
+    Frame,
+    Framer,
+)
 
 __all__ = ["RSSI_SCALES", "FlightLogError", "LinkRecord", "Place", "read_link", "read_tlog"]
 
@@ -48,6 +59,9 @@ LATE: Final = 16
 """So many steps back, and a frame is a late one or a copy, not one of the next round."""
 LONGEST_LOG_S: Final = 86_400.0
 """A time farther off from the others is a damaged one."""
+LONGEST_WAY_M: Final = 1_000_000.0
+"""A position farther off from the others is a damaged one: a .bin has no checksums."""
+RATE_WINDOW_S: Final = 30.0
 EARTH_RADIUS_M: Final = 6_371_008.8
 
 RSSI_SCALES: Final[dict[str, Callable[[int], float]]] = {
@@ -117,7 +131,8 @@ Timed = list[tuple[float, Frame]]
 def read_tlog(file: Path) -> Timed:
     """Return the frames of a .tlog with their times in s: 8 bytes of microseconds, big endian, before each frame.
 
-    What is cut off or damaged is left out.
+    What is cut off or damaged is left out. A frame whose time alone is damaged, which no checksum tells, gets one
+    between those of its neighbours.
 
     Raises:
         FlightLogError: no such file, or no frame in it.
@@ -126,17 +141,52 @@ def read_tlog(file: Path) -> Timed:
     out: Timed = []
     position = 0
     while position + TIMESTAMP.size < len(data):
-        frames = Framer().receive(data[position + TIMESTAMP.size : position + TIMESTAMP.size + 280])
-        whole = frames and data.startswith(frames[0].raw, position + TIMESTAMP.size)
-        if not whole:
+        frame = _frame_at(data, position + TIMESTAMP.size)
+        if frame is None:
             position += 1
             continue
-        out.append((TIMESTAMP.unpack_from(data, position)[0] * 1e-6, frames[0]))
-        position += TIMESTAMP.size + len(frames[0].raw)
+        out.append((TIMESTAMP.unpack_from(data, position)[0] * 1e-6, frame))
+        position += TIMESTAMP.size + len(frame.raw)
     if not out:
         raise FlightLogError(f"{file}: no MAVLink frames with times: not a .tlog")
-    middle_s = float(np.median([time_s for time_s, _ in out]))
-    return [each for each in out if abs(each[0] - middle_s) < LONGEST_LOG_S]
+    times_s = _in_order([time_s for time_s, _ in out])
+    middle_s = float(np.median(times_s))
+    return [
+        (time_s, frame)
+        for time_s, (_, frame) in zip(times_s, out, strict=True)
+        if abs(time_s - middle_s) < LONGEST_LOG_S
+    ]
+
+
+def _frame_at(data: bytes, start: int) -> Frame | None:
+    """Return the frame that begins at this byte, if one does."""
+    magic, length, flags = data[start : start + 3].ljust(3, b"\xff")
+    if magic not in (MAGIC_V1, MAGIC_V2) or (magic == MAGIC_V2 and flags > INCOMPAT_SIGNED):
+        return None
+    header = HEADER_V1_BYTES if magic == MAGIC_V1 else HEADER_V2_BYTES
+    signature = SIGNATURE_BYTES if magic == MAGIC_V2 and flags else 0
+    size = header + length + CRC_BYTES + signature
+    frames = Framer().receive(data[start : start + size])
+    return frames[0] if frames and len(frames[0].raw) == size else None
+
+
+def _in_order(times_s: list[float]) -> list[float]:
+    """Return times that never fall: the fewest that stand in the way are put between their neighbours."""
+    last: list[float] = []
+    """Of each length, the lowest end of a run that never falls."""
+    ends: list[int] = []
+    before = []
+    for index, time_s in enumerate(times_s):
+        length = bisect_right(last, time_s)
+        before.append(ends[length - 1] if length else -1)
+        last[length : length + 1] = [time_s]
+        ends[length : length + 1] = [index]
+    kept = [ends[-1]]
+    while before[kept[-1]] >= 0:
+        kept.append(before[kept[-1]])
+    good = kept[::-1]
+    ordered: list[float] = np.interp(np.arange(len(times_s)), good, np.array(times_s)[good]).tolist()
+    return ordered
 
 
 def read_link(
@@ -233,18 +283,32 @@ def _positions(frames: Timed, sysid: int) -> list[tuple[float, float, tuple[floa
 
 def _track_of_bin(file: Path) -> _Track:
     """Return the positions of a data flash log: POS (the estimator's), or GPS if it has none."""
-    try:
-        for name in ("POS", "GPS"):
+    for name in ("POS", "GPS"):
+        try:
+            messages = read_messages(_bytes_of(file), name)
             rows = [
-                tuple(float(message[key]) for key in ("TimeUS", "Lat", "Lng", "Alt"))
-                for message in read_messages(_bytes_of(file), name)
+                tuple(float(message[key]) for key in ("TimeUS", "Lat", "Lng", "Alt")) for message in messages
             ]
-            good = [(us * 1e-6, lat, lon, alt) for us, lat, lon, alt in rows if lat or lon]
-            if good:
-                return _Track.of(good)
-    except (DataflashError, KeyError) as error:
-        raise FlightLogError(f"{file}: {error}") from error
+        except DataflashError as error:
+            raise FlightLogError(f"{file}: {error}") from error
+        except (KeyError, ValueError) as error:
+            raise FlightLogError(f"{file}: {name} without numbers TimeUS, Lat, Lng, Alt") from error
+        good = _plausible([(us * 1e-6, lat, lon, alt) for us, lat, lon, alt in rows if lat or lon])
+        if good:
+            return _Track.of(good)
     raise FlightLogError(f"{file}: neither POS nor GPS with a position")
+
+
+def _plausible(rows: list[tuple[float, float, float, float]]) -> list[tuple[float, float, float, float]]:
+    """Return the positions with times and places near those of most others."""
+    if not rows:
+        return []
+    table = np.array(rows).T
+    middle = np.nanmedian(table, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        near = _distance_m(table[1:], middle[1:, np.newaxis]) < LONGEST_WAY_M
+        near &= np.abs(table[0] - middle[0]) < LONGEST_LOG_S
+    return [row for row, good in zip(rows, near, strict=True) if good]
 
 
 def _clock_offset_s(stream: Timed, received: Path) -> float:
@@ -259,10 +323,7 @@ def _clock_offset_s(stream: Timed, received: Path) -> float:
 
 def _packets(stream: Timed, end_s: float) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
     """Return times, lengths and whether they arrived, of all packets of a stream up to an instant."""
-    steps = [((b.seq - a.seq) % SEQUENCE, later - earlier) for (earlier, a), (later, b) in pairwise(stream)]
-    near = [(step, gap) for step, gap in steps if 0.0 < gap < 1.0 and 0 < step < SEQUENCE // 2]
-    seconds = sum(gap for _, gap in near)
-    rate_hz = sum(step for step, _ in near) / seconds if seconds > 0.0 else 0.0
+    rate_hz = _rate_hz(stream)
     rows = [(stream[0][0], float(len(stream[0][1].raw)), True)]
     last_s, last_seq = stream[0][0], stream[0][1].seq
     for time_s, frame in stream[1:]:
@@ -278,6 +339,30 @@ def _packets(stream: Timed, end_s: float) -> tuple[FloatArray, FloatArray, NDArr
     rows += [(last_s + k / rate_hz, math.nan, False) for k in range(1, silent + 1)]
     time, length, delivered = (np.array(column) for column in zip(*rows, strict=True))
     return time, np.where(np.isfinite(length), length, np.nanmedian(length)), delivered
+
+
+def _rate_hz(stream: Timed) -> float:
+    """Return how many packets a second were sent, lost ones included: the median over windows of 30 s.
+
+    Over windows, because packets may come in bursts with all the silence between them; not over those with a long
+    silence, from which rounds of the counter may be missing.
+    """
+    times, counts = [stream[0][0]], [0]
+    last_seq = stream[0][1].seq
+    for time_s, frame in stream[1:]:
+        step = (frame.seq - last_seq) % SEQUENCE
+        if 0 < step <= SEQUENCE - LATE:
+            times.append(time_s)
+            counts.append(counts[-1] + step)
+            last_seq = frame.seq
+    time, count = np.array(times), np.array(counts)
+    end = np.minimum(np.searchsorted(time, time + RATE_WINDOW_S), time.size - 1)
+    seconds = time[end] - time
+    silences = np.cumsum(np.diff(time, prepend=time[0]) > RATE_WINDOW_S / 3.0)
+    whole = (seconds > 0.0) & (seconds >= min(RATE_WINDOW_S, time[-1] - time[0]))
+    unbroken = whole & (silences[end] == silences)
+    chosen = unbroken if unbroken.any() else whole
+    return float(np.median((count[end] - count)[chosen] / seconds[chosen])) if chosen.any() else 0.0
 
 
 def _receivers(

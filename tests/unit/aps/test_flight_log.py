@@ -1,4 +1,5 @@
 import struct
+from time import process_time
 
 import numpy as np
 import pytest
@@ -208,6 +209,58 @@ def test_a_log_cut_off_or_damaged_in_the_middle_keeps_the_rest(tmp_path):
     data[1000:1003] = b"\x00\xfd\xfe"
     file.write_bytes(data)
     assert 96 <= len(read_tlog(file)) <= 98
+
+
+def test_a_damaged_time_makes_no_losses(tmp_path):
+    sender = Sender(1, 1000)
+    entries = [[round(t * 1e6), frame] for t, frame in sender.tlog(BOOT_AT_RECEIVER_S)]
+    for k, bit in ((300, 24), (500, 27), (700, 25), (900, 33)):  # between 17 s and 2 h off, either way
+        entries[k][0] ^= 1 << bit
+    received, sent = tmp_path / "ground.tlog", write_tlog(tmp_path / "ua.tlog", sender.tlog(0.0))
+    received.write_bytes(b"".join(struct.pack(">Q", time_us) + frame for time_us, frame in entries))
+    link = read_link(received, sent, receiver_at=HOME)
+    assert link.delivered.all()
+    assert link.distance_m == pytest.approx(sender.distance_m, abs=0.4)
+
+
+def test_a_stream_that_comes_in_bursts_is_not_taken_for_a_fast_one(tmp_path):
+    """All packets of three seconds at once: gaps say nothing of the rate, windows do."""
+    sender = Sender(1, 2400)
+    kept = pattern(2400)
+    entries = [
+        (BOOT_AT_RECEIVER_S + 3.0 * np.ceil(sender.boot_s[k] / 3.0) + 1e-5 * k, sender.frames[k])
+        for k in np.flatnonzero(kept)
+    ]
+    received = write_tlog(tmp_path / "ground.tlog", entries)
+    sent = write_tlog(tmp_path / "ua.tlog", sender.tlog(0.0))
+    link = read_link(received, sent, receiver_at=HOME)
+    assert np.count_nonzero(link.delivered) == np.count_nonzero(kept)
+    assert np.count_nonzero(~link.delivered) == pytest.approx(np.count_nonzero(~kept), abs=70)
+
+
+def test_positions_that_cannot_be_are_left_out_of_a_bin(tmp_path):
+    sender = Sender(3, 400)
+    received = write_tlog(tmp_path / "ground.tlog", sender.tlog(BOOT_AT_RECEIVER_S))
+    rows = [
+        [round(boot * 1e6), HOME.lat_deg + metres / METRES_PER_DEGREE, HOME.lon_deg, HOME.alt_amsl_m]
+        for boot, metres in zip(sender.boot_s, sender.distance_m, strict=True)
+    ]
+    rows[50][1], rows[100][2], rows[150][3], rows[200][3], rows[250][0] = -83.0, 171.0, 3e38, np.nan, 2**60
+    sent = tmp_path / "ua.bin"
+    sent.write_bytes(dataflash(rows))
+    link = read_link(received, sent, receiver_at=HOME)
+    assert link.distance_m == pytest.approx(sender.distance_m, abs=0.4)
+    sent.write_bytes(sent.read_bytes().replace(b"TimeUS,Lat,", b"TimeUS,Lax,"))
+    with pytest.raises(FlightLogError, match=r"ua\.bin: POS without numbers TimeUS, Lat"):
+        read_link(received, sent, receiver_at=HOME)
+
+
+def test_garbage_between_frames_costs_little(tmp_path):
+    file = tmp_path / "ua.tlog"
+    file.write_bytes(b"\xfd" * 150_000 + LOG + b"\xfe" * 20_000 + LOG)
+    start = process_time()
+    assert len(read_tlog(file)) == 60
+    assert process_time() - start < 5.0  # 34 s if each byte is tried as the beginning of all that follows
 
 
 LOG = b"".join(struct.pack(">Q", round(t * 1e6)) + frame for t, frame in Sender(1, 30).tlog(0.0))
