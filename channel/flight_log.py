@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from channel.checks import FloatArray
+from channel import checks
+from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 
 EARTH_RADIUS_M = 6_371_008.8
@@ -19,6 +20,7 @@ POSITION_COLUMNS = tuple(f"{end}_{part}" for end in ("tx", "rx") for part in ("l
 TRUE = frozenset({"1", "true", "yes", "delivered"})
 FALSE = frozenset({"0", "false", "no"})
 NOTHING = frozenset({"", "nan", "none", "null", "-"})
+MAX_LENGTH_BYTES = 1 << 24
 
 
 class FlightLogError(ValueError):
@@ -34,12 +36,39 @@ class FlightLog:
         delivered: whether it arrived.
         length_bytes: as the error model counts it.
         rssi_dbm: received power where it was measured, else NaN.
+
+    Raises:
+        ChannelInputError: a value out of range, or arrays of another shape.
     """
 
     distance_m: FloatArray
     delivered: NDArray[np.bool_]
     length_bytes: FloatArray
     rssi_dbm: FloatArray
+
+    def __post_init__(self) -> None:
+        distance = checks.finite("distance_m", self.distance_m, 0.0)
+        length = checks.finite("length_bytes", self.length_bytes, 0.0, MAX_LENGTH_BYTES)
+        delivered = checks.finite("delivered", self.delivered, 0.0, 1.0)
+        neither = (delivered != 0.0) & (delivered != 1.0)
+        if neither.any():
+            raise ChannelInputError("delivered", float(delivered[neither].flat[0]), "0 or 1")
+        rssi = np.asarray(self.rssi_dbm, dtype=np.float64)
+        checks.finite("rssi_dbm", rssi[~np.isnan(rssi)])
+        columns = {
+            "distance_m": distance,
+            "delivered": delivered.astype(bool),
+            "length_bytes": length,
+            "rssi_dbm": rssi,
+        }
+        for name, column in columns.items():
+            if column.ndim != 1 or column.shape != distance.shape:
+                raise ChannelInputError(
+                    name,
+                    f"array of shape {column.shape}",
+                    f"one number per packet, as in distance_m {distance.shape}",
+                )
+            object.__setattr__(self, name, column)
 
     @property
     def packets(self) -> int:
@@ -58,16 +87,21 @@ def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
 
     Columns: `distance_m`, or tx_lat_deg, tx_lon_deg, tx_alt_m and the same for rx; `delivered` (1/0, true/false) or
     `fate` (delivered, or the cause of the loss, as in deliveries.csv); optional `length_bytes` and `rssi_dbm`
-    (empty where there is none). Others are left alone.
+    (empty where there is none). Others are left alone, and so are lost packets whose distance is not known.
 
     Raises:
         FlightLogError: no such file, a missing column, or a value that is none.
     """
     try:
         with file.open(encoding="utf-8-sig", newline="") as lines:
-            reader = csv.DictReader(lines)
-            names = set(reader.fieldnames or ())
-            rows = [_row(row, names, default_length_bytes, f"{file}:{reader.line_num}") for row in reader]
+            reader = csv.DictReader(lines, skipinitialspace=True)
+            reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
+            names = set(reader.fieldnames)
+            rows = [
+                _row(row, names, default_length_bytes, f"{file}:{reader.line_num}")
+                for row in reader
+                if not _lost_nowhere(row)
+            ]
     except OSError as error:
         raise FlightLogError(f"cannot read {file}: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
@@ -103,9 +137,17 @@ def _row(
     if distance < 0.0:
         raise FlightLogError(f"{place}: distance_m = {distance:g}: has to be 0 or above")
     length = _number(row, "length_bytes", place) if row.get("length_bytes") else float(default_length)
+    if not 0.0 <= length <= MAX_LENGTH_BYTES:
+        raise FlightLogError(f"{place}: length_bytes = {length:g}: has to be from 0 to {MAX_LENGTH_BYTES}")
     has_rssi = (row.get("rssi_dbm") or "").strip().lower() not in NOTHING
     rssi = _number(row, "rssi_dbm", place) if has_rssi else float("nan")
     return distance, _delivered(row, place), length, rssi
+
+
+def _lost_nowhere(row: Mapping[str, str | None]) -> bool:
+    """Return whether a run's packet was lost with an end at no known place, or before it came to the radio."""
+    lost = row.get("fate") not in (None, "", "delivered")
+    return lost and (row.get("distance_m") or "").strip().lower() == "nan"
 
 
 def _delivered(row: Mapping[str, str | None], place: str) -> bool:

@@ -279,9 +279,39 @@ def test_a_file_of_bytes_is_no_log(tmp_path):
         read_flight_log(log, 40)
 
 
+def test_packets_of_a_run_that_were_lost_nowhere_are_left_out(tmp_path):
+    log = tmp_path / "deliveries.csv"
+    log.write_text("distance_m, fate\n80.000,delivered\nnan,no_position\n90.000, out_of_range\n")
+    read = read_flight_log(log, 40)
+    assert read.distance_m.tolist() == [80.0, 90.0]
+    assert read.delivered.tolist() == [True, False]
+    log.write_text("distance_m,fate\nnan,delivered\n")
+    with pytest.raises(FlightLogError, match="distance_m = 'nan'"):
+        read_flight_log(log, 40)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("distance_m", np.nan, "distance_m = nan"),
+        ("distance_m", -3.0, r"distance_m = -3\.0: allowed is a finite number >= 0"),
+        ("delivered", 0.5, "delivered = .*allowed is 0 or 1"),
+        ("length_bytes", -40.0, r"length_bytes = -40\.0"),
+        ("rssi_dbm", np.inf, "rssi_dbm = inf"),
+        ("rssi_dbm", None, r"rssi_dbm = .*shape \(2,\).*one number per packet"),
+    ],
+)
+def test_a_log_with_a_value_that_cannot_be_is_refused(column, value, words):
+    columns = {name: np.ones(3) for name in ("distance_m", "delivered", "length_bytes", "rssi_dbm")}
+    columns[column] = np.ones(2) if value is None else np.array([1.0, value, 1.0])
+    with pytest.raises(ChannelInputError, match=words):
+        FlightLog(**columns)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("distance_m,delivered,length_bytes\n5,1,-40\n", "length_bytes = -40"),
         ("distance_m,delivered\n1,maybe\n", "delivered = 'maybe'"),
         ("distance_m,delivered\nx,1\n", "distance_m = 'x'"),
         ("distance_m,delivered\n-3,1\n", "0 or above"),
