@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar, Literal
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationInfo,
+    field_validator,
+)
 
 from fdm.clock_status import SPEED_RANGE
 from fdm.exchange_settings import Workers
@@ -98,12 +106,14 @@ class StillAgent(_Part):
 class OwnAgent(_Part):
     """An agent of the user's own: a subclass of `bridge.agents.Agent`, in a file or an installed module."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, populate_by_name=True, ser_json_inf_nan="constants"
+    )
 
     type: Literal["own"]
     class_: Annotated[str, Field(alias="class", pattern=r"^[^:]+:[A-Za-z_]\w*$")]
     has_task: bool = True
-    options: dict[str, Any] = {}
+    options: dict[str, JsonValue] = {}
 
     @property
     def place(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -73,9 +74,27 @@ def test_missing_module_is_named() -> None:
         load_class("nowhere.to_be_found", "Own")
 
 
+def test_options_reach_the_agents_process_as_they_are() -> None:
+    own = "{type: own, class: a:B, options: {limits_m: [.inf, -.inf, 1.5], names: {a: null, b: x}, quick: true}}"
+    scenario = parse_scenario(TEXT.replace("{type: hold, altitude_m: 40}", own), "my.yaml")
+    agent = parse_scenario(scenario.to_yaml(), "resolved.yaml").ua[0].agent
+    assert isinstance(agent, OwnAgent)
+    assert agent.options == {"limits_m": [inf, -inf, 1.5], "names": {"a": None, "b": "x"}, "quick": True}
+
+
 @pytest.mark.parametrize(
     ("agent", "key", "says"),
     [
+        (
+            "{type: own, class: a:B, options: {day: 2026-05-01}}",
+            "ua.0.agent.options.day",
+            "not a valid JSON value",
+        ),
+        (
+            "{type: own, class: a:B, options: {bytes: !!binary /w==}}",
+            "ua.0.agent.options.bytes",
+            "not a valid JSON value",
+        ),
         ("{type: own, class: nowhere.py:Own}", "ua.0.agent.class", "nowhere.py: no such file"),
         ("{type: own, class: nowhere}", "ua.0.agent.class", "should match pattern"),
         ("{type: own}", "ua.0.agent.class", "is required"),
