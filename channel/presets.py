@@ -48,7 +48,7 @@ def load_radio(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
         PresetError: no such preset or file, not YAML, an unknown key or a bad value.
     """
     file = _preset_file(str(name_or_path))
-    tree = merged(_read(file), overrides or {})
+    tree = merged(_read(file, ()), _with_tables(overrides or {}, Path()))
     return _validated(tree, file, () if overrides is None else tuple(dotted_keys(overrides)))
 
 
@@ -58,7 +58,7 @@ def radio_from_mapping(mapping: Mapping[str, Any]) -> RadioConfig:
     Raises:
         PresetError: an unknown preset, an unknown key or a bad value.
     """
-    return _validated(_resolved(dict(mapping), None), None, ())
+    return _validated(_resolved(_with_tables(mapping, Path()), Path(), ()), None, ())
 
 
 def radio_to_yaml(config: RadioConfig) -> str:
@@ -130,10 +130,11 @@ def _put(tree: Tree, keys: list[str], value: object) -> None:
     tree[keys[-1]] = value
 
 
-def _preset_file(name: str) -> Path:
+def _preset_file(name: str, beside: Path = Path()) -> Path:
+    """Return the file of a preset's name, or of a path as seen from a directory."""
     if name in preset_names():
         return presets_directory() / f"{name}.yaml"
-    path = Path(name)
+    path = beside / name
     if path.suffix in {".yaml", ".yml"} and path.is_file():
         return path
     close = difflib.get_close_matches(name, preset_names(), n=1)
@@ -142,28 +143,34 @@ def _preset_file(name: str) -> Path:
     raise PresetError(f"no radio preset or YAML file {name!r}{hint} Presets: {known}", key="preset")
 
 
-def _read(file: Path) -> Tree:
+def _read(file: Path, extending: tuple[Path, ...]) -> Tree:
+    """Return the tree of a file; `extending` are the files that lead to it."""
+    if file.resolve() in extending:
+        raise PresetError("extends itself", key="preset", file=str(file))
     try:
         tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise PresetError("is not a file of text", file=str(file)) from error
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else mark.line + 1
         raise PresetError("is not YAML", file=str(file), line=line) from error
     if not isinstance(tree, dict):
         raise PresetError("is not a mapping of keys to values", file=str(file))
-    return _resolved(_with_tables({"name": file.stem, **tree}, file), file)
+    tables = _with_tables({"name": file.stem, **tree}, file.parent)
+    return _resolved(tables, file.parent, (*extending, file.resolve()))
 
 
-def _with_tables(tree: Tree, file: Path) -> Tree:
-    """Return the tree with each key `x_file`, a CSV beside the YAML file, replaced by its rows under `x`."""
+def _with_tables(tree: Mapping[str, Any], beside: Path) -> Tree:
+    """Return the tree with each key `x_file`, a CSV as seen from a directory, replaced by its rows under `x`."""
     out: Tree = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):
-            out[key] = _with_tables(dict(value), file)
-        elif key.endswith("_file"):
-            out[key.removesuffix("_file")] = _csv_rows(file.parent / str(value), key)
+            out[str(key)] = _with_tables(value, beside)
+        elif str(key).endswith("_file"):
+            out[key.removesuffix("_file")] = _csv_rows(beside / str(value), key)
         else:
-            out[key] = value
+            out[str(key)] = value
     return out
 
 
@@ -174,6 +181,8 @@ def _csv_rows(file: Path, key: str) -> list[list[float]]:
             rows = [row for row in csv.reader(lines) if row]
     except OSError as error:
         raise PresetError(f"cannot read {file}: {error.strerror}", key=key) from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise PresetError(f"{file} is not a CSV of text", key=key) from error
     numbers: list[list[float]] = []
     for number, row in enumerate(rows, start=1):
         try:
@@ -184,15 +193,12 @@ def _csv_rows(file: Path, key: str) -> list[list[float]]:
     return numbers
 
 
-def _resolved(tree: Tree, file: Path | None) -> Tree:
+def _resolved(tree: Tree, beside: Path, extending: tuple[Path, ...]) -> Tree:
     """Return the tree with the preset it names, if any, laid under it."""
     preset = tree.pop("preset", None)
     if preset is None:
         return tree
-    base_file = _preset_file(str(preset))
-    if file is not None and base_file.resolve() == file.resolve():
-        raise PresetError("extends itself", key="preset", file=str(file))
-    return merged(_read(base_file), tree)
+    return merged(_read(_preset_file(str(preset), beside), extending), tree)
 
 
 def _validated(tree: Tree, file: Path | None, overridden: tuple[str, ...]) -> RadioConfig:

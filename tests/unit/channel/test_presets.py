@@ -81,3 +81,40 @@ def test_settings_become_overrides():
 def test_settings_that_are_none(setting):
     with pytest.raises(PresetError):
         presets.overrides_from_settings([setting])
+
+
+def test_files_that_cannot_be_are_named(tmp_path):
+    (tmp_path / "bytes.yaml").write_bytes(bytes(range(256)))
+    with pytest.raises(PresetError, match=r"bytes\.yaml: is not a file of text"):
+        presets.load_radio(tmp_path / "bytes.yaml")
+    (tmp_path / "number.yaml").write_text("1: 2\npreset: moon2020\n")
+    with pytest.raises(PresetError, match=r"number\.yaml.*1: unknown key"):
+        presets.load_radio(tmp_path / "number.yaml")
+    (tmp_path / "a.yaml").write_text("preset: b.yaml\n")
+    (tmp_path / "b.yaml").write_text("preset: a.yaml\n")
+    with pytest.raises(PresetError, match=r"a\.yaml: preset: extends itself"):
+        presets.load_radio(tmp_path / "a.yaml")
+    (tmp_path / "table.yaml").write_text(
+        "preset: moon2020\nerror: {model: snr-table, table_file: bytes.yaml}\n"
+    )
+    with pytest.raises(PresetError, match=r"bytes\.yaml is not a CSV"):
+        presets.load_radio(tmp_path / "table.yaml")
+
+
+def test_a_file_is_extended_by_one_beside_it(tmp_path):
+    (tmp_path / "base.yaml").write_text("preset: moon2020\nbase_loss: 0.25\n")
+    (tmp_path / "mine.yaml").write_text("preset: base.yaml\noffset_db: 1\n")
+    config = presets.load_radio(tmp_path / "mine.yaml")
+    assert (config.base_loss, config.offset_db) == (0.25, 1.0)
+
+
+def test_tables_can_be_set_and_given_in_a_mapping(tmp_path):
+    table = tmp_path / "curve.csv"
+    table.write_text("snr_db,per\n0,1\n5,0.5\n10,0\n")
+    settings = ["error.model=snr-table", f"error.table_file={table}"]
+    set_radio = presets.load_radio("moon2020", presets.overrides_from_settings(settings))
+    spelled = presets.radio_from_mapping(
+        {"preset": "moon2020", "error": {"model": "snr-table", "table_file": str(table)}}
+    )
+    assert set_radio.error == spelled.error
+    assert set_radio.error.table == ((0.0, 1.0), (5.0, 0.5), (10.0, 0.0))
