@@ -25,6 +25,7 @@ from channel.likelihood import (
     ERROR,
     EXPONENT,
     FLOOR,
+    LIMITS,
     NAMES,
     OFFSET,
     SIGMA,
@@ -105,6 +106,7 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
     log = _within_range(log, base)
     _check(log, base)
     likelihood = Likelihood(log, base)
+    _check_held(likelihood, held)
     free = _free(likelihood, held)
     best, ends = _intervals(likelihood, free)
     estimates = tuple(_estimate(i, best, ends.get(i), likelihood, held) for i in range(len(NAMES)))
@@ -134,6 +136,15 @@ def _known_names(hold: Iterable[str]) -> frozenset[str]:
     if not held <= set(NAMES):
         raise ChannelInputError("hold", sorted(held - set(NAMES)), f"names among {', '.join(NAMES)}")
     return held
+
+
+def _check_held(likelihood: Likelihood, held: frozenset[str]) -> None:
+    """Refuse a known value that is beyond what a fit can take: it would be moved to where it can."""
+    values = likelihood.natural(likelihood.base_values)
+    for name, value in zip(ALL_NAMES, values.tolist(), strict=True):
+        low, high = LIMITS[name]
+        if name in held and not low <= value <= high * (1.0 + 1e-9):
+            raise ChannelInputError(name, value, f"{low:g} to {high:g}, to be held in a fit")
 
 
 def _within_range(log: FlightLog, base: RadioConfig) -> FlightLog:

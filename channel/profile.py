@@ -222,6 +222,12 @@ def _by_profile(likelihood: Likelihood, best: Point, near: Point, free: Mask, si
         start = likelihood.shifted(near.at, (target - near.at[side.index]) / way[side.index] * way)
         start[side.index] = target
         there = side.checked(climb(likelihood, start, others))
+        if (
+            there.value <= side.target
+        ):  # the way may have led astray: is it the end from where we know it is not?
+            start = near.at.copy()
+            start[side.index] = target
+            there = max(there, side.checked(climb(likelihood, start, others)), key=lambda point: point.value)
         root = math.sqrt(max(2.0 * (best.value - there.value), 0.0))
         if root > goal:
             outside, outside_root = target, root

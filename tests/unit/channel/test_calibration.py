@@ -223,6 +223,45 @@ def test_too_little_information_is_said(distances, delivered, word):
         fit_radio(log, presets.load_radio("moon2020"))
 
 
+def test_few_packets_do_not_pin_the_base_loss():
+    """20 packets of which 4 were lost, one of them nearer than one that arrived: a tenth of base loss is as likely."""
+    distance = [
+        101,
+        104,
+        109,
+        115,
+        271,
+        318,
+        406,
+        414,
+        428,
+        452,
+        504,
+        525,
+        648,
+        670,
+        786,
+        788,
+        821,
+        869,
+        938,
+        961.0,
+    ]
+    lost = (13, 15, 18, 19)
+    delivered = np.isin(np.arange(20), lost, invert=True)
+    log = FlightLog(np.array(distance), delivered, np.full(20, 40.0), np.full(20, np.nan))
+    by_name = {each.name: each for each in fit_radio(log, presets.load_radio("corrected")).estimates}
+    assert by_name["base_loss"].low == 0.0
+    assert by_name["base_loss"].high > 0.15
+
+
+def test_known_values_beyond_what_a_fit_takes_are_refused():
+    log = synthetic(presets.load_radio("moon2020"), 100, 50, 600, 1)
+    base = presets.load_radio("moon2020", {"shadowing": {"sigma_db": 40.0}})
+    with pytest.raises(ChannelInputError, match=r"shadowing\.sigma_db = 40\.0: allowed is 0 to 30"):
+        fit_radio(log, base, hold=["shadowing.sigma_db"])
+
+
 def test_bases_and_names_that_cannot_be_fitted():
     log = synthetic(presets.load_radio("moon2020"), 100, 50, 600, 1)
     with pytest.raises(ChannelInputError, match=r"propagation\.model"):
