@@ -33,7 +33,9 @@ from fdm.worker_process import WorkerProcess, end_all
 
 IDLE_CHECK_S = 0.1
 """How often to look whether a worker has no live UA left, which it does not tell."""
-END_TIMEOUT_S = 5.0
+END_TIMEOUT_S = 1.0
+"""For all workers together, then they are killed: whoever ends this process may kill it soon, which a worker that is
+stopped or stuck would outlive."""
 UA_PER_WORKER = 16
 """What `auto` gives one process: at 800 Hz that is two thirds of a core (docs/performance.md)."""
 
