@@ -14,7 +14,7 @@ import click
 from channel import presets
 from channel import sweep as sweeps
 from channel.checks import ChannelInputError
-from channel.command_input import BadInput, chosen_radio, radio_options
+from channel.command_input import BadInput, chosen_radio, radio_options, writing
 from channel.fit_command import FitRequest, fit_options, run_fit
 from channel.link_report import link_report, link_text
 from channel.validity import ValidityWarning
@@ -53,6 +53,8 @@ def link(
       lostlink link --radio corrected --distance 400 --set propagation.exponent=3 --json
       lostlink link --radio moon2020 --sweep distance 50:1000:10 --plot range.png
     """
+    if plot is not None and sweep is None:
+        raise BadInput("--plot draws along a range: it needs --sweep")
     given: dict[str, Any] = {name: value for name, value in ends.items() if value is not None}
     if "ground_distance_m" not in given and (sweep is None or sweep[0] != "distance"):
         raise BadInput("--distance is missing")
@@ -89,7 +91,8 @@ def _sweep(
     if plot is not None:
         from channel.figures import plot_sweep
 
-        plot_sweep(rows, key, plot)
+        with writing(plot):
+            plot_sweep(rows, key, plot)
 
 
 @contextmanager
@@ -147,7 +150,9 @@ def figures(out: Path, seed: int) -> None:
     """
     from channel.figures import write_figures
 
-    for file in write_figures(out, seed=seed):
+    with writing(out):
+        files = write_figures(out, seed=seed)
+    for file in files:
         click.echo(str(file))
 
 

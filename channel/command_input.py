@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import click
 
@@ -40,3 +42,18 @@ def chosen_radio(radio: str, settings: tuple[str, ...]) -> RadioConfig:
         return presets.load_radio(radio, presets.overrides_from_settings(settings))
     except presets.PresetError as error:
         raise BadInput(str(error)) from error
+
+
+@contextmanager
+def writing(file: Path) -> Iterator[None]:
+    """Turn what keeps a file from being written into a mistake of the user.
+
+    Raises:
+        BadInput: no such directory, no room, no right; or a plot of a kind that cannot be drawn.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise BadInput(f"cannot write {error.filename or file}: {error.strerror}") from error
+    except ValueError as error:
+        raise BadInput(f"cannot write {file}: {error}") from error

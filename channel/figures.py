@@ -179,12 +179,10 @@ def _write_csv(file: Path, header: tuple[str, ...], rows: Iterable[tuple[float, 
 def plot_fit(log: FlightLog, fitted: RadioConfig, file: Path) -> None:
     """Draw a log's share of delivered packets in 20 m bins, with 95 % intervals, over the fitted curve."""
     figure, ((axis,),) = _axes(1, 1, (7.0, 4.2))
-    index = (log.distance_m // BIN_WIDTH_M).astype(int)
-    sent = np.bincount(index)
-    arrived = np.bincount(index, weights=log.delivered)
-    filled = np.flatnonzero(sent)
-    low, high = proportion_interval(arrived[filled], sent[filled], 0.95)
-    share = arrived[filled] / sent[filled]
+    filled, index = np.unique(log.distance_m // BIN_WIDTH_M, return_inverse=True)
+    sent, arrived = np.bincount(index), np.bincount(index, weights=log.delivered)
+    low, high = proportion_interval(arrived, sent, 0.95)
+    share = arrived / sent
     centres = (filled + 0.5) * BIN_WIDTH_M
     axis.errorbar(centres, share, yerr=(share - low, high - share), fmt="o", ms=3, label="log, 20 m bins")
     distance = np.linspace(max(log.distance_m.min(), 1.0), log.distance_m.max(), 300)

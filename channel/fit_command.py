@@ -12,7 +12,7 @@ import click
 
 from channel import presets
 from channel.checks import ChannelInputError
-from channel.command_input import BadInput, chosen_radio, radio_options
+from channel.command_input import BadInput, chosen_radio, radio_options, writing
 from channel.config import RadioConfig
 
 if TYPE_CHECKING:
@@ -71,15 +71,14 @@ def run_fit(request: FitRequest, name: str, read: Callable[[RadioConfig], Flight
     except (flight_log.FlightLogError, calibration.NotEnoughInformationError, ChannelInputError) as error:
         raise BadInput(str(error)) from error
     fitted = calibration.fitted_radio(found, base, name if request.out is None else request.out.stem)
-    try:
-        if request.out is not None:
+    if request.out is not None:
+        with writing(request.out):
             request.out.write_text(presets.radio_to_yaml(fitted), encoding="utf-8")
-        if request.plot is not None:
-            from channel.figures import plot_fit
+    if request.plot is not None:
+        from channel.figures import plot_fit
 
+        with writing(request.plot):
             plot_fit(data, fitted, request.plot)
-    except OSError as error:
-        raise BadInput(f"cannot write {error.filename}: {error.strerror}") from error
     click.echo(json.dumps(_report(found), indent=2) if request.as_json else _text(found))
 
 

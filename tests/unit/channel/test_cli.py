@@ -110,3 +110,24 @@ def test_validity_warning_goes_to_stderr():
     result = run("link", "--distance", "400", "--set", "propagation.model=okumura-hata")
     assert result.exit_code == 0
     assert "warning: frequency_hz = 2.412e+09: outside" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("link", "--sweep", "distance", "50:60:10", "--plot", "no/x.png"), "cannot write"),
+        (("link", "--sweep", "distance", "50:60:10", "--plot", "x.foo"), "x.foo: Format 'foo'"),
+        (("link", "--distance", "50", "--plot", "x.png"), "needs --sweep"),
+        (("figures", "--out", "file.csv/figures"), "cannot write file.csv"),
+        (("fit", "file.csv", "--plot", "x.foo"), "x.foo: Format 'foo'"),
+    ],
+)
+def test_files_that_cannot_be_written_are_one_line(tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    rows = [
+        f"{1e9 * (10 + k)},{k % 3 // 2}" for k in range(40)
+    ]  # so far off that bins by number fill the memory
+    (tmp_path / "file.csv").write_text("\n".join(["distance_m,delivered", *rows]))
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert words in result.output
