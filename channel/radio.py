@@ -23,6 +23,10 @@ from channel.path_loss import FreeSpace, LogDistance
 States = tuple[bool, ...]
 NEEDS_PLACES = frozenset({"terrain"})
 """Propagation models that ask where the ends are, not only how far apart and how high."""
+MAX_WAY_M = 1e12
+"""Farther than any radio, and near enough that squares do not overflow."""
+MAX_FREQUENCY_HZ = 1e12
+MAX_LENGTH_BYTES = 1 << 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,30 +105,36 @@ class Radio:
             ChannelInputError: a value out of range, a wrong shape, or not one of distances and positions.
         """
         carrier = self.config.frequency_hz if frequency_hz is None else frequency_hz
-        frequency = checks.finite("frequency_hz", carrier, 0.0, low_open=True)
-        attitude_tx = (
-            None if attitude_tx_wxyz is None else checks.vectors("attitude_tx_wxyz", attitude_tx_wxyz, 4)
-        )
-        attitude_rx = (
-            None if attitude_rx_wxyz is None else checks.vectors("attitude_rx_wxyz", attitude_rx_wxyz, 4)
-        )
+        frequency = checks.finite("frequency_hz", carrier, 0.0, MAX_FREQUENCY_HZ, low_open=True)
+        attitude_tx = _attitude("attitude_tx_wxyz", attitude_tx_wxyz)
+        attitude_rx = _attitude("attitude_rx_wxyz", attitude_rx_wxyz)
+        _only_one(distance_m, ground_distance_m, position_tx_ned_m, position_rx_ned_m)
         if distance_m is None and ground_distance_m is None:
-            if position_tx_ned_m is None or position_rx_ned_m is None:
-                raise ChannelInputError("distance_m", None, "a distance, or both positions")
-            start = checks.vectors("position_tx_ned_m", position_tx_ned_m, 3)
-            end = checks.vectors("position_rx_ned_m", position_rx_ned_m, 3)
+            start = _place("position_tx_ned_m", position_tx_ned_m)
+            end = _place("position_rx_ned_m", position_rx_ned_m)
             checks.broadcast(position_tx_ned_m=start, position_rx_ned_m=end)
         else:
             heights = self._heights(height_tx_m, height_rx_m)
             start, end = self._places(distance_m, ground_distance_m, *heights, frequency)
+        checks.broadcast(
+            position_tx_ned_m=start[..., 0],
+            position_rx_ned_m=end[..., 0],
+            attitude_tx_wxyz=LEVEL_WXYZ[0] if attitude_tx is None else attitude_tx[..., 0],
+            attitude_rx_wxyz=LEVEL_WXYZ[0] if attitude_rx is None else attitude_rx[..., 0],
+            frequency_hz=frequency,
+        )
         return self.path_of(start, end, separation_m(start, end), attitude_tx, attitude_rx, frequency)
 
     def _heights(
         self, height_tx_m: ArrayLike | None, height_rx_m: ArrayLike | None
     ) -> tuple[FloatArray, FloatArray]:
         default = self.config.default_height_m
-        tx = checks.finite("height_tx_m", default if height_tx_m is None else height_tx_m, MIN_HEIGHT_M)
-        rx = checks.finite("height_rx_m", default if height_rx_m is None else height_rx_m, MIN_HEIGHT_M)
+        tx = checks.finite(
+            "height_tx_m", default if height_tx_m is None else height_tx_m, MIN_HEIGHT_M, MAX_WAY_M
+        )
+        rx = checks.finite(
+            "height_rx_m", default if height_rx_m is None else height_rx_m, MIN_HEIGHT_M, MAX_WAY_M
+        )
         return tx, rx
 
     def _places(
@@ -137,9 +147,9 @@ class Radio:
     ) -> tuple[FloatArray, FloatArray]:
         """Return positions of both ends, shape (..., 3)."""
         if slant_m is None:
-            ground = checks.finite("ground_distance_m", np.asarray(ground_m), 0.0)
+            ground = checks.finite("ground_distance_m", np.asarray(ground_m), 0.0, MAX_WAY_M)
         else:
-            slant = checks.finite("distance_m", slant_m, 0.0)
+            slant = checks.finite("distance_m", slant_m, 0.0, MAX_WAY_M)
             checks.broadcast(distance_m=slant, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
             spare = slant - np.abs(tx_m - rx_m)
             if np.any(spare < -1e-9):
@@ -373,8 +383,40 @@ class Radio:
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:
         if length_bytes is None:
             return np.asarray(float(self.length_bytes(self.config.nominal_payload_bytes)))
-        payload = checks.finite("length_bytes", length_bytes, 0.0)
+        payload = checks.finite("length_bytes", length_bytes, 0.0, MAX_LENGTH_BYTES)
         return np.asarray(np.vectorize(self.config.length.length_bytes, otypes=[np.float64])(payload))
+
+
+def _only_one(
+    slant_m: ArrayLike | None, ground_m: ArrayLike | None, tx: ArrayLike | None, rx: ArrayLike | None
+) -> None:
+    """Refuse no geometry, and more than one."""
+    positions = tx is not None or rx is not None
+    if positions and (tx is None or rx is None):
+        missing = "position_tx_ned_m" if tx is None else "position_rx_ned_m"
+        raise ChannelInputError(missing, None, "a position, as there is one of the other end")
+    if (slant_m is not None) + (ground_m is not None) + positions != 1:
+        given = None if slant_m is None else slant_m
+        raise ChannelInputError(
+            "distance_m", given, "a distance, slant or over the ground, or both positions: one of them"
+        )
+
+
+def _place(name: str, value: ArrayLike | None) -> FloatArray:
+    place = checks.vectors(name, np.asarray(value), 3)
+    return checks.finite(name, place, -MAX_WAY_M, MAX_WAY_M)
+
+
+def _attitude(name: str, value: ArrayLike | None) -> FloatArray | None:
+    """Return checked quaternions at length 1."""
+    if value is None:
+        return None
+    attitude = checks.vectors(name, value, 4)
+    length = np.sqrt(np.sum(np.square(np.clip(attitude, -10.0, 10.0)), axis=-1, keepdims=True))
+    if not np.all((length > 0.5) & (length < 2.0)):
+        bad = attitude[~((length > 0.5) & (length < 2.0))[..., 0]]
+        raise ChannelInputError(name, bad.reshape(-1, 4)[0].tolist(), "a quaternion of length about 1")
+    return np.asarray(attitude / length)
 
 
 def _separation(path: Path) -> FloatArray:

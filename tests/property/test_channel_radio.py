@@ -66,6 +66,35 @@ def test_shapes_that_do_not_fit_raise_with_the_names():
         RADIOS["moon2020"].link(position_tx_ned_m=[1.0, 2.0], position_rx_ned_m=[0.0, 0.0, 0.0])
 
 
+@pytest.mark.parametrize(
+    ("geometry", "words"),
+    [
+        ({"distance_m": 100.0, "ground_distance_m": 50.0}, "distance_m = 100.0: allowed is .*one of them"),
+        (
+            {"distance_m": 9.0, "position_tx_ned_m": [0, 0, -1], "position_rx_ned_m": [1, 0, -1]},
+            "one of them",
+        ),
+        ({"position_tx_ned_m": [0, 0, -1]}, "position_rx_ned_m = None"),
+        ({"distance_m": [1.0, 2.0], "attitude_tx_wxyz": [[1, 0, 0, 0]] * 3}, r"attitude_tx_wxyz.*\(3,\)"),
+        ({"distance_m": 9.0, "attitude_rx_wxyz": [0, 0, 0, 0]}, "attitude_rx_wxyz = .*length about 1"),
+        ({"distance_m": 1e300}, r"distance_m = 1e\+300: .*<= 1e\+12"),
+        ({"ground_distance_m": 9.0, "height_tx_m": 1e200}, r"height_tx_m = 1e\+200"),
+        ({"position_tx_ned_m": [0, 0, -1e200], "position_rx_ned_m": [1, 0, -1]}, "position_tx_ned_m = -1e"),
+        ({"distance_m": 9.0, "frequency_hz": 1e300}, r"frequency_hz = 1e\+300"),
+        ({"distance_m": 9.0, "length_bytes": 1.7e308}, r"length_bytes = 1.7e\+308"),
+    ],
+)
+def test_geometry_that_cannot_be_raises_with_the_name(geometry, words):
+    with pytest.raises(ChannelInputError, match=words):
+        RADIOS["wifi-2.4"].link(**geometry)
+
+
+def test_attitudes_count_by_their_direction():
+    level = RADIOS["wifi-2.4"].link(100.0)
+    long = RADIOS["wifi-2.4"].link(100.0, attitude_tx_wxyz=[1.5, 0, 0, 0])
+    assert long.received_power_dbm == pytest.approx(level.received_power_dbm, abs=1e-9)
+
+
 def test_arrays_broadcast_and_scalars_work():
     radio = RADIOS["moon2020"]
     table = radio.probability_of_delivery(np.array([[300.0], [400.0]]), [40, 100, 200])
