@@ -7,6 +7,7 @@ seed, the positions and its sequence number alone: not on the order of arrival, 
 from __future__ import annotations
 
 import heapq
+import operator
 from collections.abc import Iterable
 
 from numpy.typing import ArrayLike
@@ -62,10 +63,11 @@ class Medium:
         """Take in where a node was, in the frame common to all; return the fates that this settles.
 
         Raises:
-            ChannelInputError: an unknown node or a value that is not finite.
+            ChannelInputError: an unknown node, a value that is not finite or a time that is not whole.
         """
         row = truth_row(position_ned_m, attitude_wxyz, velocity_ned_mps)
-        moved = self._tracks.observe(self._index("node", node), sim_time_ns, row)
+        when_ns = sim_time_ns if type(sim_time_ns) is int else _whole("sim_time_ns", sim_time_ns)
+        moved = self._tracks.observe(self._index("node", node), when_ns, row)
         return self._settle() if moved else []
 
     def place(
@@ -85,8 +87,11 @@ class Medium:
             length_bytes: of the payload; the radio says what it counts as.
 
         Raises:
-            ChannelInputError: an unknown node, a negative sequence number or length.
+            ChannelInputError: an unknown node, a negative sequence number or length, or a number that is not whole.
         """
+        if not (type(seq) is type(sim_time_ns) is type(length_bytes) is int):
+            seq, sim_time_ns = _whole("seq", seq), _whole("sim_time_ns", sim_time_ns)
+            length_bytes = _whole("length_bytes", length_bytes)
         if not 0 <= seq <= MAX_SEQ:
             raise ChannelInputError("seq", seq, f"an integer from 0 to {MAX_SEQ}")
         if not 0 <= length_bytes <= MAX_LENGTH_BYTES:
@@ -112,3 +117,11 @@ class Medium:
         while self._waiting and (everything or self._waiting[0].sim_time_ns <= self._tracks.frontier_ns):
             settled += self._settling.receptions(heapq.heappop(self._waiting))
         return settled
+
+
+def _whole(name: str, value: int) -> int:
+    """Return numpy's integers, too, as Python's; a float would not name an instant or a packet."""
+    try:
+        return operator.index(value)
+    except TypeError as error:
+        raise ChannelInputError(name, value, "an integer") from error

@@ -70,7 +70,13 @@ def simulate(
     """
     _check(radio)
     distance = checks.finite("distance_m", distance_m, 0.0)
+    if packets < 0:
+        raise ChannelInputError("packets", packets, ">= 0")
     shape = (len(links), packets)
+    if distance.shape not in ((), (1,), (packets,), (1, 1), (1, packets), (len(links), 1), shape):
+        raise ChannelInputError(
+            "distance_m", f"array of shape {distance.shape}", f"a number, shape {(len(links), 1)} or {shape}"
+        )
     distance = np.broadcast_to(distance, np.broadcast_shapes(distance.shape, (len(links), 1)))
     payload = radio.config.nominal_payload_bytes if length_bytes is None else length_bytes
     length = radio.length_bytes(payload)

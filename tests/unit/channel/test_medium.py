@@ -151,3 +151,15 @@ def test_mistakes_of_the_caller_are_named(call, name):
     with pytest.raises(ChannelInputError) as caught:
         call(Medium(radio(), seed=1, nodes=["0", "1"]))
     assert caught.value.name == name
+
+
+@pytest.mark.parametrize("bad", [float("nan"), 1.5, "1"])
+def test_numbers_that_are_not_whole_are_refused(bad):
+    medium = Medium(Radio(presets.load_radio("moon2020")), seed=1, nodes=["a", "b"])
+    with pytest.raises(ChannelInputError, match=r"sim_time_ns = .*allowed is an integer"):
+        medium.observe("a", bad, (0.0, 0.0, -40.0))
+    for name in ("seq", "sim_time_ns", "length_bytes"):
+        packet = {"seq": 0, "sim_time_ns": 0, "length_bytes": 40}
+        with pytest.raises(ChannelInputError, match=f"{name} = .*allowed is an integer"):
+            medium.transmit("a", **(packet | {name: bad}))
+    assert medium.in_flight == 0

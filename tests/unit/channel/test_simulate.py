@@ -29,3 +29,17 @@ def test_radios_that_time_or_place_changes_are_refused():
     radio = Radio(presets.load_radio("wifi-2.4"))
     with pytest.raises(ChannelInputError, match=r"shadowing\.model"):
         simulate(radio, Draws(1), [("0", "1")], 100.0, packets=1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"distance_m": [[1.0], [2.0]], "packets": 3}, r"distance_m = .*shape \(2, 1\).*\(1, 3\)"),
+        ({"distance_m": [[1.0, 2.0]], "packets": 3}, r"distance_m = .*shape \(1, 2\)"),
+        ({"distance_m": 1.0, "packets": -1}, "packets = -1"),
+    ],
+)
+def test_shapes_that_do_not_fit_are_refused(arguments, words):
+    radio = Radio(presets.load_radio("moon2020"))
+    with pytest.raises(ChannelInputError, match=words):
+        simulate(radio, Draws(1), [("a", "b")], **arguments)
