@@ -170,7 +170,8 @@ class Exchange:
         self._wake()
 
     def close(self) -> None:
-        """Close all sockets. Not while `run` runs."""
+        """Close all sockets. Not while `run` runs. What other threads command from now on has no effect."""
+        self._stopping = True
         for seat in self._seats.values():
             seat.sock.close()
         self._poller.close()

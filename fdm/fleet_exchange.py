@@ -121,7 +121,8 @@ class FleetExchange:
         self._wake()
 
     def close(self) -> None:
-        """End the workers and close all. Not while `run` runs."""
+        """End the workers and close all. Not while `run` runs. What others command from now on has no effect."""
+        self._stopping = True
         self._end_workers()
         self._selector.close()
         self._wake_receiver.close()

@@ -545,6 +545,16 @@ def test_a_port_in_use_is_named():
         assert caught.value.port == port
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_command_that_comes_after_the_end_has_no_effect(workers):
+    specs = [AircraftSpec(ua_id, load_airframe("f450"), HOME, 0) for ua_id in (0, 1)]
+    exchange = open_exchange(specs, workers=workers)
+    exchange.close()
+    exchange.release_tick(0)  # from another thread, after an error has ended run
+    exchange.stop()
+    exchange.close()
+
+
 def test_mistakes_of_the_caller_are_refused():
     spec = AircraftSpec(0, load_airframe("f450"), HOME, 0)
     with pytest.raises(ValueError, match="twice"):
