@@ -19,7 +19,7 @@ from bridge.messages import AgentStatus, Clock, DecodeError, Header, Link, Messa
 from bridge.ports import HOST, conflicts, ports_of
 from bridge.resolve import airframe_of, home_of
 from bridge.run_directory import RunDirectory
-from bridge.scenario import Scenario
+from bridge.scenario import OwnAgent, Scenario
 from bridge.session import Sample, Session, SessionError, free_port, open_client
 
 START_TIMEOUT_S = 60.0
@@ -78,7 +78,11 @@ class Fleet:
         self._router: Child | None = None
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
         self.unfinished = set(scenario.nodes_with_a_task)
-        """Nodes whose agents have a task and have not done it."""
+        """Nodes whose agents have a task and have not done it: what the run waits for."""
+        self.not_done = {
+            ua.node for ua in scenario.ua if ua.agent.has_task or not isinstance(ua.agent, OwnAgent)
+        }
+        """Nodes whose agents have not flown what they were to fly: also one that was only to hold."""
         self._has_task = bool(self.unfinished)
         self.killed: list[str] = []
         """Processes that did not end when they were asked to."""
@@ -234,6 +238,7 @@ class Fleet:
             self._settle(FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}"))
         if status.done:
             self.unfinished.discard(node)
+            self.not_done.discard(node)
 
     async def _all_alive(self, session: Session, keys: Keys, names: set[str]) -> None:
         everybody = asyncio.Event()

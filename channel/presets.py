@@ -140,7 +140,7 @@ def _preset_file(name: str, beside: Path = Path()) -> Path:
     close = difflib.get_close_matches(name, preset_names(), n=1)
     hint = f"; did you mean {close[0]}?" if close else ""
     known = ", ".join(preset_names())
-    raise PresetError(f"no radio preset or YAML file {name!r}{hint} Presets: {known}", key="preset")
+    raise PresetError(f"no radio preset or YAML file {name!r}{hint}; presets: {known}", key="preset")
 
 
 def _read(file: Path, extending: tuple[Path, ...]) -> Tree:

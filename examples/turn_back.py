@@ -24,6 +24,8 @@ class TurnBack(Agent):
             self.ua.wait_for(lambda _: self.silence_s() > self.options["silence_s"])
         )
         await asyncio.wait({flight, silence}, return_when=asyncio.FIRST_COMPLETED)
+        if flight.done():
+            flight.result()  # raises if the aircraft could not fly there
         flight.cancel()
         silence.cancel()
         self.ua.report(f"turns back after {self.silence_s():.2f} s without a packet")

@@ -131,7 +131,7 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     return specs
 
 
-@click.command(epilog=EPILOG)
+@click.command(epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--index", type=click.IntRange(0, 5000), default=0, show_default=True, help="First UA's index I."
 )

@@ -104,6 +104,8 @@ def run(
         _fail(str(error), EXIT_USAGE)
     except OSError as error:
         _fail(f"{out}: cannot make a directory for the run there: {error}", EXIT_USAGE)
+    if resolved.autopilot == "standin" and (resolved.parameters or any(ua.parameters for ua in resolved.ua)):
+        click.echo("lostlink: the stand-in autopilot does not take the scenario's parameters", err=True)
     console = Console(stderr=as_json or quiet)
     sys.exit(_Run(resolved, directory, console, as_json=as_json, quiet=quiet).go(ardupilot_dir))
 
@@ -161,7 +163,7 @@ class _Run:
             asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
         ending = await fleet.fly()
         self._tell_killed(fleet.killed)
-        self._unfinished = sorted(fleet.unfinished)
+        self._unfinished = sorted(fleet.not_done)
         return ending, fleet.sim_time_ns
 
     def _tell_killed(self, killed: list[str]) -> None:

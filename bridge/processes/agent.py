@@ -22,6 +22,11 @@ async def run_agent(run: RunDirectory, node: str, stop: asyncio.Event) -> None:
     with open_client(run.info.endpoint) as session:
         ua = UaClient(session, keys, node, is_agent=True)
         agent = agent_class(aircraft.agent)(ua, aircraft, scenario.transmit)
+        asyncio.get_running_loop().set_exception_handler(
+            lambda _, context: _fail(
+                agent, "in a task of its own", context.get("exception"), context["message"]
+            )
+        )
         ua.on_error = lambda error: _fail(agent, "in a callback", error)
         ua.on_tick(lambda sim_time_ns: _tick(agent, sim_time_ns))
         session.declare_alive(keys.alive(f"agent-{node}"))
@@ -41,9 +46,9 @@ def _tick(agent: Agent, sim_time_ns: int) -> None:
     agent.ua.answer_tick(sim_time_ns)
 
 
-def _fail(agent: Agent, when: str, error: Exception) -> None:
-    log.error("%s, at %.3f s", when, agent.ua.sim_time_ns / 1e9, exc_info=error)
-    agent.ua.report(f"{type(error).__name__} {when}: {error}", failed=True)
+def _fail(agent: Agent, when: str, error: BaseException | None, text: str = "") -> None:
+    log.error("%s, at %.3f s: %s", when, agent.ua.sim_time_ns / 1e9, text, exc_info=error)
+    agent.ua.report(f"{type(error).__name__} {when}: {error or text}", failed=True)
 
 
 async def _fly(agent: Agent) -> None:

@@ -20,7 +20,9 @@ from bridge.autopilots.standin.parameters import Parameters
 from fdm.airframe import Airframe, load_airframe
 from fdm.exchange import AircraftSpec, Exchange
 from fdm.geodesy import GeodeticPosition, Home
+from fdm.hosted_aircraft import Disturb
 from fdm.jsbsim_model import JsbsimModel
+from fdm.sensor_noise import SensorNoise
 from fdm.truth import Truth
 from fdm.wind import Wind, load_wind
 
@@ -98,7 +100,12 @@ class Flight:
     """An exchange, the autopilot and a client; ``truth`` is what really happened."""
 
     def __init__(
-        self, airframe: Airframe, wind_ned_mps: tuple[float, float, float], wind: Wind | None, *more: str
+        self,
+        airframe: Airframe,
+        wind_ned_mps: tuple[float, float, float],
+        wind: Wind | None,
+        disturb: Disturb | None,
+        *more: str,
     ) -> None:
         def build(airframe: Airframe, home: Home) -> JsbsimModel:
             model = JsbsimModel(airframe, home)
@@ -108,7 +115,7 @@ class Flight:
         self.truth: list[Truth] = []
         home = Home(GeodeticPosition(45.0, 10.0, 100.0), HEADING_DEG)
         self.exchange = Exchange(
-            [AircraftSpec(0, airframe, home, 0, wind)],
+            [AircraftSpec(0, airframe, home, 0, wind, disturb)],
             speed=math.inf,
             on_truth=self.truth.append,
             build_model=build,
@@ -174,6 +181,7 @@ def flying(
     wind_ned_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
     wind: Wind | None = None,
     thrust_scale: float = 1.0,
+    disturb: Disturb | None = None,
 ) -> Iterator[Flight]:
     airframe = load_airframe(airframe_name)
     if thrust_scale != 1.0:
@@ -182,7 +190,7 @@ def flying(
             for channel in airframe.channels
         )
         airframe = airframe.model_copy(update={"channels": channels})
-    flight = Flight(airframe, wind_ned_mps, wind, *more)
+    flight = Flight(airframe, wind_ned_mps, wind, disturb, *more)
     try:
         yield flight
     finally:
@@ -293,6 +301,13 @@ def test_a_square_is_flown_as_arducopter_flies_it(
     assert hover_m < hover_limit_m
     assert max(abs(height - 10.0) for height in heights) < 2.0
     assert math.hypot(*landed.position_ned_m[:2]) < 1.5
+
+
+def test_noisy_positions_and_velocities_are_no_lift_off() -> None:
+    noise = SensorNoise(position_sigma_m=0.3, velocity_sigma_mps=0.1).disturb(seed=1, ua_id=0)
+    with flying(disturb=noise) as flight:
+        flight.take_off(5.0)
+        assert spread_m(flight.run_for(3.0), (0.0, 0.0, -5.0)) < 1.5
 
 
 def test_mission_is_flown_in_auto() -> None:

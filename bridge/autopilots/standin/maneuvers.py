@@ -14,6 +14,7 @@ SPOOL_START_SHARE = 0.4
 """Share of the hover throttle at which the motors begin to speed up."""
 LIFT_OFF_RISE_M = 0.05
 LIFT_OFF_SPEED_MPS = 0.1
+LIFT_OFF_SMOOTHING_S = 0.1
 TAKEOFF_NEAR_M = 0.3
 ARRIVED_HEIGHT_M = 0.5
 ARRIVED_DISTANCE_M = 1.0
@@ -40,6 +41,8 @@ class Takeoff:
         self.down_m = min(down_m, vehicle.position_ned_m[2])
         """Height to reach (never lower than the vehicle is), as metres down from the origin."""
         self._start_ned_m = vehicle.position_ned_m
+        self._rise_m = self._climb_mps = 0.0
+        """Smoothed: a noisy sensor is no lift-off."""
         self._off_ground = not vehicle.landed
         vehicle.taking_off = True
         if self._off_ground:
@@ -53,8 +56,10 @@ class Takeoff:
     def update(self, vehicle: Vehicle, step_s: float) -> bool:
         """Go on; return True once the height is reached."""
         if not self._off_ground:
-            rise_m = self._start_ned_m[2] - vehicle.position_ned_m[2]
-            if rise_m < LIFT_OFF_RISE_M and vehicle.velocity_ned_mps[2] > -LIFT_OFF_SPEED_MPS:
+            share = min(1.0, step_s / LIFT_OFF_SMOOTHING_S)
+            self._rise_m += share * (self._start_ned_m[2] - vehicle.position_ned_m[2] - self._rise_m)
+            self._climb_mps += share * (-vehicle.velocity_ned_mps[2] - self._climb_mps)
+            if self._rise_m < LIFT_OFF_RISE_M or self._climb_mps < LIFT_OFF_SPEED_MPS:
                 vehicle.throttle_given = min(1.0, vehicle.throttle_given + SPOOL_RATE_PER_S * step_s)
                 return False
             self._off_ground = True

@@ -281,6 +281,11 @@ class Listener(Agent):
             self.enough.set()
         if stamp.seq == self.options.get("raise_at_seq"):
             raise ArithmeticError("a mistake of mine")
+        if stamp.seq == self.options.get("task_raises_at_seq"):
+            asyncio.create_task(self.mistake())
+
+    async def mistake(self):
+        raise ArithmeticError("a mistake in a task")
 """
 
 
@@ -289,6 +294,11 @@ class Listener(Agent):
     [
         ("{until_seq: 60}", 0, "pass: 2 of 2"),
         ("{until_seq: 60, raise_at_seq: 3}", 1, "the agent of UA 1 failed: ArithmeticError"),
+        (
+            "{until_seq: 6000, task_raises_at_seq: 3}",
+            1,
+            "ArithmeticError in a task of its own: a mistake in a task",
+        ),
     ],
 )
 def test_run_with_an_agent_of_ones_own(
@@ -308,3 +318,11 @@ def test_run_with_an_agent_of_ones_own(
         summary = json.loads((run.directory / "summary.json").read_text())
         assert (summary["ending"], summary["unfinished"]) == ("done", [])
         assert summary["sim_duration_s"] < 10.0
+
+
+def test_ua_that_never_got_up_is_told(start_run: StartRun) -> None:
+    head, _, tail = STILL.rpartition("{{type: still}}")
+    run = start_run(scenario=f"{head}{{{{type: hold, altitude_m: 40}}}}{tail}", duration_s=3.0)
+    assert run.finish() == 0, run.output.decode()
+    assert json.loads((run.directory / "summary.json").read_text())["unfinished"] == ["1"]
+    assert "UA 1 had not finished" in run.output.decode()
