@@ -227,7 +227,7 @@ def test_missing_ardupilot_says_where_it_looked_and_how_to_point_to_it(tmp_path:
 @pytest.mark.parametrize(
     ("option", "value", "says"),
     [
-        ("--speed", "0.01", "at least 0.1"),
+        ("--speed", "0.01", "from 0.1 to 1e+06"),
         ("--speed", "fast", "neither a number nor 'max'"),
         ("--duration", "-1", "greater than 0"),
         ("--seed", "-1", "greater than or equal to 0"),
