@@ -95,7 +95,7 @@ class ErfcBytes(Smooth):
 
     def ber(self, snr_db: FloatArray, _band: Band, /) -> FloatArray:
         """Return erfc(sqrt(SNR))."""
-        return modulation.ber_erfc(linear_snr(snr_db))
+        return modulation.erfc_of_root(linear_snr(snr_db))
 
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float, band: Band, /) -> FloatArray:
         """Return 1 - (1 - ber)^length_bytes."""

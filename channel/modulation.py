@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import erfc
 
-from channel.checks import FloatArray
+from channel.checks import ChannelInputError, FloatArray, finite
 
 
 def ber_erfc(snr: ArrayLike) -> FloatArray:
@@ -18,9 +18,17 @@ def ber_erfc(snr: ArrayLike) -> FloatArray:
 
     Args:
         snr: linear power ratio >= 0, any shape.
+
+    Raises:
+        ChannelInputError: `snr` is negative or not finite.
     """
-    ber: FloatArray = erfc(np.sqrt(snr))
-    return ber
+    return erfc_of_root(finite("snr", snr, 0.0))
+
+
+def erfc_of_root(ratio: FloatArray) -> FloatArray:
+    """Return erfc(sqrt(x)) of what is known to be >= 0."""
+    result: FloatArray = erfc(np.sqrt(ratio))
+    return result
 
 
 def ber_bpsk(ebn0: ArrayLike) -> FloatArray:
@@ -28,9 +36,11 @@ def ber_bpsk(ebn0: ArrayLike) -> FloatArray:
 
     Args:
         ebn0: energy per bit over noise density, linear, >= 0, any shape.
+
+    Raises:
+        ChannelInputError: `ebn0` is negative or not finite.
     """
-    twice: FloatArray = erfc(np.sqrt(ebn0))
-    return 0.5 * twice
+    return 0.5 * erfc_of_root(finite("ebn0", ebn0, 0.0))
 
 
 def ber_qpsk(ebn0: ArrayLike) -> FloatArray:
@@ -47,7 +57,13 @@ def ber_square_qam(ebn0: ArrayLike, order: int) -> FloatArray:
     Args:
         ebn0: energy per bit over noise density, linear, >= 0, any shape.
         order: M, a power of 4 (4, 16, 64, 256).
+
+    Raises:
+        ChannelInputError: `ebn0` is negative or not finite, or `order` is none of these.
     """
+    if order not in (4, 16, 64, 256):
+        raise ChannelInputError("order", order, "4, 16, 64 or 256")
+    ebn0 = finite("ebn0", ebn0, 0.0)
     side = math.isqrt(order)
     bits_per_axis = side.bit_length() - 1
     argument = np.sqrt(np.multiply(ebn0, 3.0 * math.log2(order) / (2.0 * (order - 1))))

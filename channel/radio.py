@@ -274,12 +274,21 @@ class Radio:
         kept_db = gain_db - self.config.interference.rejection_db(offset_hz)
         return np.asarray(interferer.power_dbm + kept_db - self._loss_db(way))
 
-    def per(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
-        """Return the packet error rate at an SNR, range, bursts and `base_loss` aside."""
+    def per(self, snr_db: ArrayLike, length_bytes: ArrayLike) -> FloatArray:
+        """Return the packet error rate at an SNR, range, bursts and `base_loss` aside.
+
+        Raises:
+            ChannelInputError: a value is not finite, or a length negative.
+        """
+        length = checks.finite("length_bytes", length_bytes, 0.0, MAX_LENGTH_BYTES)
+        return self.per_of_many(checks.finite("snr_db", snr_db), length)
+
+    def per_of_many(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
+        """Return what `per` returns, for what is known to be right."""
         return self.config.error.per(snr_db, length_bytes, self._band)
 
     def per_of_one(self, snr_db: float, length_bytes: int) -> float:
-        """Return what `per` returns, bit for bit, for numbers: the quicker for one packet at one receiver."""
+        """Return what `per_of_many` returns, bit for bit, for numbers: the quicker for one packet at one receiver."""
         error = self.config.error
         if isinstance(error, ErfcBytes):
             return error.per_of_one(snr_db, length_bytes, self._band)
@@ -320,7 +329,7 @@ class Radio:
             noise_dbm=noise,
             snr_db=snr,
             ber=self.config.error.ber(snr, self._band),
-            per=np.where(in_range, self.per(snr, length), 1.0),
+            per=np.where(in_range, self.per_of_many(snr, length), 1.0),
             in_range=in_range,
             base_loss=self.config.base_loss,
         )

@@ -165,14 +165,14 @@ class Settling:
             chance = radio.expected_at_snr(mean_dbm - radio.noise_floor_dbm, length)
             power_dbm = mean_dbm + self._gain_db(packet, links, None, here, there)
             snr_db = power_dbm - radio.noise_floor_dbm
-            return power_dbm, snr_db, radio.per(snr_db, length), chance
+            return power_dbm, snr_db, radio.per_of_many(snr_db, length), chance
         path = self._path(here, there, distance_m)
         mean_dbm = radio.mean_power_dbm(path)
         chance = radio.expected_delivery(mean_dbm, path, length)
         power_dbm = mean_dbm + self._gain_db(packet, links, path, here, there)
         on = self._terms.interferers_on(packet.sim_time_ns) if self._has_interferers else ()
         snr_db = power_dbm - radio.noise_dbm(path, on)
-        return power_dbm, snr_db, radio.per(snr_db, length), chance
+        return power_dbm, snr_db, radio.per_of_many(snr_db, length), chance
 
     def _path(self, here: FloatArray, there: FloatArray, distance_m: FloatArray) -> Path:
         start, end = here[POSITION], there[POSITION].T
