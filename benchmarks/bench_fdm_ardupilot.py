@@ -11,7 +11,6 @@ import contextlib
 import json
 import math
 import os
-import shutil
 import socket
 import statistics
 import subprocess
@@ -23,6 +22,8 @@ from pathlib import Path
 import psutil
 
 from benchmarks.bench_fdm import load
+from bridge.autopilots import AutopilotError
+from bridge.autopilots.ardupilot import ArduPilot
 from fdm.airframe import load_airframe
 from fdm.exchange import AircraftSpec, Exchange, default_port
 from fdm.fleet_clock import ClockStatus
@@ -43,12 +44,10 @@ AT_REST = (
 
 def find_arducopter() -> Path | None:
     """A real arducopter, or None."""
-    root = os.environ.get("ARDUPILOT_HOME")
-    for place in (Path(root) / part / "arducopter" for part in ("", "bin", "build/sitl/bin") if root):
-        if os.access(place, os.X_OK):
-            return place
-    found = shutil.which("arducopter")
-    return Path(found) if found else None
+    try:
+        return ArduPilot(os.environ).binary("arducopter")
+    except AutopilotError:
+        return None
 
 
 @contextlib.contextmanager

@@ -9,11 +9,11 @@ from __future__ import annotations
 import logging
 import socket
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 
 from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.clock_status import nanoseconds
+from fdm.command_queue import CommandQueue
 from fdm.errors import ModelDivergedError
 from fdm.events import EventKind, UaEvent
 from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, Peers, check_speed
@@ -102,14 +102,11 @@ class Exchange:
         self._arrivals: list[Seat] = []
         self._blocked: list[Seat] = []
         self._seen_version = -1
-        self._commands: deque[Callable[[], None]] = deque()
+        self._commands = CommandQueue()
         self._stopping = False
-        self._wake_receiver, self._wake_sender = socket.socketpair()
-        self._wake_receiver.setblocking(False)
-        self._wake_sender.setblocking(False)
         self._poller = Poller()
         self._listeners: dict[int, Callable[[], object]] = {}
-        self.listen(self._wake_receiver.fileno(), self._drain_wakes)
+        self.listen(self._commands.fileno(), self._commands.drain)
         try:
             for index, spec in enumerate(aircraft):
                 self._add(spec, sockets[index] if sockets else bind(spec, host), build_model)
@@ -167,7 +164,7 @@ class Exchange:
     def stop(self) -> None:
         """Let `run` return soon."""
         self._stopping = True
-        self._wake()
+        self._commands.wake()
 
     def close(self) -> None:
         """Close all sockets. Not while `run` runs. What other threads command from now on has no effect."""
@@ -175,8 +172,7 @@ class Exchange:
         for seat in self._seats.values():
             seat.sock.close()
         self._poller.close()
-        self._wake_receiver.close()
-        self._wake_sender.close()
+        self._commands.close()
 
     def listen(self, fd: int, callback: Callable[[], object]) -> None:
         """Have the loop call `callback` when the file descriptor `fd` can be read. Not while `run` runs."""
@@ -187,11 +183,11 @@ class Exchange:
 
     def release_tick(self, sim_time_ns: int) -> None:
         """With hold_ticks: UA may go on beyond the ticks up to `sim_time_ns`."""
-        self._command(lambda: self._clock.release(sim_time_ns))
+        self._commands.put(lambda: self._clock.release(sim_time_ns))
 
     def pass_ticks(self, sim_time_ns: int) -> None:
         """With peers: all processes have reached the ticks up to `sim_time_ns`, and they were emitted."""
-        self._command(lambda: self._clock.pass_ticks(sim_time_ns))
+        self._commands.put(lambda: self._clock.pass_ticks(sim_time_ns))
 
     def set_speed(self, speed: float) -> None:
         """Aim at `speed` of sim time per wall time (inf = as fast as possible).
@@ -200,15 +196,15 @@ class Exchange:
             ValueError: out of its range (fdm.clock_status.SPEED_RANGE).
         """
         check_speed(speed)
-        self._command(lambda: self._clock.set_speed(speed))
+        self._commands.put(lambda: self._clock.set_speed(speed))
 
     def pause(self) -> None:
         """Hold sim time."""
-        self._command(self._clock.pause)
+        self._commands.put(self._clock.pause)
 
     def resume(self) -> None:
         """End a pause."""
-        self._command(self._clock.resume)
+        self._commands.put(self._clock.resume)
 
     def step(self, sim_ns: int) -> None:
         """While paused: let sim time go on by `sim_ns` ns.
@@ -218,7 +214,7 @@ class Exchange:
         """
         if sim_ns <= 0:
             raise ValueError(f"step of {sim_ns} ns: must be above 0")
-        self._command(lambda: self._clock.step(sim_ns))
+        self._commands.put(lambda: self._clock.step(sim_ns))
 
     # Inner workings
 
@@ -230,25 +226,6 @@ class Exchange:
             raise
         self._seats[sock.fileno()] = seat
         self._poller.register(sock.fileno())
-
-    def _command(self, command: Callable[[], None]) -> None:
-        self._commands.append(command)
-        self._wake()
-
-    def _wake(self) -> None:
-        try:
-            self._wake_sender.send(b"\0")
-        except BlockingIOError:
-            return  # it is full of wakes already
-        except OSError:
-            if not self._stopping:
-                raise
-
-    def _drain_wakes(self) -> None:
-        try:
-            self._wake_receiver.recv(4096)
-        except BlockingIOError:
-            return
 
     def _hear(self, seat: Seat, flags: int = socket.MSG_DONTWAIT) -> bool:
         """Read datagrams of one UA until one asks for a step, or there are none. Whether there were any.
@@ -310,8 +287,8 @@ class Exchange:
         """Step whoever may, emit the ticks that are reached, until nothing moves."""
         clock = self._clock
         while True:
-            if self._commands:
-                self._obey()
+            if self._commands.waiting:
+                self._commands.obey()
             if clock.limits_version != self._seen_version:
                 if clock.due_tick_ns() is not None:
                     self._emit_due_ticks()
@@ -327,10 +304,6 @@ class Exchange:
                 (granted if clock.may_step(seat.member) else self._blocked).append(seat)
             for begin in range(0, len(granted), BATCH):
                 self._serve(granted[begin : begin + BATCH])
-
-    def _obey(self) -> None:
-        while self._commands:
-            self._commands.popleft()()
 
     def _serve(self, seats: Sequence[Seat]) -> None:
         """Step all, then answer all."""
@@ -367,7 +340,7 @@ class Exchange:
             clock.tick_emitted()
             if self._on_tick is not None:
                 self._on_tick(status)
-            self._obey()
+            self._commands.obey()
 
     def _restarts(self) -> dict[int, int]:
         name = Verdict.RESTART.value

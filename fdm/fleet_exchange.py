@@ -15,13 +15,13 @@ import os
 import selectors
 import socket
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Unpack
 
 from fdm.aircraft_spec import AircraftSpec
 from fdm.board import Board, create_board
 from fdm.clock_status import check_speed
+from fdm.command_queue import CommandQueue
 from fdm.events import UaEvent
 from fdm.exchange import Exchange
 from fdm.exchange_settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Workers, check_settings
@@ -71,13 +71,10 @@ class FleetExchange:
         self._emitted_ns = self._told_ns = self._released_ns = -1
         self._ticks = FleetTicks(ids, workers, options["tick_period_ns"])
         self._counters: dict[int, dict[str, int]] = {ua_id: {"frames": 0} for ua_id in ids}
-        self._commands: deque[Callable[[], None]] = deque()
+        self._commands = CommandQueue()
         self._stopping = False
-        self._wake_receiver, self._wake_sender = socket.socketpair()
-        self._wake_receiver.setblocking(False)
-        self._wake_sender.setblocking(False)
         self._selector = selectors.DefaultSelector()
-        self._selector.register(self._wake_receiver, selectors.EVENT_READ, self._drain_wakes)
+        self._selector.register(self._commands, selectors.EVENT_READ, self._commands.drain)
         self._workers: list[WorkerProcess] = []
         try:
             self._start(aircraft, workers, options)
@@ -118,21 +115,20 @@ class FleetExchange:
     def stop(self) -> None:
         """Let `run` return soon."""
         self._stopping = True
-        self._wake()
+        self._commands.wake()
 
     def close(self) -> None:
         """End the workers and close all. Not while `run` runs. What others command from now on has no effect."""
         self._stopping = True
         self._end_workers()
         self._selector.close()
-        self._wake_receiver.close()
-        self._wake_sender.close()
+        self._commands.close()
 
     # Control, from any thread
 
     def release_tick(self, sim_time_ns: int) -> None:
         """With hold_ticks: UA may go on beyond the ticks up to `sim_time_ns`."""
-        self._command(lambda: self._release(sim_time_ns))
+        self._commands.put(lambda: self._release(sim_time_ns))
 
     def set_speed(self, speed: float) -> None:
         """Aim at `speed` of sim time per wall time (inf = as fast as possible).
@@ -146,7 +142,7 @@ class FleetExchange:
             self._speed = speed
             self._tell_all("set_speed", speed)
 
-        self._command(command)
+        self._commands.put(command)
 
     def pause(self) -> None:
         """Hold sim time; workers stop within a window of each other."""
@@ -155,7 +151,7 @@ class FleetExchange:
             self._paused = True
             self._tell_all("pause")
 
-        self._command(command)
+        self._commands.put(command)
 
     def resume(self) -> None:
         """End a pause."""
@@ -164,7 +160,7 @@ class FleetExchange:
             self._paused = False
             self._tell_all("resume")
 
-        self._command(command)
+        self._commands.put(command)
 
     def step(self, sim_ns: int) -> None:
         """While paused: let sim time go on by `sim_ns` ns.
@@ -174,7 +170,7 @@ class FleetExchange:
         """
         if sim_ns <= 0:
             raise ValueError(f"step of {sim_ns} ns: must be above 0")
-        self._command(lambda: self._tell_all("step", sim_ns))
+        self._commands.put(lambda: self._tell_all("step", sim_ns))
 
     # Inner workings
 
@@ -218,22 +214,6 @@ class FleetExchange:
                 worker.control, selectors.EVENT_READ, lambda index=index: self._hear(index)
             )
 
-    def _command(self, command: Callable[[], None]) -> None:
-        self._commands.append(command)
-        self._wake()
-
-    def _wake(self) -> None:
-        try:
-            self._wake_sender.send(b"\0")
-        except BlockingIOError:
-            return  # it is full of wakes already
-        except OSError:
-            if not self._stopping:
-                raise
-
-    def _drain_wakes(self) -> None:
-        self._wake_receiver.recv(4096)
-
     def _tell_all(self, *command: object) -> None:
         for worker in self._workers:
             worker.tell(command)
@@ -255,7 +235,7 @@ class FleetExchange:
 
     def _progress(self) -> None:
         """Do what was commanded, and emit the ticks that are reached."""
-        self._obey()
+        self._commands.obey()
         idle = [self._board.slowest_of(index) == NEVER_NS for index in range(len(self._workers))]
         while (due := self._ticks.take_due(idle)) is not None:
             tick_ns, truths = due
@@ -268,11 +248,7 @@ class FleetExchange:
             self._emitted_ns = tick_ns
             self._tell_all("pass_ticks", tick_ns)
             self._release(-1 if self._hold_ticks else tick_ns)
-            self._obey()
-
-    def _obey(self) -> None:
-        while self._commands:
-            self._commands.popleft()()
+            self._commands.obey()
 
     def _release(self, sim_time_ns: int) -> None:
         """Let the workers go beyond the latest tick if it is emitted and released."""

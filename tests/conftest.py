@@ -3,42 +3,33 @@
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-BINARIES = ("arducopter", "arduplane")
+from bridge.autopilots import AutopilotError
+from bridge.autopilots.ardupilot import ArduPilot
 
 
-def ardupilot_binary(name: str) -> Path | None:
-    """A real binary through ARDUPILOT_HOME or PATH."""
-    root = os.environ.get("ARDUPILOT_HOME")
-    for place in (Path(root) / part / name for part in ("", "bin", "build/sitl/bin") if root):
-        if os.access(place, os.X_OK):
-            return place
-    found = shutil.which(name)
-    return Path(found) if found else None
+def _ardupilot_binary(name: str) -> Path:
+    try:
+        return ArduPilot(os.environ).binary(name)
+    except AutopilotError:
+        pytest.skip(f"no {name}: neither ARDUPILOT_HOME nor PATH leads to one")
 
 
 @pytest.fixture
 def arducopter() -> Path:
     """A real ArduCopter, or the test is skipped."""
-    found = ardupilot_binary("arducopter")
-    if found is None:
-        pytest.skip("no arducopter: neither ARDUPILOT_HOME nor PATH leads to one")
-    return found
+    return _ardupilot_binary("arducopter")
 
 
 @pytest.fixture
 def arduplane() -> Path:
     """A real ArduPlane, or the test is skipped."""
-    found = ardupilot_binary("arduplane")
-    if found is None:
-        pytest.skip("no arduplane: neither ARDUPILOT_HOME nor PATH leads to one")
-    return found
+    return _ardupilot_binary("arduplane")
 
 
 def _is_free(kind: socket.SocketKind, port: int) -> bool:
