@@ -1,7 +1,9 @@
 """How fast a real arducopter flies on this physics, as a share of its speed against a responder with no physics.
 
-Both run at full speed, 800 Hz, in alternated rounds; the median of the rounds' ratios is the figure. The binary is
-found through ARDUPILOT_HOME or PATH; without one this says so and measures nothing.
+All run at full speed, 800 Hz, in alternated rounds; the median of the rounds' ratios is the figure, for both couplings.
+How fast the responder with no physics is depends on where the system puts the two processes: it is measured as the
+system likes and with both on one core, and the faster one counts. The binary is found through ARDUPILOT_HOME or PATH;
+without one this says so and measures nothing.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import get_args
 
 import psutil
 
@@ -26,6 +29,7 @@ from bridge.autopilots import AutopilotError
 from bridge.autopilots.ardupilot import ArduPilot
 from fdm.airframe import load_airframe
 from fdm.exchange import AircraftSpec, Exchange, default_port
+from fdm.exchange_settings import Coupling
 from fdm.fleet_clock import ClockStatus
 from fdm.fleet_exchange import FleetExchange, open_exchange
 from fdm.geodesy import GeodeticPosition, Home
@@ -102,8 +106,24 @@ def factor_without_physics(port: int, warm_up_s: float, duration_s: float) -> fl
     return (time_s - begin_s) / duration_s
 
 
+@contextlib.contextmanager
+def on_one_core() -> Iterator[None]:
+    """Keep this process and those that it starts on one core."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
 def factor_with_physics(
-    ports: Sequence[int], warm_up_s: float, duration_s: float, speed: float = math.inf, workers: int = 1
+    ports: Sequence[int],
+    warm_up_s: float,
+    duration_s: float,
+    speed: float = math.inf,
+    workers: int = 1,
+    coupling: Coupling = "serial",
 ) -> tuple[float, float]:
     """Real-time factor of the fleet that comes to the UDP `ports`, and the cores that the exchange takes for it."""
     airframe = load_airframe("f450")
@@ -122,6 +142,7 @@ def factor_with_physics(
     exchange = open_exchange(
         [AircraftSpec(index, airframe, HOME, port) for index, port in enumerate(ports)],
         workers=workers,
+        coupling=coupling,
         speed=speed,
         stall_timeout_s=10.0,
         on_truth=lambda _: None,
@@ -156,28 +177,33 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if binary is None:
         print("fdm with arducopter: skipped, as neither ARDUPILOT_HOME nor PATH leads to one")
         return
-    port, rounds = default_port(options.instance), []
+    rounds = []
     for _ in range(options.rounds):
-        with running(lambda i: arducopter_command(binary, i), [options.instance]):
-            without = factor_without_physics(port, 1.0, options.seconds)
-        with running(lambda i: arducopter_command(binary, i), [options.instance]):
-            factor, _ = factor_with_physics([port], 1.0, options.seconds)
-        rounds.append((factor, without))
-    ratio = round(statistics.median(a / b for a, b in rounds), 3)
-    full, bare = (round(statistics.median(values), 2) for values in zip(*rounds, strict=True))
-    print(
-        f"fdm with arducopter: real-time factor {full}, without physics {bare}, ratio {ratio} (wanted: {LIMIT}); "
-        f"rounds {', '.join(f'{a:.2f}/{b:.2f}' for a, b in rounds)}; "
-        f"load average {load()} on {os.cpu_count()} cores"
-    )
-    result = {
-        "load": load(),
-        "real_time_factor": full,
-        "without_physics": bare,
-        "ratio": ratio,
-        "limit": LIMIT,
-    }
+        rounds.append(measure_round(binary, options.instance, options.seconds))
+        print(
+            f"round {len(rounds)}: {', '.join(f'{what} {factor:.2f}' for what, factor in rounds[-1].items())}"
+        )
+    reference = [max(r["responder"], r["responder, one core"]) for r in rounds]
+    result: dict[str, object] = {"load": load(), "limit": LIMIT, "rounds": rounds}
+    print(f"fdm with arducopter: load average {load()} on {os.cpu_count()} cores; wanted: {LIMIT}")
+    for coupling in get_args(Coupling):
+        factor = statistics.median(r[coupling] for r in rounds)
+        ratio = statistics.median(r[coupling] / bare for r, bare in zip(rounds, reference, strict=True))
+        print(f"fdm with arducopter: {coupling}: real-time factor {factor:.2f}, ratio {ratio:.2f}")
+        result[coupling] = {"real_time_factor": round(factor, 2), "ratio": round(ratio, 3)}
     print(json.dumps({"bench": "fdm_ardupilot", **result}))
+
+
+def measure_round(binary: Path, instance: int, seconds: float) -> dict[str, float]:
+    """Real-time factors of one round, by what answers the autopilot."""
+    port, factors = default_port(instance), {}
+    for name, place in (("responder", contextlib.nullcontext), ("responder, one core", on_one_core)):
+        with place(), running(lambda i: arducopter_command(binary, i), [instance]):
+            factors[name] = factor_without_physics(port, 1.0, seconds)
+    for coupling in get_args(Coupling):
+        with running(lambda i: arducopter_command(binary, i), [instance]):
+            factors[coupling], _ = factor_with_physics([port], 1.0, seconds, coupling=coupling)
+    return factors
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import platform
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import get_args
 
 from benchmarks.bench_fdm import load
 from benchmarks.bench_fdm_ardupilot import (
@@ -25,6 +26,7 @@ from benchmarks.bench_fdm_ardupilot import (
     running,
 )
 from fdm.exchange import default_port
+from fdm.exchange_settings import Coupling
 
 LIMIT = 0.95
 Points = dict[int, tuple[float, float]]
@@ -46,6 +48,7 @@ def curve(
     warm_up_s: float,
     seconds: float,
     workers: int,
+    coupling: Coupling,
 ) -> Points:
     """Measure each fleet size."""
     points: Points = {}
@@ -54,7 +57,7 @@ def curve(
         with running(command, instances):
             ports = [default_port(instance) for instance in instances]
             points[size] = factor_with_physics(
-                ports, warm_up_s, seconds, speed=1.0, workers=min(workers, size)
+                ports, warm_up_s, seconds, speed=1.0, workers=min(workers, size), coupling=coupling
             )
         print(
             f"  {size} UA: real-time factor {points[size][0]:.3f}, exchange {points[size][1]:.2f} cores",
@@ -64,17 +67,14 @@ def curve(
 
 
 def table(curves: dict[str, Points]) -> str:
-    """The curves as a table in Markdown."""
+    """The curves as a table in Markdown: real-time factors, and in brackets the cores of the exchange."""
     sizes = sorted({size for points in curves.values() for size in points})
-    head = [
-        "UA",
-        *(f"{name}: {what}" for name in curves for what in ("real-time factor", "cores of the exchange")),
-    ]
+    head = ["UA", *curves]
     lines = ["| " + " | ".join(head) + " |", "|" + "---:|" * len(head)]
     for size in sizes:
         cells = [str(size)]
         for points in curves.values():
-            cells += [f"{value:.2f}" for value in points[size]] if size in points else ["-", "-"]
+            cells.append("{:.2f} ({:.2f})".format(*points[size]) if size in points else "-")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -105,6 +105,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=5.0, help="wall time of each measure")
     parser.add_argument("--instance", type=int, default=FIRST_INSTANCE, help="the first UA's, below 250")
     parser.add_argument("--workers", type=int, default=1, help="processes of the exchange")
+    couplings = get_args(Coupling)
+    parser.add_argument("--coupling", choices=couplings, nargs="+", default=list(couplings))
     parser.add_argument(
         "--parameters", type=Path, nargs="*", default=[], help="more parameters of arducopter"
     )
@@ -123,14 +125,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"fdm fleet with {name}, speed 1, {os.cpu_count()} cores, {options.workers} worker(s), "
             f"load average {load()} before"
         )
-        curves[name] = curve(
-            commands[name],
-            options.sizes,
-            options.instance,
-            options.warm_up,
-            options.seconds,
-            options.workers,
-        )
+        for coupling in options.coupling:
+            print(f" {coupling} coupling")
+            curves[f"{name}, {coupling}"] = curve(
+                commands[name],
+                options.sizes,
+                options.instance,
+                options.warm_up,
+                options.seconds,
+                options.workers,
+                coupling,
+            )
     print(table(curves))
     if options.plot is not None:
         plot(curves, options.plot)

@@ -16,7 +16,7 @@ from pydantic import (
 )
 
 from fdm.clock_status import SPEED_RANGE
-from fdm.exchange_settings import Workers
+from fdm.exchange_settings import Coupling, Workers
 from fdm.legacy_scheme import legacy_ports
 from fdm.sensor_noise import SensorNoise
 from fdm.weather import WeatherConfig
@@ -135,12 +135,15 @@ class FlightDynamics(_Part):
 
     Attributes:
         workers: processes that the UA are spread over; auto = as many as pay.
+        coupling: autopilot and physics compute in turns (serial), or at the same time, with servo outputs that take
+            effect one frame later (parallel).
         scheme: what the autopilots speak: ArduPilot's json, or the legacy scheme of external ones.
         legacy_rate_hz: frames per second of sim time in the legacy scheme, which does not tell.
         sensor_noise: errors of the sensors beyond those of the autopilot's simulation.
     """
 
     workers: Annotated[Workers, BeforeValidator(_workers)] = "auto"
+    coupling: Coupling = "serial"
     scheme: Literal["json", "legacy"] = "json"
     legacy_rate_hz: Annotated[int, Field(strict=True, ge=10, le=65535)] = 400
     sensor_noise: SensorNoise = SensorNoise()
@@ -222,6 +225,8 @@ class Scenario(_Part):
     def _scheme_is_spoken(cls, fdm: FlightDynamics, info: ValidationInfo) -> FlightDynamics:
         if fdm.scheme == "legacy" and info.data.get("autopilot", "external") != "external":
             raise ValueError("scheme legacy is for autopilot: external; the others speak json only")
+        if fdm.scheme == "legacy" and fdm.coupling == "parallel":
+            raise ValueError("coupling parallel needs scheme json: a legacy peer is served serially")
         return fdm
 
     @field_validator("ua")

@@ -6,7 +6,7 @@ import math
 import signal
 import sys
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
 import click
 
@@ -15,7 +15,7 @@ from fdm.airframe import load_airframe
 from fdm.clock_status import check_speed
 from fdm.errors import FdmError, PortInUseError, WorkerError
 from fdm.events import UaEvent
-from fdm.exchange_settings import Workers
+from fdm.exchange_settings import Coupling, Workers
 from fdm.fleet_exchange import open_exchange
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.legacy_scheme import legacy_ports
@@ -100,6 +100,7 @@ class Options:
     noise: str | None
     seed: int
     workers: Workers
+    coupling: Coupling
 
 
 def specs_of(options: Options) -> list[AircraftSpec]:
@@ -190,6 +191,14 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     show_default=True,
     help="Processes to spread the UA over.",
 )
+@click.option(
+    "--coupling",
+    type=click.Choice(get_args(Coupling)),
+    default="serial",
+    show_default=True,
+    help="serial: the autopilot waits while physics flies a frame. parallel: both compute at the same time, which is "
+    "faster, and servo outputs take effect one frame later (--ports json only).",
+)
 def main(**arguments: Any) -> None:
     """Serve the flight dynamics of one UA, or of several, to ArduPilots started by hand (UDP, JSON scheme)."""
     options = Options(**arguments)
@@ -197,10 +206,17 @@ def main(**arguments: Any) -> None:
         raise click.BadOptionUsage(
             "port", "--port is for one UA; with --count it can only be 0 (any free ones)"
         )
+    if options.coupling == "parallel" and options.ports == "legacy":
+        raise click.BadOptionUsage("coupling", "--coupling parallel is for --ports json")
     try:
         specs = specs_of(options)
         exchange = open_exchange(
-            specs, workers=options.workers, host=options.host, speed=options.speed, on_event=_print_event
+            specs,
+            workers=options.workers,
+            coupling=options.coupling,
+            host=options.host,
+            speed=options.speed,
+            on_event=_print_event,
         )
     except FdmError as error:
         hint = "; another port: --port" if isinstance(error, PortInUseError) else ""

@@ -10,15 +10,18 @@ import logging
 import socket
 import time
 from collections.abc import Callable, Sequence
+from math import inf
 
 from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.clock_status import nanoseconds
 from fdm.command_queue import CommandQueue
+from fdm.eager_reader import reader_of
 from fdm.errors import ModelDivergedError
 from fdm.events import EventKind, UaEvent
+from fdm.exchange_settings import Coupling, check_coupling
 from fdm.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, Peers, check_speed
 from fdm.jsbsim_model import JsbsimModel
-from fdm.lockstep import Verdict
+from fdm.lockstep import STEPPING, Verdict
 from fdm.poller import Poller
 from fdm.seat import BuildModel, Seat, bind
 from fdm.sensor_frame import decode_sensor_frame
@@ -44,6 +47,10 @@ class Exchange:
     Args:
         aircraft: the UA to host, at least one.
         host: address to bind to.
+        coupling: serial = the physics flies a frame while the autopilot waits for it. parallel = it sends the state at
+            boot beforehand and is from then on one frame ahead, so that both compute at the same time: servo outputs
+            take effect one frame later. (In co-simulation these are couplings of Gauss-Seidel and Jacobi type; Gomes
+            et al., "Co-simulation: a survey", ACM Computing Surveys 51(3), 2018.) Legacy peers are served serially.
         speed: sim time per wall time; inf = as fast as possible.
         window_ns: how far a UA may run ahead of the slowest; None = one frame at the slowest rate.
         stall_timeout_s: wall time after which a UA that does not answer is let go.
@@ -69,6 +76,7 @@ class Exchange:
         aircraft: Sequence[AircraftSpec],
         *,
         host: str = "127.0.0.1",
+        coupling: Coupling = "serial",
         speed: float = 1.0,
         window_ns: int | None = None,
         stall_timeout_s: float = 1.0,
@@ -92,6 +100,8 @@ class Exchange:
             start_together=start_together,
             start_timeout_ns=nanoseconds("start_timeout_s", start_timeout_s),
         )
+        check_coupling(coupling)
+        self._coupling = coupling
         ids = [spec.ua_id for spec in aircraft]
         if len(set(ids)) != len(ids):
             raise ValueError(f"ua_id twice in {ids}")
@@ -115,6 +125,7 @@ class Exchange:
             raise
         if len(self._seats) == 1:
             (self._lone,) = self._seats.values()
+            self._choose_reader(self._lone, speed)
 
     @property
     def ports(self) -> dict[int, int]:
@@ -139,13 +150,43 @@ class Exchange:
     def turn(self) -> None:
         """Once round the loop: wait until something is there to do, and do it. What `run` repeats."""
         lone = self._lone
-        # Where only one packet can come, waiting in its socket spares the poller.
-        if lone is None or lone.member.waiting or not lone.member.live or not self._hear(lone, WAIT):
+        if lone is None or lone.member.waiting or not lone.member.live:
             self._wait()
+        elif not self._commands.waiting and self._fly(lone):
+            return
         self._progress()
         for member in self._clock.take_stalled():
             self._tell(EventKind.STALLED, member, "its autopilot does not answer")
             self._progress()
+
+    def _choose_reader(self, lone: Seat, speed: float) -> None:
+        self._receive = reader_of(
+            lone.recvfrom, due_any_moment=self._coupling == "parallel" and speed == inf and not lone.legacy
+        )
+
+    def _fly(self, seat: Seat) -> bool:
+        """Wait for one datagram in the socket of a lone UA, which spares the poller.
+
+        Returns:
+            Whether it asked for a frame that could be flown and answered at once, and there is nothing else to do.
+        """
+        clock, aircraft, member = self._clock, seat.aircraft, seat.member
+        try:
+            datagram, sender = self._receive(DATAGRAM_MAX_BYTES, WAIT)
+        except BlockingIOError:
+            self._wait()
+            return False
+        clock.update(time.monotonic_ns())
+        verdict = aircraft.receive(datagram, sender, clock.wall_ns)
+        if verdict is not Verdict.ADVANCE:
+            self._act(seat, verdict)
+            return False
+        clock.ask(member, aircraft.target_ns())
+        if not clock.may_step(member):
+            self._blocked.append(seat)
+            return False
+        self._serve((seat,))
+        return clock.limits_version == self._seen_version
 
     def _wait(self) -> None:
         """Wait for packets, wakes or the clock, and hear what has come."""
@@ -196,7 +237,13 @@ class Exchange:
             ValueError: out of its range (fdm.clock_status.SPEED_RANGE).
         """
         check_speed(speed)
-        self._commands.put(lambda: self._clock.set_speed(speed))
+
+        def command() -> None:
+            self._clock.set_speed(speed)
+            if self._lone is not None:
+                self._choose_reader(self._lone, speed)
+
+        self._commands.put(command)
 
     def pause(self) -> None:
         """Hold sim time."""
@@ -227,31 +274,27 @@ class Exchange:
         self._seats[sock.fileno()] = seat
         self._poller.register(sock.fileno())
 
-    def _hear(self, seat: Seat, flags: int = socket.MSG_DONTWAIT) -> bool:
-        """Read datagrams of one UA until one asks for a step, or there are none. Whether there were any.
-
-        With `flags` WAIT the first may take until the socket's own time-out.
-        """
-        aircraft, clock = seat.aircraft, self._clock
-        for count in range(DRAIN_MAX):
+    def _hear(self, seat: Seat) -> None:
+        """Read datagrams of one UA until one asks for a step, or there are none."""
+        for _ in range(DRAIN_MAX):
             try:
-                datagram, sender = seat.recvfrom(DATAGRAM_MAX_BYTES, flags)
+                datagram, sender = seat.recvfrom(DATAGRAM_MAX_BYTES, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                return count > 0
-            if flags == WAIT:
-                clock.update(time.monotonic_ns())
-                flags = socket.MSG_DONTWAIT
-            verdict = aircraft.receive(datagram, sender, clock.wall_ns)
-            if verdict is Verdict.ADVANCE or verdict is Verdict.GAP:
-                if seat.member.live or self._return(seat):
-                    self._ask(seat)
-                return True
-            if verdict is Verdict.BOOT or verdict is Verdict.RESTART:
-                self._boot(seat, verdict)
-                return True
-            if verdict is Verdict.RESEND:
-                seat.send(aircraft.lockstep.reply)
-        return True
+                return
+            verdict = seat.aircraft.receive(datagram, sender, self._clock.wall_ns)
+            self._act(seat, verdict)
+            if verdict in STEPPING:
+                return
+
+    def _act(self, seat: Seat, verdict: Verdict | None) -> None:
+        """Do what the verdict on a datagram asks for, short of stepping."""
+        if verdict is Verdict.ADVANCE or verdict is Verdict.GAP:
+            if seat.member.live or self._return(seat):
+                self._ask(seat)
+        elif verdict is Verdict.BOOT or verdict is Verdict.RESTART:
+            self._boot(seat, verdict)
+        elif verdict is Verdict.RESEND:
+            seat.send(seat.aircraft.lockstep.reply)
 
     def _ask(self, seat: Seat) -> None:
         if not seat.member.waiting:
@@ -267,6 +310,11 @@ class Exchange:
         else:
             self._tell(EventKind.RESTARTED, seat.member, "its autopilot booted anew")
         self._ask(seat)
+        if self._coupling == "parallel" and not seat.legacy:
+            try:
+                seat.send(seat.aircraft.at_boot())
+            except ModelDivergedError as error:
+                self._end(seat, error)
 
     def _return(self, seat: Seat) -> bool:
         """Take a stalled UA back; False if it is out for good."""
@@ -314,16 +362,20 @@ class Exchange:
                 self._end(seat, error)
         clock = self._clock
         for seat in seats:
+            aircraft = seat.aircraft
             if not seat.member.waiting:
                 continue  # it has just ended
             try:
-                reply = seat.aircraft.measure()
+                reply = aircraft.measure()
             except ModelDivergedError as error:
                 self._end(seat, error)
                 continue
             seat.send(reply)
-            seat.aircraft.lockstep.answered(reply, clock.wall_ns)
+            aircraft.lockstep.answered(aircraft.fields[2], reply, clock.wall_ns)
             clock.stepped(seat.member)
+            if aircraft.early:
+                aircraft.take_early()
+                self._ask(seat)
 
     def _end(self, seat: Seat, error: ModelDivergedError) -> None:
         self._clock.end(seat.member)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
-from typing import Literal, TypedDict
+from typing import Literal, TypedDict, get_args
 
 from fdm.clock_status import ClockSettings, ClockStatus, nanoseconds
 from fdm.events import UaEvent
@@ -11,12 +12,15 @@ from fdm.truth import Truth
 
 Workers = int | Literal["auto"]
 """How many processes; see fdm.fleet_exchange.worker_count."""
+Coupling = Literal["serial", "parallel"]
+"""Who computes when, autopilot and physics in turns or at the same time; see fdm.exchange.Exchange."""
 
 
 class ExchangeSettings(TypedDict, total=False):
     """The settings that both kinds of exchange take; see fdm.exchange.Exchange."""
 
     host: str
+    coupling: Coupling
     speed: float
     window_ns: int | None
     stall_timeout_s: float
@@ -31,6 +35,7 @@ class ExchangeSettings(TypedDict, total=False):
 
 DEFAULTS: ExchangeSettings = {
     "host": "127.0.0.1",
+    "coupling": "serial",
     "speed": 1.0,
     "window_ns": None,
     "stall_timeout_s": 1.0,
@@ -43,8 +48,31 @@ DEFAULTS: ExchangeSettings = {
     "on_event": None,
 }
 FOR_WORKERS = frozenset(
-    {"speed", "window_ns", "stall_timeout_s", "tick_period_ns", "start_together", "start_timeout_s"}
+    {
+        "coupling",
+        "speed",
+        "window_ns",
+        "stall_timeout_s",
+        "tick_period_ns",
+        "start_together",
+        "start_timeout_s",
+    }
 )
+
+
+def core_count() -> int:
+    """How many cores this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_coupling(coupling: str) -> None:
+    """See that `coupling` is one.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if coupling not in get_args(Coupling):
+        raise ValueError(f"coupling = {coupling!r}: must be one of {', '.join(get_args(Coupling))}")
 
 
 def check_settings(ids: Sequence[int], workers: int, options: ExchangeSettings) -> None:
@@ -57,6 +85,7 @@ def check_settings(ids: Sequence[int], workers: int, options: ExchangeSettings) 
         raise ValueError("a fleet needs at least one UA")
     if len(set(ids)) != len(ids):
         raise ValueError(f"ua_id twice in {ids}")
+    check_coupling(options["coupling"])
     if not 1 <= workers <= len(ids):
         raise ValueError(f"workers = {workers}: must be from 1 to {len(ids)}, the number of UA")
     ClockSettings(

@@ -145,7 +145,11 @@ class FleetClock:
         member.sim_time_ns = member.target_ns
         member.waiting = False
         member.idle_ns = 0
-        if was_slowest:
+        if len(self._live) == 1 and self._peers is None:
+            self._slowest_ns = self._own_slowest_ns = member.sim_time_ns
+            if member.sim_time_ns >= self._next_tick_ns:
+                self.limits_version += 1
+        elif was_slowest:
             self._at_slowest -= 1
             if self._at_slowest <= 0:
                 self._find_slowest()

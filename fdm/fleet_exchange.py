@@ -24,7 +24,7 @@ from fdm.clock_status import check_speed
 from fdm.command_queue import CommandQueue
 from fdm.events import UaEvent
 from fdm.exchange import Exchange
-from fdm.exchange_settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Workers, check_settings
+from fdm.exchange_settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Workers, check_settings, core_count
 from fdm.fleet_clock import NEVER_NS
 from fdm.fleet_ticks import FleetTicks
 from fdm.seat import bind
@@ -274,8 +274,7 @@ def worker_count(workers: Workers, ua: int) -> int:
         ValueError: a number below 1.
     """
     if workers == "auto":
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        return max(1, min(cores // 2, -(-ua // UA_PER_WORKER)))
+        return max(1, min(core_count() // 2, -(-ua // UA_PER_WORKER)))
     if workers < 1:
         raise ValueError(f"workers = {workers}: must be auto or at least 1")
     return min(workers, ua)

@@ -34,6 +34,9 @@ class FlightModel(Protocol):
         """Set the velocity of the air around it, from the next step on."""
 
 
+OVERRUNS = "overruns"
+"""Counter of the servo packets that gave way to later ones, as two of their UA were waiting already."""
+
 Sense = Callable[[], tuple[float, ...]]
 Disturb = Callable[[Sense], Sense]
 
@@ -54,6 +57,8 @@ class HostedAircraft:
         ua_id: which UA.
         member: its place in the fleet clock.
         lockstep: state of the exchange with its autopilot.
+        fields: the servo packet of the frame that is asked for.
+        early: the one after it, if that came before the frame was flown; empty = none.
         frames: frames that were asked for in the usual way.
         model: its flight model.
     """
@@ -70,6 +75,7 @@ class HostedAircraft:
         "_used",
         "_wind",
         "_wind_at_ns",
+        "early",
         "fields",
         "frames",
         "lockstep",
@@ -92,6 +98,7 @@ class HostedAircraft:
         self.lockstep = Lockstep()
         self.frames = 0
         self.fields: Fields = ()
+        self.early: Fields = ()
         self._unpack = unpack
         self._disturb = disturb
         self._build_model = build_model
@@ -114,15 +121,25 @@ class HostedAircraft:
         if fields.__class__ is str:
             self._counters[fields] += 1
             return None
+        queued = self.member.waiting and sender == self.lockstep.sender
         verdict = self.lockstep.receive(fields[2], sender, wall_ns)  # type: ignore[arg-type]
         if verdict is Verdict.ADVANCE:
             self.frames += 1
-            self.fields = fields  # type: ignore[assignment]
-            return verdict
-        self._counters[verdict.value] += 1
-        if verdict in STEPPING:
-            self.fields = fields  # type: ignore[assignment]
+        else:
+            self._counters[verdict.value] += 1
+            if verdict not in STEPPING:
+                return verdict
+        if queued and verdict is Verdict.ADVANCE:
+            if self.early:
+                self._counters[OVERRUNS] += 1
+            self.early = fields  # type: ignore[assignment]
+        else:
+            self.fields, self.early = fields, ()  # type: ignore[assignment]
         return verdict
+
+    def take_early(self) -> None:
+        """The frame that was asked for is flown: go on with the one that came early."""
+        self.fields, self.early = self.early, ()
 
     def reset(self) -> None:
         """The autopilot booted: own time starts at 0, the model stands at its home."""
@@ -156,6 +173,14 @@ class HostedAircraft:
         if self.member.sim_time_ns >= self._wind_at_ns:
             self._feel_the_wind()
         self.model.step(fields, fields[1])
+
+    def at_boot(self) -> bytes:
+        """The datagram of the UA as it stands at the boot of its autopilot, before any step.
+
+        Raises:
+            ModelDivergedError: the flight model is lost.
+        """
+        return self._encode((self._timer.time_ns / 1e9, *self._measure()))
 
     def measure(self) -> bytes:
         """The reply's datagram after a step.

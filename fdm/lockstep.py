@@ -60,18 +60,22 @@ class Lockstep:
     Attributes:
         sender: source address of the latest packet that was not stale; replies go there. None before the
             first.
-        waiting: a frame was asked for and is not answered yet.
         reply: the latest reply, for RESEND; empty before the first.
     """
 
-    __slots__ = ("_answered_at_ns", "_frame_count", "reply", "sender", "waiting")
+    __slots__ = ("_answered", "_answered_at_ns", "_frame_count", "reply", "sender")
 
     def __init__(self) -> None:
         self._frame_count = -1
+        self._answered = -1
         self._answered_at_ns = 0
         self.sender: Any = None
-        self.waiting = False
         self.reply = b""
+
+    @property
+    def waiting(self) -> bool:
+        """The latest frame asked for is not answered yet."""
+        return self._answered != self._frame_count
 
     def receive(self, frame_count: int, sender: object, wall_ns: int) -> Verdict:
         """Judge a packet, and take note of it.
@@ -83,13 +87,12 @@ class Lockstep:
         """
         if sender == self.sender and (frame_count - self._frame_count) % FRAME_COUNT_MODULUS == 1:
             self._frame_count = frame_count
-            self.waiting = True
             return Verdict.ADVANCE
         return self._judge_unusual(frame_count, sender, wall_ns)
 
-    def answered(self, reply: bytes, wall_ns: int) -> None:
-        """Take note that the frame asked for was answered with `reply` at `wall_ns`."""
-        self.waiting = False
+    def answered(self, frame_count: int, reply: bytes, wall_ns: int) -> None:
+        """Take note that `frame_count` was answered with `reply` at `wall_ns`."""
+        self._answered = frame_count
         self.reply = reply
         self._answered_at_ns = wall_ns
 
@@ -117,8 +120,8 @@ class Lockstep:
 
     def _take(self, frame_count: int, sender: object, verdict: Verdict) -> Verdict:
         self._frame_count = frame_count
+        self._answered = -1
         self.sender = sender
-        self.waiting = True
         return verdict
 
 

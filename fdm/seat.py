@@ -43,11 +43,14 @@ class Seat:
         member: its place in the fleet clock.
         build_model: makes its flight model.
 
+    Attributes:
+        legacy: its peer speaks the legacy scheme.
+
     Raises:
         AirframeError: the model cannot be loaded.
     """
 
-    __slots__ = ("_state_port", "aircraft", "member", "recvfrom", "sendto", "sock")
+    __slots__ = ("_state_port", "aircraft", "legacy", "member", "recvfrom", "sendto", "sock")
 
     def __init__(
         self, spec: AircraftSpec, sock: socket.socket, member: Member, build_model: BuildModel
@@ -57,6 +60,7 @@ class Seat:
         self.recvfrom = sock.recvfrom
         self.sendto = sock.sendto
         self.member = member
+        self.legacy = legacy is not None
         self._state_port = legacy.state_port if legacy else None
         self.aircraft = HostedAircraft(
             member,

@@ -8,7 +8,7 @@ import signal
 import sys
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, get_args
 
 import click
 from rich.console import Console
@@ -28,6 +28,7 @@ from bridge.resolve import radio_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario import Scenario
 from bridge.scenario_file import DEFAULT_SCENARIO, ScenarioError, read_scenario, with_changes
+from fdm.exchange_settings import Coupling
 
 EXIT_FAILED = 1
 EXIT_USAGE = 2
@@ -55,6 +56,11 @@ class SpeedType(click.ParamType[float | str]):
     help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
 )
 @click.option("--speed", type=SpeedType(), help="Real-time factor, or max: as fast as this machine can.")
+@click.option(
+    "--coupling",
+    type=click.Choice(get_args(Coupling)),
+    help="Autopilot and physics compute in turns, or at the same time: faster, servo outputs one frame later.",
+)
 @click.option("--duration", type=float, metavar="SECONDS", help="Longest sim time.")
 @click.option("--seed", type=int, help="Another seed draws other packet losses.")
 @click.option(
@@ -72,6 +78,7 @@ def run(
     autopilot: str | None,
     ardupilot_dir: Path | None,
     speed: float | str | None,
+    coupling: Coupling | None,
     duration: float | None,
     seed: int | None,
     out: Path,
@@ -95,7 +102,7 @@ def run(
       lostlink run --duration 60 --json | jq .verdict
     """
     changes = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
-    changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port}
+    changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
     try:
         resolved = with_changes(read_scenario(scenario), {k: v for k, v in changes.items() if v is not None})
         preflight(resolved, ardupilot_dir)

@@ -40,6 +40,7 @@ def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exch
     return open_exchange(
         specs,
         workers=scenario.fdm.workers,
+        coupling=scenario.fdm.coupling,
         speed=scenario.speed_factor,
         tick_period_ns=scenario.tick_period_ns,
         hold_ticks=True,

@@ -257,6 +257,77 @@ def test_a_release_from_within_on_tick_is_enough(start):
     assert len(running.ticks) >= 20
 
 
+def rising(count):
+    """Servo outputs that take a copter off: each differs from the ones before."""
+    return (1500 + 5 * count,) * 4 + (0,) * 12
+
+
+def test_in_parallel_coupling_the_autopilot_gets_the_state_at_boot_and_then_what_it_gets_serially(start_any):
+    frames = {}
+    for coupling in ("serial", "parallel"):
+        client = start_any(ids=(0, 1), coupling=coupling).clients
+        frames[coupling] = []
+        for count in range(60):
+            for pilot in client.values():
+                pilot.send(rising(count), count)
+            frames[coupling].append([pilot.receive() for pilot in client.values()])
+    at_boot, *flown = frames["parallel"]
+    assert [frame.timestamp_s for frame in at_boot] == [0.0, 0.0]
+    assert flown == frames["serial"][:-1]
+    assert flown[-1][0].position_ned_m[2] < -0.16, "it did not take off, so that this shows nothing"
+
+
+def test_in_parallel_coupling_two_frames_may_wait_and_each_is_answered_once(start):
+    running = start(coupling="parallel", hold_ticks=True)
+    client = running.clients[0]
+    for count in (0, 1, 1):
+        client.send(count=count)
+    assert client.receive().timestamp_s == 0.0
+    running.wait_for(lambda: running.ticks)
+    assert client.silent()
+    running.exchange.release_tick(0)
+    assert [client.receive().timestamp_s for _ in range(2)] == [0.0025, 0.005]
+    assert client.silent()
+    client.send(count=2)
+    assert client.receive().timestamp_s == 0.0075
+    assert running.exchange.counters(0) == {"boots": 1, "frames": 2, "repeats_while_waiting": 1}
+
+
+def test_a_peer_that_does_not_wait_for_answers_loses_the_oldest(start):
+    running = start(hold_ticks=True)
+    client = running.clients[0]
+    for count in range(4):
+        client.send(rising(count), count)
+    deadline = time.monotonic() + WAIT_S
+    while running.exchange.counters(0).get("overruns") != 2:
+        assert time.monotonic() < deadline
+    assert client.silent()
+    running.exchange.release_tick(0)
+    assert [client.receive().timestamp_s for _ in range(2)] == [0.0025, 0.005]
+    assert client.silent()
+    assert running.exchange.counters(0) == {"boots": 1, "frames": 3, "overruns": 2}
+
+
+def test_in_parallel_coupling_an_autopilot_that_boots_anew_starts_in_the_same_way(start_any):
+    running = start_any(coupling="parallel")
+    old = running.clients[0]
+    first = [old.exchange() for _ in range(30)]
+    running.clients[0] = Client(running.exchange.ports[0])
+    assert [running.clients[0].exchange() for _ in range(30)] == first
+    old.sock.close()
+
+
+def test_in_parallel_coupling_a_mute_autopilot_is_let_go_and_flies_on_one_frame_behind(start_any):
+    running = start_any(ids=(0, 1), coupling="parallel", stall_timeout_s=0.2)
+    fly_together(running, 10)
+    for _ in range(100):
+        running.clients[0].exchange()
+    running.wait_for(lambda: EventKind.STALLED in [event.kind for event in running.events])
+    assert fly_together(running, 1)[1].timestamp_s == pytest.approx(10 / 400)
+    running.wait_for(lambda: EventKind.RETURNED in [event.kind for event in running.events])
+    assert fly_together(running, 60)[1].timestamp_s == pytest.approx(70 / 400)
+
+
 def test_a_frame_count_is_answered_once_and_again_only_after_silence(start, monkeypatch):
     running = start()
     client = running.clients[0]
@@ -563,6 +634,10 @@ def test_mistakes_of_the_caller_are_refused():
         Exchange([])
     with pytest.raises(ValueError, match="speed"):
         Exchange([spec], speed=0.0)
+    with pytest.raises(ValueError, match="coupling = 'both': must be one of serial, parallel"):
+        Exchange([spec], coupling="both")
+    with pytest.raises(ValueError, match="coupling = 'both': must be one of serial, parallel"):
+        open_exchange([spec, replace(spec, ua_id=1)], workers=2, coupling="both")
     with pytest.raises(ValueError, match="start_timeout_s = nan: must be finite"):
         Exchange([spec], start_timeout_s=math.nan)
 

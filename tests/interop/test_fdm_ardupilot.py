@@ -93,17 +93,26 @@ class Pilot:
         return self.until(lambda p: math.dist((p.x, p.y, p.z), (north, east, down)) < 0.5)
 
 
-@pytest.mark.parametrize(("wind", "hover_limit_m"), [("calm", 0.3), ("breeze", 1.5)])
-@pytest.mark.parametrize("airframe_name", ["f450", "hexa550"])
+@pytest.mark.parametrize(
+    ("airframe_name", "wind", "coupling", "hover_limit_m"),
+    [
+        ("f450", "calm", "serial", 0.3),
+        ("f450", "breeze", "serial", 1.5),
+        ("f450", "calm", "parallel", 0.3),
+        ("f450", "breeze", "parallel", 1.5),
+        ("hexa550", "calm", "serial", 0.3),
+        ("hexa550", "breeze", "parallel", 1.5),
+    ],
+)
 def test_arducopter_takes_off_holds_flies_a_square_and_returns(
-    arducopter, free_slot, tmp_path, airframe_name, wind, hover_limit_m
+    arducopter, free_slot, tmp_path, airframe_name, wind, coupling, hover_limit_m
 ):
     slot = free_slot(1)
     own = tmp_path / "own.parm"
     parameters = load_airframe(airframe_name).ardupilot_parameters
     own.write_text("".join(f"{name} {value:g}\n" for name, value in parameters.items()))
     served = [sys.executable, "-m", "fdm", "--index", str(slot), "--airframe", airframe_name]
-    served += ["--wind", wind]
+    served += ["--wind", wind, "--coupling", coupling]
     flown = [str(arducopter), "--wipe", "--model", "JSON:127.0.0.1", f"-I{slot}", "--home", HOME]
     flown += ["--defaults", f"{PARAMETERS / 'copter.parm'},{own}", "--serial0", "tcp:0", "--speedup", "20"]
     with (
@@ -120,7 +129,7 @@ def test_arducopter_takes_off_holds_flies_a_square_and_returns(
             hover_m = fly(pilot)
         fdm.terminate()
         counters = dict(re.findall(r"(\w+) (\d+)[,\n]", fdm.stdout.read()))
-    print(f"{airframe_name}, {wind}: hover within {hover_m:.2f} m")
+    print(f"{airframe_name}, {wind}, {coupling}: hover within {hover_m:.2f} m")
     assert hover_m < hover_limit_m
     assert int(counters.pop("frames")) > 40_000
     assert counters == {"boots": "1"}

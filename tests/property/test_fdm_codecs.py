@@ -78,5 +78,6 @@ def test_a_frame_count_is_never_stepped_twice_in_a_row_for_one_sender(steps):
             assert (count, sender) != last
             assert lockstep.waiting
             last = (count, sender)
-        if answer and lockstep.waiting:
-            lockstep.answered(b"", wall_ns)
+        if answer and last and lockstep.waiting:
+            lockstep.answered(last[0], b"", wall_ns)
+            assert not lockstep.waiting

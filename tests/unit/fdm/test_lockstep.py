@@ -11,7 +11,7 @@ def after(*counts, answered=True):
     for index, count in enumerate(counts):
         lockstep.receive(count, A, 0)
         if answered or index < len(counts) - 1:
-            lockstep.answered(b"reply", 0)
+            lockstep.answered(count, b"reply", 0)
     return lockstep
 
 
@@ -29,7 +29,7 @@ def test_a_jump_forward_is_a_gap():
     lockstep = after(5)
     assert lockstep.receive(9, A, 0) is Verdict.GAP
     assert lockstep.waiting
-    lockstep.answered(b"", 0)
+    lockstep.answered(9, b"", 0)
     assert lockstep.receive(10, A, 0) is Verdict.ADVANCE
 
 
