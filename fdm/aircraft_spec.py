@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fdm.air import Wind
 from fdm.airframe import Airframe
 from fdm.geodesy import Home
 from fdm.hosted_aircraft import Disturb
-from fdm.wind import Wind
 
 PORT_BASE = 9002
 PORT_STRIDE = 10

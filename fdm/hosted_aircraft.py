@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Protocol
 
+from fdm.air import AirPoint, Wind
 from fdm.errors import ModelDivergedError, WindError
 from fdm.fleet_clock import NEVER_NS, Member
 from fdm.lockstep import STEPPING, FrameTimer, Lockstep, Verdict
 from fdm.sensor_frame import Encoder
 from fdm.servo_packet import Fields, unpack_servo_packet
 from fdm.truth import Truth, Vector
-from fdm.wind import WIND_PERIOD_NS, AirPoint, Wind
 
 
 class FlightModel(Protocol):
@@ -34,6 +34,8 @@ class FlightModel(Protocol):
         """Set the velocity of the air around it, from the next step on."""
 
 
+WIND_PERIOD_NS = 10_000_000
+"""Sim time between two looks at the wind; it is held in between."""
 OVERRUNS = "overruns"
 """Counter of the servo packets that gave way to later ones, as two of their UA were waiting already."""
 

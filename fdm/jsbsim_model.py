@@ -15,13 +15,13 @@ from pathlib import Path
 
 import jsbsim
 
+from fdm.air import AirPoint
 from fdm.airframe import Airframe, Channel
 from fdm.errors import AirframeError, ModelDivergedError
 from fdm.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
 from fdm.ground_contact import slowest_stable_rate_hz
 from fdm.servo_packet import PWM_OFFSET, Fields
 from fdm.truth import Truth, Vector, quaternion_from_euler
-from fdm.wind import AirPoint
 
 FOOT_M = 0.3048
 SLUG_KG = 14.59390294

@@ -20,8 +20,8 @@ from math import exp, hypot, sqrt
 
 import numpy as np
 
+from fdm.air import AirPoint, Wind
 from fdm.truth import Vector
-from fdm.wind import AirPoint, Wind
 
 FOOT_M = 0.3048
 AIRSPEED_MIN_MPS = 1.0

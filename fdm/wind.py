@@ -11,41 +11,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple, Protocol, Self
+from typing import Annotated, Literal, Self
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from fdm.air import AirPoint, Wind
 from fdm.errors import WindError
 from fdm.truth import Vector
+from fdm.turbulence import DrydenTurbulence
+from fdm.wind_map import MapWind, load_wind_map
 
 WINDS_DIR = Path(__file__).resolve().parent.parent / "sitl_configs" / "wind"
-WIND_PERIOD_NS = 10_000_000
-"""Sim time between two looks at the wind; it is held in between."""
 KNOT_MPS = 1852.0 / 3600.0
-
-
-class AirPoint(NamedTuple):
-    """Where and when a wind is asked for."""
-
-    sim_time_ns: int
-    lat_deg: float
-    lon_deg: float
-    alt_amsl_m: float
-    height_m: float
-    """Above the ground at home."""
-    airspeed_mps: float
-
-
-class Wind(Protocol):
-    """The wind of one UA."""
-
-    def air_ned_mps(self, point: AirPoint) -> Vector:
-        """Velocity of the air at `point`, NED m/s; called with times that do not decrease.
-
-        Raises:
-            WindError: the point is outside a wind map that forbids that.
-        """
 
 
 class _Strict(BaseModel):
@@ -154,9 +132,6 @@ class WindConfig(_Strict):
         Raises:
             WindError: the wind map cannot be used.
         """
-        from fdm.turbulence import DrydenTurbulence
-        from fdm.wind_map import MapWind, load_wind_map
-
         steady: list[Wind] = []
         if self.constant is not None:
             steady.append(ConstantWind(self.constant.ned_mps()))

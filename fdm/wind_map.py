@@ -21,11 +21,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+from fdm.air import AirPoint
 from fdm.errors import WindError
 from fdm.geodesy import GeodeticPosition, ned_from_geodetic
 from fdm.netcdf import read_netcdf
 from fdm.truth import Vector
-from fdm.wind import AirPoint
 from fdm.wind_grid import AXES, Array, Coordinates, grid_of
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from fdm.air import AirPoint
 from fdm.airframe import load_airframe
 from fdm.errors import AirframeError, PortInUseError, WorkerError
 from fdm.events import EventKind
@@ -20,7 +21,7 @@ from fdm.exchange import AircraftSpec, Exchange
 from fdm.fleet_exchange import FleetExchange, open_exchange, worker_count
 from fdm.geodesy import GeodeticPosition, Home
 from fdm.servo_packet import ServoPacket, encode_servo_packet
-from fdm.wind import AirPoint, load_wind
+from fdm.wind import load_wind
 from fdm.worker_process import end_all
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 400.0), 0.0)

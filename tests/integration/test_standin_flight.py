@@ -17,6 +17,7 @@ from bridge.autopilots.standin import process
 from bridge.autopilots.standin.autopilot import Autopilot
 from bridge.autopilots.standin.location import Location
 from bridge.autopilots.standin.parameters import Parameters
+from fdm.air import Wind
 from fdm.airframe import Airframe, load_airframe
 from fdm.exchange import AircraftSpec, Exchange
 from fdm.geodesy import GeodeticPosition, Home
@@ -24,7 +25,7 @@ from fdm.hosted_aircraft import Disturb
 from fdm.jsbsim_model import JsbsimModel
 from fdm.sensor_noise import SensorNoise
 from fdm.truth import Truth
-from fdm.wind import Wind, load_wind
+from fdm.wind import load_wind
 
 HEADING_DEG = 120.0
 HOME_TEXT = f"45,10,100,{HEADING_DEG}"

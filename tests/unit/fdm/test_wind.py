@@ -3,10 +3,11 @@ import math
 import numpy as np
 import pytest
 
+from fdm.air import AirPoint
 from fdm.errors import WindError
 from fdm.geodesy import GeodeticPosition, geodetic_from_ned
 from fdm.turbulence import intensities_mps, lengths_m
-from fdm.wind import AirPoint, WindConfig, load_wind, wind_names
+from fdm.wind import WindConfig, load_wind, wind_names
 
 ORIGIN = GeodeticPosition(47.0, 8.0, 400.0)
 

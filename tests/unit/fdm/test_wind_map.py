@@ -10,9 +10,10 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.io import netcdf_file
 
 from fdm import netcdf
+from fdm.air import AirPoint
 from fdm.errors import WindError
 from fdm.geodesy import GeodeticPosition, geodetic_from_ned
-from fdm.wind import WINDS_DIR, AirPoint, WindConfig
+from fdm.wind import WINDS_DIR, WindConfig
 from fdm.wind_map import WindMap, load_wind_map
 
 ORIGIN = GeodeticPosition(47.0, 8.0, 400.0)
