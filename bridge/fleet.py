@@ -17,10 +17,11 @@ from bridge.inbox import Inbox
 from bridge.keys import Keys
 from bridge.messages import AgentStatus, Clock, DecodeError, Header, Link, Message, decode
 from bridge.ports import HOST, conflicts, ports_of
-from bridge.resolve import airframe_of, home_of
+from bridge.resolve import airframe_of, home_of, wind_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario import OwnAgent, Scenario
 from bridge.session import Sample, Session, SessionError, free_port, open_client
+from fdm.errors import WindError
 
 START_TIMEOUT_S = 60.0
 AGENT_GRACE_S = 1.0
@@ -301,8 +302,12 @@ def preflight(scenario: Scenario, ardupilot_dir: Path | None = None) -> None:
     """See, before anything is started, that the run can start.
 
     Raises:
-        FleetError: if a port is taken or an autopilot is missing; the text says what to do.
+        FleetError: if a port is taken, or an autopilot or a wind map is missing; the text says what to do.
     """
+    try:
+        wind_of(scenario).build(seed=scenario.seed, ua_id=0)
+    except WindError as error:
+        raise FleetError(f"wind: {error}") from error
     launcher = launcher_of(scenario, ardupilot_dir)
     try:
         for ua in scenario.ua:

@@ -23,7 +23,7 @@ from bridge.scenario import (
     Scenario,
     Transmit,
 )
-from channel.presets import PresetError
+from channel.presets import PresetError, seen_from
 from fdm.errors import AirframeError, WindError
 from fdm.sensor_noise import SensorNoise
 from fdm.weather import WeatherConfig
@@ -75,7 +75,7 @@ def read_scenario(name_or_path: str) -> Scenario:
     """
     path = Path(name_or_path)
     if path.is_file():
-        return parse_scenario(_text(path), str(path))
+        return parse_scenario(_text(path), str(path), path.resolve().parent)
     if name_or_path in scenario_names():
         return parse_scenario((SCENARIOS / f"{name_or_path}.yaml").read_text(), f"{name_or_path}.yaml")
     known = ", ".join(scenario_names())
@@ -109,8 +109,10 @@ def _text(path: Path) -> str:
         raise ScenarioError(f"{path}: cannot be read: {error}") from error
 
 
-def parse_scenario(text: str, source_name: str) -> Scenario:
+def parse_scenario(text: str, source_name: str, folder: Path = Path()) -> Scenario:
     """Check the text of a scenario; ``source_name`` is what mistakes are reported under.
+
+    Files that it names are as seen from ``folder``; the scenario has their absolute paths.
 
     Raises:
         ScenarioError: with one line per mistake.
@@ -130,8 +132,36 @@ def parse_scenario(text: str, source_name: str) -> Scenario:
         scenario = Scenario.model_validate(content)
     except ValidationError as error:
         raise ScenarioError("\n".join(_mistakes(source, error))) from error
+    try:
+        scenario = _with_files_from(folder.resolve(), scenario)
+    except PresetError as error:
+        raise ScenarioError(_radio_mistake(source, error)) from error
     _refuse_unknown_names(source, scenario)
     return scenario
+
+
+def _with_files_from(folder: Path, scenario: Scenario) -> Scenario:
+    def place(name: str) -> str:
+        return str(folder / name) if Path(name).suffix in {".yaml", ".yml", ".py"} else name
+
+    def placed(ua: Aircraft) -> Aircraft:
+        agent = ua.agent
+        if isinstance(agent, OwnAgent):
+            agent = agent.model_copy(update={"class_": f"{place(agent.place)}:{agent.class_name}"})
+        return ua.model_copy(update={"airframe": place(ua.airframe), "agent": agent})
+
+    radio = scenario.radio
+    files = {
+        "radio": place(radio) if isinstance(radio, str) else seen_from(folder, radio),
+        "wind": place(scenario.wind),
+        "ua": tuple(placed(ua) for ua in scenario.ua),
+    }
+    return scenario.model_copy(update=files)
+
+
+def _radio_mistake(source: _Source, error: PresetError) -> str:
+    line = source.line_of(("radio", *error.key.split(".")))
+    return f"{source.name}:{line}: radio: {error}"
 
 
 def _refuse_unknown_names(source: _Source, scenario: Scenario) -> None:
@@ -140,8 +170,7 @@ def _refuse_unknown_names(source: _Source, scenario: Scenario) -> None:
     try:
         radio_of(scenario)
     except PresetError as error:
-        path = ("radio", *error.key.split("."))
-        mistakes.append(f"{source.name}:{source.line_of(path)}: radio: {error}")
+        mistakes.append(_radio_mistake(source, error))
     try:
         wind_of(scenario)
     except WindError as error:

@@ -61,6 +61,19 @@ def radio_from_mapping(mapping: Mapping[str, Any]) -> RadioConfig:
     return _validated(_resolved(_with_tables(mapping, Path()), Path(), ()), None, ())
 
 
+def seen_from(folder: Path, mapping: Mapping[str, Any]) -> Tree:
+    """Return the mapping with what it names as seen from `folder` in place: tables by their rows, a preset's file by its path.
+
+    Raises:
+        PresetError: a table cannot be read.
+    """
+    tree = _with_tables(mapping, folder)
+    preset = tree.get("preset")
+    if isinstance(preset, str) and preset not in preset_names():
+        tree["preset"] = str(_preset_file(preset, folder).resolve())
+    return tree
+
+
 def radio_to_yaml(config: RadioConfig) -> str:
     """Return the YAML text that `load_radio` reads back as the same radio."""
     tree = config.model_dump(mode="json", by_alias=True, exclude_defaults=False, exclude_none=True)

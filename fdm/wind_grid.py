@@ -100,6 +100,14 @@ def grid_of(name: str, file: NetcdfFile) -> Grid:
     return _Reader(name, file).grid()
 
 
+def _goes_around(lon_deg: Coordinates) -> bool:
+    """Whether what is missing to the whole turn is no more than a cell."""
+    if len(lon_deg) < 3:
+        return False
+    missing_deg = 360.0 - (lon_deg[-1] - lon_deg[0])
+    return 0.0 < missing_deg <= 1.001 * max(b - a for a, b in pairwise(lon_deg))
+
+
 class _Reader:
     def __init__(self, name: str, file: NetcdfFile) -> None:
         self._name = name
@@ -124,7 +132,12 @@ class _Reader:
         ned_mps = np.stack(parts, axis=-1)
         if ned_mps.shape[:-1] != tuple(len(axis) for axis in axes):
             raise WindError(f"{self._name}: the wind is not on the grid of its coordinates")
-        return Grid((axes[0], axes[1], axes[2], axes[3]), self._origin(roles), ned_mps)
+        time_s, altitude_m, y, x = axes
+        origin = self._origin(roles)
+        if origin is None and _goes_around(x):
+            x = (*x, x[0] + 360.0)
+            ned_mps = np.concatenate((ned_mps, ned_mps[..., :1, :]), axis=3)
+        return Grid((time_s, altitude_m, y, x), origin, ned_mps)
 
     def _components(self) -> dict[str, Variable]:
         found: dict[str, Variable] = {}

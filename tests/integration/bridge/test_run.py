@@ -258,6 +258,15 @@ def test_stand_in_refuses_what_is_no_multirotor(tmp_path: Path) -> None:
     assert "UA 0: the stand-in autopilot flies multirotors only" in done.stderr
 
 
+def test_a_wind_map_that_is_not_there_is_told_before_the_start(tmp_path: Path) -> None:
+    (tmp_path / "air.yaml").write_text("map: {file: nothing.nc}\n")
+    text = (SCENARIOS / "separation.yaml").read_text().replace("radio:", "wind: air.yaml\nradio:", 1)
+    (tmp_path / "mission.yaml").write_text(text)
+    done = lostlink("run", "mission.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert f"lostlink: wind: {tmp_path / 'nothing.nc'}: No such file" in done.stderr
+
+
 def test_json_output_is_the_summary_and_nothing_else(start_run: StartRun) -> None:
     run = start_run("--json", duration_s=1.0)
     assert run.finish() == 0, run.output.decode()

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from bridge.resolve import airframe_of, radio_of, wind_of
+from bridge.scenario import OwnAgent
 from bridge.scenario_file import (
     SCENARIOS,
     ScenarioError,
@@ -153,3 +155,49 @@ def test_changes_of_the_command_line_are_checked_too() -> None:
     assert changed.fdm_port(changed.ua[1]) == 9002 + 10 * 4
     with pytest.raises(ScenarioError, match=r"duration_s: .*greater than 0"):
         with_changes(scenario, {"duration_s": -1.0})
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a file of each kind that a scenario can name; the process is in another one."""
+    folder = tmp_path / "mission"
+    folder.mkdir()
+    (tmp_path / "start").mkdir()
+    monkeypatch.chdir(tmp_path / "start")
+    shipped = SCENARIOS / ".."
+    (folder / "air.yaml").write_text("constant: {speed_mps: 3, from_deg: 90}\n")
+    (folder / "quad.yaml").write_text((shipped / "airframes" / "f450.yaml").read_text(encoding="utf-8"))
+    (folder / "own.py").write_text("")
+    (folder / "mine.yaml").write_text("preset: moon2020\nbase_loss: 0.25\n")
+    (folder / "loss.csv").write_text("snr_db,rate\n0,1\n20,0\n")
+    return folder
+
+
+def write_beside(folder: Path, radio: str) -> str:
+    text = TEXT.replace("radio: moon2020", f"radio: {radio}\nwind: air.yaml")
+    text = text.replace("airframe: f450", "airframe: quad.yaml", 1)
+    text = text.replace("{type: hold, altitude_m: 40}", "{type: own, class: own.py:Mine}")
+    (folder / "mission.yaml").write_text(text)
+    return str(folder / "mission.yaml")
+
+
+@pytest.mark.parametrize("radio", ["mine.yaml", "{preset: mine.yaml}"])
+def test_files_are_looked_for_beside_the_scenario(elsewhere: Path, radio: str) -> None:
+    scenario = read_scenario(write_beside(elsewhere, radio))
+    assert wind_of(scenario).constant is not None
+    assert airframe_of(scenario.ua[0]).name == "f450"
+    assert scenario.ua[0].agent == OwnAgent(type="own", class_=f"{elsewhere / 'own.py'}:Mine")
+    assert radio_of(scenario).config.base_loss == 0.25
+    assert parse_scenario(scenario.to_yaml(), "flown again") == scenario
+
+
+def test_a_table_is_looked_for_beside_the_scenario_and_kept_in_it(elsewhere: Path) -> None:
+    radio = "{preset: moon2020, error: {model: snr-table, table_file: loss.csv}}"
+    path = write_beside(elsewhere, radio)
+    scenario = read_scenario(path)
+    assert isinstance(scenario.radio, dict)
+    assert scenario.radio["error"]["table"] == [[0.0, 1.0], [20.0, 0.0]]
+    assert parse_scenario(scenario.to_yaml(), "flown again") == scenario
+    (elsewhere / "loss.csv").unlink()
+    with pytest.raises(ScenarioError, match=r"mission.yaml:\d+: radio: .*cannot read .*loss.csv"):
+        read_scenario(path)

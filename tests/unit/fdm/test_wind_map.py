@@ -175,6 +175,20 @@ def test_a_map_in_degrees_is_read_at_latitude_and_longitude(write_map, east_deg)
     assert wind_of(path).air_ned_mps(at(0.0, (0, 0, -20))) == pytest.approx(expected, abs=1e-7)
 
 
+@pytest.mark.parametrize("first_deg", [0.0, -180.0, 5.0])
+@pytest.mark.usefixtures("in_process")
+def test_a_map_around_the_earth_has_no_seam(write_map, first_deg):
+    east_deg = [first_deg + 60.0 * k for k in range(6)]
+    path = write_map(axes={"y": [-90.0, 0.0, 90.0], "x": east_deg}, attributes=DEGREES, origin=False)
+    last, first = (load_wind_map(path).ned_mps[0, 1, 1, k] for k in (5, 0))
+    strict = wind_of(path, outside="error")
+    for share in (0.0, 0.25, 1.0):
+        point = at(0.0)._replace(alt_amsl_m=420.0, lat_deg=0.0, lon_deg=east_deg[5] + 60.0 * share)
+        for turns in (-360.0, 0.0, 360.0):
+            felt = strict.air_ned_mps(point._replace(lon_deg=point.lon_deg + turns))
+            assert felt == pytest.approx(tuple((1 - share) * last + share * first), abs=1e-9)
+
+
 @pytest.mark.usefixtures("in_process")
 def test_axes_may_decrease(write_map):
     rising = load_wind_map(write_map())
