@@ -62,7 +62,7 @@ def radio_from_mapping(mapping: Mapping[str, Any]) -> RadioConfig:
 
 
 def seen_from(folder: Path, mapping: Mapping[str, Any]) -> Tree:
-    """Return the mapping with what it names as seen from `folder` in place: tables by their rows, a preset's file by its path.
+    """Return the mapping with tables, as seen from `folder`, read in, and a preset's file by its absolute path.
 
     Raises:
         PresetError: a table cannot be read.

@@ -260,7 +260,7 @@ def test_stand_in_refuses_what_is_no_multirotor(tmp_path: Path) -> None:
 
 def test_a_wind_map_that_is_not_there_is_told_before_the_start(tmp_path: Path) -> None:
     (tmp_path / "air.yaml").write_text("map: {file: nothing.nc}\n")
-    text = (SCENARIOS / "separation.yaml").read_text().replace("radio:", "wind: air.yaml\nradio:", 1)
+    text = (SCENARIOS / "separation.yaml").read_text().replace("\nradio:", "\nwind: air.yaml\nradio:")
     (tmp_path / "mission.yaml").write_text(text)
     done = lostlink("run", "mission.yaml", cwd=tmp_path)
     assert done.returncode == 2
