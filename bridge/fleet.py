@@ -48,6 +48,7 @@ class Ending(StrEnum):
     DONE = "done"
     DURATION = "duration"
     INTERRUPTED = "interrupted"
+    FAILED = "failed"
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,13 @@ class Timing:
 
 
 def summarise(
-    scenario: Scenario, run: RunDirectory, timing: Timing, ending: str, unfinished: Sequence[str] = ()
+    scenario: Scenario,
+    run: RunDirectory,
+    timing: Timing,
+    ending: str,
+    unfinished: Sequence[str] = (),
+    *,
+    error: str | None = None,
 ) -> dict[str, Any]:
     """The content of `summary.json`; docs/run-output.md describes it.
 
@@ -58,6 +64,7 @@ def summarise(
         "radio": scenario.radio,
         "speed": scenario.speed,
         "ending": ending,
+        "error": error,
         "unfinished": list(unfinished),
         "sim_duration_s": timing.sim_duration_s,
         "wall_duration_s": timing.wall_duration_s,
@@ -71,11 +78,15 @@ def summarise(
     }
 
 
+UNJUDGED = {"interrupted": "interrupted", "failed": "broke off"}
+"""Endings after which the bins are not judged, and how the verdict begins."""
+
+
 def _verdict(judged: int, within: int, links: Sequence[dict[str, Any]], ending: str) -> str:
     sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
     counts = f"{delivered} of {sent} packets delivered"
-    if ending == "interrupted":
-        return f"interrupted: {counts}"
+    if ending in UNJUDGED:
+        return f"{UNJUDGED[ending]}: {counts}"
     if not judged:
         return f"no verdict: {counts}; no distance bin has {BIN_SENT_MIN} packets or more"
     agreement = (

@@ -16,6 +16,7 @@ from rich.console import Console
 from bridge.fleet import Ending, Fleet, FleetError, Observer, preflight
 from bridge.messages import Clock, Message
 from bridge.progress import Progress
+from bridge.recorder import LEDGER
 from bridge.report import (
     FIGURE_FILE,
     Timing,
@@ -137,6 +138,7 @@ class _Run:
         self._first_tick: float | None = None
         self._last_tick = 0.0
         self._unfinished: list[str] = []
+        self._error: str | None = None
 
     def go(self, ardupilot_dir: Path | None) -> int:
         """Fly and report; returns the exit status."""
@@ -168,7 +170,13 @@ class _Run:
 
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
-        ending = await fleet.fly()
+        try:
+            ending = await fleet.fly()
+        except FleetError as error:
+            if self._first_tick is None or not (self.directory.path / LEDGER).is_file():
+                raise
+            click.echo(f"lostlink: {error}", err=True)
+            self._error, ending = str(error), Ending.FAILED
         self._tell_killed(fleet.killed)
         self._unfinished = sorted(fleet.not_done)
         return ending, fleet.sim_time_ns
@@ -186,11 +194,12 @@ class _Run:
             click.echo("lostlink: interrupted before sim time began", err=True)
             return interrupted
         wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
+        timing = Timing(sim_time_ns / 1e9, wall_s)
         summary = summarise(
-            self.scenario, self.directory, Timing(sim_time_ns / 1e9, wall_s), ending.value, self._unfinished
+            self.scenario, self.directory, timing, ending.value, self._unfinished, error=self._error
         )
         write_summary(summary, self.directory)
-        if ending is not Ending.INTERRUPTED:
+        if ending not in {Ending.INTERRUPTED, Ending.FAILED}:
             radio = radio_of(self.scenario)
             draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
         if self.as_json:
@@ -203,4 +212,4 @@ class _Run:
             self.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
         if interrupted:
             return interrupted
-        return EXIT_FAILED if summary["verdict"].startswith("fail") else 0
+        return EXIT_FAILED if summary["verdict"].startswith(("fail", "broke off")) else 0

@@ -323,10 +323,14 @@ def test_run_with_an_agent_of_ones_own(
     )
     assert run.finish() == status, run.output.decode()
     assert says in run.output.decode()
+    summary = json.loads((run.directory / "summary.json").read_text())
+    assert summary["sim_duration_s"] < 10.0
     if status == 0:
-        summary = json.loads((run.directory / "summary.json").read_text())
-        assert (summary["ending"], summary["unfinished"]) == ("done", [])
-        assert summary["sim_duration_s"] < 10.0
+        assert (summary["ending"], summary["unfinished"], summary["error"]) == ("done", [], None)
+    else:
+        assert (summary["ending"], summary["unfinished"]) == ("failed", ["1"])
+        assert says in summary["error"]
+        assert summary["verdict"].startswith("broke off: ")
 
 
 def test_ua_that_never_got_up_is_told(start_run: StartRun) -> None:
