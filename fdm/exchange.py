@@ -152,7 +152,7 @@ class Exchange:
         lone = self._lone
         if lone is None or lone.member.waiting or not lone.member.live:
             self._wait()
-        elif not self._commands.waiting and self._fly(lone):
+        elif self._fly(lone):
             return
         self._progress()
         for member in self._clock.take_stalled():
@@ -177,6 +177,8 @@ class Exchange:
             self._wait()
             return False
         clock.update(time.monotonic_ns())
+        if self._commands.waiting:
+            self._commands.obey()
         verdict = aircraft.receive(datagram, sender, clock.wall_ns)
         if verdict is not Verdict.ADVANCE:
             self._act(seat, verdict)

@@ -147,6 +147,7 @@ class FleetClock:
         member.idle_ns = 0
         if len(self._live) == 1 and self._peers is None:
             self._slowest_ns = self._own_slowest_ns = member.sim_time_ns
+            self._stall_check_ns = self.wall_ns
             if member.sim_time_ns >= self._next_tick_ns:
                 self.limits_version += 1
         elif was_slowest:

@@ -567,6 +567,29 @@ def fly_until_held(running, wait_s=0.2):
             client.send()
 
 
+def test_a_lone_ua_is_not_answered_once_paused(start):
+    running = start()
+    client = running.clients[0]
+    for _ in range(5):
+        client.exchange()
+        running.exchange.pause()
+        client.send()
+        assert client.silent()
+        running.exchange.resume()
+        client.receive()
+        client.count += 1
+
+
+def test_who_answers_all_the_time_does_not_stall_between_far_ticks(start):
+    running = start(stall_timeout_s=0.1, tick_period_ns=3600 * 10**9)
+    until = time.monotonic() + 0.5
+    while time.monotonic() < until:
+        running.clients[0].exchange()
+    assert running.clients[0].silent(0.05)
+    running.clients[0].exchange()
+    assert [event.kind for event in running.events] == [EventKind.JOINED]
+
+
 def test_pause_step_and_resume_from_another_thread(start_any):
     running = start_any(ids=(0, 1))
     fly_together(running, 10)
