@@ -308,6 +308,15 @@ def test_a_peer_that_does_not_wait_for_answers_loses_the_oldest(start):
     assert running.exchange.counters(0) == {"boots": 1, "frames": 3, "overruns": 2}
 
 
+def test_in_parallel_coupling_a_lost_answer_takes_the_lead_with_it(start):
+    client = start(coupling="parallel").clients[0]
+    before = [client.exchange().timestamp_s for _ in range(4)]
+    client.receive()  # as if it were lost: the autopilot does not see it
+    after = [client.exchange().timestamp_s for _ in range(4)]
+    assert before + after == pytest.approx([0.0025 * k for k in (0, 1, 2, 3, 5, 6, 7, 8)])
+    assert client.silent()
+
+
 def test_in_parallel_coupling_an_autopilot_that_boots_anew_starts_in_the_same_way(start_any):
     running = start_any(coupling="parallel")
     old = running.clients[0]

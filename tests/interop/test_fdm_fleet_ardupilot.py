@@ -28,13 +28,14 @@ STALL_S = 1.0
 class Fleet:
     """An exchange in a thread, with what it told and when."""
 
-    def __init__(self, slot):
+    def __init__(self, slot, coupling):
         self.events, self.tick_walls, self.ticks = [], [], []
         self.changed = threading.Condition()
         airframe = load_airframe("f450")
         self.exchange = Exchange(
             [AircraftSpec(i, airframe, HOME, default_port(slot + i)) for i in range(2)],
             speed=math.inf,
+            coupling=coupling,
             stall_timeout_s=STALL_S,
             on_tick=self.note_tick,
             on_event=self.note_event,
@@ -86,9 +87,10 @@ def copter(binary, instance, directory):
             process.kill()
 
 
-def test_a_stopped_and_a_killed_autopilot_do_not_hold_the_other(arducopter, free_slot, tmp_path):
+@pytest.mark.parametrize("coupling", ["serial", "parallel"])
+def test_a_stopped_and_a_killed_autopilot_do_not_hold_the_other(arducopter, free_slot, tmp_path, coupling):
     slot = free_slot(2)
-    with contextlib.closing(Fleet(slot)) as fleet, copter(arducopter, slot, tmp_path / "0"):
+    with contextlib.closing(Fleet(slot, coupling)) as fleet, copter(arducopter, slot, tmp_path / "0"):
         with copter(arducopter, slot + 1, tmp_path / "1") as second:
             fleet.wait_for(lambda: len(fleet.ticks) > 40)
             assert fleet.heard(EventKind.STALLED) == []
