@@ -56,7 +56,7 @@ class Exchange:
         stall_timeout_s: wall time after which a UA that does not answer is let go.
         tick_period_ns: sim time between ticks.
         hold_ticks: wait for `release_tick` at every tick.
-        start_together: answer nobody before every UA has sent its first packet.
+        start_together: fly nobody before every UA has sent its first packet.
         start_timeout_s: wall time after which those that have come start without the others.
         on_truth: called with the truth of every live UA at every tick, in the loop's thread.
         on_tick: called after that with the clock's status.
@@ -101,7 +101,7 @@ class Exchange:
             start_timeout_ns=nanoseconds("start_timeout_s", start_timeout_s),
         )
         check_coupling(coupling)
-        self._coupling = coupling
+        self._coupling, self._peers = coupling, peers
         ids = [spec.ua_id for spec in aircraft]
         if len(set(ids)) != len(ids):
             raise ValueError(f"ua_id twice in {ids}")
@@ -152,7 +152,7 @@ class Exchange:
         lone = self._lone
         if lone is None or lone.member.waiting or not lone.member.live:
             self._wait()
-        elif self._fly(lone):
+        elif self._wait_and_fly(lone):
             return
         self._progress()
         for member in self._clock.take_stalled():
@@ -161,10 +161,10 @@ class Exchange:
 
     def _choose_reader(self, lone: Seat, speed: float) -> None:
         self._receive = reader_of(
-            lone.recvfrom, due_any_moment=self._coupling == "parallel" and speed == inf and not lone.legacy
+            lone.recvfrom, due_any_moment=lone.aircraft.parallel and speed == inf and self._peers is None
         )
 
-    def _fly(self, seat: Seat) -> bool:
+    def _wait_and_fly(self, seat: Seat) -> bool:
         """Wait for one datagram in the socket of a lone UA, which spares the poller.
 
         Returns:
@@ -269,7 +269,7 @@ class Exchange:
 
     def _add(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
         try:
-            seat = Seat(spec, sock, self._clock.members[spec.ua_id], build_model)
+            seat = Seat(spec, sock, self._clock.members[spec.ua_id], build_model, self._coupling)
         except BaseException:
             sock.close()
             raise
@@ -312,7 +312,7 @@ class Exchange:
         else:
             self._tell(EventKind.RESTARTED, seat.member, "its autopilot booted anew")
         self._ask(seat)
-        if self._coupling == "parallel" and not seat.legacy:
+        if seat.aircraft.parallel:
             try:
                 seat.send(seat.aircraft.at_boot())
             except ModelDivergedError as error:
@@ -381,6 +381,7 @@ class Exchange:
 
     def _end(self, seat: Seat, error: ModelDivergedError) -> None:
         self._clock.end(seat.member)
+        self._forget(seat)
         self._tell(EventKind.DIVERGED, seat.member, str(error))
 
     def _emit_due_ticks(self) -> None:

@@ -54,13 +54,15 @@ class HostedAircraft:
         wind: the air around it; None = still.
         disturb: turns a model's `sense` into what the sensors measure; None = they are exact.
         unpack: takes a datagram apart: a servo packet's fields, or why it is none.
+        parallel: it is coupled in parallel (fdm.exchange.Exchange): its autopilot may send the frame after the one that
+            is asked for.
 
     Attributes:
         ua_id: which UA.
         member: its place in the fleet clock.
         lockstep: state of the exchange with its autopilot.
         fields: the servo packet of the frame that is asked for.
-        early: the one after it, if that came before the frame was flown; empty = none.
+        early: in parallel coupling the one after it, if that came before the frame was flown; empty = none.
         frames: frames that were asked for in the usual way.
         model: its flight model.
     """
@@ -83,6 +85,7 @@ class HostedAircraft:
         "lockstep",
         "member",
         "model",
+        "parallel",
         "ua_id",
     )
 
@@ -94,6 +97,7 @@ class HostedAircraft:
         wind: Wind | None = None,
         disturb: Disturb | None = None,
         unpack: Callable[[bytes], Fields | str] = unpack_servo_packet,
+        parallel: bool = False,
     ) -> None:
         self.ua_id = member.ua_id
         self.member = member
@@ -101,6 +105,7 @@ class HostedAircraft:
         self.frames = 0
         self.fields: Fields = ()
         self.early: Fields = ()
+        self.parallel = parallel
         self._unpack = unpack
         self._disturb = disturb
         self._build_model = build_model
@@ -123,7 +128,7 @@ class HostedAircraft:
         if fields.__class__ is str:
             self._counters[fields] += 1
             return None
-        queued = self.member.waiting and sender == self.lockstep.sender
+        queued = self.parallel and self.member.waiting and sender == self.lockstep.sender
         verdict = self.lockstep.receive(fields[2], sender, wall_ns)  # type: ignore[arg-type]
         if verdict is Verdict.ADVANCE:
             self.frames += 1
@@ -177,12 +182,14 @@ class HostedAircraft:
         self.model.step(fields, fields[1])
 
     def at_boot(self) -> bytes:
-        """The datagram of the UA as it stands at the boot of its autopilot, before any step.
+        """The datagram of the UA as it stands at the boot of its autopilot, in still air, with exact sensors.
+
+        The errors of the sensors, which are drawn frame by frame, begin with the first frame that is flown.
 
         Raises:
             ModelDivergedError: the flight model is lost.
         """
-        return self._encode((self._timer.time_ns / 1e9, *self._measure()))
+        return self._encode((self._timer.time_ns / 1e9, *self.model.sense()))
 
     def measure(self) -> bytes:
         """The reply's datagram after a step.

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from fdm.aircraft_spec import AircraftSpec
 from fdm.airframe import Airframe
 from fdm.errors import PortInUseError
+from fdm.exchange_settings import Coupling
 from fdm.fleet_clock import Member
 from fdm.geodesy import Home
 from fdm.hosted_aircraft import FlightModel, HostedAircraft
@@ -42,25 +43,27 @@ class Seat:
         sock: its socket, of `bind`; the seat's from now on.
         member: its place in the fleet clock.
         build_model: makes its flight model.
-
-    Attributes:
-        legacy: its peer speaks the legacy scheme.
+        coupling: of the exchange; a legacy peer is served serially.
 
     Raises:
         AirframeError: the model cannot be loaded.
     """
 
-    __slots__ = ("_state_port", "aircraft", "legacy", "member", "recvfrom", "sendto", "sock")
+    __slots__ = ("_state_port", "aircraft", "member", "recvfrom", "sendto", "sock")
 
     def __init__(
-        self, spec: AircraftSpec, sock: socket.socket, member: Member, build_model: BuildModel
+        self,
+        spec: AircraftSpec,
+        sock: socket.socket,
+        member: Member,
+        build_model: BuildModel,
+        coupling: Coupling,
     ) -> None:
         legacy = spec.legacy
         self.sock = sock
         self.recvfrom = sock.recvfrom
         self.sendto = sock.sendto
         self.member = member
-        self.legacy = legacy is not None
         self._state_port = legacy.state_port if legacy else None
         self.aircraft = HostedAircraft(
             member,
@@ -69,6 +72,7 @@ class Seat:
             spec.wind,
             spec.disturb,
             make_legacy_unpacker(legacy.rate_hz) if legacy else unpack_servo_packet,
+            parallel=coupling == "parallel" and legacy is None,
         )
 
     def send(self, reply: bytes) -> None:

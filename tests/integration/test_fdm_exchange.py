@@ -257,6 +257,41 @@ def test_a_release_from_within_on_tick_is_enough(start):
     assert len(running.ticks) >= 20
 
 
+def test_in_parallel_coupling_sensor_errors_and_wind_are_those_of_serial_coupling(start):
+    disturb = SensorNoise(gyro_sigma_radps=0.01, position_sigma_m=0.5).disturb(seed=3, ua_id=0)
+    frames = {}
+    for coupling in ("serial", "parallel"):
+        spec = AircraftSpec(
+            0, load_airframe("f450"), HOME, 0, load_wind("breeze").build(seed=3, ua_id=0), disturb
+        )
+        client = start(specs=[spec], coupling=coupling).clients[0]
+        frames[coupling] = [client.exchange() for _ in range(30)]
+    assert frames["parallel"][1:] == frames["serial"][:-1]
+
+
+def test_a_model_that_diverges_at_boot_ends_its_ua_once_and_is_not_stepped(start):
+    class Broken(JsbsimModel):
+        steps = 0
+
+        def __init__(self, airframe, home):
+            super().__init__(airframe, home)
+            exact = self.sense
+            self.sense = lambda: (math.nan, *exact()[1:])
+
+        def step(self, fields, rate_hz):
+            Broken.steps += 1
+            super().step(fields, rate_hz)
+
+    running = start(ids=(0, 1), coupling="parallel", build_model=Broken)
+    for client in running.clients.values():
+        client.send()
+    running.wait_for(lambda: len(running.events) >= 4)
+    assert all(client.silent() for client in running.clients.values())
+    kinds = [event.kind for event in running.events]
+    assert kinds == [EventKind.JOINED, EventKind.DIVERGED, EventKind.JOINED, EventKind.DIVERGED]
+    assert Broken.steps == 0
+
+
 def rising(count):
     """Servo outputs that take a copter off: each differs from the ones before."""
     return (1500 + 5 * count,) * 4 + (0,) * 12
@@ -293,11 +328,12 @@ def test_in_parallel_coupling_two_frames_may_wait_and_each_is_answered_once(star
     assert running.exchange.counters(0) == {"boots": 1, "frames": 2, "repeats_while_waiting": 1}
 
 
-def test_a_peer_that_does_not_wait_for_answers_loses_the_oldest(start):
-    running = start(hold_ticks=True)
+def test_in_parallel_coupling_a_peer_that_does_not_wait_for_answers_loses_the_oldest(start):
+    running = start(coupling="parallel", hold_ticks=True)
     client = running.clients[0]
     for count in range(4):
         client.send(rising(count), count)
+    client.receive()
     deadline = time.monotonic() + WAIT_S
     while running.exchange.counters(0).get("overruns") != 2:
         assert time.monotonic() < deadline
