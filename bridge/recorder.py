@@ -91,7 +91,8 @@ def write_ledger(path: Path, ledger: Ledger, refused: Mapping[Refusal, int]) -> 
         }
         for b in ledger.bins()
     ]
-    path.write_text(
+    partial = path.with_suffix(".partial")
+    partial.write_text(
         json.dumps(
             {"links": links, "bins": bins, "refused": {r.value: n for r, n in sorted(refused.items())}},
             indent=1,
@@ -99,6 +100,7 @@ def write_ledger(path: Path, ledger: Ledger, refused: Mapping[Refusal, int]) -> 
         + "\n",
         encoding="ascii",
     )
+    partial.replace(path)
 
 
 def read_deliveries(path: Path) -> Iterator[Delivery]:

@@ -176,9 +176,10 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Pa
             label=f"UA {tx} to UA {rx}",
         )
     axes.set(xlabel="distance, m", ylabel="probability of delivery", ylim=(-0.03, 1.03), xlim=(0, farthest_m))
-    name = (
-        summary["radio"] if isinstance(summary["radio"], str) else summary["radio"].get("preset", "own radio")
-    )
+    radio_name = summary["radio"]
+    if not isinstance(radio_name, str):
+        radio_name = radio_name.get("preset", "own radio")
+    name = Path(radio_name).stem
     axes.set_title(
         f"{summary['scenario']}: {name}, seed {summary['seed']} (measured with 99 % binomial intervals)"
     )

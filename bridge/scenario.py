@@ -111,7 +111,7 @@ class OwnAgent(_Part):
     )
 
     type: Literal["own"]
-    class_: Annotated[str, Field(alias="class", pattern=r"^[^:]+:[A-Za-z_]\w*$")]
+    class_: Annotated[str, Field(alias="class", pattern=r"^.+:[A-Za-z_]\w*$")]
     has_task: bool = True
     options: dict[str, JsonValue] = {}
 

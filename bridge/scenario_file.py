@@ -11,6 +11,7 @@ from typing import Any, get_args
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from bridge.agents.own import mistake_in
 from bridge.resolve import airframe_of, radio_of, wind_of
 from bridge.scenario import (
     AgentConfig,
@@ -75,7 +76,7 @@ def read_scenario(name_or_path: str) -> Scenario:
     """
     path = Path(name_or_path)
     if path.is_file():
-        return parse_scenario(_text(path), str(path), path.resolve().parent)
+        return parse_scenario(_text(path), str(path), path.parent)
     if name_or_path in scenario_names():
         return parse_scenario((SCENARIOS / f"{name_or_path}.yaml").read_text(), f"{name_or_path}.yaml")
     known = ", ".join(scenario_names())
@@ -132,45 +133,41 @@ def parse_scenario(text: str, source_name: str, folder: Path = Path()) -> Scenar
         scenario = Scenario.model_validate(content)
     except ValidationError as error:
         raise ScenarioError("\n".join(_mistakes(source, error))) from error
-    try:
-        scenario = _with_files_from(folder.resolve(), scenario)
-    except PresetError as error:
-        raise ScenarioError(_radio_mistake(source, error)) from error
-    _refuse_unknown_names(source, scenario)
-    return scenario
+    scenario = _with_files_from(folder.absolute(), scenario)
+    return _with_known_names(source, folder.absolute(), scenario)
 
 
 def _with_files_from(folder: Path, scenario: Scenario) -> Scenario:
-    def place(name: str) -> str:
-        return str(folder / name) if Path(name).suffix in {".yaml", ".yml", ".py"} else name
+    """The scenario with the absolute paths of its files, as seen from ``folder``; its radio, if spelt out, as it is."""
+
+    def place(name: str, *suffixes: str) -> str:
+        return str(folder / Path(name).expanduser()) if Path(name).suffix in suffixes else name
 
     def placed(ua: Aircraft) -> Aircraft:
         agent = ua.agent
         if isinstance(agent, OwnAgent):
-            agent = agent.model_copy(update={"class_": f"{place(agent.place)}:{agent.class_name}"})
-        return ua.model_copy(update={"airframe": place(ua.airframe), "agent": agent})
+            agent = agent.model_copy(update={"class_": f"{place(agent.place, '.py')}:{agent.class_name}"})
+        return ua.model_copy(update={"airframe": place(ua.airframe, ".yaml", ".yml"), "agent": agent})
 
     radio = scenario.radio
     files = {
-        "radio": place(radio) if isinstance(radio, str) else seen_from(folder, radio),
-        "wind": place(scenario.wind),
+        "radio": place(radio, ".yaml", ".yml") if isinstance(radio, str) else radio,
+        "wind": place(scenario.wind, ".yaml", ".yml"),
         "ua": tuple(placed(ua) for ua in scenario.ua),
     }
     return scenario.model_copy(update=files)
 
 
-def _radio_mistake(source: _Source, error: PresetError) -> str:
-    line = source.line_of(("radio", *error.key.split(".")))
-    return f"{source.name}:{line}: radio: {error}"
-
-
-def _refuse_unknown_names(source: _Source, scenario: Scenario) -> None:
-    """See that the radio and the airframes that the scenario names are there and right."""
+def _with_known_names(source: _Source, folder: Path, scenario: Scenario) -> Scenario:
+    """See that what the scenario names is there and right; a radio's tables are read in."""
     mistakes: list[str] = []
     try:
+        if not isinstance(scenario.radio, str):
+            scenario = scenario.model_copy(update={"radio": seen_from(folder, scenario.radio)})
         radio_of(scenario)
     except PresetError as error:
-        mistakes.append(_radio_mistake(source, error))
+        line = source.line_of(("radio", *error.key.split(".")))
+        mistakes.append(f"{source.name}:{line}: radio: {error}")
     try:
         wind_of(scenario)
     except WindError as error:
@@ -181,12 +178,12 @@ def _refuse_unknown_names(source: _Source, scenario: Scenario) -> None:
         except AirframeError as error:
             line = source.line_of(("ua", index, "airframe"))
             mistakes.append(f"{source.name}:{line}: ua.{index}.airframe: {error}")
-        agent = ua.agent
-        if isinstance(agent, OwnAgent) and agent.place.endswith(".py") and not Path(agent.place).is_file():
+        if isinstance(ua.agent, OwnAgent) and (mistake := mistake_in(ua.agent.place, ua.agent.class_name)):
             line = source.line_of(("ua", index, "agent", "class"))
-            mistakes.append(f"{source.name}:{line}: ua.{index}.agent.class: {agent.place}: no such file")
+            mistakes.append(f"{source.name}:{line}: ua.{index}.agent.class: {mistake}")
     if mistakes:
         raise ScenarioError("\n".join(mistakes))
+    return scenario
 
 
 def _refuse_duplicate_keys(source: _Source, node: yaml.Node) -> None:
@@ -231,7 +228,7 @@ def _explain(item: Any, path: tuple[str | int, ...]) -> str:
         return "is required"
     if item["type"] in {"union_tag_not_found", "union_tag_invalid"}:
         return f"type has to be one of: {', '.join(_AGENTS)}"
-    if path == ("ua",):
+    if path in {("ua",), ("fdm",)}:
         return str(item["msg"]).removeprefix("Value error, ")
     return f"{item['msg'].removeprefix('Value error, ')} (got {item['input']!r})"
 

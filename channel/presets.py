@@ -70,7 +70,7 @@ def seen_from(folder: Path, mapping: Mapping[str, Any]) -> Tree:
     tree = _with_tables(mapping, folder)
     preset = tree.get("preset")
     if isinstance(preset, str) and preset not in preset_names():
-        tree["preset"] = str(_preset_file(preset, folder).resolve())
+        tree["preset"] = str(_preset_file(preset, folder).absolute())
     return tree
 
 
@@ -174,14 +174,14 @@ def _read(file: Path, extending: tuple[Path, ...]) -> Tree:
     return _resolved(tables, file.parent, (*extending, file.resolve()))
 
 
-def _with_tables(tree: Mapping[str, Any], beside: Path) -> Tree:
+def _with_tables(tree: Mapping[str, Any], beside: Path, prefix: str = "") -> Tree:
     """Return the tree with each key `x_file`, a CSV as seen from a directory, replaced by its rows under `x`."""
     out: Tree = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):
-            out[str(key)] = _with_tables(value, beside)
+            out[str(key)] = _with_tables(value, beside, f"{prefix}{key}.")
         elif str(key).endswith("_file"):
-            out[key.removesuffix("_file")] = _csv_rows(beside / str(value), key)
+            out[key.removesuffix("_file")] = _csv_rows(beside / str(value), f"{prefix}{key}")
         else:
             out[str(key)] = value
     return out

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from statistics import median
 
 import numpy as np
 import numpy.typing as npt
@@ -101,11 +102,11 @@ def grid_of(name: str, file: NetcdfFile) -> Grid:
 
 
 def _goes_around(lon_deg: Coordinates) -> bool:
-    """Whether what is missing to the whole turn is no more than a cell."""
+    """Whether what is missing to the whole turn is no more than a usual cell."""
     if len(lon_deg) < 3:
         return False
     missing_deg = 360.0 - (lon_deg[-1] - lon_deg[0])
-    return 0.0 < missing_deg <= 1.001 * max(b - a for a, b in pairwise(lon_deg))
+    return 0.0 < missing_deg <= 1.001 * median(b - a for a, b in pairwise(lon_deg))
 
 
 class _Reader:

@@ -50,8 +50,11 @@ class WindMap:
         time_s = point.sim_time_ns / 1e9
         if self.origin is None:
             # Maps run from -180 to 180 degrees or from 0 to 360: take the turn that is nearest.
-            middle_deg = 0.5 * (self.axes[3][0] + self.axes[3][-1])
+            west_deg, east_deg = self.axes[3][0], self.axes[3][-1]
+            middle_deg = 0.5 * (west_deg + east_deg)
             lon_deg = middle_deg + (point.lon_deg - middle_deg + 180.0) % 360.0 - 180.0
+            if east_deg - west_deg >= 360.0:  # no edge there, but rounding
+                lon_deg = min(max(lon_deg, west_deg), east_deg)
             return (time_s, point.alt_amsl_m, point.lat_deg, lon_deg)
         place = GeodeticPosition(point.lat_deg, point.lon_deg, point.alt_amsl_m)
         north, east, _ = ned_from_geodetic(self.origin, place)

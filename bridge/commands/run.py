@@ -60,7 +60,7 @@ class SpeedType(click.ParamType[float | str]):
 @click.option(
     "--coupling",
     type=click.Choice(get_args(Coupling)),
-    help="Autopilot and physics compute in turns, or at the same time: faster, servo outputs one frame later.",
+    help="Autopilot and physics compute in turns, or at the same time: faster with few UA, servos one frame later.",
 )
 @click.option("--duration", type=float, metavar="SECONDS", help="Longest sim time.")
 @click.option("--seed", type=int, help="Another seed draws other packet losses.")
@@ -173,11 +173,13 @@ class _Run:
         try:
             ending = await fleet.fly()
         except FleetError as error:
-            if self._first_tick is None or not (self.directory.path / LEDGER).is_file():
+            if self._first_tick is None:
                 raise
             click.echo(f"lostlink: {error}", err=True)
             self._error, ending = str(error), Ending.FAILED
         self._tell_killed(fleet.killed)
+        if ending is Ending.FAILED and not (self.directory.path / LEDGER).is_file():
+            raise FleetError("there is no summary: the radio router did not live to complete its record")
         self._unfinished = sorted(fleet.not_done)
         return ending, fleet.sim_time_ns
 

@@ -3,11 +3,13 @@
 import contextlib
 import math
 import socket
+import subprocess
 import sys
 import threading
 import time
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -290,6 +292,19 @@ def test_a_model_that_diverges_at_boot_ends_its_ua_once_and_is_not_stepped(start
     kinds = [event.kind for event in running.events]
     assert kinds == [EventKind.JOINED, EventKind.DIVERGED, EventKind.JOINED, EventKind.DIVERGED]
     assert Broken.steps == 0
+
+
+@pytest.mark.parametrize("coupling", ["serial", "parallel"])
+def test_the_example_client_takes_off(start, coupling):
+    port = start(coupling=coupling).exchange.ports[0]
+    client = Path(__file__).parents[2] / "examples" / "json_client.py"
+    done = subprocess.run(
+        [sys.executable, client, f"--port={port}"], capture_output=True, text=True, timeout=WAIT_S
+    )
+    assert done.returncode == 0, done.stderr
+    heights = [float(line.split()[2]) for line in done.stdout.splitlines()]
+    assert len(heights) == 2
+    assert 2.0 < heights[0] < heights[1]
 
 
 def rising(count):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bridge.agents import Agent, AgentError, agent_class
-from bridge.agents.own import load_class
+from bridge.agents.own import load_class, mistake_in
 from bridge.scenario import OwnAgent
 from bridge.scenario_file import SCENARIOS, ScenarioError, parse_scenario
 
@@ -108,3 +108,20 @@ def test_mistake_is_told_with_its_place(agent: str, key: str, says: str) -> None
         parse_scenario(TEXT.replace(old, agent), "my.yaml")
     assert f"my.yaml:{TEXT[: TEXT.index(old)].count(chr(10)) + 1}: {key}: " in str(caught.value)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("class Other: ...", "has no class Own"),
+        ("class Own(:", ":1: invalid syntax"),
+        ("\0", "null bytes"),
+        ("class Own: ...", ""),
+        ("from somewhere import Own", ""),
+        ("from somewhere import *", ""),
+    ],
+)
+def test_file_is_looked_at_without_running_it(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "mine.py").write_text(f"{text}\nraise SystemExit('it ran')\n")
+    mistake = mistake_in(str(tmp_path / "mine.py"), "Own")
+    assert says in mistake if says else mistake == ""

@@ -160,14 +160,14 @@ def test_changes_of_the_command_line_are_checked_too() -> None:
 @pytest.fixture
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a file of each kind that a scenario can name; the process is in another one."""
-    folder = tmp_path / "mission"
+    folder = tmp_path / "mission of 2026-11-21T12:00"
     folder.mkdir()
     (tmp_path / "start").mkdir()
     monkeypatch.chdir(tmp_path / "start")
     shipped = SCENARIOS / ".."
     (folder / "air.yaml").write_text("constant: {speed_mps: 3, from_deg: 90}\n")
     (folder / "quad.yaml").write_text((shipped / "airframes" / "f450.yaml").read_text(encoding="utf-8"))
-    (folder / "own.py").write_text("")
+    (folder / "own.py").write_text("class Mine: ...\n")
     (folder / "mine.yaml").write_text("preset: moon2020\nbase_loss: 0.25\n")
     (folder / "loss.csv").write_text("snr_db,rate\n0,1\n20,0\n")
     return folder
@@ -189,6 +189,27 @@ def test_files_are_looked_for_beside_the_scenario(elsewhere: Path, radio: str) -
     assert scenario.ua[0].agent == OwnAgent(type="own", class_=f"{elsewhere / 'own.py'}:Mine")
     assert radio_of(scenario).config.base_loss == 0.25
     assert parse_scenario(scenario.to_yaml(), "flown again") == scenario
+    assert with_changes(scenario, {"seed": scenario.seed}) == scenario
+
+
+def test_files_are_beside_the_link_that_a_scenario_is_reached_by(elsewhere: Path, tmp_path: Path) -> None:
+    (tmp_path / "far").mkdir()
+    Path(write_beside(elsewhere, "mine.yaml")).rename(tmp_path / "far" / "mission.yaml")
+    (elsewhere / "mission.yaml").symlink_to(tmp_path / "far" / "mission.yaml")
+    assert wind_of(read_scenario(str(elsewhere / "mission.yaml"))).constant is not None
+
+
+def test_mistakes_in_all_files_are_told_at_once(elsewhere: Path) -> None:
+    radio = "\n  preset: moon2020\n  error:\n    model: snr-table\n    table_file: nothing.csv"
+    path = write_beside(elsewhere, radio)
+    for name in ("air.yaml", "own.py", "quad.yaml"):
+        (elsewhere / name).unlink()
+    with pytest.raises(ScenarioError) as raised:
+        read_scenario(path)
+    lines = str(raised.value).splitlines()
+    text = Path(path).read_text()
+    places = [line_of(word, text) for word in ("table_file:", "wind:", "airframe:", "class:")]
+    assert [line.split(": ")[0] for line in lines] == [f"{path}:{place}" for place in places]
 
 
 def test_a_table_is_looked_for_beside_the_scenario_and_kept_in_it(elsewhere: Path) -> None:
@@ -199,5 +220,7 @@ def test_a_table_is_looked_for_beside_the_scenario_and_kept_in_it(elsewhere: Pat
     assert scenario.radio["error"]["table"] == [[0.0, 1.0], [20.0, 0.0]]
     assert parse_scenario(scenario.to_yaml(), "flown again") == scenario
     (elsewhere / "loss.csv").unlink()
-    with pytest.raises(ScenarioError, match=r"mission.yaml:\d+: radio: .*cannot read .*loss.csv"):
+    with pytest.raises(
+        ScenarioError, match=r"mission.yaml:15: radio: error.table_file: cannot read .*loss.csv"
+    ):
         read_scenario(path)

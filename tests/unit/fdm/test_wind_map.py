@@ -175,7 +175,7 @@ def test_a_map_in_degrees_is_read_at_latitude_and_longitude(write_map, east_deg)
     assert wind_of(path).air_ned_mps(at(0.0, (0, 0, -20))) == pytest.approx(expected, abs=1e-7)
 
 
-@pytest.mark.parametrize("first_deg", [0.0, -180.0, 5.0])
+@pytest.mark.parametrize("first_deg", [0.0, -180.0, 5.0, -4.37, 38.7])
 @pytest.mark.usefixtures("in_process")
 def test_a_map_around_the_earth_has_no_seam(write_map, first_deg):
     east_deg = [first_deg + 60.0 * k for k in range(6)]
@@ -187,6 +187,18 @@ def test_a_map_around_the_earth_has_no_seam(write_map, first_deg):
         for turns in (-360.0, 0.0, 360.0):
             felt = strict.air_ned_mps(point._replace(lon_deg=point.lon_deg + turns))
             assert felt == pytest.approx(tuple((1 - share) * last + share * first), abs=1e-9)
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_map_of_part_of_the_earth_keeps_its_edges(write_map):
+    path = write_map(
+        axes={"y": [-90.0, 0.0, 90.0], "x": [5.0, 6.0, 7.0, 200.0]}, attributes=DEGREES, origin=False
+    )
+    assert load_wind_map(path).axes[3][-1] == 200.0
+    with pytest.raises(WindError, match="outside the map"):
+        wind_of(path, outside="error").air_ned_mps(
+            at(0.0)._replace(alt_amsl_m=420.0, lat_deg=0.0, lon_deg=-100.0)
+        )
 
 
 @pytest.mark.usefixtures("in_process")
