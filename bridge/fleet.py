@@ -79,13 +79,10 @@ class Fleet:
         self._children: list[Child] = []
         self._router: Child | None = None
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
-        self.unfinished = set(scenario.nodes_with_a_task)
-        """Nodes whose agents have a task and have not done it: what the run waits for."""
         self.not_done = {
             ua.node for ua in scenario.ua if ua.agent.has_task or not isinstance(ua.agent, OwnAgent)
         }
         """Nodes whose agents have not flown what they were to fly: also one that was only to hold."""
-        self._has_task = bool(self.unfinished)
         self.killed: list[str] = []
         """Processes that did not end when they were asked to."""
         self._ended: set[str] = set()
@@ -216,8 +213,14 @@ class Fleet:
         elif isinstance(message, AgentStatus):
             self._on_agent(message)
         elif isinstance(message, Header):
-            self._settle(Ending.DURATION if self.unfinished or not self._has_task else Ending.DONE)
+            all_done = self._scenario.nodes_with_a_task and not self._unfinished
+            self._settle(Ending.DONE if all_done else Ending.DURATION)
         self._observer.on_message(message)
+
+    @property
+    def _unfinished(self) -> frozenset[str]:
+        """Nodes whose agents have a task and have not done it: what the run waits for."""
+        return self._scenario.nodes_with_a_task & self.not_done
 
     def _on_clock(self, clock: Clock) -> None:
         self._last_tick = asyncio.get_running_loop().time()
@@ -228,7 +231,7 @@ class Fleet:
     def _on_model_ended(self, node: str) -> None:
         self._ended.add(node)
         text = f"the flight model of UA {node} diverged; its last state is in {self._run.log_path('physics')}"
-        if node in self.unfinished:
+        if node in self._unfinished:
             self._settle(FleetError(text))
         else:
             self._observer.on_phase(text)
@@ -239,7 +242,6 @@ class Fleet:
             log = self._run.log_path(f"agent-{node}")
             self._settle(FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}"))
         if status.done:
-            self.unfinished.discard(node)
             self.not_done.discard(node)
 
     async def _all_alive(self, session: Session, keys: Keys, names: set[str]) -> None:

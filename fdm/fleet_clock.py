@@ -146,6 +146,7 @@ class FleetClock:
         member.waiting = False
         member.idle_ns = 0
         if len(self._live) == 1 and self._peers is None:
+            # Nobody else waits, so that only a tick changes a limit; and silence counts from this frame on.
             self._slowest_ns = self._own_slowest_ns = member.sim_time_ns
             self._stall_check_ns = self.wall_ns
             if member.sim_time_ns >= self._next_tick_ns:

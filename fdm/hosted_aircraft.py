@@ -14,6 +14,11 @@ from fdm.sensor_frame import Encoder
 from fdm.servo_packet import Fields, unpack_servo_packet
 from fdm.truth import Truth, Vector
 
+WIND_PERIOD_NS = 10_000_000
+"""Sim time between two looks at the wind; it is held in between."""
+OVERRUNS = "overruns"
+"""Counter of the servo packets that gave way to later ones, as two of their UA were waiting already."""
+
 
 class FlightModel(Protocol):
     """What a UA needs of its flight model; see fdm.jsbsim_model.JsbsimModel."""
@@ -33,11 +38,6 @@ class FlightModel(Protocol):
     def set_wind(self, wind_ned_mps: Vector) -> None:
         """Set the velocity of the air around it, from the next step on."""
 
-
-WIND_PERIOD_NS = 10_000_000
-"""Sim time between two looks at the wind; it is held in between."""
-OVERRUNS = "overruns"
-"""Counter of the servo packets that gave way to later ones, as two of their UA were waiting already."""
 
 Sense = Callable[[], tuple[float, ...]]
 Disturb = Callable[[Sense], Sense]

@@ -211,11 +211,10 @@ def load_wind(name_or_path: str | Path) -> WindConfig:
         WindError: no such wind, or the file is wrong; the text says where.
     """
     path = Path(name_or_path)
-    if path.suffix not in (".yaml", ".yml"):
-        path = WINDS_DIR / f"{name_or_path}.yaml"
-    elif not path.is_file():
-        raise WindError(f"no wind file {path}")
-    if not path.is_file():
+    if path.suffix in (".yaml", ".yml"):
+        if not path.is_file():
+            raise WindError(f"no wind file {path}")
+    elif not (path := WINDS_DIR / f"{name_or_path}.yaml").is_file():
         known = ", ".join(wind_names())
         raise WindError(f"no wind {str(name_or_path)!r}: known are {known}; or give the path of a YAML file")
     try:

@@ -19,6 +19,7 @@ from bridge.progress import Progress
 from bridge.recorder import LEDGER
 from bridge.report import (
     FIGURE_FILE,
+    UNJUDGED,
     Timing,
     bins_table,
     draw_probability_of_delivery,
@@ -201,7 +202,7 @@ class _Run:
             self.scenario, self.directory, timing, ending.value, self._unfinished, error=self._error
         )
         write_summary(summary, self.directory)
-        if ending not in {Ending.INTERRUPTED, Ending.FAILED}:
+        if ending not in UNJUDGED:
             radio = radio_of(self.scenario)
             draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
         if self.as_json:
@@ -214,4 +215,5 @@ class _Run:
             self.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
         if interrupted:
             return interrupted
-        return EXIT_FAILED if summary["verdict"].startswith(("fail", "broke off")) else 0
+        failed = ending is Ending.FAILED or summary["verdict"].startswith("fail")
+        return EXIT_FAILED if failed else 0
