@@ -11,7 +11,8 @@ one sent again.
     last, not answered     WAITING                                    RESTART
     last, answered         DUPLICATE; RESEND after 1 s of silence     RESTART
     a little below         STALE: reordered on the way                RESTART
-    far below, or 0        RESTART: the autopilot has booted anew     RESTART
+    far below              RESTART: the autopilot has booted anew     RESTART
+    0, if not last + 1     RESTART; STALE after 1                     RESTART
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ class Lockstep:
         if self._frame_count < 0:
             return self._take(frame_count, sender, Verdict.BOOT)
         ahead = (frame_count - self._frame_count) % FRAME_COUNT_MODULUS
-        if 0 < ahead < _HALF:
+        if 0 < ahead < _HALF and (frame_count or ahead == 1):
             return self._take(frame_count, sender, Verdict.ADVANCE if ahead == 1 else Verdict.GAP)
         if sender != self.sender:
             return self._take(frame_count, sender, Verdict.RESTART)

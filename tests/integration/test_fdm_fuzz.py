@@ -1,5 +1,6 @@
 """Garbage at the ports: no crash, no reply, all of it counted, and the others fly on."""
 
+import contextlib
 import math
 import socket
 import struct
@@ -11,6 +12,7 @@ import pytest
 from fdm.airframe import load_airframe
 from fdm.exchange import AircraftSpec, Exchange
 from fdm.geodesy import GeodeticPosition, Home
+from fdm.lockstep import STEPPING
 from fdm.servo_packet import DROP_REASONS, ServoPacket, encode_servo_packet, unpack_servo_packet
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 400.0), 0.0)
@@ -21,7 +23,8 @@ BATCH = 50
 @pytest.fixture
 def exchange():
     airframe = load_airframe("f450")
-    exchange = Exchange([AircraftSpec(i, airframe, HOME, 0) for i in range(2)], speed=math.inf)
+    specs = [AircraftSpec(i, airframe, HOME, 0) for i in range(2)]
+    exchange = Exchange(specs, speed=math.inf, stall_timeout_s=0.1)
     thread = threading.Thread(target=exchange.run)
     thread.start()
     yield exchange
@@ -78,20 +81,21 @@ def test_garbage_is_counted_by_reason_and_never_answered(exchange):
 
 def test_valid_packets_of_any_content_do_not_stop_it(exchange):
     rng = np.random.default_rng(18)
-    port = exchange.ports[0]
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        for _ in range(300):
-            pwm = rng.integers(0, 65536, rng.choice((16, 32))).tolist()
-            rate_hz, count = rng.integers(10, (65536, 2**32)).tolist()
-            packet = ServoPacket(rate_hz, count, tuple(pwm))
-            sock.sendto(encode_servo_packet(packet), ("127.0.0.1", port))
-    with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as pilot,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
-    ):
-        for sock, to in ((pilot, port), (other, exchange.ports[1])):
-            sock.connect(("127.0.0.1", to))
+    with contextlib.ExitStack() as stack:
+        stranger, pilot, other = (
+            stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(3)
+        )
+        for sock, ua_id in ((stranger, 0), (pilot, 0), (other, 1)):
+            sock.connect(("127.0.0.1", exchange.ports[ua_id]))
             sock.settimeout(20.0)
-            sock.send(encode_servo_packet(ServoPacket(400, 0, (1000,) * 16)))
-        assert pilot.recv(2048).startswith(b'\n{"timestamp":0.002500000,')
-        assert other.recv(2048).startswith(b'\n{"timestamp":0.002500000,')
+        for count in range(6):
+            for _ in range(BATCH):
+                pwm = tuple(rng.integers(0, 65536, rng.choice((16, 32))).tolist())
+                rate_hz, any_count = rng.integers(10, (65536, 2**32)).tolist()
+                stranger.send(encode_servo_packet(ServoPacket(rate_hz, any_count, pwm)))
+            pilot.send(encode_servo_packet(ServoPacket(400, 0, (1000,) * 16)))
+            other.send(encode_servo_packet(ServoPacket(400, count, (1000,) * 16)))
+            assert pilot.recv(2048).startswith(b'\n{"timestamp":0.002500000,')
+            assert other.recv(2048).startswith(b'\n{"timestamp":%.9f,' % (0.0025 * (count + 1)))
+    received = exchange.counters(0)
+    assert sum(received[verdict.value] for verdict in STEPPING) == 6 * (BATCH + 1)

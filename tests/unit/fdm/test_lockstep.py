@@ -46,6 +46,7 @@ def test_an_answered_frame_is_answered_again_only_after_silence():
 
 
 def test_a_late_datagram_is_no_restart():
+    assert after(1).receive(0, A, 0) is Verdict.STALE
     lockstep = after(100)
     assert lockstep.receive(98, A, 0) is Verdict.STALE
     assert lockstep.receive(101, A, 0) is Verdict.ADVANCE
@@ -56,7 +57,16 @@ def test_more_than_65536_frames_are_no_restart():
 
 
 @pytest.mark.parametrize(
-    ("last", "count", "sender"), [(100, 0, A), (100, 50, A), (5, 0, A), (5, 3, B), (0, 0, B)]
+    ("last", "count", "sender"),
+    [
+        (100, 0, A),
+        (100, 50, A),
+        (5, 0, A),
+        (5, 3, B),
+        (0, 0, B),
+        (2**31 + 1, 0, B),
+        (2**32 - 2, 0, A),
+    ],
 )
 def test_a_drop_of_the_count_is_a_restart(last, count, sender):
     lockstep = after(last)
