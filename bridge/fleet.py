@@ -6,6 +6,7 @@ import asyncio
 import os
 import sys
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -24,6 +25,8 @@ from bridge.session import Sample, Session, SessionError, free_port, open_client
 from fdm.errors import WindError
 
 START_TIMEOUT_S = 60.0
+START_NEWS_PERIOD_S = 2.0
+"""How often, in wall time, a start that takes long tells how far it is."""
 AGENT_GRACE_S = 1.0
 FLIGHT_GRACE_S = 1.5
 ROUTER_GRACE_S = 1.5
@@ -257,12 +260,16 @@ class Fleet:
 
         inbox: Inbox[tuple[str, bool]] = Inbox(asyncio.get_running_loop(), on_token)
         session.watch_alive(keys.alive("*"), lambda key, is_alive: inbox.push((key, is_alive)))
-        try:
-            await asyncio.wait_for(everybody.wait(), START_TIMEOUT_S)
-        except TimeoutError:
-            logs = ", ".join(str(self._run.log_path(name)) for name in sorted(missing))
-            late = ", ".join(sorted(missing))
-            raise FleetError(f"not ready within {START_TIMEOUT_S:g} s: {late}; see {logs}") from None
+        deadline = asyncio.get_running_loop().time() + START_TIMEOUT_S
+        while missing:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(everybody.wait(), START_NEWS_PERIOD_S)
+            if missing and asyncio.get_running_loop().time() > deadline:
+                logs = ", ".join(str(self._run.log_path(name)) for name in sorted(missing))
+                late = ", ".join(sorted(missing))
+                raise FleetError(f"not ready within {START_TIMEOUT_S:g} s: {late}; see {logs}")
+            if missing:
+                self._observer.on_phase(f"{len(names) - len(missing)} of {len(names)} processes are ready")
 
     async def _watch_clock(self) -> Ending:
         """Wait for the end of the run; give it up when time stands still."""

@@ -51,9 +51,9 @@ def summarise(
     """The content of `summary.json`; docs/run-output.md describes it.
 
     Raises:
-        OSError, ValueError: if the router left no ledger.
+        OSError, ValueError: if the router's ledger cannot be read.
     """
-    ledger = json.loads((run.path / LEDGER).read_text(encoding="ascii"))
+    ledger = _read_ledger(run, ending)
     judged = [row for row in ledger["bins"] if _is_judged(row)]
     within = sum(not _is_outside(row) for row in judged)
     return {
@@ -82,11 +82,20 @@ UNJUDGED = {"interrupted": "interrupted", "failed": "broke off"}
 """Endings after which the bins are not judged, and how the verdict begins."""
 
 
+def _read_ledger(run: RunDirectory, ending: str) -> dict[str, Any]:
+    """What the router left; nothing if the run broke off before it could."""
+    file = run.path / LEDGER
+    if ending in UNJUDGED and not file.exists():
+        return {"links": [], "bins": [], "refused": {}}
+    ledger: dict[str, Any] = json.loads(file.read_text(encoding="ascii"))
+    return ledger
+
+
 def _verdict(judged: int, within: int, links: Sequence[dict[str, Any]], ending: str) -> str:
     sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
     counts = f"{delivered} of {sent} packets delivered"
     if ending in UNJUDGED:
-        return f"{UNJUDGED[ending]}: {counts}"
+        return f"{UNJUDGED[ending]}: {counts if links else 'no link was recorded'}"
     if not judged:
         return f"no verdict: {counts}; no distance bin has {BIN_SENT_MIN} packets or more"
     agreement = (

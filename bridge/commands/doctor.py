@@ -15,7 +15,7 @@ import click
 from bridge.autopilots import ArduPilot, AutopilotError
 from bridge.autopilots.ardupilot import BINARIES
 from bridge.ports import conflicts, ports_of
-from bridge.scenario_file import DEFAULT_SCENARIO, ScenarioError, read_scenario
+from bridge.scenario_file import DEFAULT_SCENARIO, ScenarioError, read_scenario, with_changes
 
 PACKAGES = (
     "lostlink",
@@ -35,8 +35,11 @@ PACKAGES = (
 @click.option(
     "--ardupilot-dir", type=click.Path(path_type=Path), help="Where to look for ArduPilot binaries first."
 )
+@click.option(
+    "--first-slot", type=int, help="Move the ports of all UA by ten times this, as `lostlink run` does."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def doctor(scenario: str, ardupilot_dir: Path | None, as_json: bool) -> None:
+def doctor(scenario: str, ardupilot_dir: Path | None, first_slot: int | None, as_json: bool) -> None:
     """Show what is installed, which autopilots were found, and whether the ports of SCENARIO are free.
 
     Ends with status 1 if SCENARIO could not run here with the stand-in autopilot.
@@ -44,10 +47,10 @@ def doctor(scenario: str, ardupilot_dir: Path | None, as_json: bool) -> None:
     \b
     Examples:
       lostlink doctor
-      lostlink doctor my.yaml --json
+      lostlink doctor my.yaml --first-slot 20 --json
     """
     try:
-        report = examine(scenario, ardupilot_dir)
+        report = examine(scenario, ardupilot_dir, first_slot)
     except ScenarioError as error:
         click.echo(f"lostlink: {error}", err=True)
         sys.exit(2)
@@ -55,14 +58,20 @@ def doctor(scenario: str, ardupilot_dir: Path | None, as_json: bool) -> None:
     sys.exit(0 if report["ok"] else 1)
 
 
-def examine(scenario: str, ardupilot_dir: Path | None) -> dict[str, Any]:
+def examine(scenario: str, ardupilot_dir: Path | None, first_slot: int | None = None) -> dict[str, Any]:
     """What `doctor` tells, in plain types.
+
+    Args:
+        scenario: whose ports to look at.
+        ardupilot_dir: where to look for binaries first.
+        first_slot: in place of the scenario's own.
 
     Raises:
         ScenarioError: if the scenario cannot be used.
     """
     packages = {name: _version(name) for name in PACKAGES}
-    uses = list(ports_of(read_scenario(scenario)))
+    changes = {} if first_slot is None else {"ports.first_slot": first_slot}
+    uses = list(ports_of(with_changes(read_scenario(scenario), changes)))
     taken = conflicts(uses)
     return {
         "python": platform.python_version(),

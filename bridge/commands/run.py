@@ -16,7 +16,6 @@ from rich.console import Console
 from bridge.fleet import Ending, Fleet, FleetError, Observer, preflight
 from bridge.messages import Clock, Message
 from bridge.progress import Progress
-from bridge.recorder import LEDGER
 from bridge.report import (
     FIGURE_FILE,
     UNJUDGED,
@@ -152,7 +151,7 @@ class _Run:
             for number in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(number, lambda n, _: sys.exit(128 + n))
             return self._report(ending, sim_time_ns)
-        except (FleetError, OSError, ValueError) as error:
+        except (OSError, ValueError) as error:
             click.echo(f"lostlink: {error}", err=True)
             return EXIT_FAILED if self.signal is None else 128 + self.signal
 
@@ -174,28 +173,24 @@ class _Run:
         try:
             ending = await fleet.fly()
         except FleetError as error:
-            if self._first_tick is None:
-                raise
-            click.echo(f"lostlink: {error}", err=True)
-            self._error, ending = str(error), Ending.FAILED
-        self._tell_killed(fleet.killed)
-        if ending is Ending.FAILED and not (self.directory.path / LEDGER).is_file():
-            raise FleetError("there is no summary: the radio router did not live to complete its record")
+            ending = self._break_off(str(error))
+        for name in fleet.killed:
+            text = f"{name} did not end in time and was killed; its log is {self.directory.log_path(name)}"
+            if name == "router":
+                ending = self._break_off(f"{text}; without its last part the record is not complete")
+            else:
+                click.echo(f"lostlink: {text}", err=True)
         self._unfinished = sorted(fleet.not_done)
         return ending, fleet.sim_time_ns
 
-    def _tell_killed(self, killed: list[str]) -> None:
-        for name in killed:
-            text = f"{name} did not end in time and was killed; its log is {self.directory.log_path(name)}"
-            if name == "router":
-                raise FleetError(f"{text}; without its last part the record is not complete")
-            click.echo(f"lostlink: {text}", err=True)
+    def _break_off(self, error: str) -> Ending:
+        """Tell what ended the run; the first such error is its cause."""
+        click.echo(f"lostlink: {error}", err=True)
+        self._error = self._error or error
+        return Ending.FAILED
 
     def _report(self, ending: Ending, sim_time_ns: int) -> int:
         interrupted = 128 + self.signal if self.signal is not None else 0
-        if interrupted and self._first_tick is None:
-            click.echo("lostlink: interrupted before sim time began", err=True)
-            return interrupted
         wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
         timing = Timing(sim_time_ns / 1e9, wall_s)
         summary = summarise(
@@ -210,7 +205,8 @@ class _Run:
         elif self.quiet:
             click.echo(summary["verdict"])
         else:
-            self.console.print(bins_table(summary))
+            if summary["bins"]:
+                self.console.print(bins_table(summary))
             self.console.print(f"{self.directory.path}", highlight=False, soft_wrap=True)
             self.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
         if interrupted:

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -47,6 +48,12 @@ class Run:
         """The run's directory."""
         (found,) = self.out.iterdir()
         return found
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Its `summary.json`."""
+        summary: dict[str, Any] = json.loads((self.directory / "summary.json").read_text())
+        return summary
 
     def wait_for(self, text: str, timeout_s: float = 60.0) -> None:
         """Wait until the run has printed ``text``."""
@@ -98,15 +105,20 @@ def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[Start
     """Start a run; whatever is left of it in the end is killed."""
     started: list[Run] = []
 
-    def start(*arguments: str, scenario: str = STILL, speed: str = "max", duration_s: float = 600.0) -> Run:
+    def start(
+        *arguments: str,
+        scenario: str = STILL,
+        speed: str = "max",
+        duration_s: float = 600.0,
+        only_stdout: bool = False,
+    ) -> Run:
         slot = free_slot(2)
         file = tmp_path / f"scenario-{len(started)}.yaml"
         file.write_text(scenario.format(speed=speed, duration_s=duration_s, slot=slot))
         out = tmp_path / f"out-{len(started)}"
         command = [*LOSTLINK, "run", str(file), "--out", str(out), *arguments]
-        process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
-        )
+        errors = subprocess.DEVNULL if only_stdout else subprocess.STDOUT
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, start_new_session=True)
         started.append(Run(out, process, slot))
         return started[-1]
 

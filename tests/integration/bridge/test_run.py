@@ -49,7 +49,7 @@ def rows_of(run: Run) -> list[dict[str, str]]:
 def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
     run = start_run(duration_s=20.0)
     assert run.finish() == 0, run.output.decode()
-    summary = json.loads((run.directory / "summary.json").read_text())
+    summary = run.summary
     rows = rows_of(run)
     assert tuple(rows[0]) == COLUMNS
     counts = Counter((row["tx"], row["rx"], row["fate"]) for row in rows)
@@ -124,7 +124,7 @@ def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> Non
         session.put_bytes(keys.tx("0", "team"), b"from a guest", must_arrive=True)
         session.put_bytes(keys.tx("9", "team"), b"from nobody", must_arrive=True)
     assert run.finish() == 0, run.output.decode()
-    summary = json.loads((run.directory / "summary.json").read_text())
+    summary = run.summary
     assert summary["refused"] == {"malformed": 2, "not_the_agent": 1, "unknown_node": 1}
     assert all(set(link["lost"]) <= {"channel_erasure"} for link in summary["links"])
 
@@ -145,6 +145,7 @@ def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.S
     assert run.stop(number) < 5.0
     assert run.process.returncode == 128 + number, run.output.decode()
     assert b"Traceback" not in run.output
+    assert run.summary["ending"] == "interrupted"
     assert_nothing_is_left(children, ports_of(run))
 
 
@@ -166,7 +167,23 @@ def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim
     assert f"{name} was ended by SIGKILL" in text
     assert str(run.directory / "logs" / f"{name}.log") in text
     assert "Traceback" not in text
+    assert run.summary["ending"] == "failed"
+    assert run.summary["error"] in text
+    assert len(run.summary["links"]) == (0 if name == "router" else 2)
     assert_nothing_is_left(children, ports_of(run))
+
+
+def test_run_that_fails_before_sim_time_begins_leaves_a_summary(start_run: StartRun, tmp_path: Path) -> None:
+    binary = tmp_path / "arducopter"
+    binary.write_text("#!/bin/sh\necho cannot fly today\nexit 3\n")
+    binary.chmod(0o755)
+    run = start_run("--json", "--autopilot", "ardupilot", "--ardupilot-dir", str(tmp_path), only_stdout=True)
+    assert run.finish() == 1
+    assert json.loads(run.output) == run.summary
+    assert run.summary["verdict"].startswith("broke off: ")
+    assert run.summary["sim_duration_s"] == 0.0
+    for text in ("autopilot-", "ended with status 3", "cannot fly today"):
+        assert text in run.summary["error"]
 
 
 def test_killed_supervisor_leaves_no_process(start_run: StartRun) -> None:
@@ -270,7 +287,7 @@ def test_a_wind_map_that_is_not_there_is_told_before_the_start(tmp_path: Path) -
 def test_json_output_is_the_summary_and_nothing_else(start_run: StartRun) -> None:
     run = start_run("--json", duration_s=1.0)
     assert run.finish() == 0, run.output.decode()
-    assert json.loads(run.output) == json.loads((run.directory / "summary.json").read_text())
+    assert json.loads(run.output) == run.summary
 
 
 LISTENER = """\
@@ -323,7 +340,7 @@ def test_run_with_an_agent_of_ones_own(
     )
     assert run.finish() == status, run.output.decode()
     assert says in run.output.decode()
-    summary = json.loads((run.directory / "summary.json").read_text())
+    summary = run.summary
     assert summary["sim_duration_s"] < 10.0
     if status == 0:
         assert (summary["ending"], summary["unfinished"], summary["error"]) == ("done", [], None)
@@ -337,5 +354,5 @@ def test_ua_that_never_got_up_is_told(start_run: StartRun) -> None:
     head, _, tail = STILL.rpartition("{{type: still}}")
     run = start_run(scenario=f"{head}{{{{type: hold, altitude_m: 40}}}}{tail}", duration_s=3.0)
     assert run.finish() == 0, run.output.decode()
-    assert json.loads((run.directory / "summary.json").read_text())["unfinished"] == ["1"]
+    assert run.summary["unfinished"] == ["1"]
     assert "UA 1 had not finished" in run.output.decode()

@@ -1,0 +1,54 @@
+"""`lostlink doctor` tells what is here, what is taken and what to do about it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from .conftest import LOSTLINK
+
+
+def doctor(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*LOSTLINK, "doctor", *arguments], cwd=cwd, capture_output=True, text=True, timeout=60
+    )
+
+
+def test_all_is_well_where_the_ports_are_free(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    slot = free_slot(2)
+    (tmp_path / "arducopter").write_text("#!/bin/sh\n")
+    (tmp_path / "arducopter").chmod(0o755)
+    done = doctor("--first-slot", str(slot), "--ardupilot-dir", str(tmp_path), "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout
+    report = json.loads(done.stdout)
+    assert report["ok"]
+    assert report["ports_taken"] == []
+    assert None not in report["packages"].values()
+    assert report["autopilots"]["arducopter"] == str(tmp_path / "arducopter")
+    assert any(str(9002 + 10 * slot) in port for port in report["ports"])
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_taken_port_is_named_with_its_owner_and_how_to_move(
+    tmp_path: Path, free_slot: Callable[[int], int], as_json: bool
+) -> None:
+    slot = free_slot(2)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 9002 + 10 * slot))
+        done = doctor("--first-slot", str(slot), *(["--json"] if as_json else []), cwd=tmp_path)
+    assert done.returncode == 1
+    told = " ".join(json.loads(done.stdout)["ports_taken"]) if as_json else done.stdout
+    assert f"UDP port {9002 + 10 * slot} (flight dynamics of UA 0) is in use" in told
+    assert "--first-slot" in told
+
+
+def test_mistake_in_the_scenario_is_told(tmp_path: Path) -> None:
+    done = doctor("nowhere.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "nowhere.yaml" in done.stderr
+    assert "Traceback" not in done.stderr
