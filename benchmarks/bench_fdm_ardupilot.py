@@ -25,8 +25,8 @@ from typing import get_args
 import psutil
 
 from benchmarks.bench_fdm import load
-from bridge.autopilots import AutopilotError
 from bridge.autopilots.ardupilot import ArduPilot
+from bridge.autopilots.launcher import AutopilotError
 from fdm.airframe import load_airframe
 from fdm.exchange import AircraftSpec, Exchange, default_port
 from fdm.exchange_settings import Coupling

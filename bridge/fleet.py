@@ -12,7 +12,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
 
-from bridge.autopilots import LAUNCHERS, AutopilotError, Launcher, LaunchPlan
+from bridge.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
+from bridge.autopilots.launchers import LAUNCHERS
 from bridge.child_process import Child, ProcessSpec, end_all
 from bridge.inbox import Inbox
 from bridge.keys import Keys

@@ -1,10 +1,8 @@
-"""From what a scenario names to the objects of the packages that know them: radio, airframe, wind, home."""
+"""From what a scenario names to the objects of the flight dynamics: airframe, wind, sensor errors, home."""
 
 from __future__ import annotations
 
 from bridge.scenario import Aircraft, Origin, Scenario
-from channel.presets import load_radio, radio_from_mapping
-from channel.radio import Radio
 from fdm.aircraft_spec import LegacyPeer
 from fdm.airframe import Airframe, load_airframe
 from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
@@ -12,16 +10,6 @@ from fdm.hosted_aircraft import Disturb
 from fdm.legacy_scheme import legacy_ports
 from fdm.sensor_noise import SensorNoise
 from fdm.wind import WindConfig, load_wind
-
-
-def radio_of(scenario: Scenario) -> Radio:
-    """The radio that a scenario names or spells out.
-
-    Raises:
-        PresetError: there is no such preset, or a key or value is wrong.
-    """
-    setting = scenario.radio
-    return Radio(load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting))
 
 
 def airframe_of(ua: Aircraft) -> Airframe:

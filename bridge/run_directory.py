@@ -10,7 +10,6 @@ from pathlib import Path
 
 from bridge.keys import Keys
 from bridge.scenario import Scenario
-from bridge.scenario_file import read_scenario
 
 RUN_FILE = "run.json"
 SCENARIO_FILE = "scenario.yaml"
@@ -92,8 +91,12 @@ class RunDirectory:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario as resolved."""
-        return read_scenario(str(self.path / SCENARIO_FILE))
+        """The scenario as resolved.
+
+        Raises:
+            OSError, ValueError: if the file is not there or not ours.
+        """
+        return Scenario.from_yaml((self.path / SCENARIO_FILE).read_text(encoding="utf-8"))
 
 
 def live_runs(parent: Path) -> list[RunInfo]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import yaml
 from pydantic import (
@@ -286,3 +286,12 @@ class Scenario(_Part):
     def to_yaml(self) -> str:
         """The scenario as resolved."""
         return yaml.safe_dump(self.model_dump(mode="json", by_alias=True), sort_keys=False)
+
+    @classmethod
+    def from_yaml(cls, text: str) -> Self:
+        """Read back what `to_yaml` wrote. What it names is not looked for: that is `scenario_file`'s part.
+
+        Raises:
+            ValueError: a key or value is wrong.
+        """
+        return cls.model_validate(yaml.safe_load(text))

@@ -12,7 +12,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from bridge.agents.own import mistake_in
-from bridge.resolve import airframe_of, radio_of, wind_of
+from bridge.resolve import airframe_of, wind_of
+from bridge.resolve_radio import radio_of
 from bridge.scenario import (
     AgentConfig,
     Aircraft,

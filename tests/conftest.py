@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from bridge.autopilots import AutopilotError
 from bridge.autopilots.ardupilot import ArduPilot
+from bridge.autopilots.launcher import AutopilotError
 
 
 def _ardupilot_binary(name: str) -> Path:

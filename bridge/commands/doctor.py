@@ -12,8 +12,8 @@ from typing import Any
 
 import click
 
-from bridge.autopilots import ArduPilot, AutopilotError
-from bridge.autopilots.ardupilot import BINARIES
+from bridge.autopilots.ardupilot import BINARIES, ArduPilot
+from bridge.autopilots.launcher import AutopilotError
 from bridge.ports import conflicts, ports_of
 from bridge.scenario_file import DEFAULT_SCENARIO, ScenarioError, read_scenario, with_changes
 

@@ -25,7 +25,7 @@ from bridge.report import (
     summarise,
     write_summary,
 )
-from bridge.resolve import radio_of
+from bridge.resolve_radio import radio_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario import Scenario
 from bridge.scenario_file import DEFAULT_SCENARIO, ScenarioError, read_scenario, with_changes

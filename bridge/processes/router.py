@@ -14,7 +14,7 @@ from bridge.messages import AgentStatus, Clock, Header, Truth, decode
 from bridge.processes.common import exit_status, on_stop_signal, parse_arguments
 from bridge.radio_router import Action, Forward, RadioRouter, Refused
 from bridge.recorder import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
-from bridge.resolve import radio_of
+from bridge.resolve_radio import radio_of
 from bridge.run_directory import RunDirectory
 from bridge.session import Sample, Session, Stamp, open_router
 from channel.medium import Medium

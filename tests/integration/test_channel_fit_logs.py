@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from bridge.cli import lostlink
-from bridge.resolve import radio_of
+from bridge.resolve_radio import radio_of
 from bridge.scenario_file import SCENARIOS, ScenarioError, parse_scenario
 from channel import presets
 from channel.radio import Radio

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,9 @@ def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[Start
     yield start
     for run in started:
         if run.process.poll() is None:
-            for child in [*run.children(), psutil.Process(run.process.pid)]:
-                child.kill()
+            children = run.children()
+            run.process.kill()
+            for child in children:
+                with suppress(psutil.NoSuchProcess):  # it may die with the supervisor
+                    child.kill()
         run.process.communicate()

@@ -10,7 +10,7 @@ import pytest
 
 from bridge.recorder import LEDGER
 from bridge.report import Timing, draw_probability_of_delivery, summarise
-from bridge.resolve import radio_of
+from bridge.resolve_radio import radio_of
 from bridge.run_directory import RunDirectory
 from bridge.scenario_file import read_scenario
 

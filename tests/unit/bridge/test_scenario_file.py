@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from bridge.resolve import airframe_of, radio_of, wind_of
+from bridge.resolve import airframe_of, wind_of
+from bridge.resolve_radio import radio_of
 from bridge.scenario import OwnAgent
 from bridge.scenario_file import (
     SCENARIOS,

@@ -1,0 +1,23 @@
+"""What there is one of per UA starts without what only the router needs: scipy alone takes longer than the rest."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("module", "not_needed"),
+    [
+        ("bridge.processes.agent", "scipy matplotlib jsbsim channel.radio bridge.scenario_file"),
+        ("bridge.processes.aircraft", "scipy matplotlib jsbsim channel.radio bridge.scenario_file"),
+        ("bridge.processes.physics", "scipy matplotlib channel.radio bridge.scenario_file"),
+        ("bridge.autopilots.standin.cli", "numpy scipy pydantic bridge.scenario"),
+    ],
+)
+def test_process_imports_no_more_than_it_needs(module: str, not_needed: str) -> None:
+    script = f"import sys, {module}; print([m for m in {not_needed.split()} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
