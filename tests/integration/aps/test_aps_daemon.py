@@ -29,9 +29,9 @@ async def test_state_arrives_and_streams_are_asked_for(daemon, autopilot, eventu
     await ready(daemon, eventually)
     await eventually(lambda: set(autopilot.intervals_us) == set(daemon.config.stream_rates_hz))
     assert autopilot.intervals_us[33] == 50_000
-    state = daemon.state
-    assert (state.mode, state.landed_state, state.voltage_v) == ("STABILIZE", "on_ground", 12.0)
-    assert state.connected
+    await eventually(lambda: daemon.state.landed_state == "on_ground")
+    await eventually(lambda: (daemon.state.mode, daemon.state.voltage_v) == ("STABILIZE", 12.0))
+    assert daemon.state.connected
 
 
 async def test_our_heartbeat_is_an_onboard_computer_of_the_ua(daemon, autopilot, eventually):
