@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import LOSTLINK
+from .conftest import LOSTLINK, STILL
 
 
 def doctor(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -23,7 +23,9 @@ def test_all_is_well_where_the_ports_are_free(tmp_path: Path, free_slot: Callabl
     slot = free_slot(2)
     (tmp_path / "arducopter").write_text("#!/bin/sh\n")
     (tmp_path / "arducopter").chmod(0o755)
-    done = doctor("--first-slot", str(slot), "--ardupilot-dir", str(tmp_path), "--json", cwd=tmp_path)
+    (tmp_path / "still.yaml").write_text(STILL.format(speed="max", duration_s=1, slot=0))
+    options = ("--first-slot", str(slot), "--ardupilot-dir", str(tmp_path), "--json")
+    done = doctor("still.yaml", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stdout
     report = json.loads(done.stdout)
     assert report["ok"]
