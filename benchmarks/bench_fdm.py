@@ -17,11 +17,11 @@ import statistics
 import time
 from collections.abc import Sequence
 
-from fdm.airframe import Airframe, load_airframe
-from fdm.exchange import AircraftSpec, Exchange
-from fdm.geodesy import GeodeticPosition, Home
-from fdm.jsbsim_model import JsbsimModel
-from fdm.servo_packet import MAGIC_16, ServoPacket, encode_servo_packet
+from fdm.exchange.exchange import AircraftSpec, Exchange
+from fdm.model.airframe import Airframe, load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
+from fdm.model.jsbsim_model import JsbsimModel
+from fdm.wire.servo_packet import MAGIC_16, ServoPacket, encode_servo_packet
 
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 90.0)
 RATE_HZ = 800

@@ -25,15 +25,15 @@ from typing import get_args
 import psutil
 
 from benchmarks.bench_fdm import load
-from bridge.autopilots.ardupilot import ArduPilot
-from bridge.autopilots.launcher import AutopilotError
-from fdm.airframe import load_airframe
-from fdm.exchange import AircraftSpec, Exchange, default_port
-from fdm.exchange_settings import Coupling
-from fdm.fleet_clock import ClockStatus
-from fdm.fleet_exchange import FleetExchange, open_exchange
-from fdm.geodesy import GeodeticPosition, Home
-from fdm.servo_packet import unpack_servo_packet
+from bridge.fleet.autopilots.ardupilot import ArduPilot
+from bridge.fleet.autopilots.launcher import AutopilotError
+from fdm.clock.fleet_clock import ClockStatus
+from fdm.exchange.exchange import AircraftSpec, Exchange, default_port
+from fdm.exchange.settings import Coupling
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
+from fdm.wire.servo_packet import unpack_servo_packet
+from fdm.workers.fleet_exchange import FleetExchange, open_exchange
 
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 0.0)
 PARAMETERS = Path(__file__).parents[1] / "sitl_configs" / "params" / "copter.parm"

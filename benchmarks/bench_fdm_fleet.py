@@ -25,8 +25,8 @@ from benchmarks.bench_fdm_ardupilot import (
     find_arducopter,
     running,
 )
-from fdm.exchange import default_port
-from fdm.exchange_settings import Coupling
+from fdm.exchange.exchange import default_port
+from fdm.exchange.settings import Coupling
 
 LIMIT = 0.95
 Points = dict[int, tuple[float, float]]
@@ -37,7 +37,7 @@ def standin_command(instance: int) -> list[str]:
     """What starts a stand-in on the physics at UDP 9002 + 10 * `instance`."""
     place = HOME.position
     home = f"{place.lat_deg},{place.lon_deg},{place.alt_amsl_m},{HOME.yaw_deg}"
-    command = [sys.executable, "-m", "bridge.autopilots.standin", "--fdm-port", str(default_port(instance))]
+    command = [sys.executable, "-m", "bridge.standin", "--fdm-port", str(default_port(instance))]
     return [*command, "--mavlink-port", "0", "--home", home]
 
 

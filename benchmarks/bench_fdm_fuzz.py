@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from fdm.airframe import load_airframe
-from fdm.exchange import AircraftSpec, Exchange
-from fdm.geodesy import GeodeticPosition, Home
-from fdm.lockstep import Verdict
-from fdm.seat import DROPPED_BY_SYSTEM
-from fdm.servo_packet import DROP_REASONS, ServoPacket, encode_servo_packet, unpack_servo_packet
+from fdm.exchange.exchange import AircraftSpec, Exchange
+from fdm.exchange.seat import DROPPED_BY_SYSTEM
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
+from fdm.wire.lockstep import Verdict
+from fdm.wire.servo_packet import DROP_REASONS, ServoPacket, encode_servo_packet, unpack_servo_packet
 
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 0.0)
 RATE_HZ = 800

@@ -22,10 +22,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from bridge.keys import Keys
-from bridge.radio_router import Forward, RadioRouter
-from bridge.recorder import DeliveriesWriter
-from bridge.session import AGENT, Sample, Session, Stamp, free_port, open_client, open_router
+from bridge.bus.keys import Keys
+from bridge.bus.session import AGENT, Sample, Session, Stamp, free_port, open_client, open_router
+from bridge.radio.record import DeliveriesWriter
+from bridge.radio.virtual_radio import Forward, RadioRouter
 from channel.medium import Medium
 from channel.presets import load_radio
 from channel.radio import Radio

@@ -8,9 +8,9 @@ second, and prints which way the UA turns and accelerates: roll right, pitch up,
 import sys
 from typing import Any
 
-from fdm.airframe import load_airframe
-from fdm.geodesy import GeodeticPosition, Home
-from fdm.jsbsim_model import JsbsimModel
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
+from fdm.model.jsbsim_model import JsbsimModel
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 0.0), 0.0)
 RATE_HZ = 400
@@ -22,7 +22,7 @@ def packet(widths: dict[int, float]) -> tuple[Any, ...]:
 
 
 def fly(model: JsbsimModel, widths: dict[int, float], seconds: float) -> tuple[float, ...]:
-    """Go on for a while; gives the numbers of the last frame (fdm.sensor_frame)."""
+    """Go on for a while; gives the numbers of the last frame (fdm.wire.sensor_frame)."""
     for _ in range(round(seconds * RATE_HZ)):
         model.step(packet(widths), RATE_HZ)
     return model.sense()

@@ -1,6 +1,6 @@
 """A client of the exchange's legacy scheme: hosts one UA on it, and flies it for two seconds.
 
-The state comes in at UDP 5501, the servo outputs go out to 5502; the layout is in ``fdm/legacy_scheme.py``.
+The state comes in at UDP 5501, the servo outputs go out to 5502; the layout is in ``fdm/wire/legacy.py``.
 Run it as ``python examples/legacy_client.py``.
 """
 
@@ -9,9 +9,9 @@ import socket
 import struct
 import threading
 
-from fdm.airframe import load_airframe
-from fdm.exchange import AircraftSpec, Exchange, LegacyPeer
-from fdm.geodesy import GeodeticPosition, Home
+from fdm.exchange.exchange import AircraftSpec, Exchange, LegacyPeer
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
 
 RATE_HZ = 400
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 0.0)

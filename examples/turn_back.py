@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 
 from bridge.agents import Agent
-from fdm.geodesy import GeodeticPosition, geodetic_from_ned
+from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
 
 class TurnBack(Agent):

@@ -10,18 +10,18 @@ from typing import Any, NoReturn, get_args
 
 import click
 
-from fdm.aircraft_spec import AircraftSpec, LegacyPeer, default_port
-from fdm.airframe import load_airframe
-from fdm.clock_status import check_speed
+from fdm.air.weather import OFFSET_MAX_K, QNH_RANGE_HPA, SEA_LEVEL_PRESSURE_HPA, WeatherConfig, in_weather
+from fdm.air.wind import load_wind
+from fdm.clock.events import UaEvent
+from fdm.clock.status import check_speed
 from fdm.errors import FdmError, PortInUseError, WorkerError
-from fdm.events import UaEvent
-from fdm.exchange_settings import Coupling, Workers
-from fdm.fleet_exchange import open_exchange
-from fdm.geodesy import GeodeticPosition, Home
-from fdm.legacy_scheme import legacy_ports
-from fdm.sensor_noise import load_sensor_noise
-from fdm.weather import OFFSET_MAX_K, QNH_RANGE_HPA, SEA_LEVEL_PRESSURE_HPA, WeatherConfig, in_weather
-from fdm.wind import load_wind
+from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
+from fdm.exchange.settings import Coupling, Workers
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
+from fdm.model.sensor_noise import load_sensor_noise
+from fdm.wire.legacy import legacy_ports
+from fdm.workers.fleet_exchange import open_exchange
 
 EPILOG = """\b
 To fly an ArduPilot on it (index 3, ports 9032 and 5790):

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from bridge.autopilots.ardupilot import ArduPilot
-from bridge.autopilots.launcher import AutopilotError
+from bridge.fleet.autopilots.ardupilot import ArduPilot
+from bridge.fleet.autopilots.launcher import AutopilotError
 
 
 def _ardupilot_binary(name: str) -> Path:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from bridge.client import CommandFailed, UaClient
-from bridge.messages import AircraftState, DataPackage, Header, Waypoint, decode
-from bridge.scenario import Aircraft, OwnAgent, Transmit
-from bridge.session import Stamp
+from bridge.agents.client import CommandFailed, UaClient
+from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint, decode
+from bridge.bus.session import Stamp
+from bridge.scenario.model import Aircraft, OwnAgent, Transmit
 
 READY_TIMEOUT_S = 180.0
 """Sim time; ArduPilot's estimator takes about 40 s."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bridge.agents.agent import Agent
-from bridge.scenario import HoldAgent
+from bridge.scenario.model import HoldAgent
 
 
 class Hold(Agent):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from bridge.agents.agent import Agent
-from bridge.messages import AircraftState, Waypoint
-from bridge.scenario import OutAndBackAgent
-from fdm.geodesy import GeodeticPosition, geodetic_from_ned
+from bridge.bus.messages import AircraftState, Waypoint
+from bridge.scenario.model import OutAndBackAgent
+from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
 
 class OutAndBack(Agent):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import symtable
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -29,23 +28,6 @@ def load_class(place: str, name: str) -> type[Agent]:
     if not issubclass(found, Agent):
         raise AgentError(f"{name} in {place} is no subclass of bridge.agents.Agent")
     return found
-
-
-def mistake_in(place: str, name: str) -> str:
-    """What is wrong with a class ``name`` in the file ``place``, found without running it; empty = nothing."""
-    if not place.endswith(".py"):
-        return ""
-    path = Path(place)
-    if not path.is_file():
-        return f"{path}: no such file"
-    try:
-        text = path.read_text(encoding="utf-8")
-        names = symtable.symtable(text, str(path), "exec").get_identifiers()
-    except SyntaxError as error:
-        return f"{path}:{error.lineno}: {error.msg}"
-    except (OSError, ValueError) as error:
-        return f"{path}: {error}"
-    return "" if name in names or "import *" in text else f"{path} has no class {name}"
 
 
 def _from_file(path: Path) -> ModuleType:

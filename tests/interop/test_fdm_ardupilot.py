@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pymavlink import mavutil
 
-from fdm.airframe import load_airframe
+from fdm.model.airframe import load_airframe
 
 pytestmark = pytest.mark.ardupilot
 

@@ -15,10 +15,10 @@ from statistics import fmean
 import pytest
 from pymavlink import mavutil
 
-from fdm.airframe import load_airframe
-from fdm.exchange import AircraftSpec, Exchange, default_port
-from fdm.geodesy import GeodeticPosition, Home, geodetic_from_ned
-from fdm.wind import WindConfig, load_wind
+from fdm.air.wind import WindConfig, load_wind
+from fdm.exchange.exchange import AircraftSpec, Exchange, default_port
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home, geodetic_from_ned
 
 pytestmark = [pytest.mark.ardupilot, pytest.mark.timeout(300)]
 

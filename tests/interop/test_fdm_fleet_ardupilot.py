@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from fdm.airframe import load_airframe
-from fdm.events import EventKind
-from fdm.exchange import AircraftSpec, Exchange, default_port
-from fdm.geodesy import GeodeticPosition, Home
+from fdm.clock.events import EventKind
+from fdm.exchange.exchange import AircraftSpec, Exchange, default_port
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
 
 pytestmark = pytest.mark.ardupilot
 

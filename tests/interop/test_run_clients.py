@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 def test_mavsdk_finds_ua_0_and_its_position(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     pytest.importorskip("mavsdk", reason="no mavsdk: pip install mavsdk")
     slot = free_slot(2)
-    command = [sys.executable, "-m", "bridge.cli", "run", "--speed", "1", "--out", str(tmp_path)]
+    command = [sys.executable, "-m", "bridge.cli.main", "run", "--speed", "1", "--out", str(tmp_path)]
     command += ["--first-slot", str(slot), "--zenoh-port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
         assert run.stdout is not None

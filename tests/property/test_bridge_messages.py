@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bridge.messages import (
+from bridge.bus.messages import (
     AircraftState,
     DataPackage,
     DecodeError,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bridge.keys import Keys
-from bridge.radio_router import RadioRouter
-from bridge.session import AGENT, Stamp
+from bridge.bus.keys import Keys
+from bridge.bus.session import AGENT, Stamp
+from bridge.radio.virtual_radio import RadioRouter
 from channel.medium import Medium
 from channel.presets import load_radio
 from channel.radio import Radio

@@ -1,9 +1,9 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdm.lockstep import STEPPING, Lockstep
-from fdm.sensor_frame import SensorFrame, decode_sensor_frame, encode_sensor_frame
-from fdm.servo_packet import (
+from fdm.wire.lockstep import STEPPING, Lockstep
+from fdm.wire.sensor_frame import SensorFrame, decode_sensor_frame, encode_sensor_frame
+from fdm.wire.servo_packet import (
     DROP_REASONS,
     ServoPacket,
     decode_servo_packet,

@@ -5,7 +5,7 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdm.fleet_clock import ClockSettings, FleetClock
+from fdm.clock.fleet_clock import ClockSettings, FleetClock
 
 MS = 1_000_000
 steps = st.lists(

@@ -18,7 +18,7 @@ from typing import Any
 import psutil
 import pytest
 
-LOSTLINK = [sys.executable, "-m", "bridge.cli"]
+LOSTLINK = [sys.executable, "-m", "bridge.cli.main"]
 STILL = """\
 schema: 1
 name: still

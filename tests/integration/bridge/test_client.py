@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from bridge.client import connect_ua
-from bridge.keys import Keys
-from bridge.messages import AircraftState
-from bridge.session import Session, free_port, open_router
+from bridge.agents.client import connect_ua
+from bridge.bus.keys import Keys
+from bridge.bus.messages import AircraftState
+from bridge.bus.session import Session, free_port, open_router
 
 KEYS = Keys("r")
 

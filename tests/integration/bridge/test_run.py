@@ -14,11 +14,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from bridge.keys import Keys
-from bridge.messages import Header, Truth, Vector3
-from bridge.recorder import COLUMNS
-from bridge.scenario_file import SCENARIOS
-from bridge.session import open_client
+from bridge.bus.keys import Keys
+from bridge.bus.messages import Header, Truth, Vector3
+from bridge.bus.session import open_client
+from bridge.radio.record import COLUMNS
+from bridge.scenario.file import SCENARIOS
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
 
@@ -152,9 +152,9 @@ def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.S
 @pytest.mark.parametrize(
     ("victim", "name"),
     [
-        ("bridge.autopilots.standin --sysid 2", "autopilot-1"),
-        ("bridge.processes.router", "router"),
-        ("bridge.processes.agent --run-dir", "agent-0"),
+        ("bridge.standin --sysid 2", "autopilot-1"),
+        ("bridge.radio.process", "router"),
+        ("bridge.agents.process --run-dir", "agent-0"),
     ],
 )
 def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim: str, name: str) -> None:

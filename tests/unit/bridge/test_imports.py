@@ -11,10 +11,10 @@ import pytest
 @pytest.mark.parametrize(
     ("module", "not_needed"),
     [
-        ("bridge.processes.agent", "scipy matplotlib jsbsim channel.radio bridge.scenario_file"),
-        ("bridge.processes.aircraft", "scipy matplotlib jsbsim channel.radio bridge.scenario_file"),
-        ("bridge.processes.physics", "scipy matplotlib channel.radio bridge.scenario_file"),
-        ("bridge.autopilots.standin.cli", "numpy scipy pydantic bridge.scenario"),
+        ("bridge.agents.process", "scipy matplotlib jsbsim channel.radio bridge.scenario.file"),
+        ("bridge.aircraft.process", "scipy matplotlib jsbsim channel.radio bridge.scenario.file"),
+        ("bridge.physics.process", "scipy matplotlib channel.radio bridge.scenario.file"),
+        ("bridge.standin.cli", "numpy scipy pydantic bridge.scenario.model"),
     ],
 )
 def test_process_imports_no_more_than_it_needs(module: str, not_needed: str) -> None:

@@ -1,5 +1,0 @@
-"""``python -m bridge.autopilots.standin``."""
-
-from bridge.autopilots.standin.cli import main
-
-raise SystemExit(main())

@@ -1,0 +1,211 @@
+"""Zenoh sessions that speak our messages: one router per run, everything else a client of it.
+
+Scouting and gossip are off: with them two clients could find each other and talk past the radio.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import struct
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bridge.bus.messages import Message, encode, encoding_of
+
+CONNECT_TIMEOUT_S = 10.0
+STUCK_READER_S = 1.0
+"""How long the router waits for a reader that takes nothing before it cuts it off (Zenoh's default: 5 s)."""
+AGENT = b"agent"
+"""The source in the stamps of a node's agent: the one sender that numbers the node's packets."""
+_ATTACHMENT = struct.Struct("<qqB16s")
+"""Sequence number, time in ns, length of the id, id: the layout that rmw_zenoh attaches to a sample."""
+
+Sample = zenoh.Sample
+Query = zenoh.Query
+
+
+class SessionError(RuntimeError):
+    """The Zenoh session could not be opened."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """What travels beside a packet: who sent it as which number, and when (sim time)."""
+
+    seq: int
+    sim_time_ns: int
+    source: bytes = b""
+
+    def to_bytes(self) -> bytes:
+        """The 33 bytes of the attachment."""
+        return _ATTACHMENT.pack(self.seq, self.sim_time_ns, 16, self.source)
+
+    @classmethod
+    def from_sample(cls, sample: Sample) -> Self | None:
+        """The stamp of a sample, or None if it carries none."""
+        if sample.attachment is None:
+            return None
+        raw = sample.attachment.to_bytes()
+        if len(raw) != _ATTACHMENT.size:
+            return None
+        seq, sim_time_ns, id_length, source = _ATTACHMENT.unpack(raw)
+        return cls(seq, sim_time_ns, source.rstrip(b"\0")) if id_length == 16 else None
+
+
+def free_port(host: str = "127.0.0.1") -> int:
+    """A TCP port that nobody listens on at this moment."""
+    with socket.socket() as probe:
+        probe.bind((host, 0))
+        return int(probe.getsockname()[1])
+
+
+def _config(settings: Iterable[tuple[str, Any]]) -> zenoh.Config:
+    config = zenoh.Config()
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("scouting/gossip/enabled", "false")
+    for key, value in settings:
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class Session:
+    """One Zenoh session. Use `open_router` or `open_client`; close it, or use it as a context manager."""
+
+    def __init__(self, inner: zenoh.Session) -> None:
+        self._inner = inner
+        self._kept: list[Any] = []
+
+    def put(self, key: str, message: Message, *, must_arrive: bool = False) -> None:
+        """Publish one of our messages. ``must_arrive``: wait for a slow reader instead of dropping."""
+        self.put_bytes(key, encode(message), encoding=encoding_of(type(message)), must_arrive=must_arrive)
+
+    def put_bytes(
+        self,
+        key: str,
+        payload: Any,
+        *,
+        encoding: Any = None,
+        attachment: Any = None,
+        must_arrive: bool = False,
+    ) -> None:
+        """Publish bytes as they are."""
+        control = zenoh.CongestionControl.BLOCK if must_arrive else zenoh.CongestionControl.DROP
+        self._inner.put(key, payload, encoding=encoding, attachment=attachment, congestion_control=control)
+
+    def subscribe(self, key_expr: str, callback: Callable[[Sample], object]) -> None:
+        """Call ``callback`` for each sample, in Zenoh's own thread: it must only hand the sample on.
+
+        Samples of one sender come in the order of its puts, over all subscriptions of this session.
+        """
+        self._kept.append(self._inner.declare_subscriber(key_expr, Callback(callback, indirect=False)))
+
+    def serve(self, key: str, callback: Callable[[Query], object]) -> None:
+        """Call ``callback`` for each query on ``key``, in Zenoh's own thread: it must only hand it on."""
+        self._kept.append(self._inner.declare_queryable(key, Callback(callback, indirect=False)))
+
+    def query(
+        self,
+        key: str,
+        message: Message,
+        on_reply: Callable[[zenoh.Reply], object],
+        on_end: Callable[[], object],
+        *,
+        timeout_s: float,
+    ) -> None:
+        """Ask ``key``; ``on_reply`` gets each reply and ``on_end`` the end of them, in Zenoh's own thread."""
+        self._inner.get(
+            key,
+            Callback(on_reply, on_end, indirect=False),
+            payload=encode(message),
+            encoding=encoding_of(type(message)),
+            timeout=timeout_s,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+
+    def declare_alive(self, key: str) -> None:
+        """Hold a liveliness token as long as this session is open."""
+        self._kept.append(self._inner.liveliness().declare_token(key))
+
+    def watch_alive(self, key_expr: str, callback: Callable[[str, bool], object]) -> None:
+        """Call ``callback(key, is_alive)`` for each token that is there, comes or goes."""
+
+        def on_token(sample: Sample) -> None:
+            callback(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        watcher = self._inner.liveliness().declare_subscriber(
+            key_expr, Callback(on_token, indirect=False), history=True
+        )
+        self._kept.append(watcher)
+
+    def close(self) -> None:
+        """Undeclare everything and leave."""
+        self._kept.clear()
+        if not self._inner.is_closed():
+            self._inner.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_router(endpoint: str) -> Session:
+    """A session that routes for all the others.
+
+    Args:
+        endpoint: where it listens, such as ``tcp/127.0.0.1:7447``.
+
+    Raises:
+        SessionError: if it cannot listen there.
+    """
+    settings = [
+        ("mode", "router"),
+        ("listen/endpoints", [endpoint]),
+        ("listen/exit_on_failure", True),
+        ("transport/link/tx/queue/congestion_control/block/wait_before_close", int(STUCK_READER_S * 1e6)),
+    ]
+    return _open(settings, f"cannot listen on {endpoint}")
+
+
+def open_client(endpoint: str, *, timeout_s: float = CONNECT_TIMEOUT_S) -> Session:
+    """A session that reaches the others through the router at ``endpoint`` only.
+
+    Raises:
+        SessionError: if there is no router within ``timeout_s`` (wall time).
+    """
+    settings = [
+        ("mode", "client"),
+        ("connect/endpoints", [endpoint]),
+        ("connect/timeout_ms", int(timeout_s * 1000)),
+        ("connect/exit_on_failure", True),
+    ]
+    return _open(settings, f"no Zenoh router answered at {endpoint} within {timeout_s:g} s")
+
+
+def _open(settings: list[tuple[str, Any]], failure: str) -> Session:
+    try:
+        return Session(zenoh.open(_config(settings)))
+    except zenoh.ZError as error:
+        raise SessionError(f"{failure} ({plain_text(error)})") from error
+
+
+def plain_text(error: zenoh.ZError) -> str:
+    """What Zenoh says went wrong, without the places in its source."""
+    return re.sub(r"\s+at /\S+?:\d+\.?", "", str(error)).strip()
+
+
+def checked_endpoint(endpoint: str) -> str:
+    """Return ``endpoint`` if it has the form of one, else raise ValueError."""
+    if not re.fullmatch(r"(tcp|tls|udp|quic|ws)/[^/\s]+:\d{1,5}", endpoint):
+        raise ValueError(f"{endpoint!r} is not a Zenoh endpoint, such as tcp/127.0.0.1:7447")
+    return endpoint

@@ -1,0 +1,98 @@
+"""Starts real ArduPilot binaries, built by ArduPilot's own documentation and found on this machine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+
+from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
+from bridge.fleet.child import ProcessSpec
+from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.resolve import airframe_of
+
+HOME_VARIABLE = "ARDUPILOT_HOME"
+PARAMETERS = resources.files("sitl_configs") / "params"
+BINARIES = {"copter": "arducopter", "plane": "arduplane"}
+"""ArduPilot's binary by the airframe's vehicle."""
+INSTANCE_MAX = 255
+"""`-I` is a byte: 256 is 0 again, on the ports of another UA."""
+SPEEDUP = 100
+"""`--speedup`: with JSON physics it sets no pace, but more than 1 has SITL wait for a slow serial0 client."""
+
+
+class ArduPilot(Launcher):
+    """`arducopter`, `arduplane` and their kin, one process and one working directory per UA."""
+
+    def check(self, scenario: Scenario, ua: Aircraft) -> None:
+        """See that the binary for the airframe's vehicle is there, and that ArduPilot can have the UA's ports.
+
+        Raises:
+            AutopilotError: if not, with the places that were looked at.
+        """
+        vehicle = airframe_of(ua).vehicle
+        if vehicle not in BINARIES:
+            known = ", ".join(BINARIES)
+            raise AutopilotError(f"UA {ua.id}: no ArduPilot is known for a {vehicle}; there are: {known}")
+        self.binary(BINARIES[vehicle])
+        if scenario.instance(ua) > INSTANCE_MAX:
+            raise AutopilotError(
+                f"UA {ua.id} would be ArduPilot's instance {scenario.instance(ua)}, but it counts to "
+                f"{INSTANCE_MAX}: lower ports.first_slot (--first-slot)"
+            )
+
+    def binary(self, name: str) -> Path:
+        """Path of a binary.
+
+        Raises:
+            AutopilotError: if it is nowhere.
+        """
+        places = list(self._places(name))
+        for place in places:
+            if place.is_file() and os.access(place, os.X_OK):
+                return place.resolve()
+        on_path = shutil.which(name, path=self.environment.get("PATH"))
+        if on_path:
+            return Path(on_path).resolve()
+        looked = "".join(f"\n  {place}" for place in places)
+        raise AutopilotError(
+            f"no ArduPilot binary {name!r} was found. Looked at:{looked}\n  {name} on PATH\n"
+            f"Build it by ArduPilot's documentation (./waf configure --board sitl && ./waf copter), then point to it "
+            f"with --ardupilot-dir DIR or {HOME_VARIABLE}=DIR; or fly the stand-in with --autopilot standin."
+        )
+
+    def _places(self, name: str) -> Iterator[Path]:
+        roots = [self.ardupilot_dir, self.environment.get(HOME_VARIABLE)]
+        for root in (Path(r) for r in roots if r):
+            yield root / name
+            yield root / "bin" / name
+            yield root / "build" / "sitl" / "bin" / name
+
+    def process(self, plan: LaunchPlan) -> ProcessSpec | None:
+        """The binary in a working directory of its own below the run's."""
+        scenario, ua, vehicle = plan.scenario, plan.ua, plan.airframe.vehicle
+        directory = plan.run.path / plan.name
+        directory.mkdir()
+        command = [str(self.binary(BINARIES[vehicle])), "--wipe", "--model", "JSON:127.0.0.1"]
+        command += ["-I", str(scenario.instance(ua)), "--sysid", str(ua.sysid), "--home", plan.home_text]
+        command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_own_parameters(plan, directory)}"]
+        command += ["--serial0", "tcp:0", "--speedup", str(SPEEDUP)]
+        return ProcessSpec(
+            plan.name,
+            command,
+            plan.run.log_path(plan.name),
+            cwd=directory,
+            stop_signal=signal.SIGKILL,  # SITL ignores SIGTERM while it waits for physics
+        )
+
+
+def _own_parameters(plan: LaunchPlan, directory: Path) -> Path:
+    """What airframe and scenario set, as a file that ArduPilot reads; the UA's own values win."""
+    path = directory / "own.parm"
+    values = plan.airframe.ardupilot_parameters | plan.scenario.parameters | plan.ua.parameters
+    lines = [f"{name} {value:.9g}\n" for name, value in values.items()]
+    path.write_text("".join(lines), encoding="ascii")
+    return path

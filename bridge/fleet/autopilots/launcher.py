@@ -1,0 +1,68 @@
+"""What every source of autopilots has in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from bridge.fleet.child import ProcessSpec
+from bridge.run.directory import RunDirectory
+from bridge.scenario.model import Aircraft, Scenario
+from fdm.model.airframe import Airframe
+from fdm.model.geodesy import Home
+
+
+class AutopilotError(RuntimeError):
+    """The autopilot cannot be started; the text says what was looked for and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchPlan:
+    """All that an autopilot of one UA is started with."""
+
+    run: RunDirectory
+    scenario: Scenario
+    ua: Aircraft
+    airframe: Airframe
+    home: Home
+
+    @property
+    def home_text(self) -> str:
+        """LAT,LON,ALT,YAW as the command lines take it."""
+        p = self.home.position
+        return f"{p.lat_deg:.9f},{p.lon_deg:.9f},{p.alt_amsl_m:.3f},{self.home.yaw_deg:.3f}"
+
+    @property
+    def name(self) -> str:
+        """Name of the process."""
+        return f"autopilot-{self.ua.node}"
+
+
+class Launcher(ABC):
+    """A source of autopilots.
+
+    Args:
+        environment: environment variables, for finding programs.
+        ardupilot_dir: where real binaries were said to be, if anywhere.
+    """
+
+    def __init__(self, environment: Mapping[str, str], ardupilot_dir: Path | None = None) -> None:
+        self.environment = environment
+        self.ardupilot_dir = ardupilot_dir
+
+    def check(self, scenario: Scenario, ua: Aircraft) -> None:  # noqa: B027 (most have nothing to check)
+        """See that an autopilot for this UA can be started.
+
+        Raises:
+            AutopilotError: if not.
+        """
+
+    @abstractmethod
+    def process(self, plan: LaunchPlan) -> ProcessSpec | None:
+        """The process to start for a UA; None if something else runs it.
+
+        Raises:
+            AutopilotError: if it cannot be started.
+        """

@@ -1,0 +1,96 @@
+"""The ports that a run needs, looked at before anything is started."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import psutil
+
+from bridge.scenario.model import Scenario
+
+HOST = "127.0.0.1"
+
+
+@dataclass(frozen=True, slots=True)
+class PortUse:
+    """A port and what for; ``setting`` is the key of the scenario that moves it."""
+
+    port: int
+    transport: str
+    purpose: str
+    setting: str
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it can be bound on loopback at this moment."""
+        kind = socket.SOCK_DGRAM if self.transport == "UDP" else socket.SOCK_STREAM
+        with socket.socket(type=kind) as probe:
+            if kind == socket.SOCK_STREAM:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((HOST, self.port))
+            except OSError:
+                return False
+        return True
+
+    def __str__(self) -> str:
+        return f"{self.transport} port {self.port} ({self.purpose})"
+
+
+def ports_of(scenario: Scenario) -> Iterator[PortUse]:
+    """All ports that the run listens on, or expects its autopilots to."""
+    if scenario.ports.zenoh:
+        yield PortUse(scenario.ports.zenoh, "TCP", "Zenoh router", "ports.zenoh")
+    fdm_setting = "ports.fdm" if scenario.fdm.scheme == "json" else "ports.first_slot"
+    for ua in scenario.ua:
+        yield PortUse(scenario.fdm_port(ua), "UDP", f"flight dynamics of UA {ua.id}", fdm_setting)
+        yield PortUse(scenario.aps_port(ua), "TCP", f"MAVLink server of UA {ua.id}", "ports.aps")
+        if scenario.autopilot != "external":
+            yield PortUse(scenario.autopilot_port(ua), "TCP", f"autopilot of UA {ua.id}", "ports.autopilot")
+        if scenario.autopilot == "ardupilot":
+            for serial, offset in ((1, 2), (2, 3)):
+                port = scenario.autopilot_port(ua) + offset
+                yield PortUse(port, "TCP", f"SERIAL{serial} of UA {ua.id}'s ArduPilot", "ports.first_slot")
+
+
+def conflicts(uses: Iterable[PortUse]) -> list[str]:
+    """One line for each port that cannot be had: number, purpose, owner if known, and how to change it."""
+    lines: list[str] = []
+    seen: dict[tuple[str, int], PortUse] = {}
+    for use in uses:
+        key = (use.transport, use.port)
+        if key in seen:
+            lines.append(
+                f"{use} is also wanted for {seen[key].purpose}: change {use.setting} in the scenario"
+            )
+        elif use.port > 65535:
+            lines.append(f"{use} is beyond 65535: lower {use.setting} or ports.first_slot in the scenario")
+        elif not use.is_free:
+            lines.append(f"{use} is in use{_owner(use)}: {_remedy(use)}")
+        seen[key] = use
+    return lines
+
+
+def _remedy(use: PortUse) -> str:
+    if use.setting == "ports.zenoh":
+        return "free it, or choose another with --zenoh-port N (0: any) or ports.zenoh in the scenario"
+    return f"free it, or move all UA with --first-slot N, or change {use.setting} in the scenario"
+
+
+def _owner(use: PortUse) -> str:
+    """By whom a port is held, as far as this user may know."""
+    kind = "udp4" if use.transport == "UDP" else "tcp4"
+    try:
+        for connection in psutil.net_connections(kind):
+            if (
+                connection.laddr
+                and connection.laddr.port == use.port
+                and connection.pid
+                and not connection.raddr
+            ):
+                return f" by {psutil.Process(connection.pid).name()} (pid {connection.pid})"
+    except psutil.Error:
+        return ""
+    return ""

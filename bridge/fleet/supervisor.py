@@ -1,0 +1,338 @@
+"""The supervisor: starts the processes of a run in order, watches them, and ends them all."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, TypeVar
+
+from bridge.bus.inbox import Inbox
+from bridge.bus.keys import Keys
+from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Link, Message, decode
+from bridge.bus.session import Sample, Session, SessionError, free_port, open_client
+from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
+from bridge.fleet.autopilots.launchers import LAUNCHERS
+from bridge.fleet.child import Child, ProcessSpec, end_all
+from bridge.fleet.ports import HOST, conflicts, ports_of
+from bridge.run.directory import RunDirectory
+from bridge.scenario.model import OwnAgent, Scenario
+from bridge.scenario.resolve import airframe_of, home_of, wind_of
+from fdm.errors import WindError
+
+START_TIMEOUT_S = 60.0
+START_NEWS_PERIOD_S = 2.0
+"""How often, in wall time, a start that takes long tells how far it is."""
+AGENT_GRACE_S = 1.0
+FLIGHT_GRACE_S = 1.5
+ROUTER_GRACE_S = 1.5
+SILENCE_S = 20.0
+"""Wall time without a tick after which the run is given up."""
+
+
+MODULES = {
+    "router": "bridge.radio.process",
+    "physics": "bridge.physics.process",
+    "aircraft": "bridge.aircraft.process",
+    "agent": "bridge.agents.process",
+}
+"""What runs as which process."""
+
+T = TypeVar("T")
+
+
+class FleetError(RuntimeError):
+    """The run could not start or broke off; the text says which process and where its log is."""
+
+
+class _Over(Exception):
+    """The run ended while something was being waited for."""
+
+
+class Ending(StrEnum):
+    """Why a run ended."""
+
+    DONE = "done"
+    DURATION = "duration"
+    INTERRUPTED = "interrupted"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Observer:
+    """What the supervisor tells of the run while it goes on."""
+
+    on_phase: Callable[[str], object]
+    on_message: Callable[[Message], object]
+
+
+class Fleet:
+    """All processes of one run.
+
+    Args:
+        scenario: what to fly.
+        run: its directory, already there.
+        observer: told of phases and messages.
+        ardupilot_dir: where real binaries are, if that was said.
+    """
+
+    def __init__(
+        self, scenario: Scenario, run: RunDirectory, observer: Observer, ardupilot_dir: Path | None = None
+    ) -> None:
+        self._scenario = scenario
+        self._run = run
+        self._observer = observer
+        self._launcher = launcher_of(scenario, ardupilot_dir)
+        self._children: list[Child] = []
+        self._router: Child | None = None
+        self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
+        self.not_done = {
+            ua.node for ua in scenario.ua if ua.agent.has_task or not isinstance(ua.agent, OwnAgent)
+        }
+        """Nodes whose agents have not flown what they were to fly: also one that was only to hold."""
+        self.killed: list[str] = []
+        """Processes that did not end when they were asked to."""
+        self._ended: set[str] = set()
+        self._last_tick = asyncio.get_running_loop().time()
+        self.sim_time_ns = 0
+
+    def interrupt(self) -> None:
+        """End the run now."""
+        self._settle(Ending.INTERRUPTED)
+
+    async def fly(self) -> Ending:
+        """Start everything, wait for the end of the flight, end everything.
+
+        Raises:
+            FleetError: if a process does not start, dies or reports failure.
+        """
+        try:
+            return await self._fly()
+        finally:
+            await asyncio.shield(self._end())
+
+    async def _fly(self) -> Ending:
+        endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
+        info = self._run.write(self._scenario, endpoint)
+        self._observer.on_phase("starts the radio router")
+        self._router = await self._start(self._python("router"))
+        try:
+            with await self._unless_over(_connect(endpoint)) as session:
+                self._listen(session, Keys(info.run))
+                await self._start_all(session, Keys(info.run))
+                return await self._unless_over(self._watch_clock())
+        except _Over:
+            return self._outcome.result()
+
+    async def _start_all(self, session: Session, keys: Keys) -> None:
+        self._observer.on_phase("starts flight dynamics, APS daemons and agents")
+        specs = [self._python("physics")]
+        for node in self._scenario.nodes:
+            specs += [self._python("aircraft", node), self._python("agent", node)]
+        for spec in specs:
+            await self._start(spec)
+        await self._unless_over(self._all_alive(session, keys, {spec.name for spec in specs}))
+        self._observer.on_phase(f"starts autopilots ({self._scenario.autopilot})")
+        for ua in self._scenario.ua:
+            home = home_of(ua, self._scenario.origin)
+            plan = LaunchPlan(self._run, self._scenario, ua, airframe_of(ua), home)
+            try:
+                autopilot = self._launcher.process(plan)
+            except AutopilotError as error:
+                raise FleetError(str(error)) from error
+            if autopilot is not None:
+                await self._start(autopilot)
+        self._observer.on_phase("waits for the autopilots")
+
+    def _python(self, module: str, node: str = "") -> ProcessSpec:
+        name = f"{module}-{node}" if node else module
+        command = [sys.executable, "-m", MODULES[module], "--run-dir", str(self._run.path)]
+        command += ["--ua", node] if node else []
+        return ProcessSpec(name, command, self._run.log_path(name))
+
+    async def _start(self, spec: ProcessSpec) -> Child:
+        try:
+            child = await Child.start(spec)
+        except OSError as error:
+            raise FleetError(f"{spec.name} could not be started: {error}") from error
+        self._children.append(child)
+        child.ended.add_done_callback(lambda _: self._child_ended(child))
+        return child
+
+    def _child_ended(self, child: Child) -> None:
+        text = f"{child.spec.name} {child.how_it_ended}; its log is {child.spec.log_path}"
+        tail = child.log_tail()
+        self._settle(FleetError(f"{text}\n{tail}" if tail else text))
+
+    def _settle(self, outcome: Ending | FleetError) -> None:
+        if self._outcome.done():
+            return
+        if isinstance(outcome, Ending):
+            self._outcome.set_result(outcome)
+        else:
+            self._outcome.set_exception(outcome)
+
+    async def _unless_over(self, work: Coroutine[Any, Any, T]) -> T:
+        """Wait for ``work``, but not longer than the run lasts."""
+        task = asyncio.create_task(work)
+        try:
+            waiting: set[asyncio.Future[Any]] = {task, self._outcome}
+            await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+            if self._outcome.done():
+                raise _Over
+            return task.result()
+        finally:
+            task.cancel()
+
+    async def _end(self) -> None:
+        """End everything: agents first, so that nobody transmits into a dying router; the router last."""
+        self._settle(Ending.INTERRUPTED)
+        self._observer.on_phase("ends all processes")
+        agents = [child for child in self._children if child.spec.name.startswith("agent-")]
+        others = [c for c in self._children if c not in agents and c is not self._router]
+        self.killed += await end_all(agents, AGENT_GRACE_S)
+        self.killed += await end_all(others, FLIGHT_GRACE_S)
+        if self._router is not None:
+            self.killed += await end_all([self._router], ROUTER_GRACE_S)
+
+    # --- what the processes tell
+
+    def _listen(self, session: Session, keys: Keys) -> None:
+        inbox: Inbox[tuple[type[Message], Sample]] = Inbox(asyncio.get_running_loop(), self._on_sample)
+
+        def subscribe(key_expr: str, cls: type[Message]) -> None:
+            session.subscribe(key_expr, lambda sample: inbox.push((cls, sample)))
+
+        subscribe(keys.clock, Clock)
+        subscribe(keys.clock_end, Header)
+        subscribe(keys.link("*", "*"), Link)
+        subscribe(keys.agent("*"), AgentStatus)
+
+    def _on_sample(self, item: tuple[type[Message], Sample]) -> None:
+        cls, sample = item
+        try:
+            message = decode(sample.payload.to_bytes(), cls)
+        except DecodeError as error:
+            self._observer.on_phase(f"ignores a malformed message on {sample.key_expr}: {error}")
+            return
+        if isinstance(message, Clock):
+            self._on_clock(message)
+        elif isinstance(message, AgentStatus):
+            self._on_agent(message)
+        elif isinstance(message, Header):
+            all_done = self._scenario.nodes_with_a_task and not self._unfinished
+            self._settle(Ending.DONE if all_done else Ending.DURATION)
+        self._observer.on_message(message)
+
+    @property
+    def _unfinished(self) -> frozenset[str]:
+        """Nodes whose agents have a task and have not done it: what the run waits for."""
+        return self._scenario.nodes_with_a_task & self.not_done
+
+    def _on_clock(self, clock: Clock) -> None:
+        self._last_tick = asyncio.get_running_loop().time()
+        self.sim_time_ns = clock.header.stamp.ns
+        for node in set(clock.ended) - self._ended:
+            self._on_model_ended(node)
+
+    def _on_model_ended(self, node: str) -> None:
+        self._ended.add(node)
+        text = f"the flight model of UA {node} diverged; its last state is in {self._run.log_path('physics')}"
+        if node in self._unfinished:
+            self._settle(FleetError(text))
+        else:
+            self._observer.on_phase(text)
+
+    def _on_agent(self, status: AgentStatus) -> None:
+        node = status.header.frame_id
+        if status.failed:
+            log = self._run.log_path(f"agent-{node}")
+            self._settle(FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}"))
+        if status.done:
+            self.not_done.discard(node)
+
+    async def _all_alive(self, session: Session, keys: Keys, names: set[str]) -> None:
+        everybody = asyncio.Event()
+        missing = set(names)
+
+        def on_token(token: tuple[str, bool]) -> None:
+            key, is_alive = token
+            if is_alive:
+                missing.discard(keys.last_chunk(key))
+            if not missing:
+                everybody.set()
+
+        inbox: Inbox[tuple[str, bool]] = Inbox(asyncio.get_running_loop(), on_token)
+        session.watch_alive(keys.alive("*"), lambda key, is_alive: inbox.push((key, is_alive)))
+        deadline = asyncio.get_running_loop().time() + START_TIMEOUT_S
+        while missing:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(everybody.wait(), START_NEWS_PERIOD_S)
+            if missing and asyncio.get_running_loop().time() > deadline:
+                logs = ", ".join(str(self._run.log_path(name)) for name in sorted(missing))
+                late = ", ".join(sorted(missing))
+                raise FleetError(f"not ready within {START_TIMEOUT_S:g} s: {late}; see {logs}")
+            if missing:
+                self._observer.on_phase(f"{len(names) - len(missing)} of {len(names)} processes are ready")
+
+    async def _watch_clock(self) -> Ending:
+        """Wait for the end of the run; give it up when time stands still."""
+        loop = asyncio.get_running_loop()
+        self._last_tick = loop.time()
+        patience_s = SILENCE_S if self._scenario.autopilot != "external" else float("inf")
+        while True:
+            await asyncio.sleep(1.0)
+            silence_s = loop.time() - self._last_tick
+            if silence_s > patience_s:
+                raise FleetError(
+                    f"sim time has stood at {self.sim_time_ns / 1e9:.2f} s for {silence_s:.0f} s\n{self._tails()}"
+                )
+
+    def _tails(self) -> str:
+        """The last line of each log that may tell why time stands still."""
+        told = [
+            c for c in self._children if c.spec.name.startswith(("router", "physics", "autopilot", "agent"))
+        ]
+        return "\n".join(f"{child.spec.log_path}: {child.log_tail(1)}" for child in told)
+
+
+async def _connect(endpoint: str) -> Session:
+    """Join the router once it listens, in short tries, so that an interrupted start ends soon."""
+    deadline = asyncio.get_running_loop().time() + START_TIMEOUT_S
+    while True:
+        try:
+            return await asyncio.to_thread(open_client, endpoint, timeout_s=0.5)
+        except SessionError as error:
+            if asyncio.get_running_loop().time() > deadline:
+                raise FleetError(str(error)) from error
+
+
+def launcher_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launcher:
+    """The source of autopilots that the scenario names."""
+    return LAUNCHERS[scenario.autopilot](os.environ, ardupilot_dir)
+
+
+def preflight(scenario: Scenario, ardupilot_dir: Path | None = None) -> None:
+    """See, before anything is started, that the run can start.
+
+    Raises:
+        FleetError: if a port is taken, or an autopilot or a wind map is missing; the text says what to do.
+    """
+    try:
+        wind_of(scenario).build(seed=scenario.seed, ua_id=0)
+    except WindError as error:
+        raise FleetError(f"wind: {error}") from error
+    launcher = launcher_of(scenario, ardupilot_dir)
+    try:
+        for ua in scenario.ua:
+            launcher.check(scenario, ua)
+    except AutopilotError as error:
+        raise FleetError(str(error)) from error
+    taken = conflicts(ports_of(scenario))
+    if taken:
+        raise FleetError("\n".join(taken))

@@ -1,0 +1,1 @@
+"""The flight dynamics on the bus: truth and clock."""

@@ -1,0 +1,40 @@
+"""From the flight dynamics to messages: true states in the fleet's frame, and the clock."""
+
+from __future__ import annotations
+
+from bridge.bus import messages
+from bridge.bus.messages import Header, Quaternion, Vector3
+from fdm.clock.fleet_clock import ClockStatus
+from fdm.model.geodesy import GeodeticPosition, ned_from_geodetic
+from fdm.model.truth import Truth
+
+
+def truth_message(truth: Truth, origin: GeodeticPosition) -> messages.Truth:
+    """A true state with its position from the fleet's origin, the frame that the radio computes in."""
+    here = GeodeticPosition(truth.lat_deg, truth.lon_deg, truth.alt_amsl_m)
+    w, x, y, z = truth.attitude_wxyz
+    return messages.Truth(
+        Header.at(truth.sim_time_ns, str(truth.ua_id)),
+        truth.lon_deg,
+        truth.lat_deg,
+        truth.alt_amsl_m,
+        Vector3(*ned_from_geodetic(origin, here)),
+        Vector3(*truth.velocity_ned_mps),
+        Quaternion(x, y, z, w),
+        Vector3(*truth.body_rates_frd_radps),
+        Vector3(*truth.specific_force_frd_mps2),
+        truth.airspeed_mps,
+        Vector3(*truth.wind_ned_mps),
+    )
+
+
+def clock_message(status: ClockStatus) -> messages.Clock:
+    """A tick of the fleet clock."""
+    return messages.Clock(
+        Header.at(status.sim_time_ns, ""),
+        status.speed,
+        status.real_time_factor,
+        status.paused,
+        tuple(str(ua_id) for ua_id in status.stalled_ua),
+        tuple(str(ua_id) for ua_id in status.ended_ua),
+    )

@@ -1,0 +1,1 @@
+"""The virtual radio: settles every packet of a tick, forwards what survives, and writes the record."""

@@ -1,0 +1,190 @@
+"""The router process: Zenoh's router and, in its session, the virtual radio."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from time import monotonic
+
+from bridge.bus.keys import Keys
+from bridge.bus.messages import AgentStatus, Clock, Header, Truth, decode
+from bridge.bus.session import Sample, Session, Stamp, open_router
+from bridge.radio.record import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
+from bridge.radio.virtual_radio import Action, Forward, RadioRouter, Refused
+from bridge.run.directory import RunDirectory
+from bridge.run.process import exit_status, on_stop_signal, parse_arguments
+from bridge.scenario.resolve_radio import radio_of
+from channel.medium import Medium
+
+FLUSH_PERIOD_S = 1.0
+IDLE_S = 5.0
+REFUSALS_LOGGED_MAX = 20
+QUEUE_MAX = 200_000
+"""Samples that may wait; more packets than that are dropped and counted, as a host that cannot keep up drops them."""
+log = logging.getLogger("router")
+Handler = Callable[[str, Sample], list[Action]]
+
+
+class RouterProcess:
+    """Moves samples between Zenoh and the core, in one thread and in the order in which they came."""
+
+    def __init__(self, session: Session, run: RunDirectory) -> None:
+        scenario, keys = run.scenario, run.keys
+        self._keys: Keys = keys
+        self._session = session
+        self._run = run
+        medium = Medium(radio_of(scenario), seed=scenario.seed, nodes=scenario.nodes)
+        self._core = RadioRouter(
+            keys,
+            medium,
+            scenario.nodes,
+            tasks=scenario.nodes_with_a_task,
+            end_ns=round(scenario.duration_s * 1e9),
+        )
+        self._writer = DeliveriesWriter(run.path / DELIVERIES)
+        self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
+        self._overload = 0
+        self._overload_lock = threading.Lock()
+        for key_expr, handler in self._handlers():
+            session.subscribe(key_expr, lambda sample, handler=handler: self._enqueue(handler, sample))  # type: ignore[misc]
+
+    def _enqueue(self, handler: Handler, sample: Sample) -> None:
+        """Called in Zenoh's threads."""
+        if handler == self._on_packet and self._queue.qsize() >= QUEUE_MAX:
+            with self._overload_lock:
+                self._overload += 1
+        else:
+            self._queue.put((handler, sample))
+
+    def _handlers(self) -> Iterable[tuple[str, Handler]]:
+        yield self._keys.truth("*"), self._on_truth
+        yield self._keys.tx("*", "*"), self._on_packet
+        yield self._keys.clock_answer("*"), self._on_answer
+        yield self._keys.clock, self._on_clock
+        yield self._keys.agent("*"), self._on_agent
+
+    def stop(self) -> None:
+        """End `run`; callable from a signal handler."""
+        self._queue.put(None)
+
+    def run(self) -> None:
+        """Serve until `stop`."""
+        try:
+            self._serve()
+        finally:
+            try:
+                self._perform(self._core.finish())
+            finally:
+                self._writer.close()
+            if self._overload:
+                self._core.refused[Refused.OVERLOAD] += self._overload
+            write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused)
+
+    def _serve(self) -> None:
+        next_flush, idle_s = monotonic() + FLUSH_PERIOD_S, 0.0
+        while True:
+            try:
+                item = self._queue.get(timeout=FLUSH_PERIOD_S)
+                if item is None:
+                    return
+                self._handle(*item)
+                idle_s = 0.0
+            except queue.Empty:
+                next_flush, idle_s = 0.0, idle_s + FLUSH_PERIOD_S
+                if idle_s == IDLE_S:
+                    self._tell_what_is_waited_for()
+            if monotonic() >= next_flush:
+                self._writer.flush()
+                next_flush = monotonic() + FLUSH_PERIOD_S
+
+    def _tell_what_is_waited_for(self) -> None:
+        nodes = self._core.waiting_for
+        if nodes:
+            log.warning("the agents of UA %s have not answered the latest tick", ", ".join(nodes))
+        else:
+            log.warning("all agents have answered the latest tick: the flight dynamics wait for an autopilot")
+
+    def _handle(self, handler: Handler, sample: Sample) -> None:
+        try:
+            actions = handler(str(sample.key_expr), sample)
+        except ValueError as error:  # bytes that are no message, or numbers that no radio can work with
+            self._refuse(Refused.MALFORMED, f"{sample.key_expr}: {error}")
+            return
+        self._perform(actions)
+
+    def _refuse(self, reason: Refused, text: str) -> None:
+        self._core.refused[reason] += 1
+        if self._core.refused[reason] <= REFUSALS_LOGGED_MAX:
+            log.warning("refused (%s): %s", reason.value, text)
+
+    def _perform(self, actions: Iterable[Action]) -> None:
+        for action in actions:
+            if isinstance(action, Forward):
+                packet = action.packet
+                self._session.put_bytes(
+                    action.key,
+                    packet.payload,
+                    encoding=packet.encoding,
+                    attachment=action.attachment,
+                    must_arrive=True,
+                )
+            else:
+                self._session.put(action.key, action.message, must_arrive=action.must_arrive)
+        self._writer.write(self._core.settled)
+        self._core.settled.clear()
+
+    def _on_truth(self, key: str, sample: Sample) -> list[Action]:
+        truth = decode(sample.payload.to_bytes(), Truth)
+        q = truth.attitude
+        return self._core.on_truth(
+            self._keys.last_chunk(key), truth.header.stamp.ns, truth.position_ned_m.xyz, (q.w, q.x, q.y, q.z)
+        )
+
+    def _on_packet(self, key: str, sample: Sample) -> list[Action]:
+        node, channel = self._keys.sender_and_channel(key)
+        refused = self._core.refused.total()
+        self._core.on_packet(
+            node, channel, sample.payload.to_bytes(), sample.encoding, Stamp.from_sample(sample)
+        )
+        if self._core.refused.total() == refused + 1 <= REFUSALS_LOGGED_MAX:
+            log.warning("refused a packet on %s; refused so far: %s", key, dict(self._core.refused))
+        return []
+
+    def _on_answer(self, key: str, sample: Sample) -> list[Action]:
+        return self._core.on_answer(
+            self._keys.last_chunk(key), decode(sample.payload.to_bytes(), Header).stamp.ns
+        )
+
+    def _on_clock(self, _key: str, sample: Sample) -> list[Action]:
+        self._core.on_tick(decode(sample.payload.to_bytes(), Clock).header.stamp.ns)
+        return []
+
+    def _on_agent(self, key: str, sample: Sample) -> list[Action]:
+        status = decode(sample.payload.to_bytes(), AgentStatus)
+        self._core.on_sent_total(self._keys.node_of(key), status.sent)
+        if status.done:
+            self._core.on_done(self._keys.node_of(key))
+        return []
+
+
+def serve(run: RunDirectory) -> None:
+    """Route for the run until a signal ends it."""
+    with open_router(run.info.endpoint) as session:
+        process = RouterProcess(session, run)
+        on_stop_signal(process.stop)
+        session.declare_alive(run.keys.alive("router"))
+        log.info("routing run %s at %s", run.info.run, run.info.endpoint)
+        process.run()
+
+
+def main() -> int:
+    """Run the process."""
+    run, _ = parse_arguments("router", __doc__ or "", per_ua=False)
+    return exit_status(lambda: serve(run))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""The directory of one run: what its processes need to find each other, and what the run leaves behind."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from bridge.bus.keys import Keys
+from bridge.scenario.model import Scenario
+
+RUN_FILE = "run.json"
+SCENARIO_FILE = "scenario.yaml"
+SUMMARY_FILE = "summary.json"
+LOG_FOLDER = "logs"
+
+
+@dataclass(frozen=True, slots=True)
+class RunInfo:
+    """How to reach a run that goes on."""
+
+    run: str
+    endpoint: str
+    pid: int
+
+    @property
+    def is_live(self) -> bool:
+        """Whether its supervisor still runs."""
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        except PermissionError:
+            return True
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class RunDirectory:
+    """Paths and contents of a run's directory."""
+
+    path: Path
+
+    @classmethod
+    def create(cls, parent: Path, scenario_name: str) -> RunDirectory:
+        """Make ``<parent>/<UTC time>-<scenario>``; a number is added if that is there already.
+
+        Raises:
+            OSError: if it cannot be made.
+        """
+        name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{scenario_name}"
+        for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
+            path = parent / f"{name}{suffix}"
+            try:
+                path.mkdir(parents=True)
+            except FileExistsError:
+                continue
+            (path / LOG_FOLDER).mkdir()
+            return cls(path.resolve())
+        raise FileExistsError(f"{parent / name}: there are too many runs of that name")
+
+    def log_path(self, process: str) -> Path:
+        """Where the output of a process goes."""
+        return self.path / LOG_FOLDER / f"{process}.log"
+
+    def write(self, scenario: Scenario, endpoint: str) -> RunInfo:
+        """Write what the run's processes read."""
+        info = RunInfo(self.path.name, endpoint, os.getpid())
+        (self.path / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
+        (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
+        return info
+
+    @property
+    def info(self) -> RunInfo:
+        """How to reach the run.
+
+        Raises:
+            OSError, ValueError: if the file is not there or not ours.
+        """
+        try:
+            return RunInfo(**json.loads((self.path / RUN_FILE).read_text(encoding="utf-8")))
+        except TypeError as error:
+            raise ValueError(f"{self.path / RUN_FILE}: not the description of a run: {error}") from error
+
+    @property
+    def keys(self) -> Keys:
+        """The run's key space."""
+        return Keys(self.info.run)
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario as resolved.
+
+        Raises:
+            OSError, ValueError: if the file is not there or not ours.
+        """
+        return Scenario.from_yaml((self.path / SCENARIO_FILE).read_text(encoding="utf-8"))
+
+
+def live_runs(parent: Path) -> list[RunInfo]:
+    """Runs below ``parent`` whose supervisor still runs, newest first."""
+    found: list[RunInfo] = []
+    for file in sorted(parent.glob(f"*/{RUN_FILE}"), reverse=True):
+        try:
+            info = RunDirectory(file.parent).info
+        except (OSError, ValueError):
+            continue
+        if info.is_live:
+            found.append(info)
+    return found

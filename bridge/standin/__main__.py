@@ -1,0 +1,5 @@
+"""``python -m bridge.standin``."""
+
+from bridge.standin.cli import main
+
+raise SystemExit(main())

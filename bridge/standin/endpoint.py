@@ -1,0 +1,190 @@
+"""The MAVLink side without I/O: a client's bytes and the simulation time in, bytes out."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from typing import cast
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridge.standin.commands import Commands, request_from
+from bridge.standin.events import (
+    Event,
+    HomeChanged,
+    ItemReached,
+    ModeChanged,
+    StatusText,
+)
+from bridge.standin.framer import Framer, Message
+from bridge.standin.guided_targets import fly_global_target, fly_local_target
+from bridge.standin.mission_protocol import MissionProtocol
+from bridge.standin.parameter_protocol import ParameterProtocol
+from bridge.standin.streams import Streams
+from bridge.standin.telemetry import Telemetry
+from bridge.standin.vehicle import Vehicle
+
+COMPONENT = 1
+PARAMETER_STEP_NS = 10_000_000
+STATUS_TEXT_BYTES = 50
+
+
+class MavlinkEndpoint:
+    """Speaks MAVLink for one vehicle with one client at a time."""
+
+    def __init__(self, vehicle: Vehicle, boot_unix_us: int) -> None:
+        self._vehicle = vehicle
+        self._framer = Framer()
+        self._packer = dialect.MAVLink(None, round(vehicle.parameters["MAV_SYSID"]), COMPONENT)
+        self._telemetry = Telemetry(vehicle, boot_unix_us)
+        self.streams = Streams()
+        self._commands = Commands(vehicle, self._telemetry, self.streams, self._send)
+        self._missions = MissionProtocol(vehicle, self._telemetry, self._send)
+        self._parameters = ParameterProtocol(vehicle.parameters, self._send)
+        self._out = bytearray()
+        self._connected = False
+        self._slow_due_ns = 0
+        self.ignored: Counter[str] = Counter()
+        """Messages that were understood but not used, by type or reason."""
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Received bytes and frames that were no message, by reason."""
+        return self._framer.dropped
+
+    @property
+    def message_ids(self) -> list[int]:
+        """The messages that can be streamed or requested."""
+        return list(self._telemetry.builders)
+
+    def connect(self) -> None:
+        """A client is there: what streams was asked for before goes on."""
+        self._connected = True
+        self._framer.reset()
+        self._out.clear()
+
+    def disconnect(self) -> None:
+        """The client is gone."""
+        self._connected = False
+        self._out.clear()
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the client; answers wait in ``data_to_send``."""
+        for message in self._framer.receive(data):
+            self._handle(message)
+        self._flush_events()
+
+    def step(self) -> None:
+        """Do what is due at the vehicle's time: events, streams, lists under way."""
+        now_ns = self._vehicle.sim_time_ns
+        if self._vehicle.has_events:
+            self._flush_events()
+        if now_ns >= self._slow_due_ns:
+            self._slow_due_ns = now_ns + PARAMETER_STEP_NS
+            self._missions.step(now_ns)
+            if self._parameters.listing:
+                self._parameters.step()
+        if now_ns >= self.streams.next_due_ns:
+            for message_id in self.streams.take_due(now_ns):
+                if self._connected:
+                    self._send_by_id(message_id)
+
+    def data_to_send(self) -> bytes:
+        """Return and forget the bytes for the client."""
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    @property
+    def has_data(self) -> bool:
+        """Whether ``data_to_send`` would return any."""
+        return bool(self._out)
+
+    # --- out
+
+    def _send(self, message: Message) -> None:
+        if not self._connected:
+            return
+        packer = self._packer
+        try:
+            self._out += cast(bytes, message.pack(packer))
+        except struct.error:  # a value beyond its field's range: physics far out of bounds
+            self.ignored["unpackable"] += 1
+            return
+        packer.seq = (packer.seq + 1) & 0xFF
+
+    def _send_by_id(self, message_id: int) -> None:
+        message = self._telemetry.builders[message_id]()
+        if message is not None:
+            self._send(message)
+
+    def _flush_events(self) -> None:
+        for event in self._vehicle.take_events():
+            self._tell(event)
+
+    def _tell(self, event: Event) -> None:
+        if isinstance(event, StatusText):
+            text = event.text.encode("ascii", "replace")[:STATUS_TEXT_BYTES]
+            self._send(dialect.MAVLink_statustext_message(int(event.severity), text))
+        elif isinstance(event, ItemReached):
+            self._send(dialect.MAVLink_mission_item_reached_message(event.seq))
+        elif isinstance(event, HomeChanged):
+            self._send_by_id(dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
+            self._send_by_id(dialect.MAVLINK_MSG_ID_HOME_POSITION)
+        elif isinstance(event, ModeChanged):
+            self.streams.hasten(dialect.MAVLINK_MSG_ID_HEARTBEAT, self._vehicle.sim_time_ns)
+
+    # --- in
+
+    def _handle(self, message: Message) -> None:
+        if not self._for_us(message):
+            self.ignored["other_target"] += 1
+            return
+        kind = message.get_type()
+        now_ns = self._vehicle.sim_time_ns
+        if kind in ("COMMAND_LONG", "COMMAND_INT"):
+            self._run_command(message)
+        elif self._missions.handle(message, now_ns):
+            self._flush_events()
+        elif self._parameters.handle(message):
+            self._parameters.step()
+        elif kind == "SET_MODE":
+            self._vehicle.set_mode(message.custom_mode)  # no acknowledgement, as in ArduPilot
+        elif kind == "SET_POSITION_TARGET_LOCAL_NED":
+            fly_local_target(self._vehicle, message)
+        elif kind == "SET_POSITION_TARGET_GLOBAL_INT":
+            fly_global_target(self._vehicle, message)
+        elif kind == "REQUEST_DATA_STREAM":
+            rate_hz = message.req_message_rate if message.start_stop else 0
+            self.streams.set_group(message.req_stream_id, rate_hz, now_ns)
+        elif kind == "RC_CHANNELS_OVERRIDE":
+            self._override_rc(message)
+        elif kind == "TIMESYNC":
+            self._answer_timesync(message)
+        else:
+            self.ignored[kind] += 1
+
+    def _for_us(self, message: Message) -> bool:
+        system = getattr(message, "target_system", 0)
+        component = getattr(message, "target_component", 0)
+        return system in (0, self._packer.srcSystem) and component in (0, COMPONENT)
+
+    def _run_command(self, message: Message) -> None:
+        request = request_from(message)
+        result = self._commands.run(request)
+        self._send(
+            dialect.MAVLink_command_ack_message(
+                request.command, int(result), 0, 0, message.get_srcSystem(), message.get_srcComponent()
+            )
+        )
+        for requested in self._commands.take_requested():
+            self._send(requested)
+
+    def _override_rc(self, message: Message) -> None:
+        channels = [getattr(message, f"chan{index}_raw") for index in range(1, 9)]
+        lasting_s = self._vehicle.parameters["RC_OVERRIDE_TIME"]
+        self._vehicle.rc.override(channels, self._vehicle.sim_time_ns, lasting_s)
+
+    def _answer_timesync(self, message: Message) -> None:
+        if message.tc1 == 0:
+            self._send(dialect.MAVLink_timesync_message(self._vehicle.sim_time_ns, message.ts1))

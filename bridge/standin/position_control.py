@@ -1,0 +1,122 @@
+"""The outer loops: position and velocity errors -> acceleration -> thrust direction and throttle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, sqrt
+
+from bridge.standin.profile import HorizontalProfile, VerticalProfile
+from bridge.standin.quaternion import Vector
+
+GRAVITY_MPS2 = 9.80665
+THROTTLE_MAX = 0.95
+ACCEL_UP_MAX_MPS2 = 6.0
+ACCEL_DOWN_MAX_MPS2 = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class PositionGains:
+    """Gains of the position (1/s) and velocity (1/s, 1/s^2) loops."""
+
+    position_p: float = 1.0
+    velocity_p: float = 2.4
+    velocity_i: float = 0.8
+    height_p: float = 1.5
+    climb_p: float = 4.0
+    climb_i: float = 1.5
+    correction_max_mps: float = 3.0
+    integral_max_mps2: float = 6.0
+
+
+class PositionController:
+    """Follows the profiles; its integrals carry the wind and errors of the hover throttle."""
+
+    def __init__(self, gains: PositionGains) -> None:
+        self.gains = gains
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the integrals."""
+        self._north_i = self._east_i = self._down_i = 0.0
+        self.saturated = False
+        """Whether the last thrust wanted was beyond the tilt or thrust limit."""
+
+    def forget_horizontal(self) -> None:
+        """Forget the horizontal integrals."""
+        self._north_i = self._east_i = 0.0
+
+    def thrust(
+        self,
+        position: Vector,
+        velocity: Vector,
+        horizontal: HorizontalProfile,
+        vertical: VerticalProfile,
+        tilt_max_tan: float,
+        step_s: float,
+    ) -> Vector:
+        """Return the specific thrust wanted, NED m/s^2: upwards, its tilt within the limit.
+
+        Args:
+            position: NED m.
+            velocity: NED m/s.
+            horizontal: the reference north and east.
+            vertical: the reference down.
+            tilt_max_tan: tangent of the largest tilt.
+            step_s: time since the last call.
+        """
+        down_mps2 = self._vertical(position[2], velocity[2], vertical, step_s)
+        lift_mps2 = GRAVITY_MPS2 - down_mps2
+        north_mps2, east_mps2 = self._horizontal(position, velocity, horizontal, step_s)
+        largest = tilt_max_tan * lift_mps2
+        size = hypot(north_mps2, east_mps2)
+        self.saturated = size > largest
+        if self.saturated:
+            north_mps2 *= largest / size
+            east_mps2 *= largest / size
+        return (north_mps2, east_mps2, -lift_mps2)
+
+    def _horizontal(
+        self, position: Vector, velocity: Vector, reference: HorizontalProfile, step_s: float
+    ) -> tuple[float, float]:
+        gains = self.gains
+        fix_north = gains.position_p * (reference.north_m - position[0])
+        fix_east = gains.position_p * (reference.east_m - position[1])
+        size = hypot(fix_north, fix_east)
+        if size > gains.correction_max_mps:
+            fix_north *= gains.correction_max_mps / size
+            fix_east *= gains.correction_max_mps / size
+        error_north = reference.north_mps + fix_north - velocity[0]
+        error_east = reference.east_mps + fix_east - velocity[1]
+        if not self.saturated or error_north * self._north_i + error_east * self._east_i < 0.0:
+            self._north_i += gains.velocity_i * step_s * error_north
+            self._east_i += gains.velocity_i * step_s * error_east
+            size = hypot(self._north_i, self._east_i)
+            if size > gains.integral_max_mps2:
+                self._north_i *= gains.integral_max_mps2 / size
+                self._east_i *= gains.integral_max_mps2 / size
+        return (
+            reference.north_mps2 + gains.velocity_p * error_north + self._north_i,
+            reference.east_mps2 + gains.velocity_p * error_east + self._east_i,
+        )
+
+    def _vertical(self, down_m: float, down_mps: float, reference: VerticalProfile, step_s: float) -> float:
+        gains = self.gains
+        limit = gains.correction_max_mps
+        fix = max(-limit, min(limit, gains.height_p * (reference.down_m - down_m)))
+        error = reference.down_mps + fix - down_mps
+        limit = gains.integral_max_mps2
+        self._down_i = max(-limit, min(limit, self._down_i + gains.climb_i * step_s * error))
+        wanted = reference.down_mps2 + gains.climb_p * error + self._down_i
+        return max(-ACCEL_UP_MAX_MPS2, min(ACCEL_DOWN_MAX_MPS2, wanted))
+
+
+def throttle_for(thrust_mps2: Vector, tilt_cos: float, hover_throttle: float) -> float:
+    """Return the mean motor command for a specific thrust (NED) at the present tilt.
+
+    The part of the thrust that the vehicle's own tilt takes from the lift is made good, up to 60 degrees.
+    """
+    lift_mps2 = -thrust_mps2[2]
+    along_mps2 = min(
+        lift_mps2 / max(tilt_cos, 0.5), 2.0 * sqrt(lift_mps2 * lift_mps2 + GRAVITY_MPS2 * GRAVITY_MPS2)
+    )
+    return max(0.0, min(THROTTLE_MAX, hover_throttle * along_mps2 / GRAVITY_MPS2))

@@ -1,0 +1,1 @@
+"""The air that UA fly in: weather, wind, turbulence, maps."""

@@ -1,0 +1,230 @@
+"""The air that each UA flies in: constant wind, gusts, turbulence and wind maps, added up.
+
+A wind is data (YAML, see `load_wind`); `WindConfig.build` makes the wind that one UA feels. What it feels
+depends on its own place, time and airspeed, and on the seed and its id, but on no other UA and on no call
+order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi, radians, sin
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from fdm.air.turbulence import DrydenTurbulence
+from fdm.air.wind_map import MapWind, load_wind_map
+from fdm.errors import WindError
+from fdm.model.air_point import AirPoint, Wind
+from fdm.model.truth import Vector
+
+WINDS_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "wind"
+KNOT_MPS = 1852.0 / 3600.0
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ConstantConfig(_Strict):
+    """The same wind everywhere.
+
+    Attributes:
+        speed_mps: of the air.
+        from_deg: direction that it comes from, clockwise from true north.
+        up_mps: vertical part, positive upwards.
+    """
+
+    speed_mps: Annotated[float, Field(ge=0, le=100)]
+    from_deg: float = 0.0
+    up_mps: Annotated[float, Field(ge=-50, le=50)] = 0.0
+
+    def ned_mps(self) -> Vector:
+        """As a vector, NED m/s."""
+        angle = radians(self.from_deg)
+        return (-self.speed_mps * cos(angle), -self.speed_mps * sin(angle), -self.up_mps)
+
+
+class GustConfig(_Strict):
+    """A discrete gust: rises and falls as 1 - cos, and holds between (MIL-F-8785C, 3.7.1.3).
+
+    Attributes:
+        speed_mps: at its height.
+        from_deg: direction that it comes from.
+        up_mps: vertical part at its height.
+        start_s: sim time at which it begins.
+        rise_s, hold_s, fall_s: durations.
+        every_s: it comes again after this long; None = once.
+    """
+
+    speed_mps: Annotated[float, Field(ge=0, le=100)]
+    from_deg: float = 0.0
+    up_mps: Annotated[float, Field(ge=-50, le=50)] = 0.0
+    start_s: Annotated[float, Field(ge=0)]
+    rise_s: Annotated[float, Field(gt=0)] = 1.0
+    hold_s: Annotated[float, Field(ge=0)] = 0.0
+    fall_s: Annotated[float, Field(gt=0)] = 1.0
+    every_s: Annotated[float, Field(gt=0)] | None = None
+
+    @model_validator(mode="after")
+    def _over_before_it_comes_again(self) -> Self:
+        if self.every_s is not None and self.every_s < self.rise_s + self.hold_s + self.fall_s:
+            raise ValueError(f"every_s {self.every_s}: shorter than the gust itself")
+        return self
+
+
+class TurbulenceConfig(_Strict):
+    """Dryden turbulence (MIL-F-8785C): give `level` or `w20_mps`.
+
+    Attributes:
+        level: light, moderate or severe: wind at 20 ft of 15, 30 or 45 knots.
+        w20_mps: wind at 20 ft (6 m) above the ground, m/s.
+    """
+
+    level: Literal["light", "moderate", "severe"] | None = None
+    w20_mps: Annotated[float, Field(gt=0, le=100)] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.level is None) == (self.w20_mps is None):
+            raise ValueError("give either level or w20_mps")
+        return self
+
+    def wind_at_20ft_mps(self) -> float:
+        """Wind at 20 ft, m/s."""
+        knots = {"light": 15.0, "moderate": 30.0, "severe": 45.0}
+        return self.w20_mps if self.w20_mps is not None else knots[self.level or "light"] * KNOT_MPS
+
+
+class MapConfig(_Strict):
+    """A wind map, see fdm.air.wind_map.
+
+    Attributes:
+        file: NetCDF file, relative to the YAML file.
+        outside: what a UA outside the grid feels: the nearest edge's wind, or an error that ends the UA.
+    """
+
+    file: Path
+    outside: Literal["clamp", "error"] = "clamp"
+
+
+class WindConfig(_Strict):
+    """A wind: the sum of its parts.
+
+    Attributes:
+        description: one line for people.
+        constant, gusts, turbulence, map: the parts, each may be left out.
+    """
+
+    description: str = ""
+    constant: ConstantConfig | None = None
+    gusts: tuple[GustConfig, ...] = ()
+    turbulence: TurbulenceConfig | None = None
+    map: MapConfig | None = None
+
+    def build(self, *, seed: int, ua_id: int) -> Wind:
+        """The wind that UA `ua_id` feels in a run with `seed`.
+
+        Raises:
+            WindError: the wind map cannot be used.
+        """
+        steady: list[Wind] = []
+        if self.constant is not None:
+            steady.append(ConstantWind(self.constant.ned_mps()))
+        if self.map is not None:
+            steady.append(MapWind(load_wind_map(self.map.file), self.map.outside))
+        steady.extend(Gust(config) for config in self.gusts)
+        mean = SumOfWinds(steady)
+        if self.turbulence is None:
+            return mean
+        return DrydenTurbulence(mean, self.turbulence.wind_at_20ft_mps(), seed=seed, ua_id=ua_id)
+
+
+@dataclass(frozen=True)
+class ConstantWind:
+    """The same wind everywhere and always."""
+
+    ned_mps: Vector
+
+    def air_ned_mps(self, point: AirPoint) -> Vector:  # noqa: ARG002 - the same everywhere
+        """The wind."""
+        return self.ned_mps
+
+
+class Gust:
+    """A discrete gust of 1 - cosine shape."""
+
+    def __init__(self, config: GustConfig) -> None:
+        self._config = config
+        height = ConstantConfig(speed_mps=config.speed_mps, from_deg=config.from_deg, up_mps=config.up_mps)
+        self._height_ned_mps = height.ned_mps()
+
+    def air_ned_mps(self, point: AirPoint) -> Vector:
+        """The gust's part of the wind."""
+        share = self._share(point.sim_time_ns / 1e9)
+        north, east, down = self._height_ned_mps
+        return (share * north, share * east, share * down)
+
+    def _share(self, time_s: float) -> float:
+        config = self._config
+        since_s = time_s - config.start_s
+        if since_s < 0:
+            return 0.0
+        if config.every_s is not None:
+            since_s %= config.every_s
+        if since_s < config.rise_s:
+            return 0.5 * (1 - cos(pi * since_s / config.rise_s))
+        left_s = config.rise_s + config.hold_s + config.fall_s - since_s
+        if left_s <= 0:
+            return 0.0
+        return 1.0 if left_s >= config.fall_s else 0.5 * (1 - cos(pi * left_s / config.fall_s))
+
+
+class SumOfWinds:
+    """Winds added up."""
+
+    def __init__(self, parts: Sequence[Wind]) -> None:
+        self._parts = tuple(parts)
+
+    def air_ned_mps(self, point: AirPoint) -> Vector:
+        """The sum."""
+        north = east = down = 0.0
+        for part in self._parts:
+            n, e, d = part.air_ned_mps(point)
+            north, east, down = north + n, east + e, down + d
+        return (north, east, down)
+
+
+def wind_names() -> list[str]:
+    """Names of the winds that ship, sorted."""
+    return sorted(path.stem for path in WINDS_DIR.glob("*.yaml"))
+
+
+def load_wind(name_or_path: str | Path) -> WindConfig:
+    """Load a wind by name (``calm``) or from a YAML file.
+
+    Raises:
+        WindError: no such wind, or the file is wrong; the text says where.
+    """
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml"):
+        if not path.is_file():
+            raise WindError(f"no wind file {path}")
+    elif not (path := WINDS_DIR / f"{name_or_path}.yaml").is_file():
+        known = ", ".join(wind_names())
+        raise WindError(f"no wind {str(name_or_path)!r}: known are {known}; or give the path of a YAML file")
+    try:
+        config = WindConfig.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise WindError(f"{path}: {error}") from None
+    except ValidationError as error:
+        problems = (f"{'.'.join(map(str, p['loc'])) or '(file)'}: {p['msg']}" for p in error.errors())
+        raise WindError(f"{path}: {'; '.join(problems)}") from None
+    if config.map is None:
+        return config
+    file = (path.resolve().parent / config.map.file).resolve()
+    return config.model_copy(update={"map": config.map.model_copy(update={"file": file})})

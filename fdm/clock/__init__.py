@@ -1,0 +1,1 @@
+"""Fleet time: how far each UA may step, and when; ticks, also over several processes."""

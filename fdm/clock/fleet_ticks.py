@@ -1,0 +1,84 @@
+"""Ticks of a fleet that is spread over processes: a tick is due when every process has reached it. Sans-IO."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+
+from fdm.clock.events import EventKind, UaEvent
+from fdm.clock.status import ClockStatus, RateMeter
+from fdm.model.truth import Truth
+
+_LIVE_AFTER = {
+    EventKind.JOINED: True,
+    EventKind.RESTARTED: True,
+    EventKind.RETURNED: True,
+    EventKind.STALLED: False,
+    EventKind.DIVERGED: False,
+}
+
+
+class FleetTicks:
+    """Joins what the processes of a fleet report.
+
+    Args:
+        ua_ids: the whole fleet.
+        processes: how many there are; they are named by index.
+        tick_period_ns: sim time between ticks.
+    """
+
+    def __init__(self, ua_ids: Iterable[int], processes: int, tick_period_ns: int) -> None:
+        self._live = dict.fromkeys(sorted(ua_ids), False)
+        self._ended: set[int] = set()
+        self._restarts = dict.fromkeys(self._live, 0)
+        self._reports: list[deque[tuple[int, Sequence[Truth]]]] = [deque() for _ in range(processes)]
+        self._tick_period_ns = tick_period_ns
+        self._next_tick_ns = 0
+        self._rate: RateMeter | None = None
+
+    def reached(self, process: int, sim_time_ns: int, truths: Sequence[Truth]) -> None:
+        """All live UA of `process` have reached the tick `sim_time_ns`, with these truths."""
+        if sim_time_ns >= self._next_tick_ns:  # else it had no live UA when the fleet passed that tick
+            self._reports[process].append((sim_time_ns, truths))
+
+    def happened(self, event: UaEvent) -> None:
+        """Take note of what happened to a UA."""
+        self._live[event.ua_id] = _LIVE_AFTER[event.kind]
+        if event.kind is EventKind.DIVERGED:
+            self._ended.add(event.ua_id)
+        elif event.kind is not EventKind.STALLED:
+            self._ended.discard(event.ua_id)
+        if event.kind is EventKind.RESTARTED:
+            self._restarts[event.ua_id] += 1
+
+    def take_due(self, idle: Sequence[bool]) -> tuple[int, list[Truth]] | None:
+        """The tick that is due, if one is, with all truths by UA id; the next is then the one after it.
+
+        Args:
+            idle: per process, whether it has no live UA, so that nobody waits for it.
+        """
+        if not any(self._reports):
+            return None
+        if not all(reports or is_idle for reports, is_idle in zip(self._reports, idle, strict=True)):
+            return None
+        tick_ns = self._next_tick_ns
+        truths: list[Truth] = []
+        for reports in self._reports:
+            if reports and reports[0][0] == tick_ns:
+                truths += reports.popleft()[1]
+        self._next_tick_ns += self._tick_period_ns
+        return tick_ns, sorted(truths, key=lambda truth: truth.ua_id)
+
+    def status(self, sim_time_ns: int, wall_ns: int, speed: float, paused: bool) -> ClockStatus:
+        """The fleet's status at the tick `sim_time_ns`."""
+        if self._rate is None:
+            self._rate = RateMeter(wall_ns)
+        return ClockStatus(
+            sim_time_ns=sim_time_ns,
+            speed=speed,
+            real_time_factor=self._rate.measure(sim_time_ns, wall_ns),
+            paused=paused,
+            stalled_ua=tuple(i for i, live in self._live.items() if not live and i not in self._ended),
+            restarts=dict(self._restarts),
+            ended_ua=tuple(sorted(self._ended)),
+        )

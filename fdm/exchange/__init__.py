@@ -1,0 +1,1 @@
+"""The exchange: sockets and a loop around the sans-IO parts."""

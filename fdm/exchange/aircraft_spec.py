@@ -1,0 +1,54 @@
+"""What an exchange is asked to host: one record per UA."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fdm.exchange.hosted_aircraft import Disturb
+from fdm.model.air_point import Wind
+from fdm.model.airframe import Airframe
+from fdm.model.geodesy import Home
+
+PORT_BASE = 9002
+PORT_STRIDE = 10
+
+
+@dataclass(frozen=True, slots=True)
+class LegacyPeer:
+    """How a peer of the legacy scheme is served (fdm.wire.legacy).
+
+    Attributes:
+        state_port: port on the sender's host to which the state goes.
+        rate_hz: frames per second of sim time; each servo packet asks for one.
+    """
+
+    state_port: int
+    rate_hz: int
+
+
+@dataclass(frozen=True, slots=True)
+class AircraftSpec:
+    """One UA to host.
+
+    Attributes:
+        ua_id: its number, unique in the fleet.
+        airframe: what it is.
+        home: where it starts.
+        port: UDP port on which its autopilot is served; 0 = any free one.
+        wind: the air around it (fdm.air.wind.WindConfig.build); None = still.
+        disturb: adds errors to its sensors (fdm.model.sensor_noise); None = only those of SITL itself.
+        legacy: speak the legacy scheme; None = ArduPilot's JSON scheme.
+    """
+
+    ua_id: int
+    airframe: Airframe
+    home: Home
+    port: int
+    wind: Wind | None = None
+    disturb: Disturb | None = None
+    legacy: LegacyPeer | None = None
+
+
+def default_port(index: int) -> int:
+    """UDP port of UA `index` in ArduPilot's JSON scheme."""
+    return PORT_BASE + PORT_STRIDE * index

@@ -1,0 +1,410 @@
+"""The exchange: UDP sockets and a loop around the sans-IO parts. Hosts any number of UA in one process.
+
+One thread runs `Exchange.run`; the other methods may be called from any thread, `stop` also from a signal
+handler.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import time
+from collections.abc import Callable, Sequence
+from math import inf
+
+from fdm.clock.events import EventKind, UaEvent
+from fdm.clock.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, Peers, check_speed
+from fdm.clock.status import nanoseconds
+from fdm.errors import ModelDivergedError
+from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
+from fdm.exchange.command_queue import CommandQueue
+from fdm.exchange.eager_reader import reader_of
+from fdm.exchange.poller import Poller
+from fdm.exchange.seat import BuildModel, Seat, bind
+from fdm.exchange.settings import Coupling, check_coupling
+from fdm.model.jsbsim_model import JsbsimModel
+from fdm.model.truth import Truth
+from fdm.wire.lockstep import STEPPING, Verdict
+from fdm.wire.sensor_frame import decode_sensor_frame
+
+__all__ = ["AircraftSpec", "Exchange", "LegacyPeer", "default_port"]
+
+DATAGRAM_MAX_BYTES = 128
+"""Longer datagrams arrive cut to this length, which is the length of no servo packet either."""
+WAIT = 0
+"""Flag of a read that waits, up to the socket's time-out."""
+DRAIN_MAX = 16
+"""Datagrams without effect that are read from one socket before the others get their turn."""
+BATCH = 8
+"""UA that are stepped one after the other before they are answered: that keeps JSBSim in the processor's caches."""
+
+_log = logging.getLogger(__name__)
+
+
+class Exchange:
+    """Serves autopilots in lockstep over UDP, as their external physics.
+
+    Args:
+        aircraft: the UA to host, at least one.
+        host: address to bind to.
+        coupling: serial = the physics flies a frame while the autopilot waits for it. parallel = it sends the state at
+            boot beforehand and is from then on one frame ahead, so that both compute at the same time: servo outputs
+            take effect one frame later. (In co-simulation these are couplings of Gauss-Seidel and Jacobi type; Gomes
+            et al., "Co-simulation: a survey", ACM Computing Surveys 51(3), 2018.) Legacy peers are served serially.
+        speed: sim time per wall time; inf = as fast as possible.
+        window_ns: how far a UA may run ahead of the slowest; None = one frame at the slowest rate.
+        stall_timeout_s: wall time after which a UA that does not answer is let go.
+        tick_period_ns: sim time between ticks.
+        hold_ticks: wait for `release_tick` at every tick.
+        start_together: fly nobody before every UA has sent its first packet.
+        start_timeout_s: wall time after which those that have come start without the others.
+        on_truth: called with the truth of every live UA at every tick, in the loop's thread.
+        on_tick: called after that with the clock's status.
+        on_event: called when a UA joins, restarts, stalls, returns or diverges.
+        build_model: makes a flight model from airframe and home.
+        sockets: the UA's sockets, if they are bound already, in the order of `aircraft`; the exchange's from now on.
+        peers: the rest of the fleet, in other processes (see fdm.workers.fleet_exchange).
+
+    Raises:
+        PortInUseError: a port is taken.
+        AirframeError: a model cannot be loaded.
+        ValueError: no UA, an id twice, or a setting out of its range.
+    """
+
+    def __init__(
+        self,
+        aircraft: Sequence[AircraftSpec],
+        *,
+        host: str = "127.0.0.1",
+        coupling: Coupling = "serial",
+        speed: float = 1.0,
+        window_ns: int | None = None,
+        stall_timeout_s: float = 1.0,
+        tick_period_ns: int = 50_000_000,
+        hold_ticks: bool = False,
+        start_together: bool = True,
+        start_timeout_s: float = 60.0,
+        on_truth: Callable[[Truth], object] | None = None,
+        on_tick: Callable[[ClockStatus], object] | None = None,
+        on_event: Callable[[UaEvent], object] | None = None,
+        build_model: BuildModel = JsbsimModel,
+        sockets: Sequence[socket.socket] | None = None,
+        peers: Peers | None = None,
+    ) -> None:
+        settings = ClockSettings(
+            speed=speed,
+            window_ns=window_ns,
+            tick_period_ns=tick_period_ns,
+            hold_ticks=hold_ticks,
+            stall_timeout_ns=nanoseconds("stall_timeout_s", stall_timeout_s),
+            start_together=start_together,
+            start_timeout_ns=nanoseconds("start_timeout_s", start_timeout_s),
+        )
+        check_coupling(coupling)
+        self._coupling, self._peers = coupling, peers
+        ids = [spec.ua_id for spec in aircraft]
+        if len(set(ids)) != len(ids):
+            raise ValueError(f"ua_id twice in {ids}")
+        self._clock = FleetClock(ids, settings, time.monotonic_ns(), peers)
+        self._on_truth, self._on_tick, self._on_event = on_truth, on_tick, on_event
+        self._seats: dict[int, Seat] = {}
+        self._lone: Seat | None = None
+        self._arrivals: list[Seat] = []
+        self._blocked: list[Seat] = []
+        self._seen_version = -1
+        self._commands = CommandQueue()
+        self._stopping = False
+        self._poller = Poller()
+        self._listeners: dict[int, Callable[[], object]] = {}
+        self.listen(self._commands.fileno(), self._commands.drain)
+        try:
+            for index, spec in enumerate(aircraft):
+                self._add(spec, sockets[index] if sockets else bind(spec, host), build_model)
+        except BaseException:
+            self.close()
+            raise
+        if len(self._seats) == 1:
+            (self._lone,) = self._seats.values()
+            self._choose_reader(self._lone, speed)
+
+    @property
+    def ports(self) -> dict[int, int]:
+        """UDP port of each UA, by its id."""
+        return {seat.aircraft.ua_id: seat.sock.getsockname()[1] for seat in self._seats.values()}
+
+    def counters(self, ua_id: int) -> dict[str, int]:
+        """What UA `ua_id` received and did so far, by reason (fdm.wire.lockstep.Verdict, fdm.exchange.seat)."""
+        for seat in self._seats.values():
+            if seat.aircraft.ua_id == ua_id:
+                return seat.counters()
+        raise KeyError(f"no UA {ua_id}")
+
+    # The loop
+
+    def run(self) -> None:
+        """Serve until `stop` is called. Errors of the callbacks end it and come out of it."""
+        turn = self.turn
+        while not self._stopping:
+            turn()
+
+    def turn(self) -> None:
+        """Once round the loop: wait until something is there to do, and do it. What `run` repeats."""
+        lone = self._lone
+        if lone is None or lone.member.waiting or not lone.member.live:
+            self._wait()
+        elif self._wait_and_fly(lone):
+            return
+        self._progress()
+        for member in self._clock.take_stalled():
+            self._tell(EventKind.STALLED, member, "its autopilot does not answer")
+            self._progress()
+
+    def _choose_reader(self, lone: Seat, speed: float) -> None:
+        self._receive = reader_of(
+            lone.recvfrom, due_any_moment=lone.aircraft.parallel and speed == inf and self._peers is None
+        )
+
+    def _wait_and_fly(self, seat: Seat) -> bool:
+        """Wait for one datagram in the socket of a lone UA, which spares the poller.
+
+        Returns:
+            Whether it asked for a frame that could be flown and answered at once, and there is nothing else to do.
+        """
+        clock, aircraft, member = self._clock, seat.aircraft, seat.member
+        try:
+            datagram, sender = self._receive(DATAGRAM_MAX_BYTES, WAIT)
+        except BlockingIOError:
+            self._wait()
+            return False
+        clock.update(time.monotonic_ns())
+        if self._commands.waiting:
+            self._commands.obey()
+        verdict = aircraft.receive(datagram, sender, clock.wall_ns)
+        if verdict is not Verdict.ADVANCE:
+            self._act(seat, verdict)
+            return False
+        clock.ask(member, aircraft.target_ns())
+        if not clock.may_step(member):
+            self._blocked.append(seat)
+            return False
+        self._serve((seat,))
+        return clock.limits_version == self._seen_version
+
+    def _wait(self) -> None:
+        """Wait for packets, wakes or the clock, and hear what has come."""
+        clock = self._clock
+        # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
+        ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
+        clock.update(time.monotonic_ns())
+        seats = self._seats
+        for fd, _ in ready:
+            seat = seats.get(fd)
+            if seat is None:
+                self._listeners[fd]()
+            else:
+                self._hear(seat)
+
+    def stop(self) -> None:
+        """Let `run` return soon."""
+        self._stopping = True
+        self._commands.wake()
+
+    def close(self) -> None:
+        """Close all sockets. Not while `run` runs. What other threads command from now on has no effect."""
+        self._stopping = True
+        for seat in self._seats.values():
+            seat.sock.close()
+        self._poller.close()
+        self._commands.close()
+
+    def listen(self, fd: int, callback: Callable[[], object]) -> None:
+        """Have the loop call `callback` when the file descriptor `fd` can be read. Not while `run` runs."""
+        self._listeners[fd] = callback
+        self._poller.register(fd)
+
+    # Control, from any thread
+
+    def release_tick(self, sim_time_ns: int) -> None:
+        """With hold_ticks: UA may go on beyond the ticks up to `sim_time_ns`."""
+        self._commands.put(lambda: self._clock.release(sim_time_ns))
+
+    def pass_ticks(self, sim_time_ns: int) -> None:
+        """With peers: all processes have reached the ticks up to `sim_time_ns`, and they were emitted."""
+        self._commands.put(lambda: self._clock.pass_ticks(sim_time_ns))
+
+    def set_speed(self, speed: float) -> None:
+        """Aim at `speed` of sim time per wall time (inf = as fast as possible).
+
+        Raises:
+            ValueError: out of its range (fdm.clock.status.SPEED_RANGE).
+        """
+        check_speed(speed)
+
+        def command() -> None:
+            self._clock.set_speed(speed)
+            if self._lone is not None:
+                self._choose_reader(self._lone, speed)
+
+        self._commands.put(command)
+
+    def pause(self) -> None:
+        """Hold sim time."""
+        self._commands.put(self._clock.pause)
+
+    def resume(self) -> None:
+        """End a pause."""
+        self._commands.put(self._clock.resume)
+
+    def step(self, sim_ns: int) -> None:
+        """While paused: let sim time go on by `sim_ns` ns.
+
+        Raises:
+            ValueError: not above 0.
+        """
+        if sim_ns <= 0:
+            raise ValueError(f"step of {sim_ns} ns: must be above 0")
+        self._commands.put(lambda: self._clock.step(sim_ns))
+
+    # Inner workings
+
+    def _add(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
+        try:
+            seat = Seat(spec, sock, self._clock.members[spec.ua_id], build_model, self._coupling)
+        except BaseException:
+            sock.close()
+            raise
+        self._seats[sock.fileno()] = seat
+        self._poller.register(sock.fileno())
+
+    def _hear(self, seat: Seat) -> None:
+        """Read datagrams of one UA until one asks for a step, or there are none."""
+        for _ in range(DRAIN_MAX):
+            try:
+                datagram, sender = seat.recvfrom(DATAGRAM_MAX_BYTES, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return
+            verdict = seat.aircraft.receive(datagram, sender, self._clock.wall_ns)
+            self._act(seat, verdict)
+            if verdict in STEPPING:
+                return
+
+    def _act(self, seat: Seat, verdict: Verdict | None) -> None:
+        """Do what the verdict on a datagram asks for, short of stepping."""
+        if verdict is Verdict.ADVANCE or verdict is Verdict.GAP:
+            if seat.member.live or self._return(seat):
+                self._ask(seat)
+        elif verdict is Verdict.BOOT or verdict is Verdict.RESTART:
+            self._boot(seat, verdict)
+        elif verdict is Verdict.RESEND:
+            seat.send(seat.aircraft.lockstep.reply)
+
+    def _ask(self, seat: Seat) -> None:
+        if not seat.member.waiting:
+            self._arrivals.append(seat)
+        self._clock.ask(seat.member, seat.aircraft.target_ns())
+
+    def _boot(self, seat: Seat, verdict: Verdict) -> None:
+        seat.aircraft.reset()
+        seat.aircraft.set_fleet_time(self._clock.join(seat.member))
+        self._forget(seat)
+        if verdict is Verdict.BOOT:
+            self._tell(EventKind.JOINED, seat.member, "its autopilot sent its first packet")
+        else:
+            self._tell(EventKind.RESTARTED, seat.member, "its autopilot booted anew")
+        self._ask(seat)
+        if seat.aircraft.parallel:
+            try:
+                seat.send(seat.aircraft.at_boot())
+            except ModelDivergedError as error:
+                self._end(seat, error)
+
+    def _return(self, seat: Seat) -> bool:
+        """Take a stalled UA back; False if it is out for good."""
+        if seat.member.ended:
+            seat.aircraft.count("ignored_after_end")
+            return False
+        seat.aircraft.set_fleet_time(self._clock.join(seat.member))
+        self._forget(seat)
+        self._tell(EventKind.RETURNED, seat.member, "its autopilot answers again")
+        return True
+
+    def _forget(self, seat: Seat) -> None:
+        for waiting in (self._arrivals, self._blocked):
+            if seat in waiting:
+                waiting.remove(seat)
+
+    def _progress(self) -> None:
+        """Step whoever may, emit the ticks that are reached, until nothing moves."""
+        clock = self._clock
+        while True:
+            if self._commands.waiting:
+                self._commands.obey()
+            if clock.limits_version != self._seen_version:
+                if clock.due_tick_ns() is not None:
+                    self._emit_due_ticks()
+                self._seen_version = clock.limits_version
+                if self._blocked:
+                    self._arrivals, self._blocked = self._blocked + self._arrivals, []
+            candidates = self._arrivals
+            if not candidates:
+                return
+            self._arrivals = []
+            granted: list[Seat] = []
+            for seat in candidates:
+                (granted if clock.may_step(seat.member) else self._blocked).append(seat)
+            for begin in range(0, len(granted), BATCH):
+                self._serve(granted[begin : begin + BATCH])
+
+    def _serve(self, seats: Sequence[Seat]) -> None:
+        """Step all, then answer all."""
+        for seat in seats:
+            try:
+                seat.aircraft.step()
+            except ModelDivergedError as error:
+                self._end(seat, error)
+        clock = self._clock
+        for seat in seats:
+            aircraft = seat.aircraft
+            if not seat.member.waiting:
+                continue  # it has just ended
+            try:
+                reply = aircraft.measure()
+            except ModelDivergedError as error:
+                self._end(seat, error)
+                continue
+            seat.send(reply)
+            aircraft.lockstep.answered(aircraft.fields[2], reply, clock.wall_ns)
+            clock.stepped(seat.member)
+            if aircraft.early:
+                aircraft.take_early()
+                self._ask(seat)
+
+    def _end(self, seat: Seat, error: ModelDivergedError) -> None:
+        self._clock.end(seat.member)
+        self._forget(seat)
+        self._tell(EventKind.DIVERGED, seat.member, str(error))
+
+    def _emit_due_ticks(self) -> None:
+        clock = self._clock
+        while (tick_ns := clock.due_tick_ns()) is not None:
+            if self._on_truth is not None:
+                by_member = {seat.member: seat.aircraft for seat in self._seats.values()}
+                for member in clock.live_members():
+                    self._on_truth(by_member[member].truth())
+            status = clock.status(tick_ns, self._restarts())
+            clock.tick_emitted()
+            if self._on_tick is not None:
+                self._on_tick(status)
+            self._commands.obey()
+
+    def _restarts(self) -> dict[int, int]:
+        name = Verdict.RESTART.value
+        return {seat.aircraft.ua_id: seat.aircraft.counters().get(name, 0) for seat in self._seats.values()}
+
+    def _tell(self, kind: EventKind, member: Member, detail: str) -> None:
+        seat = next(seat for seat in self._seats.values() if seat.member is member)
+        last = decode_sensor_frame(seat.aircraft.lockstep.reply)
+        event = UaEvent(kind, member.ua_id, member.sim_time_ns, detail, last)
+        _log.info("UA %d %s: %s", event.ua_id, kind.value, detail)
+        if self._on_event is not None:
+            self._on_event(event)

@@ -1,0 +1,160 @@
+"""Which frame a servo packet asks for. Sans-IO: packets, senders and wall instants in, a verdict out.
+
+SITL sends its servos with a frame_count, blocks until a reply comes, and counts up. It never drains its
+socket, so a frame_count answered twice leaves it one frame behind for good: each is answered once. It repeats
+the packet about every 1.1 s while it has no reply; only then is the reply lost, and the cached
+one sent again.
+
+    frame_count            same sender                                another sender
+    last + 1               ADVANCE                                    ADVANCE
+    beyond (modulo 2**32)  GAP: answered, counted                     GAP
+    last, not answered     WAITING                                    RESTART
+    last, answered         DUPLICATE; RESEND after 1 s of silence     RESTART
+    a little below         STALE: reordered on the way                RESTART
+    far below              RESTART: the autopilot has booted anew     RESTART
+    0, if not last + 1     RESTART; STALE after 1                     RESTART
+"""
+
+from __future__ import annotations
+
+from enum import Enum, unique
+from typing import Any
+
+from fdm.wire.servo_packet import FRAME_COUNT_MODULUS
+
+RESEND_SILENCE_NS = 1_000_000_000
+"""Wall time after a reply from which a repeated packet means that the reply was lost."""
+REORDER_SPAN = 16
+"""A frame_count this little below the last one, from the same sender, is a late datagram, not a boot."""
+_HALF = FRAME_COUNT_MODULUS // 2
+
+
+@unique
+class Verdict(Enum):
+    """What to do with a servo packet. The value is also the name of its counter."""
+
+    BOOT = "boots"
+    """First packet ever: start the UA's time, step, answer."""
+    RESTART = "restarts"
+    """The autopilot booted anew: reset the UA, start its time, step, answer."""
+    ADVANCE = "frames"
+    """Next frame: step, answer."""
+    GAP = "gaps"
+    """A later frame than the next: step once, answer."""
+    WAITING = "repeats_while_waiting"
+    """Repeat of a frame that is not answered yet: nothing to do."""
+    DUPLICATE = "duplicates"
+    """Repeat of an answered frame, too soon to mean a lost reply: nothing to do."""
+    RESEND = "replies_sent_again"
+    """Repeat of an answered frame after silence: send the cached reply."""
+    STALE = "stale"
+    """A late datagram: nothing to do."""
+
+
+STEPPING = frozenset({Verdict.BOOT, Verdict.RESTART, Verdict.ADVANCE, Verdict.GAP})
+"""The verdicts after which the UA owes a step and a reply."""
+
+
+class Lockstep:
+    """The lockstep of one UA.
+
+    Attributes:
+        sender: source address of the latest packet that was not stale; replies go there. None before the
+            first.
+        reply: the latest reply, for RESEND; empty before the first.
+    """
+
+    __slots__ = ("_answered", "_answered_at_ns", "_frame_count", "reply", "sender")
+
+    def __init__(self) -> None:
+        self._frame_count = -1
+        self._answered = -1
+        self._answered_at_ns = 0
+        self.sender: Any = None
+        self.reply = b""
+
+    @property
+    def waiting(self) -> bool:
+        """The latest frame asked for is not answered yet."""
+        return self._answered != self._frame_count
+
+    def receive(self, frame_count: int, sender: object, wall_ns: int) -> Verdict:
+        """Judge a packet, and take note of it.
+
+        Args:
+            frame_count: of the packet, 0 to 2**32 - 1.
+            sender: its source address; compared with ``==``.
+            wall_ns: monotonic wall time, ns.
+        """
+        if sender == self.sender and (frame_count - self._frame_count) % FRAME_COUNT_MODULUS == 1:
+            self._frame_count = frame_count
+            return Verdict.ADVANCE
+        return self._judge_unusual(frame_count, sender, wall_ns)
+
+    def answered(self, frame_count: int, reply: bytes, wall_ns: int) -> None:
+        """Take note that `frame_count` was answered with `reply` at `wall_ns`."""
+        self._answered = frame_count
+        self.reply = reply
+        self._answered_at_ns = wall_ns
+
+    def _judge_unusual(self, frame_count: int, sender: object, wall_ns: int) -> Verdict:
+        if self._frame_count < 0:
+            return self._take(frame_count, sender, Verdict.BOOT)
+        ahead = (frame_count - self._frame_count) % FRAME_COUNT_MODULUS
+        if 0 < ahead < _HALF and (frame_count or ahead == 1):
+            return self._take(frame_count, sender, Verdict.ADVANCE if ahead == 1 else Verdict.GAP)
+        if sender != self.sender:
+            return self._take(frame_count, sender, Verdict.RESTART)
+        if ahead == 0:
+            return self._judge_repeat(wall_ns)
+        if FRAME_COUNT_MODULUS - ahead <= REORDER_SPAN and (frame_count or self._frame_count == 1):
+            return Verdict.STALE
+        return self._take(frame_count, sender, Verdict.RESTART)
+
+    def _judge_repeat(self, wall_ns: int) -> Verdict:
+        if self.waiting:
+            return Verdict.WAITING
+        if wall_ns - self._answered_at_ns < RESEND_SILENCE_NS:
+            return Verdict.DUPLICATE
+        self._answered_at_ns = wall_ns
+        return Verdict.RESEND
+
+    def _take(self, frame_count: int, sender: object, verdict: Verdict) -> Verdict:
+        self._frame_count = frame_count
+        self._answered = -1
+        self.sender = sender
+        return verdict
+
+
+class FrameTimer:
+    """Time of one UA since its autopilot's boot, counted in frames: exact after any number of them.
+
+    While the rate stays, the time after n frames is ``n * 10**9 // rate`` ns after the instant from which it
+    holds.
+
+    Attributes:
+        time_ns: the present time, ns.
+        rate_hz: rate of the latest frame, Hz; 0 before the first.
+    """
+
+    __slots__ = ("_base_ns", "_frames", "rate_hz", "time_ns")
+
+    def __init__(self) -> None:
+        self._base_ns = 0
+        self._frames = 0
+        self.rate_hz = 0
+        self.time_ns = 0
+
+    def next_ns(self, rate_hz: int) -> int:
+        """The time after one more frame at `rate_hz`, without taking it."""
+        if rate_hz == self.rate_hz:
+            return self._base_ns + (self._frames + 1) * 1_000_000_000 // rate_hz
+        return self.time_ns + 1_000_000_000 // rate_hz
+
+    def advance(self, rate_hz: int) -> int:
+        """Take one frame at `rate_hz`; returns the new time, ns."""
+        if rate_hz != self.rate_hz:
+            self._base_ns, self._frames, self.rate_hz = self.time_ns, 0, rate_hz
+        self._frames += 1
+        self.time_ns = self._base_ns + self._frames * 1_000_000_000 // rate_hz
+        return self.time_ns

@@ -1,0 +1,1 @@
+"""A fleet spread over worker processes."""

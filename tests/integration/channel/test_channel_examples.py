@@ -1,0 +1,46 @@
+"""Every example in the help of the channel's commands runs as it is printed."""
+
+import re
+import shlex
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from benchmarks.fit_coverage import SETS, synthetic_log
+from bridge.cli.main import lostlink
+
+COMMANDS = ("link", "radios", "figures", "fit")
+
+
+def examples():
+    for name in COMMANDS:
+        help_text = lostlink.get_command(click.Context(lostlink), name).help or ""
+        lines = re.findall(r"^ *lostlink (.+?)(?:  .*)?$", help_text.partition("Examples:")[2], re.MULTILINE)
+        yield from lines
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flight")
+    log = synthetic_log(SETS["paper-like"], 600, (3,))
+    rows = zip(log.distance_m, log.delivered, log.rssi_dbm, strict=True)
+    lines = [f"{d:.2f},{int(ok)},{'' if np.isnan(r) else round(r)}" for d, ok, r in rows]
+    (folder / "flight.csv").write_text("\n".join(["distance_m,delivered,rssi_dbm", *lines]))
+    return folder
+
+
+def test_every_command_has_examples():
+    assert {line.split()[0] for line in examples()} == set(COMMANDS)
+
+
+@pytest.mark.parametrize("line", [line for line in examples() if ".tlog" not in line])
+def test_examples_run(line, flight, monkeypatch):
+    monkeypatch.chdir(flight)
+    if "mine.yaml --distance" in line:
+        fit = CliRunner().invoke(lostlink, ["fit", "flight.csv", "--out", "mine.yaml"])
+        assert fit.exit_code == 0, fit.output
+    result = CliRunner().invoke(lostlink, shlex.split(line))
+    assert result.exit_code == 0, result.output
+    assert result.output.strip()

@@ -1,0 +1,128 @@
+"""Agents of the user's own are found by file or module, and what is wrong with them is said."""
+
+from __future__ import annotations
+
+import sys
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from bridge.agents import Agent, AgentError, agent_class
+from bridge.agents.own import load_class
+from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
+from bridge.scenario.model import OwnAgent
+from bridge.scenario.own_class import mistake_in
+
+TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
+OWN = """\
+from bridge.agents import Agent
+from own_constants import VALUE
+
+class Own(Agent):
+    value = VALUE
+
+class Other:
+    pass
+"""
+
+
+@pytest.fixture
+def agent_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A file with an agent, which imports another file beside it."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    for module in ("own_agent", "own_constants"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    (tmp_path / "own_constants.py").write_text("VALUE = 5\n")
+    path = tmp_path / "own_agent.py"
+    path.write_text(OWN)
+    return path
+
+
+def test_agent_in_a_file_may_import_what_lies_beside_it(agent_file: Path) -> None:
+    found = agent_class(OwnAgent(type="own", class_=f"{agent_file}:Own"))
+    assert issubclass(found, Agent)
+    assert found.value == 5  # type: ignore[attr-defined]
+
+
+def test_agent_in_a_module() -> None:
+    assert load_class("bridge.agents.still", "Still").__name__ == "Still"
+
+
+@pytest.mark.parametrize(
+    ("name", "says"), [("Nobody", "has no class Nobody"), ("Other", "no subclass of"), ("VALUE", "no class")]
+)
+def test_what_is_no_agent_is_refused(agent_file: Path, name: str, says: str) -> None:
+    with pytest.raises(AgentError, match=says):
+        load_class(str(agent_file), name)
+
+
+@pytest.mark.parametrize("name", ["bridge", "logging"])
+def test_file_must_not_take_the_place_of_another_module(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    before = sys.modules[name]
+    monkeypatch.setitem(sys.modules, name, before)
+    (tmp_path / f"{name}.py").write_text(OWN)
+    with pytest.raises(AgentError, match=f"{name} is the name of a module in use; give the file another"):
+        load_class(f"{tmp_path}/{name}.py", "Own")
+    assert sys.modules[name] is before
+
+
+def test_missing_module_is_named() -> None:
+    with pytest.raises(AgentError, match=r"no module nowhere\.to_be_found"):
+        load_class("nowhere.to_be_found", "Own")
+
+
+def test_options_reach_the_agents_process_as_they_are() -> None:
+    own = "{type: own, class: a:B, options: {limits_m: [.inf, -.inf, 1.5], names: {a: null, b: x}, quick: true}}"
+    scenario = parse_scenario(TEXT.replace("{type: hold, altitude_m: 40}", own), "my.yaml")
+    agent = parse_scenario(scenario.to_yaml(), "resolved.yaml").ua[0].agent
+    assert isinstance(agent, OwnAgent)
+    assert agent.options == {"limits_m": [inf, -inf, 1.5], "names": {"a": None, "b": "x"}, "quick": True}
+
+
+@pytest.mark.parametrize(
+    ("agent", "key", "says"),
+    [
+        (
+            "{type: own, class: a:B, options: {day: 2026-05-01}}",
+            "ua.0.agent.options.day",
+            "not a valid JSON value",
+        ),
+        (
+            "{type: own, class: a:B, options: {bytes: !!binary /w==}}",
+            "ua.0.agent.options.bytes",
+            "not a valid JSON value",
+        ),
+        ("{type: own, class: nowhere.py:Own}", "ua.0.agent.class", "nowhere.py: no such file"),
+        ("{type: own, class: nowhere}", "ua.0.agent.class", "should match pattern"),
+        ("{type: own}", "ua.0.agent.class", "is required"),
+        ("{type: own, clas: a:B}", "ua.0.agent.clas", "allowed here: type, class, has_task, options"),
+    ],
+)
+def test_mistake_is_told_with_its_place(agent: str, key: str, says: str) -> None:
+    old = "{type: hold, altitude_m: 40}"
+    assert old in TEXT
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(TEXT.replace(old, agent), "my.yaml")
+    assert f"my.yaml:{TEXT[: TEXT.index(old)].count(chr(10)) + 1}: {key}: " in str(caught.value)
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("class Other: ...", "has no class Own"),
+        ("class Own(:", ":1: invalid syntax"),
+        ("\0", "null bytes"),
+        ("class Own: ...", ""),
+        ("from somewhere import Own", ""),
+        ("from somewhere import *", ""),
+    ],
+)
+def test_file_is_looked_at_without_running_it(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "mine.py").write_text(f"{text}\nraise SystemExit('it ran')\n")
+    mistake = mistake_in(str(tmp_path / "mine.py"), "Own")
+    assert says in mistake if says else mistake == ""

@@ -1,0 +1,65 @@
+"""What real ArduPilot is started with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bridge.fleet.autopilots.ardupilot import ArduPilot
+from bridge.fleet.autopilots.launcher import LaunchPlan
+from bridge.fleet.child import ProcessSpec
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
+from bridge.scenario.resolve import airframe_of, home_of
+
+TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
+WITH_PARAMETERS = TEXT.replace(
+    "radio: moon2020", "radio: moon2020\nparameters: {SIM_RATE_HZ: 400, FRAME_TYPE: 0}"
+).replace(
+    "home: {north_m: 5, east_m: 0}",
+    "home: {north_m: 5, east_m: 0}\n    parameters: {SIM_RATE_HZ: 1000, WPNAV_SPEED: 0.125}",
+)
+
+
+def launched(tmp_path: Path, text: str, node: str) -> ProcessSpec:
+    binary = tmp_path / "arducopter"
+    binary.write_text("#!/bin/sh\n")
+    binary.chmod(0o755)
+    scenario = parse_scenario(text, "my.yaml")
+    run = RunDirectory.create(tmp_path / "runs", scenario.name)
+    ua = scenario.aircraft(node)
+    plan = LaunchPlan(run, scenario, ua, airframe_of(ua), home_of(ua, scenario.origin))
+    spec = ArduPilot({}, tmp_path).process(plan)
+    assert spec is not None
+    return spec
+
+
+def parameters_of(spec: ProcessSpec) -> dict[str, float]:
+    """What the files after --defaults say, the last one winning, as in ArduPilot."""
+    values: dict[str, float] = {}
+    for file in spec.command[spec.command.index("--defaults") + 1].split(","):
+        lines = (line.split("#")[0].split() for line in Path(file).read_text(encoding="utf-8").splitlines())
+        values |= {name: float(value) for name, value in filter(None, lines)}
+    return values
+
+
+def test_parameters_of_the_ua_win_over_those_of_all_and_those_over_the_airframes(tmp_path: Path) -> None:
+    first, second = (parameters_of(launched(tmp_path, WITH_PARAMETERS, node)) for node in ("0", "1"))
+    assert (first["SIM_RATE_HZ"], first["FRAME_TYPE"], first["FRAME_CLASS"]) == (400, 0, 1)
+    assert (second["SIM_RATE_HZ"], second["FRAME_TYPE"], second["WPNAV_SPEED"]) == (1000, 0, 0.125)
+    without = parameters_of(launched(tmp_path, TEXT, "1"))
+    assert (without["SIM_RATE_HZ"], without["FRAME_TYPE"]) == (800, 1)
+
+
+@pytest.mark.parametrize(
+    ("value", "key"),
+    [
+        ("{sim_rate: 1}", "parameters.sim_rate"),
+        ("{SIM_RATE_HZ: fast}", "parameters.SIM_RATE_HZ"),
+        ("5", "parameters"),
+    ],
+)
+def test_mistake_is_told_with_its_place(value: str, key: str) -> None:
+    with pytest.raises(ScenarioError, match=rf"my\.yaml:\d+: {key}"):
+        parse_scenario(TEXT + f"parameters: {value}\n", "my.yaml")

@@ -1,0 +1,227 @@
+"""Scenario files: what ships is right, and every mistake is named with file, line, key and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bridge.scenario.file import (
+    SCENARIOS,
+    ScenarioError,
+    parse_scenario,
+    read_scenario,
+    scenario_names,
+    with_changes,
+)
+from bridge.scenario.model import OwnAgent
+from bridge.scenario.resolve import airframe_of, wind_of
+from bridge.scenario.resolve_radio import radio_of
+
+TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
+
+
+def line_of(word: str, text: str) -> int:
+    return next(i for i, line in enumerate(text.splitlines(), 1) if word in line)
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
+    scenario = read_scenario(name)
+    assert parse_scenario(scenario.to_yaml(), "again") == scenario
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "says"),
+    [
+        ("seed: 1", "sead: 1", "sead", "unknown key; allowed here: schema, name"),
+        ("speed: max", "speed: fast", "speed", "'max' or a real-time factor from 0.1 to 1e+06 (got 'fast')"),
+        ("speed: max", "speed: 1.0e+300", "speed", "real-time factor from 0.1 to 1e+06 (got 1e+300)"),
+        ("speed: max", "speed: 0.01", "speed", "from 0.1 to"),
+        ("lat_deg: 40.1331", "lat_deg: 400", "origin.lat_deg", "less than or equal to 90 (got 400)"),
+        ("tick_rate_hz: 20", "tick_rate_hz: 3", "tick_rate_hz", "whole nanoseconds"),
+        ("type: hold", "type: hang", "ua.0.agent", "type has to be one of: hold, out_and_back, still"),
+        (
+            "altitude_m: 40}",
+            "altitude_m: 40, speed: 2}",
+            "ua.0.agent.speed",
+            "allowed here: type, altitude_m",
+        ),
+        ("north_m: 5", "nort_m: 5", "ua.1.home.nort_m", "allowed here: north_m, east_m, heading_deg"),
+        ("radio: moon2020", "radio: moon2021", "radio", "did you mean moon2020?"),
+        (
+            "radio: moon2020",
+            "radio: {preset: moon2020, nose: {}}",
+            "radio",
+            "unknown key; did you mean noise?",
+        ),
+        ("radio: moon2020", "radio: 5", "radio", "name of a radio preset"),
+        ("radio: moon2020", "radio: moon2020\nwind: storm", "wind", "no wind 'storm': known are"),
+        (
+            "seed: 1",
+            "fdm: {workers: none}",
+            "fdm.workers",
+            "'auto' or a number of processes, at least 1 (got 'none')",
+        ),
+        ("seed: 1", "fdm: {workers: 0}", "fdm.workers", "at least 1 (got 0)"),
+        (
+            "seed: 1",
+            "fdm: {wrkers: 2}",
+            "fdm.wrkers",
+            "allowed here: workers, coupling, scheme, legacy_rate_hz, sensor_noise",
+        ),
+        ("seed: 1", "fdm: {coupling: both}", "fdm.coupling", "'serial' or 'parallel' (got 'both')"),
+        (
+            "autopilot: standin",
+            "autopilot: external\nfdm: {scheme: legacy, coupling: parallel}",
+            "fdm",
+            "coupling parallel needs scheme json",
+        ),
+        ("seed: 1", "fdm: {scheme: gazebo}", "fdm.scheme", "'json' or 'legacy' (got 'gazebo')"),
+        ("seed: 1", "fdm: {scheme: legacy}", "fdm", "is for autopilot: external; the others speak json only"),
+        ("seed: 1", "fdm: {scheme: legacy, legacy_rate_hz: 5}", "fdm.legacy_rate_hz", "10 (got 5)"),
+        (
+            "seed: 1",
+            "fdm: {sensor_noise: {gyro: 1}}",
+            "fdm.sensor_noise.gyro",
+            "allowed here: gyro_sigma_radps, ",
+        ),
+        (
+            "seed: 1",
+            "fdm: {sensor_noise: {position_sigma_m: -1}}",
+            "fdm.sensor_noise.position_sigma_m",
+            "got -1",
+        ),
+        ("seed: 1", "weather: {qnh_hpa: 29.92}", "weather.qnh_hpa", "850 (got 29.92)"),
+        (
+            "seed: 1",
+            "weather: {temperature: 3}",
+            "weather.temperature",
+            "allowed here: temperature_offset_k, ",
+        ),
+        ("seed: 1", "weather: {temperature_offset_k: 3, ground_temperature_c: 3}", "weather", "not both"),
+        ("schema: 1", "schema: 2", "schema", "should be 1"),
+        ("seed: 1", "seed: 1\nseed: 2", "seed", "given twice"),
+        ("duration_s: 600 ", "duration_s: .inf ", "duration_s", "finite"),
+    ],
+)
+def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: str) -> None:
+    assert old in TEXT
+    text = TEXT.replace(old, new, 1)
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(text, "mine.yaml")
+    line = line_of(new.splitlines()[-1], text)
+    assert f"mine.yaml:{line}: {key}: " in str(caught.value)
+    assert says in str(caught.value)
+
+
+def test_unknown_airframe_is_named_with_the_known_ones() -> None:
+    with pytest.raises(
+        ScenarioError, match=r"x:\d+: ua\.0\.airframe: unknown airframe 'f451': known are .*f450"
+    ):
+        parse_scenario(TEXT.replace("airframe: f450", "airframe: f451", 1), "x")
+
+
+def test_missing_keys_are_all_named() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario("schema: 1\nname: x\n", "x.yaml")
+    assert {line.split(": ")[1] for line in str(caught.value).splitlines()} == {
+        "duration_s",
+        "origin",
+        "radio",
+        "ua",
+    }
+
+
+def test_id_used_twice() -> None:
+    with pytest.raises(ScenarioError, match="id 0 is used more than once"):
+        parse_scenario(TEXT.replace("id: 1", "id: 0"), "x")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "a", "1: [", "? [a]: b", "a: &x [*x]", "\t", "{" * 2000])
+def test_what_is_no_scenario_is_refused(text: str) -> None:
+    with pytest.raises(ScenarioError, match=r"^x"):
+        parse_scenario(text, "x")
+
+
+def test_unknown_name_lists_the_known(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"no such file.*separation"):
+        read_scenario(str(tmp_path / "nothing.yaml"))
+
+
+def test_changes_of_the_command_line_are_checked_too() -> None:
+    scenario = read_scenario("separation")
+    changed = with_changes(scenario, {"seed": 7, "ports.first_slot": 3})
+    assert (changed.seed, changed.ports.first_slot) == (7, 3)
+    assert changed.fdm_port(changed.ua[1]) == 9002 + 10 * 4
+    with pytest.raises(ScenarioError, match=r"duration_s: .*greater than 0"):
+        with_changes(scenario, {"duration_s": -1.0})
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a file of each kind that a scenario can name; the process is in another one."""
+    folder = tmp_path / "mission of 2026-11-21T12:00"
+    folder.mkdir()
+    (tmp_path / "start").mkdir()
+    monkeypatch.chdir(tmp_path / "start")
+    shipped = SCENARIOS / ".."
+    (folder / "air.yaml").write_text("constant: {speed_mps: 3, from_deg: 90}\n")
+    (folder / "quad.yaml").write_text((shipped / "airframes" / "f450.yaml").read_text(encoding="utf-8"))
+    (folder / "own.py").write_text("class Mine: ...\n")
+    (folder / "mine.yaml").write_text("preset: moon2020\nbase_loss: 0.25\n")
+    (folder / "loss.csv").write_text("snr_db,rate\n0,1\n20,0\n")
+    return folder
+
+
+def write_beside(folder: Path, radio: str) -> str:
+    text = TEXT.replace("radio: moon2020", f"radio: {radio}\nwind: air.yaml")
+    text = text.replace("airframe: f450", "airframe: quad.yaml", 1)
+    text = text.replace("{type: hold, altitude_m: 40}", "{type: own, class: own.py:Mine}")
+    (folder / "mission.yaml").write_text(text)
+    return str(folder / "mission.yaml")
+
+
+@pytest.mark.parametrize("radio", ["mine.yaml", "{preset: mine.yaml}"])
+def test_files_are_looked_for_beside_the_scenario(elsewhere: Path, radio: str) -> None:
+    scenario = read_scenario(write_beside(elsewhere, radio))
+    assert wind_of(scenario).constant is not None
+    assert airframe_of(scenario.ua[0]).name == "f450"
+    assert scenario.ua[0].agent == OwnAgent(type="own", class_=f"{elsewhere / 'own.py'}:Mine")
+    assert radio_of(scenario).config.base_loss == 0.25
+    assert parse_scenario(scenario.to_yaml(), "flown again") == scenario
+    assert with_changes(scenario, {"seed": scenario.seed}) == scenario
+
+
+def test_files_are_beside_the_link_that_a_scenario_is_reached_by(elsewhere: Path, tmp_path: Path) -> None:
+    (tmp_path / "far").mkdir()
+    Path(write_beside(elsewhere, "mine.yaml")).rename(tmp_path / "far" / "mission.yaml")
+    (elsewhere / "mission.yaml").symlink_to(tmp_path / "far" / "mission.yaml")
+    assert wind_of(read_scenario(str(elsewhere / "mission.yaml"))).constant is not None
+
+
+def test_mistakes_in_all_files_are_told_at_once(elsewhere: Path) -> None:
+    radio = "\n  preset: moon2020\n  error:\n    model: snr-table\n    table_file: nothing.csv"
+    path = write_beside(elsewhere, radio)
+    for name in ("air.yaml", "own.py", "quad.yaml"):
+        (elsewhere / name).unlink()
+    with pytest.raises(ScenarioError) as raised:
+        read_scenario(path)
+    lines = str(raised.value).splitlines()
+    text = Path(path).read_text()
+    places = [line_of(word, text) for word in ("table_file:", "wind:", "airframe:", "class:")]
+    assert [line.split(": ")[0] for line in lines] == [f"{path}:{place}" for place in places]
+
+
+def test_a_table_is_looked_for_beside_the_scenario_and_kept_in_it(elsewhere: Path) -> None:
+    radio = "{preset: moon2020, error: {model: snr-table, table_file: loss.csv}}"
+    path = write_beside(elsewhere, radio)
+    scenario = read_scenario(path)
+    assert isinstance(scenario.radio, dict)
+    assert scenario.radio["error"]["table"] == [[0.0, 1.0], [20.0, 0.0]]
+    assert parse_scenario(scenario.to_yaml(), "flown again") == scenario
+    (elsewhere / "loss.csv").unlink()
+    with pytest.raises(
+        ScenarioError, match=r"mission.yaml:15: radio: error.table_file: cannot read .*loss.csv"
+    ):
+        read_scenario(path)

@@ -1,0 +1,528 @@
+"""The stand-in's MAVLink side, without sockets: what ArduCopter answers, on a vehicle that stands."""
+
+import json
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridge.standin.autopilot import Autopilot
+from bridge.standin.fdm_link import FdmLink
+from bridge.standin.location import Location
+from bridge.standin.parameters import (
+    DefaultsFileError,
+    Parameters,
+    UnknownParameterError,
+    load_defaults,
+)
+from bridge.standin.sensors import parse_sensor_frame
+
+HOME = Location(45.0, 10.0, 100.0)
+STEP_S = 0.0025
+GUIDED, AUTO, RTL = 4, 3, 6
+
+
+def sensor_frame(timestamp_s: float, **changes: Any) -> bytes:
+    frame: dict[str, Any] = {
+        "timestamp": timestamp_s,
+        "imu": {"gyro": [0.0, 0.0, 0.0], "accel_body": [0.0, 0.0, -9.80665]},
+        "position": [0.0, 0.0, 0.0],
+        "velocity": [0.0, 0.0, 0.0],
+        "quaternion": [1.0, 0.0, 0.0, 0.0],
+        "airspeed": 0.0,
+        "no_time_sync": 1,
+    }
+    return b"\n" + json.dumps(frame | changes, separators=(",", ":")).encode() + b"\n"
+
+
+class Bench:
+    """An autopilot on the ground with a client."""
+
+    def __init__(self) -> None:
+        parameters = Parameters()
+        parameters.set("MAV_SYSID", 7)
+        self.autopilot = Autopilot(HOME, parameters, frame_rate_hz=400, boot_unix_us=0)
+        self.autopilot.mavlink.connect()
+        self.client = dialect.MAVLink(None, 255, 190)
+        self.parser = dialect.MAVLink(None)
+        self.frames = 0
+        self.heard: list[Any] = []
+
+    def run(self, duration_s: float) -> list[Any]:
+        heard = []
+        for _ in range(round(duration_s / STEP_S)):
+            self.autopilot.receive_sensors(sensor_frame(self.frames * STEP_S), 0.0)
+            self.frames += 1
+            heard += self.take()
+        return heard
+
+    def take(self) -> list[Any]:
+        data = self.autopilot.mavlink.data_to_send()
+        heard = (self.parser.parse_buffer(data) or []) if data else []
+        self.heard += heard
+        return heard
+
+    def say(self, message: Any) -> list[Any]:
+        self.autopilot.mavlink.receive(message.pack(self.client))
+        return self.take()
+
+    def command(self, number: int, *parameters: float) -> list[Any]:
+        padded = [*parameters, *([0.0] * (7 - len(parameters)))]
+        return self.say(dialect.MAVLink_command_long_message(7, 1, number, 0, *padded))
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture
+def ready(bench: Bench) -> Bench:
+    bench.run(4.0)
+    bench.command(176, 1, GUIDED)
+    return bench
+
+
+def results(messages: list[Any]) -> list[tuple[int, int]]:
+    return [(m.command, m.result) for m in messages if m.get_type() == "COMMAND_ACK"]
+
+
+def texts(messages: list[Any]) -> list[str]:
+    return [m.text for m in messages if m.get_type() == "STATUSTEXT"]
+
+
+def kinds(messages: list[Any]) -> list[str]:
+    return [m.get_type() for m in messages]
+
+
+# --- output without being asked ---
+
+
+def test_only_heartbeats_and_news_go_out_by_default(bench: Bench) -> None:
+    heard = bench.run(10.0)
+    beats = [m for m in heard if m.get_type() == "HEARTBEAT"]
+    assert len(beats) == 10
+    assert set(kinds(heard)) == {"HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
+    assert (beats[0].type, beats[0].autopilot, beats[0].base_mode, beats[0].custom_mode) == (2, 3, 81, 0)
+    assert (beats[0].get_srcSystem(), beats[0].get_srcComponent()) == (7, 1)
+
+
+def test_heartbeat_tells_the_mode_at_once(ready: Bench) -> None:
+    ready.run(0.1)
+    ready.command(176, 1, RTL)
+    beats = [m for m in ready.run(STEP_S) if m.get_type() == "HEARTBEAT"]
+    assert [(m.base_mode, m.custom_mode) for m in beats] == [(89, RTL)]
+
+
+# --- arming ---
+
+
+@pytest.mark.parametrize(
+    ("wait_s", "text"), [(0.5, "Arm: GPS 1: Bad fix"), (2.0, "Arm: Need Position Estimate")]
+)
+def test_arming_too_early_is_refused_with_the_reason(bench: Bench, wait_s: float, text: str) -> None:
+    bench.command(176, 1, GUIDED)
+    bench.run(wait_s)
+    answer = bench.command(400, 1)
+    assert results(answer) == [(400, 4)]
+    assert texts(answer) == [text]
+
+
+def test_arming_before_any_frame_is_refused(bench: Bench) -> None:
+    answer = bench.command(400, 1)
+    assert results(answer) == [(400, 4)]
+    assert texts(answer) == ["Arm: AHRS: not healthy"]
+
+
+def test_prearm_bit_and_arming_follow_within_five_seconds(bench: Bench) -> None:
+    bench.command(176, 1, GUIDED)
+    bench.run(1.5)
+    before = next(m for m in bench.command(512, 1) if m.get_type() == "SYS_STATUS")
+    assert not before.onboard_control_sensors_health & dialect.MAV_SYS_STATUS_PREARM_CHECK
+    bench.run(3.5)
+    after = next(m for m in bench.command(512, 1) if m.get_type() == "SYS_STATUS")
+    assert after.onboard_control_sensors_health & dialect.MAV_SYS_STATUS_PREARM_CHECK
+    answer = bench.command(400, 1)
+    assert results(answer) == [(400, 0)]
+    assert texts(answer) == ["Arming motors"]
+    assert any(m.get_type() == "HEARTBEAT" and m.base_mode & 128 for m in bench.run(STEP_S))
+
+
+def test_modes_that_cannot_arm_say_so(ready: Bench) -> None:
+    assert results(ready.command(176, 1, RTL)) == [(176, 0)]
+    answer = ready.command(400, 1)
+    assert results(answer) == [(400, 4)]
+    assert texts(answer) == ["Arm: RTL mode not armable"]
+    ready.command(176, 1, AUTO)
+    assert texts(ready.command(400, 1)) == ["Arm: Mode requires mission"]
+
+
+def test_forced_arming_skips_the_checks(bench: Bench) -> None:
+    bench.run(0.1)
+    assert results(bench.command(400, 1, 21196)) == [(400, 0)]
+
+
+def test_a_leaning_vehicle_does_not_arm(bench: Bench) -> None:
+    for index in range(1700):
+        attitude = [math.cos(0.5), math.sin(0.5), 0.0, 0.0]
+        bench.autopilot.receive_sensors(sensor_frame(index * STEP_S, quaternion=attitude), 0.0)
+    bench.take()
+    assert texts(bench.command(400, 1)) == ["Arm: Leaning"]
+
+
+def test_an_armed_vehicle_that_stands_is_disarmed_after_the_delay(ready: Bench) -> None:
+    ready.command(400, 1)
+    ready.run(9.5)
+    assert ready.autopilot.vehicle.armed
+    heard = ready.run(1.0)
+    assert "Disarming motors" in texts(heard)
+    assert not ready.autopilot.vehicle.armed
+
+
+def test_motors_idle_while_armed_and_stop_when_disarmed(ready: Bench) -> None:
+    vehicle = ready.autopilot.vehicle
+    ready.command(400, 1)
+    ready.run(0.1)
+    assert vehicle.servo_output_us[:5] == [1100, 1100, 1100, 1100, 0]
+    ready.command(400, 0)
+    ready.run(0.1)
+    assert vehicle.servo_output_us[:5] == [1000, 1000, 1000, 1000, 0]
+
+
+# --- commands ---
+
+
+def test_unknown_commands_modes_and_targets(ready: Bench) -> None:
+    assert results(ready.command(12345)) == [(12345, 3)]
+    answer = ready.command(176, 1, 99)
+    assert results(answer) == [(176, 4)]
+    assert texts(answer) == ["No such mode 99"]
+    assert results(ready.command(176, 0, GUIDED)) == [(176, 2)]
+    assert ready.say(dialect.MAVLink_command_long_message(8, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)) == []
+    assert ready.say(dialect.MAVLink_command_long_message(7, 154, 400, 0, 1, 0, 0, 0, 0, 0, 0)) == []
+    assert not ready.autopilot.vehicle.armed
+    assert ready.autopilot.mavlink.ignored["other_target"] == 2
+
+
+def test_set_mode_message_changes_the_mode_without_acknowledgement(ready: Bench) -> None:
+    assert ready.say(dialect.MAVLink_set_mode_message(7, 1, RTL)) == []
+    assert ready.autopilot.vehicle.mode.name == "RTL"
+
+
+def test_takeoff_needs_an_armed_vehicle_in_guided(ready: Bench) -> None:
+    assert results(ready.command(22, 0, 0, 0, 0, 0, 0, 20)) == [(22, 4)]
+    ready.command(400, 1)
+    assert results(ready.command(22, 0, 0, 0, 0, 0, 0, 0)) == [(22, 4)]
+    assert results(ready.command(22, 0, 0, 0, 0, 0, 0, math.nan)) == [(22, 2)]
+    assert results(ready.command(22, 0, 0, 0, 0, 0, 0, 20)) == [(22, 0)]
+    assert results(ready.command(22, 0, 0, 0, 0, 0, 0, 20)) == [(22, 4)]
+    ready.run(1.0)
+    assert min(ready.autopilot.vehicle.servo_output_us[:4]) > 1150, "the motors speed up"
+
+
+def test_reposition_is_taken_as_command_int_only(ready: Bench) -> None:
+    assert results(ready.command(192, -1, 1, 0, 0, 45.001, 10.001, 20)) == [(192, 3)]
+    message = dialect.MAVLink_command_int_message(7, 1, 6, 192, 0, 0, -1, 1, 0, 0, 450010000, 100010000, 20)
+    assert results(ready.say(message)) == [(192, 0)]
+    bad = dialect.MAVLink_command_int_message(7, 1, 6, 192, 0, 0, -1, 1, 0, 0, 950010000, 100010000, 20)
+    assert results(ready.say(bad)) == [(192, 2)]
+
+
+def test_home_can_be_asked_for_and_set(ready: Bench) -> None:
+    assert kinds(ready.command(410)) == ["HOME_POSITION", "GPS_GLOBAL_ORIGIN", "COMMAND_ACK"]
+    message = dialect.MAVLink_command_int_message(7, 1, 0, 179, 0, 0, 0, 0, 0, 0, 450100000, 100100000, 90)
+    answer = ready.say(message)
+    assert kinds(answer) == ["COMMAND_ACK", "GPS_GLOBAL_ORIGIN", "HOME_POSITION"]
+    assert (answer[2].latitude, answer[2].longitude, answer[2].altitude) == (450100000, 100100000, 90000)
+    ready.command(400, 1)
+    assert ready.autopilot.vehicle.home == Location(45.01, 10.01, 90.0), "a home that was set stays at arming"
+
+
+def test_speed_changes(ready: Bench) -> None:
+    assert results(ready.command(178, 1, 7)) == [(178, 0)]
+    assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 7.0
+    assert results(ready.command(178, 1, 0)) == [(178, 2)]
+    assert results(ready.command(178, 9, 3)) == [(178, 2)]
+    assert results(ready.command(178, 2, 3)) == [(178, 0)]
+    assert ready.autopilot.vehicle.limits().climb_mps == 3.0
+
+
+# --- streams ---
+
+
+def test_intervals_set_read_and_stopped(ready: Bench) -> None:
+    assert results(ready.command(511, 30, 100_000)) == [(511, 0)]
+    attitudes = [m for m in ready.run(2.0) if m.get_type() == "ATTITUDE"]
+    assert len(attitudes) == 20
+    steps = {b.time_boot_ms - a.time_boot_ms for a, b in pairwise(attitudes)}
+    assert steps == {100}
+    assert [m.interval_us for m in ready.command(510, 30) if m.get_type() == "MESSAGE_INTERVAL"] == [100_000]
+    ready.command(511, 30, -1)
+    assert "ATTITUDE" not in kinds(ready.run(1.0))
+    assert [m.interval_us for m in ready.command(510, 30) if m.get_type() == "MESSAGE_INTERVAL"] == [-1]
+
+
+def test_unknown_messages_cannot_be_streamed(ready: Bench) -> None:
+    answer = ready.command(511, 9999, 100_000)
+    assert results(answer) == [(511, 2)]
+    assert texts(answer) == ["No ap_message for mavlink id (9999)"]
+    answer = ready.command(510, 9999)
+    assert [(m.message_id, m.interval_us) for m in answer if m.get_type() == "MESSAGE_INTERVAL"] == [
+        (9999, 0)
+    ]
+    assert results(answer) == [(510, 4)]
+    assert results(ready.command(512, 9999)) == [(512, 4)]
+
+
+def test_intervals_outlive_the_connection(ready: Bench) -> None:
+    ready.command(511, 33, 200_000)
+    ready.autopilot.mavlink.disconnect()
+    assert ready.run(1.0) == []
+    ready.autopilot.mavlink.connect()
+    assert kinds(ready.run(1.0)).count("GLOBAL_POSITION_INT") == 5
+
+
+def test_data_stream_groups(ready: Bench) -> None:
+    ready.say(dialect.MAVLink_request_data_stream_message(7, 1, 6, 4, 1))
+    heard = kinds(ready.run(1.0))
+    assert heard.count("GLOBAL_POSITION_INT") == heard.count("LOCAL_POSITION_NED") == 4
+    ready.say(dialect.MAVLink_request_data_stream_message(7, 1, 0, 4, 0))
+    assert "GLOBAL_POSITION_INT" not in kinds(ready.run(1.0))
+
+
+def test_every_message_can_be_requested_and_follows_the_acknowledgement(ready: Bench) -> None:
+    for message_id in (
+        0,
+        1,
+        2,
+        24,
+        27,
+        29,
+        30,
+        31,
+        32,
+        33,
+        36,
+        42,
+        62,
+        65,
+        74,
+        85,
+        87,
+        147,
+        148,
+        168,
+        193,
+        242,
+        245,
+    ):
+        answer = ready.command(512, message_id)
+        assert results(answer) == [(512, 0)]
+        assert [m.get_msgId() for m in answer] == [77, message_id]
+
+
+def test_state_messages_carry_the_sensor_frame(ready: Bench) -> None:
+    vehicle, index = ready.autopilot.vehicle, ready.frames
+    frame = sensor_frame(
+        index * STEP_S,
+        position=[100.0, -50.0, -30.0],
+        velocity=[3.0, 4.0, -1.0],
+        airspeed=6.0,
+        quaternion=[math.cos(0.25), 0.0, 0.0, math.sin(0.25)],
+    )
+    ready.autopilot.receive_sensors(frame, 0.0)
+    ready.take()
+    position = ready.command(512, 33)[1]
+    assert (position.alt, position.relative_alt) == (130_000, 30_000)
+    assert (position.vx, position.vy, position.vz) == (300, 400, -100)
+    assert position.lat == pytest.approx(450_000_000 + 100 / 0.011131884502145034, abs=1)
+    east_scale = 0.011131884502145034 * math.cos(math.radians(45.0 + 50 / 111318.8))
+    assert position.lon == pytest.approx(100_000_000 - 50 / east_scale, abs=1)
+    assert position.hdg == pytest.approx(math.degrees(0.5) * 100, abs=1)
+    hud = ready.command(512, 74)[1]
+    assert (hud.groundspeed, hud.airspeed, hud.climb, hud.alt) == pytest.approx((5.0, 6.0, 1.0, 130.0))
+    assert ready.command(512, 30)[1].yaw == pytest.approx(0.5)
+    assert ready.command(512, 32)[1].x == pytest.approx(100.0)
+    assert vehicle.alt_rel_m == pytest.approx(30.0)
+
+
+# --- parameters ---
+
+
+def test_parameter_list_is_complete(ready: Bench) -> None:
+    ready.say(dialect.MAVLink_param_request_list_message(7, 1))
+    ready.run(1.0)
+    values = [m for m in ready.heard if m.get_type() == "PARAM_VALUE"]
+    assert [m.param_index for m in values] == list(range(values[0].param_count))
+    assert {"MAV_SYSID", "SYSID_THISMAV", "WPNAV_SPEED", "RTL_ALT"} <= {m.param_id for m in values}
+
+
+def test_parameter_read_and_set(ready: Bench) -> None:
+    def read(name: str) -> list[float]:
+        answer = ready.say(dialect.MAVLink_param_request_read_message(7, 1, name.encode(), -1))
+        return [m.param_value for m in answer]
+
+    assert read("WPNAV_SPEED") == [1000.0]
+    answer = ready.say(dialect.MAVLink_param_set_message(7, 1, b"WPNAV_SPEED", 650.0, 9))
+    assert [(m.param_id, m.param_value, m.param_type) for m in answer] == [("WPNAV_SPEED", 650.0, 9)]
+    ready.run(0.1)
+    assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 6.5
+    assert ready.say(dialect.MAVLink_param_set_message(7, 1, b"WPNAV_SPEED", math.nan, 9)) == []
+    assert ready.say(dialect.MAVLink_param_set_message(7, 1, b"NOPE", 1.0, 9)) == []
+    assert read("WPNAV_SPEED") == [650.0]
+    assert read("NOPE") == []
+    answer = ready.say(dialect.MAVLink_param_set_message(7, 1, b"RTL_ALT", 2000.6, 6))
+    assert [m.param_value for m in answer] == [2001.0]
+    assert read("SYSID_THISMAV") == read("MAV_SYSID") == [7.0]
+
+
+def test_defaults_files(tmp_path: Path) -> None:
+    path = tmp_path / "a.parm"
+    path.write_text("# comment\nWPNAV_SPEED 500\nRTL_ALT,3000 # cm\nSCHED_LOOP_RATE 200\n\n")
+    parameters = Parameters()
+    assert load_defaults(parameters, [path]) == ["SCHED_LOOP_RATE"]
+    assert (parameters["WPNAV_SPEED"], parameters["RTL_ALT"]) == (500.0, 3000.0)
+    path.write_text("WPNAV_SPEED 500\nRTL_ALT high\n")
+    with pytest.raises(DefaultsFileError, match=r"a\.parm:2: .*'RTL_ALT high'"):
+        load_defaults(Parameters(), [path])
+    with pytest.raises(UnknownParameterError):
+        parameters.set("NOPE", 1.0)
+
+
+# --- missions ---
+
+
+def item(seq: int, command: int = 16, frame: int = 3, lat: int = 450_000_000, lon: int = 100_000_000) -> Any:
+    return dialect.MAVLink_mission_item_int_message(
+        7, 1, seq, frame, command, 0, 1, 0, 0, 0, 0, lat, lon, 20.0, 0
+    )
+
+
+def upload(bench: Bench, items: list[Any]) -> list[Any]:
+    answer = bench.say(dialect.MAVLink_mission_count_message(7, 1, len(items), 0))
+    while answer and answer[0].get_type() == "MISSION_REQUEST":
+        answer = bench.say(items[answer[0].seq])
+    return answer
+
+
+def test_mission_upload_download_and_clear(ready: Bench) -> None:
+    answer = upload(ready, [item(0, frame=0), item(1, 22), item(2, lat=450_010_000), item(3, 20, frame=2)])
+    assert (answer[0].get_type(), answer[0].type) == ("MISSION_ACK", 0)
+    assert texts(answer) == ["Flight plan received"]
+    assert [m.count for m in ready.say(dialect.MAVLink_mission_request_list_message(7, 1, 0))] == [4]
+    (second,) = ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 2, 0))
+    assert (second.seq, second.command, second.x, second.y, second.z) == (
+        2,
+        16,
+        450_010_000,
+        100_000_000,
+        20.0,
+    )
+    (old,) = ready.say(dialect.MAVLink_mission_request_message(7, 1, 2, 0))
+    assert (old.get_type(), old.x) == ("MISSION_ITEM", pytest.approx(45.001))
+    (home,) = ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 0, 0))
+    assert (home.x, home.y, home.z) == (450_000_000, 100_000_000, 100.0)
+    assert [m.get_type() for m in ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 9, 0))] == [
+        "MISSION_COUNT",
+        "MISSION_ACK",
+    ]
+    assert [m.seq for m in ready.say(dialect.MAVLink_mission_set_current_message(7, 1, 2))] == [2]
+    assert ready.say(dialect.MAVLink_mission_set_current_message(7, 1, 77)) == []
+    assert [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, 0))] == [0]
+    assert [m.count for m in ready.say(dialect.MAVLink_mission_request_list_message(7, 1, 0))] == [0]
+
+
+@pytest.mark.parametrize(
+    ("bad", "result"),
+    [
+        (item(1, 9999), 3),
+        (item(1, 16, frame=10), 2),
+        (item(1, lat=910_000_000), 10),
+        (item(1, lon=1_900_000_000), 11),
+        (item(5), 13),
+    ],
+)
+def test_bad_items_are_refused_and_change_nothing(ready: Bench, bad: Any, result: int) -> None:
+    upload(ready, [item(0), item(1)])
+    ready.say(dialect.MAVLink_mission_count_message(7, 1, 3, 0))
+    ready.say(item(0))
+    assert [m.type for m in ready.say(bad)] == [result]
+    assert len(ready.autopilot.vehicle.mission) == 2
+
+
+def test_an_upload_asks_again_and_is_given_up(ready: Bench) -> None:
+    ready.say(dialect.MAVLink_mission_count_message(7, 1, 3, 0))
+    heard = [m for m in ready.run(10.0) if m.get_type().startswith("MISSION")]
+    assert {(m.get_type(), getattr(m, "seq", None)) for m in heard[:-1]} == {("MISSION_REQUEST", 0)}
+    assert 6 <= len(heard) - 1 <= 8
+    assert (heard[-1].get_type(), heard[-1].type) == ("MISSION_ACK", dialect.MAV_MISSION_OPERATION_CANCELLED)
+
+
+def test_a_stray_item_and_too_many_items_are_refused(ready: Bench) -> None:
+    assert [m.type for m in ready.say(item(0))] == [1]
+    assert [m.type for m in ready.say(dialect.MAVLink_mission_count_message(7, 1, 5000, 0))] == [4]
+
+
+# --- physics link ---
+
+
+def test_frames_are_answered_once_and_time_is_the_sum_of_advances() -> None:
+    link = FdmLink(400)
+    first = link.start(0.0)
+    assert len(first) == 40
+    assert first[:8] == bytes((0x1A, 0x48, 0x90, 0x01, 0, 0, 0, 0))
+    assert link.receive(sensor_frame(0.01)) is not None
+    assert link.sim_time_ns == 10_000_000
+    packet = link.answer([1500] * 16, 0.5)
+    assert packet[4:8] == bytes((1, 0, 0, 0))
+    assert packet[8:10] == bytes((0xDC, 0x05))
+    assert link.receive(sensor_frame(0.01)) is None
+    assert link.receive(b"{}") is None
+    assert link.receive(sensor_frame(0.0025)) is not None
+    assert (link.step_s, link.sim_time_ns) == (0.0, 10_000_000)
+    assert link.receive(sensor_frame(0.005)) is not None
+    assert link.sim_time_ns == 12_500_000
+    assert link.dropped == {"duplicate": 1, "malformed": 1}
+    assert link.events["physics_resets"] == 1
+    assert link.deadline_s() == pytest.approx(1.6)
+    assert link.resend(1.7) == packet
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"timestamp": -1.0},
+        {"timestamp": "now"},
+        {"position": [0.0, 0.0]},
+        {"position": [0.0, 0.0, math.nan]},
+        {"velocity": [math.inf, 0.0, 0.0]},
+        {"quaternion": [0.0, 0.0, 0.0, 0.0]},
+        {"imu": {"gyro": [0.0, 0.0, 0.0]}},
+        {"imu": 3},
+        {"airspeed": math.nan},
+        {"airspeed": "fast"},
+    ],
+)
+def test_implausible_frames_are_refused(changes: dict[str, Any]) -> None:
+    assert parse_sensor_frame(sensor_frame(1.0)) is not None
+    assert parse_sensor_frame(sensor_frame(1.0, **changes)) is None
+
+
+def test_euler_angles_serve_where_there_is_no_quaternion() -> None:
+    frame = json.loads(sensor_frame(1.0, attitude=[0.0, 0.0, 1.0]))
+    del frame["quaternion"]
+    parsed = parse_sensor_frame(json.dumps(frame).encode())
+    assert parsed is not None
+    assert parsed.attitude_wxyz == pytest.approx((math.cos(0.5), 0.0, 0.0, math.sin(0.5)))
+
+
+def test_a_reset_of_the_physics_does_not_stop_the_autopilot(ready: Bench) -> None:
+    vehicle = ready.autopilot.vehicle
+    before_ns = vehicle.sim_time_ns
+    assert ready.autopilot.receive_sensors(sensor_frame(0.0), 0.0) is not None
+    assert vehicle.sim_time_ns == before_ns
+    assert ready.autopilot.receive_sensors(sensor_frame(0.0025), 0.0) is not None
+    assert vehicle.sim_time_ns == before_ns + 2_500_000

@@ -1,0 +1,135 @@
+import math
+
+import numpy as np
+import pytest
+
+from fdm.air.turbulence import intensities_mps, lengths_m
+from fdm.air.wind import WindConfig, load_wind, wind_names
+from fdm.errors import WindError
+from fdm.model.air_point import AirPoint
+from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
+
+ORIGIN = GeodeticPosition(47.0, 8.0, 400.0)
+
+
+def at(time_s=0.0, ned_m=(0.0, 0.0, -50.0), airspeed_mps=15.0):
+    place = geodetic_from_ned(ORIGIN, ned_m)
+    return AirPoint(
+        round(time_s * 1e9), place.lat_deg, place.lon_deg, place.alt_amsl_m, -ned_m[2], airspeed_mps
+    )
+
+
+def build(seed=1, ua_id=0, **parts):
+    return WindConfig.model_validate(parts).build(seed=seed, ua_id=ua_id)
+
+
+@pytest.mark.parametrize("name", wind_names())
+def test_every_wind_that_ships_blows_finitely(name):
+    wind = load_wind(name).build(seed=1, ua_id=0)
+    for second in range(100):
+        assert all(abs(component) < 40 for component in wind.air_ned_mps(at(second)))
+
+
+def test_calm_is_calm():
+    assert load_wind("calm").build(seed=1, ua_id=0).air_ned_mps(at()) == (0, 0, 0)
+
+
+def test_wind_comes_from_its_direction():
+    wind = build(constant={"speed_mps": 8, "from_deg": 270, "up_mps": 1})
+    assert wind.air_ned_mps(at()) == pytest.approx((0, 8, -1), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "share"),
+    [(9.9, 0), (11, 0.5), (12, 1), (14.9, 1), (15.5, 0.5), (16.1, 0), (31, 0.5), (29.9, 0)],
+)
+def test_a_gust_rises_holds_falls_and_comes_again(time_s, share):
+    gust = {
+        "speed_mps": 6,
+        "from_deg": 180,
+        "start_s": 10,
+        "rise_s": 2,
+        "hold_s": 3,
+        "fall_s": 1,
+        "every_s": 20,
+    }
+    assert build(gusts=[gust]).air_ned_mps(at(time_s))[0] == pytest.approx(6 * share, abs=1e-9)
+
+
+def test_parts_add_up():
+    gust = {"speed_mps": 6, "from_deg": 180, "start_s": 0, "rise_s": 1, "hold_s": 9}
+    wind = build(constant={"speed_mps": 2, "from_deg": 180}, gusts=[gust, gust])
+    assert wind.air_ned_mps(at(5.0)) == pytest.approx((14, 0, 0), abs=1e-9)
+
+
+def test_dryden_scales_are_those_of_the_standard():
+    # MIL-F-8785C, figures 10 and 11: at 1000 ft L_u = L_w = 1000 ft and all sigmas are 0.1 W20.
+    assert lengths_m(304.8) == pytest.approx((304.8, 304.8), rel=1e-3)
+    assert intensities_mps(304.8, 10.0) == pytest.approx((1.0, 1.0), rel=1e-3)
+    # At 20 ft, computed by hand: 0.177 + 0.000823 * 20 = 0.19346; L_u = 20 / 0.19346^1.2 = 143.6 ft.
+    assert lengths_m(6.096) == pytest.approx((143.6 * 0.3048, 6.096), rel=1e-3)
+    assert intensities_mps(6.096, 10.0) == pytest.approx((1.929, 1.0), rel=1e-3)
+    assert lengths_m(3000.0) == pytest.approx((533.4, 533.4))
+
+
+def sampled(rate_hz, seconds, height_m=50.0, airspeed_mps=20.0, seed=3):
+    wind = build(seed=seed, turbulence={"w20_mps": 10.0})
+    return np.array(
+        [
+            wind.air_ned_mps(at(k / rate_hz, (0, 0, -height_m), airspeed_mps))
+            for k in range(round(seconds * rate_hz))
+        ]
+    )
+
+
+@pytest.mark.parametrize("rate_hz", [4, 20])
+def test_dryden_has_the_standards_variance_at_any_step(rate_hz):
+    sigma_u, sigma_w = intensities_mps(50.0, 10.0)
+    deviations = np.mean(
+        [np.sqrt((sampled(rate_hz, 500.0, airspeed_mps=60.0, seed=s) ** 2).mean(axis=0)) for s in range(4)],
+        axis=0,
+    )
+    assert deviations == pytest.approx((sigma_u, sigma_u, sigma_w), rel=0.1)
+
+
+def test_dryden_has_the_standards_autocorrelation():
+    # R_u(tau) = exp(-V tau / L_u); R_w(tau) = exp(-x) (1 - x / 2), x = V tau / L_w.
+    rate_hz, lag_s = 10, 1.0
+    along, vertical = lengths_m(50.0)
+    u, _, w = np.concatenate([sampled(rate_hz, 800.0, seed=s) for s in range(2)]).T
+    lag = round(lag_s * rate_hz)
+    x = 20.0 * lag_s / vertical
+    assert np.corrcoef(u[:-lag], u[lag:])[0, 1] == pytest.approx(math.exp(-20.0 * lag_s / along), abs=0.05)
+    assert np.corrcoef(w[:-lag], w[lag:])[0, 1] == pytest.approx(math.exp(-x) * (1 - x / 2), abs=0.05)
+
+
+def test_turbulence_is_keyed_by_seed_and_ua():
+    def first(seed, ua_id):
+        wind = build(seed=seed, ua_id=ua_id, turbulence={"level": "light"})
+        return [wind.air_ned_mps(at(k / 100)) for k in range(20)]
+
+    assert first(1, 0) == first(1, 0)
+    assert first(1, 0) != first(2, 0)
+    assert first(1, 0) != first(1, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("constant: {speed: 3}", r"constant\.speed_mps: Field required"),
+        ("turbulence: {}", "either level or w20_mps"),
+        ("gusts: [{speed_mps: 1, start_s: 0, every_s: 1}]", "shorter than the gust"),
+        ("a: [", "expected"),
+        ("1", "valid dictionary"),
+    ],
+)
+def test_a_wrong_file_is_explained(tmp_path, text, message):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(WindError, match=message):
+        load_wind(path)
+
+
+def test_an_unknown_wind_lists_the_known_ones():
+    with pytest.raises(WindError, match=r"no wind 'storm'.*breeze, calm"):
+        load_wind("storm")

@@ -1,0 +1,85 @@
+import pytest
+import yaml
+
+from fdm.errors import AirframeError
+from fdm.model.airframe import AIRFRAMES_DIR, airframe_names, load_airframe
+
+
+@pytest.fixture
+def f450_data():
+    return yaml.safe_load((AIRFRAMES_DIR / "f450.yaml").read_text())
+
+
+def write(tmp_path, data):
+    path = tmp_path / "mine.yaml"
+    path.write_text(data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False))
+    return path
+
+
+@pytest.mark.parametrize("name", airframe_names())
+def test_every_airframe_that_ships_is_valid_and_named_as_its_file(name):
+    assert load_airframe(name).name == name
+
+
+def test_f450_maps_the_motors_in_ardupilots_order():
+    channels = load_airframe("f450").channels
+    assert [(c.channel, c.property) for c in channels] == [
+        (1, "fcs/cmdFR_ext_nd"),
+        (2, "fcs/cmdAL_ext_nd"),
+        (3, "fcs/cmdFL_ext_nd"),
+        (4, "fcs/cmdAR_ext_nd"),
+    ]
+
+
+def test_an_unknown_name_lists_the_known_ones():
+    with pytest.raises(AirframeError, match=r"unknown airframe 'f451'.*f450"):
+        load_airframe("f451")
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(AirframeError, match=r"no airframe file .*nowhere\.yaml"):
+        load_airframe("/nowhere.yaml")
+
+
+def test_an_unknown_key_is_named_with_file_and_line(tmp_path, f450_data):
+    f450_data["channels"][1]["gain"] = 2
+    path = write(tmp_path, f450_data)
+    line = 1 + next(i for i, text in enumerate(path.read_text().splitlines()) if "gain" in text)
+    with pytest.raises(AirframeError, match=rf"mine\.yaml:{line}: channels\.1\.gain: unknown key"):
+        load_airframe(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("range", [1, 0], "the first must be below"),
+        ("no_output", 2.0, "outside the range"),
+        ("channel", 33, "less than or equal to 32"),
+        ("sign", 2, "1 or -1"),
+        ("scale_per_us", float("nan"), "finite"),
+    ],
+)
+def test_a_bad_value_of_a_channel_is_explained(tmp_path, f450_data, key, value, message):
+    f450_data["channels"][0][key] = value
+    with pytest.raises(AirframeError, match=message):
+        load_airframe(write(tmp_path, f450_data))
+
+
+def test_a_property_has_one_driver(tmp_path, f450_data):
+    f450_data["channels"][0]["property"] = f450_data["channels"][1]["property"]
+    with pytest.raises(AirframeError, match="more than one channel"):
+        load_airframe(write(tmp_path, f450_data))
+
+
+@pytest.mark.parametrize("text", ["", "- 1", "a: [", "\x00"])
+def test_a_file_that_is_no_airframe_is_an_airframe_error(tmp_path, text):
+    with pytest.raises(AirframeError, match=r"mine\.yaml"):
+        load_airframe(write(tmp_path, text))
+
+
+def test_a_root_is_found_from_the_file(tmp_path, f450_data):
+    f450_data["jsbsim"]["root"] = "models"
+    with pytest.raises(AirframeError, match=r"jsbsim\.root: no directory"):
+        load_airframe(write(tmp_path, f450_data))
+    (tmp_path / "models").mkdir()
+    assert load_airframe(write(tmp_path, f450_data)).jsbsim.root == tmp_path / "models"

@@ -1,0 +1,98 @@
+import pytest
+
+from fdm.wire.lockstep import RESEND_SILENCE_NS, FrameTimer, Lockstep, Verdict
+
+A, B = ("127.0.0.1", 40000), ("127.0.0.1", 40001)
+
+
+def after(*counts, answered=True):
+    """A lockstep that took frames `counts` from sender A and answered all, or all but the last."""
+    lockstep = Lockstep()
+    for index, count in enumerate(counts):
+        lockstep.receive(count, A, 0)
+        if answered or index < len(counts) - 1:
+            lockstep.answered(count, b"reply", 0)
+    return lockstep
+
+
+@pytest.mark.parametrize("first", [0, 1, 12345])
+def test_the_first_packet_boots(first):
+    assert Lockstep().receive(first, A, 0) is Verdict.BOOT
+
+
+def test_frames_advance_and_the_count_wraps():
+    assert after(0).receive(1, A, 0) is Verdict.ADVANCE
+    assert after(2**32 - 1).receive(0, A, 0) is Verdict.ADVANCE
+
+
+def test_a_jump_forward_is_a_gap():
+    lockstep = after(5)
+    assert lockstep.receive(9, A, 0) is Verdict.GAP
+    assert lockstep.waiting
+    lockstep.answered(9, b"", 0)
+    assert lockstep.receive(10, A, 0) is Verdict.ADVANCE
+
+
+def test_a_repeat_of_a_frame_that_waits_is_nothing():
+    assert after(3, answered=False).receive(3, A, 5 * RESEND_SILENCE_NS) is Verdict.WAITING
+
+
+def test_an_answered_frame_is_answered_again_only_after_silence():
+    lockstep = after(3)
+    assert lockstep.receive(3, A, RESEND_SILENCE_NS - 1) is Verdict.DUPLICATE
+    assert lockstep.receive(3, A, RESEND_SILENCE_NS) is Verdict.RESEND
+    assert lockstep.receive(3, A, RESEND_SILENCE_NS + 1) is Verdict.DUPLICATE
+    assert lockstep.reply == b"reply"
+
+
+def test_a_late_datagram_is_no_restart():
+    assert after(1).receive(0, A, 0) is Verdict.STALE
+    lockstep = after(100)
+    assert lockstep.receive(98, A, 0) is Verdict.STALE
+    assert lockstep.receive(101, A, 0) is Verdict.ADVANCE
+
+
+def test_more_than_65536_frames_are_no_restart():
+    assert after(65535).receive(65536, A, 0) is Verdict.ADVANCE
+
+
+@pytest.mark.parametrize(
+    ("last", "count", "sender"),
+    [
+        (100, 0, A),
+        (100, 50, A),
+        (5, 0, A),
+        (5, 3, B),
+        (0, 0, B),
+        (2**31 + 1, 0, B),
+        (2**32 - 2, 0, A),
+    ],
+)
+def test_a_drop_of_the_count_is_a_restart(last, count, sender):
+    lockstep = after(last)
+    assert lockstep.receive(count, sender, 0) is Verdict.RESTART
+    assert lockstep.sender == sender
+
+
+def test_replies_go_to_the_last_sender():
+    lockstep = after(5)
+    assert lockstep.receive(6, B, 0) is Verdict.ADVANCE
+    assert lockstep.sender == B
+
+
+def test_time_is_exact_after_a_day_of_frames():
+    timer = FrameTimer()
+    timer.advance(1200)
+    timer._frames = 1200 * 86_400 - 1
+    assert timer.advance(1200) == 86_400 * 10**9
+
+
+def test_a_change_of_rate_goes_on_from_the_present_time():
+    timer = FrameTimer()
+    for _ in range(3):
+        timer.advance(1200)
+    assert timer.time_ns == 2_500_000
+    assert timer.next_ns(400) == 5_000_000
+    assert timer.time_ns == 2_500_000
+    assert timer.advance(400) == 5_000_000
+    assert timer.advance(400) == 7_500_000
