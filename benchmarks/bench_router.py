@@ -24,8 +24,8 @@ from typing import Any
 
 from bridge.bus.keys import Keys
 from bridge.bus.session import AGENT, Sample, Session, Stamp, free_port, open_client, open_router
-from bridge.radio.record import DeliveriesWriter
-from bridge.radio.virtual_radio import Forward, RadioRouter
+from bridge.radio.deliveries import DeliveriesWriter
+from bridge.radio.virtual_radio import Forward, VirtualRadio
 from channel.medium import Medium
 from channel.presets import load_radio
 from channel.radio import Radio
@@ -51,7 +51,7 @@ def bare_fan_out(session: Session, nodes: list[str]) -> Callable[[Sample], None]
 def radio_router(session: Session, nodes: list[str]) -> Callable[[Sample], None]:
     """Our core with its record, in Zenoh's thread (its process adds a queue of its own)."""
     medium = Medium(Radio(load_radio("moon2020")), seed=1, nodes=nodes)
-    core = RadioRouter(KEYS, medium, nodes)
+    core = VirtualRadio(KEYS, medium, nodes)
     writer = DeliveriesWriter(Path(os.devnull))
     for tick_ns in (0, 3600 * 10**9):
         for i, node in enumerate(nodes):

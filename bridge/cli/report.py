@@ -12,7 +12,7 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from bridge.radio.record import LEDGER
+from bridge.radio.deliveries import LEDGER
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from channel.intervals import binomial_interval, proportion_interval

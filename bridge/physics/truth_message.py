@@ -6,10 +6,10 @@ from bridge.bus import messages
 from bridge.bus.messages import Header, Quaternion, Vector3
 from fdm.clock.fleet_clock import ClockStatus
 from fdm.model.geodesy import GeodeticPosition, ned_from_geodetic
-from fdm.model.truth import Truth
+from fdm.model.truth import TrueState
 
 
-def truth_message(truth: Truth, origin: GeodeticPosition) -> messages.Truth:
+def truth_message(truth: TrueState, origin: GeodeticPosition) -> messages.Truth:
     """A true state with its position from the fleet's origin, the frame that the radio computes in."""
     here = GeodeticPosition(truth.lat_deg, truth.lon_deg, truth.alt_amsl_m)
     w, x, y, z = truth.attitude_wxyz

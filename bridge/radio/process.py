@@ -12,8 +12,8 @@ from time import monotonic
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, Clock, Header, Truth, decode
 from bridge.bus.session import Sample, Session, Stamp, open_router
-from bridge.radio.record import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
-from bridge.radio.virtual_radio import Action, Forward, RadioRouter, Refused
+from bridge.radio.deliveries import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
+from bridge.radio.virtual_radio import Action, Forward, Refused, VirtualRadio
 from bridge.run.directory import RunDirectory
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radio_of
@@ -37,7 +37,7 @@ class RouterProcess:
         self._session = session
         self._run = run
         medium = Medium(radio_of(scenario), seed=scenario.seed, nodes=scenario.nodes)
-        self._core = RadioRouter(
+        self._core = VirtualRadio(
             keys,
             medium,
             scenario.nodes,

@@ -1,6 +1,6 @@
 """The virtual radio: everything that one node transmits goes through here, and what survives goes on.
 
-`RadioRouter` is the core: it takes packets, true positions and answers to ticks, and returns what to publish.
+`VirtualRadio` is the core: it takes packets, true positions and answers to ticks, and returns what to publish.
 The process around it is in `bridge.radio.process`.
 
 The router also closes each tick: once every agent has answered it, all packets of that tick are settled, in one
@@ -19,7 +19,7 @@ from enum import StrEnum
 from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link, Message
 from bridge.bus.session import AGENT, Stamp
-from bridge.radio.record import Delivery
+from bridge.radio.deliveries import DeliveryRow
 from channel.ledger import Ledger
 from channel.medium import Fate, Medium, Reception
 
@@ -50,7 +50,7 @@ class Refused(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Packet:
+class TxPacket:
     """What a node gave to the radio; the payload is opaque."""
 
     tx: str
@@ -66,7 +66,7 @@ class Forward:
     """A packet that arrives: bytes, encoding and stamp go out as they came in."""
 
     key: str
-    packet: Packet
+    packet: TxPacket
 
     @property
     def attachment(self) -> bytes:
@@ -86,7 +86,7 @@ class Publish:
 Action = Forward | Publish
 
 
-class RadioRouter:
+class VirtualRadio:
     """Settles the fate of each packet for each other node. No I/O, no clock.
 
     Args:
@@ -116,8 +116,8 @@ class RadioRouter:
         self._tasks = set(tasks)
         self._tick_ns = 0
         self._next_seq = dict.fromkeys(nodes, 0)
-        self._taken: list[Packet] = []
-        self._waiting: dict[tuple[str, int], tuple[Packet, int]] = {}
+        self._taken: list[TxPacket] = []
+        self._waiting: dict[tuple[str, int], tuple[TxPacket, int]] = {}
         self._others = {node: tuple(other for other in nodes if other != node) for node in nodes}
         self._latest: dict[tuple[str, str], Reception] = {}
         self._reported_ns = -LINK_PERIOD_NS
@@ -125,7 +125,7 @@ class RadioRouter:
         self._received: dict[str, dict[str, bool]] = {node: {} for node in nodes}
         self._changed: set[str] = set()
         self.refused: Counter[Refused] = Counter()
-        self.settled: list[Delivery] = []
+        self.settled: list[DeliveryRow] = []
         """Rows for the record; whoever writes them clears the list."""
 
     @property
@@ -161,7 +161,7 @@ class RadioRouter:
             self._book_missing(tx, stamp.seq + 1, stamp.sim_time_ns, TOO_LONG)
             return
         self._next_seq[tx] = stamp.seq + 1
-        self._taken.append(Packet(tx, channel, stamp.seq, stamp.sim_time_ns, payload, encoding))
+        self._taken.append(TxPacket(tx, channel, stamp.seq, stamp.sim_time_ns, payload, encoding))
 
     def settle(self) -> list[Action]:
         """Give what was taken to the medium, in an order that does not depend on that of arrival."""
@@ -243,7 +243,9 @@ class RadioRouter:
         for missing in range(self._next_seq[tx], seq):
             self.ledger.lose(tx, self._others[tx], cause)
             for rx in self._others[tx]:
-                row = Delivery(sim_time_ns, tx, rx, missing, 0, math.nan, math.nan, math.nan, math.nan, cause)
+                row = DeliveryRow(
+                    sim_time_ns, tx, rx, missing, 0, math.nan, math.nan, math.nan, math.nan, cause
+                )
                 self.settled.append(row)
         self._next_seq[tx] = max(self._next_seq[tx], seq)
 
@@ -258,7 +260,7 @@ class RadioRouter:
                 actions.append(Forward(self._keys.rx(reception.rx, reception.tx, packet.channel), packet))
         return actions
 
-    def _take(self, tx: str, seq: int) -> Packet:
+    def _take(self, tx: str, seq: int) -> TxPacket:
         packet, left = self._waiting.pop((tx, seq))
         if left > 1:
             self._waiting[tx, seq] = (packet, left - 1)
@@ -269,7 +271,7 @@ class RadioRouter:
         self._received[r.rx][r.tx] = r.fate is Fate.DELIVERED
         self._changed.add(r.rx)
         self.settled.append(
-            Delivery(
+            DeliveryRow(
                 r.sim_time_ns,
                 r.tx,
                 r.rx,

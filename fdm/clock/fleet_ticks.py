@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from fdm.clock.events import EventKind, UaEvent
 from fdm.clock.status import ClockStatus, RateMeter
-from fdm.model.truth import Truth
+from fdm.model.truth import TrueState
 
 _LIVE_AFTER = {
     EventKind.JOINED: True,
@@ -31,12 +31,12 @@ class FleetTicks:
         self._live = dict.fromkeys(sorted(ua_ids), False)
         self._ended: set[int] = set()
         self._restarts = dict.fromkeys(self._live, 0)
-        self._reports: list[deque[tuple[int, Sequence[Truth]]]] = [deque() for _ in range(processes)]
+        self._reports: list[deque[tuple[int, Sequence[TrueState]]]] = [deque() for _ in range(processes)]
         self._tick_period_ns = tick_period_ns
         self._next_tick_ns = 0
         self._rate: RateMeter | None = None
 
-    def reached(self, process: int, sim_time_ns: int, truths: Sequence[Truth]) -> None:
+    def reached(self, process: int, sim_time_ns: int, truths: Sequence[TrueState]) -> None:
         """All live UA of `process` have reached the tick `sim_time_ns`, with these truths."""
         if sim_time_ns >= self._next_tick_ns:  # else it had no live UA when the fleet passed that tick
             self._reports[process].append((sim_time_ns, truths))
@@ -51,7 +51,7 @@ class FleetTicks:
         if event.kind is EventKind.RESTARTED:
             self._restarts[event.ua_id] += 1
 
-    def take_due(self, idle: Sequence[bool]) -> tuple[int, list[Truth]] | None:
+    def take_due(self, idle: Sequence[bool]) -> tuple[int, list[TrueState]] | None:
         """The tick that is due, if one is, with all truths by UA id; the next is then the one after it.
 
         Args:
@@ -62,7 +62,7 @@ class FleetTicks:
         if not all(reports or is_idle for reports, is_idle in zip(self._reports, idle, strict=True)):
             return None
         tick_ns = self._next_tick_ns
-        truths: list[Truth] = []
+        truths: list[TrueState] = []
         for reports in self._reports:
             if reports and reports[0][0] == tick_ns:
                 truths += reports.popleft()[1]

@@ -23,7 +23,7 @@ from fdm.exchange.poller import Poller
 from fdm.exchange.seat import BuildModel, Seat, bind
 from fdm.exchange.settings import Coupling, check_coupling
 from fdm.model.jsbsim_model import JsbsimModel
-from fdm.model.truth import Truth
+from fdm.model.truth import TrueState
 from fdm.wire.lockstep import STEPPING, Verdict
 from fdm.wire.sensor_frame import decode_sensor_frame
 
@@ -84,7 +84,7 @@ class Exchange:
         hold_ticks: bool = False,
         start_together: bool = True,
         start_timeout_s: float = 60.0,
-        on_truth: Callable[[Truth], object] | None = None,
+        on_truth: Callable[[TrueState], object] | None = None,
         on_tick: Callable[[ClockStatus], object] | None = None,
         on_event: Callable[[UaEvent], object] | None = None,
         build_model: BuildModel = JsbsimModel,

@@ -9,7 +9,7 @@ from typing import Protocol
 from fdm.clock.fleet_clock import NEVER_NS, Member
 from fdm.errors import ModelDivergedError, WindError
 from fdm.model.air_point import AirPoint, Wind
-from fdm.model.truth import Truth, Vector
+from fdm.model.truth import TrueState, Vector
 from fdm.wire.lockstep import STEPPING, FrameTimer, Lockstep, Verdict
 from fdm.wire.sensor_frame import Encoder
 from fdm.wire.servo_packet import Fields, unpack_servo_packet
@@ -29,7 +29,7 @@ class FlightModel(Protocol):
     def step(self, fields: Fields, rate_hz: int) -> None:
         """Step by 1 / rate_hz with the servo outputs in `fields`."""
 
-    def truth(self, ua_id: int, sim_time_ns: int) -> Truth:
+    def truth(self, ua_id: int, sim_time_ns: int) -> TrueState:
         """The true state."""
 
     def air_point(self, sim_time_ns: int) -> AirPoint:
@@ -209,7 +209,7 @@ class HostedAircraft:
         except WindError as error:
             raise ModelDivergedError(f"no wind: {error}") from error
 
-    def truth(self) -> Truth:
+    def truth(self) -> TrueState:
         """The true state, stamped with fleet sim time."""
         return self.model.truth(self.ua_id, self.member.sim_time_ns)
 

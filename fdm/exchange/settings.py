@@ -8,7 +8,7 @@ from typing import Literal, TypedDict, get_args
 
 from fdm.clock.events import UaEvent
 from fdm.clock.status import ClockSettings, ClockStatus, nanoseconds
-from fdm.model.truth import Truth
+from fdm.model.truth import TrueState
 
 Workers = int | Literal["auto"]
 """How many processes; see fdm.workers.fleet_exchange.worker_count."""
@@ -28,7 +28,7 @@ class ExchangeSettings(TypedDict, total=False):
     hold_ticks: bool
     start_together: bool
     start_timeout_s: float
-    on_truth: Callable[[Truth], object] | None
+    on_truth: Callable[[TrueState], object] | None
     on_tick: Callable[[ClockStatus], object] | None
     on_event: Callable[[UaEvent], object] | None
 

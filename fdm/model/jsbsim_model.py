@@ -20,7 +20,7 @@ from fdm.model.air_point import AirPoint
 from fdm.model.airframe import Airframe, Channel
 from fdm.model.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
 from fdm.model.ground_contact import slowest_stable_rate_hz
-from fdm.model.truth import Truth, Vector, quaternion_from_euler
+from fdm.model.truth import TrueState, Vector, quaternion_from_euler
 from fdm.wire.servo_packet import PWM_OFFSET, Fields
 
 FOOT_M = 0.3048
@@ -181,11 +181,11 @@ class JsbsimModel:
             self._truth_only[0]() * FOOT_M,
         )
 
-    def truth(self, ua_id: int, sim_time_ns: int) -> Truth:
+    def truth(self, ua_id: int, sim_time_ns: int) -> TrueState:
         """The true state, stamped `sim_time_ns`."""
         values = self.sense()
         airspeed, *wind = (getter() * FOOT_M for getter in self._truth_only)
-        return Truth(
+        return TrueState(
             ua_id=ua_id,
             sim_time_ns=sim_time_ns,
             lat_deg=self._exec["position/lat-geod-deg"],

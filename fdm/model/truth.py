@@ -10,7 +10,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class TrueState:
     """True state of one UA at one instant, free of any sensor's error.
 
     Attributes:

@@ -19,7 +19,7 @@ from fdm.clock.board import Board
 from fdm.clock.status import ClockStatus
 from fdm.errors import FdmError
 from fdm.exchange.exchange import Exchange
-from fdm.model.truth import Truth
+from fdm.model.truth import TrueState
 from fdm.workers.worker_messages import COMMANDS, Ended, Failed, Happened, Plan, Reached, Ready
 
 
@@ -27,7 +27,7 @@ from fdm.workers.worker_messages import COMMANDS, Ended, Failed, Happened, Plan,
 class _Worker:
     plan: Plan
     control: Connection
-    truths: list[Truth] = field(default_factory=list)
+    truths: list[TrueState] = field(default_factory=list)
 
     def serve(self) -> None:
         plan = self.plan

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fdm.clock.events import UaEvent
 from fdm.errors import FdmError
 from fdm.exchange.aircraft_spec import AircraftSpec
-from fdm.model.truth import Truth
+from fdm.model.truth import TrueState
 
 COMMANDS = frozenset({"release_tick", "pass_ticks", "set_speed", "pause", "resume", "step", "stop"})
 """Methods of fdm.exchange.exchange.Exchange that are called by name: a command is ``(name, *arguments)``."""
@@ -47,7 +47,7 @@ class Reached:
     """Its live UA have reached a tick."""
 
     sim_time_ns: int
-    truths: tuple[Truth, ...]
+    truths: tuple[TrueState, ...]
     counters: Mapping[int, Mapping[str, int]]
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from bridge.bus.keys import Keys
 from bridge.bus.session import AGENT, Stamp
-from bridge.radio.virtual_radio import RadioRouter
+from bridge.radio.virtual_radio import VirtualRadio
 from channel.medium import Medium
 from channel.presets import load_radio
 from channel.radio import Radio
@@ -29,7 +29,7 @@ def fates(
 ) -> dict[tuple[str, str, int], tuple[str, float]]:
     """Fly nodes apart at 10 m per tick and number; all that comes in, in ``order``."""
     nodes = tuple(start_m)
-    core = RadioRouter(Keys("r"), Medium(RADIO, seed=seed, nodes=nodes), nodes)
+    core = VirtualRadio(Keys("r"), Medium(RADIO, seed=seed, nodes=nodes), nodes)
     for kind, node, tick in order:
         if kind == "truth":
             north_m = start_m[node] + tick * int(node)

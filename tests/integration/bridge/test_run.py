@@ -17,7 +17,7 @@ import pytest
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Header, Truth, Vector3
 from bridge.bus.session import open_client
-from bridge.radio.record import COLUMNS
+from bridge.radio.deliveries import COLUMNS
 from bridge.scenario.file import SCENARIOS
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 

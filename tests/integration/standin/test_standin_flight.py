@@ -25,7 +25,7 @@ from fdm.model.airframe import Airframe, load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.jsbsim_model import JsbsimModel
 from fdm.model.sensor_noise import SensorNoise
-from fdm.model.truth import Truth
+from fdm.model.truth import TrueState
 
 HEADING_DEG = 120.0
 HOME_TEXT = f"45,10,100,{HEADING_DEG}"
@@ -113,7 +113,7 @@ class Flight:
             model.set_wind(wind_ned_mps)
             return model
 
-        self.truth: list[Truth] = []
+        self.truth: list[TrueState] = []
         home = Home(GeodeticPosition(45.0, 10.0, 100.0), HEADING_DEG)
         self.exchange = Exchange(
             [AircraftSpec(0, airframe, home, 0, wind, disturb)],
@@ -152,7 +152,7 @@ class Flight:
         assert self.client.command(22, 0, 0, 0, 0, 0, 0, height_m) == 0
         self.client.wait(lambda m: m.get_type() == "LOCAL_POSITION_NED" and m.z < -height_m + 0.3)
 
-    def run_for(self, duration_s: float) -> list[Truth]:
+    def run_for(self, duration_s: float) -> list[TrueState]:
         """Let sim time pass; return what happened."""
         start_ms = self.client.wait_for("LOCAL_POSITION_NED").time_boot_ms
         first = len(self.truth)
@@ -198,11 +198,11 @@ def flying(
         flight.close()
 
 
-def spread_m(truth: list[Truth], around: tuple[float, float, float]) -> float:
+def spread_m(truth: list[TrueState], around: tuple[float, float, float]) -> float:
     return max(math.dist(one.position_ned_m, around) for one in truth)
 
 
-def tilt_deg(one: Truth) -> float:
+def tilt_deg(one: TrueState) -> float:
     _, x, y, _ = one.attitude_wxyz
     return math.degrees(math.acos(1.0 - 2.0 * (x * x + y * y)))
 

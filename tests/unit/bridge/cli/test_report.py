@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from bridge.cli.report import Timing, draw_probability_of_delivery, summarise
-from bridge.radio.record import LEDGER
+from bridge.radio.deliveries import LEDGER
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from bridge.scenario.resolve_radio import radio_of

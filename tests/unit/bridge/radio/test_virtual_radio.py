@@ -9,7 +9,7 @@ import pytest
 from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link
 from bridge.bus.session import AGENT, Stamp
-from bridge.radio.virtual_radio import TRANSPORT, Action, Forward, Publish, RadioRouter, Refused
+from bridge.radio.virtual_radio import TRANSPORT, Action, Forward, Publish, Refused, VirtualRadio
 from channel.medium import Medium
 from channel.presets import load_radio
 from channel.radio import Radio
@@ -23,12 +23,12 @@ def by_agent(seq: int, sim_time_ns: int) -> Stamp:
     return Stamp(seq, sim_time_ns, AGENT)
 
 
-def router(preset: str = "perfect", nodes: tuple[str, ...] = ("0", "1"), **more: Any) -> RadioRouter:
+def router(preset: str = "perfect", nodes: tuple[str, ...] = ("0", "1"), **more: Any) -> VirtualRadio:
     medium = Medium(Radio(load_radio(preset)), seed=1, nodes=nodes)
-    return RadioRouter(KEYS, medium, nodes, **more)
+    return VirtualRadio(KEYS, medium, nodes, **more)
 
 
-def place(core: RadioRouter, sim_time_ns: int, **north_m: float) -> list[Action]:
+def place(core: VirtualRadio, sim_time_ns: int, **north_m: float) -> list[Action]:
     actions: list[Action] = []
     for node, north in north_m.items():
         actions += core.on_truth(node.removeprefix("n"), sim_time_ns, (north, 0.0, -40.0), LEVEL)
@@ -36,7 +36,7 @@ def place(core: RadioRouter, sim_time_ns: int, **north_m: float) -> list[Action]
 
 
 def send(
-    core: RadioRouter, tx: str, payload: bytes, encoding: object = None, stamp: Stamp | None = None
+    core: VirtualRadio, tx: str, payload: bytes, encoding: object = None, stamp: Stamp | None = None
 ) -> list[Action]:
     """Give a packet to the core and have it settled."""
     core.on_packet(tx, "team", payload, encoding, stamp)

@@ -29,7 +29,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Delivery:
+class DeliveryRow:
     """One row. What the channel never computed (a packet that the host lost, say) is NaN."""
 
     sim_time_ns: int
@@ -51,7 +51,7 @@ class DeliveriesWriter:
         self._file: TextIO = path.open("w", newline="", encoding="ascii")
         self._file.write(",".join(COLUMNS) + "\n")
 
-    def write(self, rows: Iterable[Delivery]) -> None:
+    def write(self, rows: Iterable[DeliveryRow]) -> None:
         """Append rows: powers to 0.001 dB, distances to 1 mm, PER to seven digits."""
         for r in rows:
             self._file.write(
@@ -103,7 +103,7 @@ def write_ledger(path: Path, ledger: Ledger, refused: Mapping[Refusal, int]) -> 
     partial.replace(path)
 
 
-def read_deliveries(path: Path) -> Iterator[Delivery]:
+def read_deliveries(path: Path) -> Iterator[DeliveryRow]:
     """The rows of a `deliveries.csv`.
 
     Raises:
@@ -120,7 +120,7 @@ def read_deliveries(path: Path) -> Iterator[Delivery]:
                 raise ValueError(f"{path}:{reader.line_num}: not a delivery: {error}") from error
 
 
-def _delivery(row: list[str]) -> Delivery:
+def _delivery(row: list[str]) -> DeliveryRow:
     distance_m, received_power_dbm, snr_db, per = (float(value) for value in row[5:9])
     sent = (int(row[0]), row[1], row[2], int(row[3]), int(row[4]))
-    return Delivery(*sent, distance_m, received_power_dbm, snr_db, per, row[9])
+    return DeliveryRow(*sent, distance_m, received_power_dbm, snr_db, per, row[9])

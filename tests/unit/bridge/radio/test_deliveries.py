@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bridge.radio.record import COLUMNS, DeliveriesWriter, Delivery, read_deliveries
+from bridge.radio.deliveries import COLUMNS, DeliveriesWriter, DeliveryRow, read_deliveries
 
-ROW = Delivery(50_000_000, "0", "1", 7, 40, 123.456, -330.25, 9.75, 1.25e-5, "delivered")
-LOST = Delivery(1, "0", "gcs", 8, 0, math.nan, math.nan, math.nan, math.nan, "transport")
+ROW = DeliveryRow(50_000_000, "0", "1", 7, 40, 123.456, -330.25, 9.75, 1.25e-5, "delivered")
+LOST = DeliveryRow(1, "0", "gcs", 8, 0, math.nan, math.nan, math.nan, math.nan, "transport")
 
 
 def test_rows_come_back(tmp_path: Path) -> None:
