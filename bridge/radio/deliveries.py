@@ -10,9 +10,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TextIO, TypeVar
 
+from bridge.record.names import RECORD_FILE
 from channel.ledger import Ledger
 
-DELIVERIES = "deliveries.csv"
+DELIVERIES = RECORD_FILE
 LEDGER = "ledger.json"
 COLUMNS = (
     "sim_time_ns",

@@ -1,0 +1,1 @@
+"""What a run leaves so that it can be flown again and compared: streams, inputs, reports, provenance."""

@@ -1,0 +1,118 @@
+"""Stream files: what happened at each tick, as entries of a tick and bytes.
+
+A file begins with ``LLSTREAM`` and a uint32 version. Each entry is an int64 tick (sim time in ns), a uint32 length
+and so many bytes; all numbers are little-endian. Ticks never go back; several entries may have the same tick.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Final, NamedTuple, Self
+
+MAGIC: Final = b"LLSTREAM"
+VERSION: Final = 1
+PAYLOAD_MAX_BYTES: Final = 1 << 24
+BUFFER_BYTES: Final = 1 << 16
+TICK_MAX_NS: Final = (1 << 63) - 1
+_START: Final = MAGIC + struct.pack("<I", VERSION)
+_HEAD: Final = struct.Struct("<qI")
+
+
+class StreamError(ValueError):
+    """A stream file is damaged; the text has the file and the offset in bytes."""
+
+
+class Entry(NamedTuple):
+    """What happened at one tick."""
+
+    tick_ns: int
+    payload: bytes
+
+
+class StreamWriter:
+    """Appends entries to a new file. Not for several threads at once.
+
+    Raises:
+        OSError: the file cannot be made or written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._path = path
+        self._file: BinaryIO = path.open("wb", buffering=BUFFER_BYTES)
+        self._append = self._file.write
+        self._append(_START)
+        self._tick_ns = 0
+
+    def write(self, tick_ns: int, payload: bytes) -> None:
+        """Append an entry; it is on disk after `flush` or `close`.
+
+        Raises:
+            ValueError: the tick is before that of the last entry, or the payload is longer than 16 MiB.
+        """
+        if not self._tick_ns <= tick_ns <= TICK_MAX_NS:
+            raise ValueError(f"{self._path}: tick {tick_ns} ns comes after {self._tick_ns} ns")
+        if len(payload) > PAYLOAD_MAX_BYTES:
+            raise ValueError(f"{self._path}: {len(payload)} bytes; up to {PAYLOAD_MAX_BYTES} are allowed")
+        self._tick_ns = tick_ns
+        self._append(_HEAD.pack(tick_ns, len(payload)))
+        self._append(payload)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system, so that it is there if this process is killed."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Flush and close; a second call does nothing."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def read_stream(path: Path) -> Iterator[Entry]:
+    """The entries of a stream file. A tail that was cut off (its writer was killed) ends it quietly.
+
+    Raises:
+        StreamError: the file is damaged.
+        OSError: it cannot be read.
+    """
+    with path.open("rb", buffering=BUFFER_BYTES) as file:
+        if not _has_start(path, file.read(len(_START))):
+            return
+        offset, before_ns = len(_START), 0
+        while len(head := file.read(_HEAD.size)) == _HEAD.size:
+            tick_ns, length = _HEAD.unpack(head)
+            if tick_ns < before_ns:
+                raise StreamError(f"{path}: offset {offset}: tick {tick_ns} ns comes after {before_ns} ns")
+            if length > PAYLOAD_MAX_BYTES:
+                raise StreamError(
+                    f"{path}: offset {offset}: an entry of {length} bytes; up to {PAYLOAD_MAX_BYTES} are allowed"
+                )
+            payload = file.read(length)
+            if len(payload) < length:
+                return
+            yield Entry(tick_ns, payload)
+            offset, before_ns = offset + _HEAD.size + length, tick_ns
+
+
+def _has_start(path: Path, start: bytes) -> bool:
+    """Whether the file begins as it should; False if it was cut off within its beginning."""
+    if start == _START:
+        return True
+    if _START.startswith(start):
+        return False
+    if start.startswith(MAGIC) and len(start) == len(_START):
+        version = int.from_bytes(start[len(MAGIC) :], "little")
+        raise StreamError(
+            f"{path}: offset {len(MAGIC)}: version {version}; this lostlink reads version {VERSION}"
+        )
+    raise StreamError(f"{path}: offset 0: not a stream file (it does not begin with {MAGIC.decode()})")

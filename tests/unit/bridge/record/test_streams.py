@@ -1,0 +1,99 @@
+"""A stream file reads back as it was written; what was cut off ends it, what is damaged is told with its place."""
+
+from __future__ import annotations
+
+import struct
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from bridge.record.packets import SentPacket, decode_packet, encode_packet
+from bridge.record.streams import PAYLOAD_MAX_BYTES, Entry, StreamError, StreamWriter, read_stream
+
+ENTRIES = [Entry(0, b""), Entry(50_000_000, b"abc"), Entry(50_000_000, b"d" * 1000)]
+
+
+def written(path: Path, entries: list[Entry]) -> Path:
+    with StreamWriter(path) as writer:
+        for entry in entries:
+            writer.write(*entry)
+    return path
+
+
+def test_entries_come_back_and_folders_are_made(tmp_path: Path) -> None:
+    assert list(read_stream(written(tmp_path / "a" / "s.bin", ENTRIES))) == ENTRIES
+
+
+def test_bytes_are_as_documented(tmp_path: Path) -> None:
+    path = written(tmp_path / "s.bin", [Entry(7, b"xy")])
+    assert path.read_bytes() == b"LLSTREAM" + struct.pack("<IqI", 1, 7, 2) + b"xy"
+
+
+def test_flushed_entries_are_on_disk_before_close(tmp_path: Path) -> None:
+    writer = StreamWriter(tmp_path / "s.bin")
+    writer.write(1, b"x")
+    writer.flush()
+    assert list(read_stream(tmp_path / "s.bin")) == [Entry(1, b"x")]
+    writer.close()
+    writer.close()
+
+
+def test_any_cut_leaves_the_whole_entries_before_it(tmp_path: Path) -> None:
+    raw = written(tmp_path / "s.bin", ENTRIES).read_bytes()
+    for size in range(len(raw)):
+        (tmp_path / "s.bin").write_bytes(raw[:size])
+        found = list(read_stream(tmp_path / "s.bin"))
+        assert found == ENTRIES[: len(found)]
+    assert len(found) == len(ENTRIES) - 1
+
+
+def test_damage_is_told_with_file_and_offset(tmp_path: Path) -> None:
+    path, start = tmp_path / "s.bin", b"LLSTREAM" + struct.pack("<I", 1)
+    for raw, message in (
+        (b"sim_time_ns,tx", r"s\.bin: offset 0: not a stream file"),
+        (b"LLSTREAM" + struct.pack("<I", 2), r"s\.bin: offset 8: version 2; this lostlink reads version 1"),
+        (start + struct.pack("<qIqI", 9, 0, 8, 0), r"s\.bin: offset 24: tick 8 ns comes after 9 ns"),
+        (start + struct.pack("<qI", -1, 0), r"s\.bin: offset 12: tick -1 ns"),
+        (
+            start + struct.pack("<qI", 1, PAYLOAD_MAX_BYTES + 1),
+            r"s\.bin: offset 12: an entry of 16777217 bytes",
+        ),
+    ):
+        path.write_bytes(raw)
+        with pytest.raises(StreamError, match=message):
+            list(read_stream(path))
+
+
+def test_caller_mistakes_are_refused(tmp_path: Path) -> None:
+    with StreamWriter(tmp_path / "s.bin") as writer:
+        writer.write(5, b"")
+        for tick_ns, payload in ((4, b""), (1 << 63, b""), (6, bytes(PAYLOAD_MAX_BYTES + 1))):
+            with pytest.raises(ValueError, match=r"s\.bin: "):
+                writer.write(tick_ns, payload)
+    assert list(read_stream(tmp_path / "s.bin")) == [Entry(5, b"")]
+
+
+def test_reading_holds_one_entry_at_a_time(tmp_path: Path) -> None:
+    written(tmp_path / "s.bin", [Entry(i, bytes(100_000)) for i in range(200)])
+    tracemalloc.start()
+    assert sum(len(entry.payload) for entry in read_stream(tmp_path / "s.bin")) == 20_000_000
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2_000_000
+
+
+@pytest.mark.parametrize("packet", [SentPacket(0, 0, "", b""), SentPacket(7, 1 << 62, "tëam", b"\0\xff" * 9)])
+def test_packet_round_trips(packet: SentPacket) -> None:
+    assert decode_packet(encode_packet(packet)) == packet
+
+
+def test_packet_mistakes_are_refused() -> None:
+    with pytest.raises(ValueError, match="int64"):
+        encode_packet(SentPacket(1 << 63, 0, "c", b""))
+    with pytest.raises(ValueError, match="65536"):
+        encode_packet(SentPacket(1, 0, "c" * 65536, b""))
+    whole = encode_packet(SentPacket(1, 2, "team", b""))
+    for size in range(len(whole)):
+        with pytest.raises(ValueError, match="too few"):
+            decode_packet(whole[:size])
