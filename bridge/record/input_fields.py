@@ -1,0 +1,188 @@
+"""One recorded input, and its form as the fields of a JSON object."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any, Final, Literal, get_args
+
+from bridge.bus.messages.types import CommandGoal
+
+Kind = Literal["open", "frame", "close", "command"]
+KINDS: Final = get_args(Kind)
+VERBS: Final = ("arm", "disarm", "mode", "takeoff", "goto", "rtl", "land")
+TICK_MAX_NS: Final = (1 << 63) - 1
+LINK_MAX: Final = (1 << 31) - 1
+_GOAL_FIELDS: Final = tuple(field.name for field in dataclasses.fields(CommandGoal))
+_KEYS: Final = {
+    "open": ("tick_ns", "kind", "link"),
+    "close": ("tick_ns", "kind", "link"),
+    "frame": ("tick_ns", "kind", "link", "hex", "name"),
+    "command": ("tick_ns", "kind", "verb", *_GOAL_FIELDS),
+}
+_OPTIONAL: Final = {"name", *_GOAL_FIELDS}
+_NO_NUMBERS: Final = ("nan", "inf", "-inf")
+"""JSON has no numbers for these: they are written as text."""
+
+
+class InputError(ValueError):
+    """An input is wrong; the text names the key and what is allowed (and file and line, if it was read)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedInput:
+    """What came from outside and took effect at a tick.
+
+    Attributes:
+        tick_ns: sim time of the tick.
+        kind: a link was opened or closed, a MAVLink frame came over one, or a command.
+        link: number of the link; None for a command.
+        data: the frame's bytes; empty for the others.
+        verb: what is commanded; None for the others.
+        goal: the command's arguments; None for the others.
+
+    Raises:
+        InputError: the values do not go together.
+    """
+
+    tick_ns: int
+    kind: Kind
+    link: int | None = None
+    data: bytes = b""
+    verb: str | None = None
+    goal: CommandGoal | None = None
+
+    def __post_init__(self) -> None:
+        _check_choice("kind", self.kind, KINDS)
+        _check_whole("tick_ns", self.tick_ns, TICK_MAX_NS)
+        is_command = self.kind == "command"
+        if is_command:
+            _check_choice("verb", self.verb, VERBS)
+        else:
+            _check_whole("link", self.link, LINK_MAX)
+        if bool(self.data) != (self.kind == "frame"):
+            raise InputError(f"key 'hex': a frame has at least one byte, {self.kind!r} has none")
+        if is_command != (self.goal is not None) or is_command != (self.verb is not None):
+            raise InputError("keys 'verb' and goal: a command has both, the other kinds have neither")
+        if is_command and self.link is not None:
+            raise InputError("key 'link': a command has none")
+
+    @classmethod
+    def opened(cls, tick_ns: int, link: int) -> RecordedInput:
+        """A link was opened."""
+        return cls(tick_ns, "open", link)
+
+    @classmethod
+    def frame(cls, tick_ns: int, link: int, data: bytes) -> RecordedInput:
+        """A MAVLink frame came."""
+        return cls(tick_ns, "frame", link, data)
+
+    @classmethod
+    def closed(cls, tick_ns: int, link: int) -> RecordedInput:
+        """A link was closed."""
+        return cls(tick_ns, "close", link)
+
+    @classmethod
+    def command(cls, tick_ns: int, verb: str, goal: CommandGoal) -> RecordedInput:
+        """An operator's command came."""
+        return cls(tick_ns, "command", verb=verb, goal=goal)
+
+
+def to_fields(item: RecordedInput) -> dict[str, Any]:
+    """The input as a JSON object."""
+    fields: dict[str, Any] = {"tick_ns": item.tick_ns, "kind": item.kind}
+    if item.link is not None:
+        fields["link"] = item.link
+    if item.kind == "frame":
+        return fields | {"name": frame_name(item.data), "hex": item.data.hex()}
+    if item.verb is not None and item.goal is not None:
+        goal = {name: getattr(item.goal, name) for name in _GOAL_FIELDS}
+        empty = CommandGoal()
+        # repr: -0.0 equals 0.0, but is not left out
+        kept = {name: v for name, v in goal.items() if repr(v) != repr(getattr(empty, name))}
+        fields |= {"verb": item.verb, **{name: _plain(v) for name, v in kept.items()}}
+    return fields
+
+
+def from_fields(fields: dict[str, Any]) -> RecordedInput:
+    """The input in a JSON object.
+
+    Raises:
+        InputError: a key is missing, unknown or has a value that is not allowed.
+    """
+    _check_choice("kind", fields.get("kind"), KINDS)
+    kind: Kind = fields["kind"]
+    allowed = _KEYS[kind]
+    for key in fields:
+        if key not in allowed:
+            raise InputError(f"key {key!r} is unknown; {kind!r} has {', '.join(allowed)}")
+    for key in allowed:
+        if key not in fields and key not in _OPTIONAL:
+            raise InputError(f"key {key!r} is missing; {kind!r} has {', '.join(allowed)}")
+    tick_ns = fields["tick_ns"]
+    if kind == "command":
+        return RecordedInput(tick_ns, kind, verb=fields["verb"], goal=_goal(fields))
+    data = _bytes(fields["hex"]) if kind == "frame" else b""
+    return RecordedInput(tick_ns, kind, fields["link"], data)
+
+
+def frame_name(data: bytes) -> str:
+    """Name of the message in a MAVLink frame; empty if it is none."""
+    from aps.dialect import message_name  # pymavlink takes its time, and readers do without
+
+    if data[:1] == b"\xfd" and len(data) >= 10:
+        return message_name(int.from_bytes(data[7:10], "little"))
+    if data[:1] == b"\xfe" and len(data) >= 6:
+        return message_name(data[5])
+    return ""
+
+
+def _goal(fields: dict[str, Any]) -> CommandGoal:
+    values: dict[str, Any] = {}
+    for name in _GOAL_FIELDS:
+        if name in fields:
+            values[name] = _text(name, fields[name]) if name == "mode" else _number(name, fields[name])
+    return CommandGoal(**values)
+
+
+def _text(key: str, value: object) -> str:
+    if isinstance(value, str):
+        return value
+    raise InputError(f"key {key!r}: {value!r} is not text")
+
+
+def _number(key: str, value: object) -> float:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            return float(value)
+        except OverflowError as error:
+            raise InputError(f"key {key!r}: the number is too large") from error
+    if isinstance(value, str) and value in _NO_NUMBERS:
+        return float(value)
+    raise InputError(f"key {key!r}: {value!r} is not a number (nor one of {', '.join(_NO_NUMBERS)} as text)")
+
+
+def _bytes(value: object) -> bytes:
+    text = _text("hex", value)
+    try:
+        data = bytes.fromhex(text)
+    except ValueError as error:
+        raise InputError(f"key 'hex': {text[:40]!r} is not an even number of digits 0-9 a-f") from error
+    if not data:
+        raise InputError("key 'hex': a frame has at least one byte")
+    return data
+
+
+def _plain(value: str | float) -> str | float:
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _check_choice(key: str, value: object, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        raise InputError(f"key {key!r}: {value!r} is not allowed; one of {', '.join(allowed)}")
+
+
+def _check_whole(key: str, value: object, most: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
+        raise InputError(f"key {key!r}: {value!r} is not a whole number from 0 to {most}")
