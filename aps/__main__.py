@@ -87,12 +87,14 @@ def _jsonable(value: Any) -> Any:
     return value
 
 
-async def _serve(config: DaemonConfig, *, as_json: bool, rate_hz: float) -> None:
+async def _serve(config: DaemonConfig, *, as_json: bool, rate_hz: float) -> BaseException | None:
+    """Serve until a signal; returns what the daemon failed of, if it did."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
     async with Daemon(config) as daemon:
+        daemon.on_failure = lambda _: stop.set()
         listen = f"{config.listen_host}:{daemon.listen_port}"
         if as_json:
             ready = {"event": "ready", "sysid": config.sysid, "listen": listen, "autopilot": config.autopilot}
@@ -101,6 +103,7 @@ async def _serve(config: DaemonConfig, *, as_json: bool, rate_hz: float) -> None
         else:
             print(f"READY aps sysid={config.sysid} listen={listen} autopilot={config.autopilot}", flush=True)
         await stop.wait()
+        return daemon.failure
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -117,13 +120,15 @@ def main(argv: list[str] | None = None) -> int:
         print(f"aps: {error}", file=sys.stderr)
         return 2
     try:
-        asyncio.run(_serve(config, as_json=arguments.json, rate_hz=arguments.rate_hz))
+        failure = asyncio.run(_serve(config, as_json=arguments.json, rate_hz=arguments.rate_hz))
     except BrokenPipeError:
         return 0
     except OSError as error:
         print(f"aps: {_explain(error, config)}", file=sys.stderr)
         return 2
-    return 0
+    if failure is not None:
+        print(f"aps: the daemon failed: {failure}", file=sys.stderr)
+    return 0 if failure is None else 1
 
 
 def _explain(error: OSError, config: DaemonConfig) -> str:

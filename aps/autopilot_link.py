@@ -83,6 +83,7 @@ class AutopilotLink(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
         self._lost = asyncio.Event()
         self._heard = False
+        self._why: Exception | None = None
 
     @property
     def up(self) -> bool:
@@ -98,7 +99,8 @@ class AutopilotLink(asyncio.Protocol):
                 if await self._connect(tell=not told):
                     told = False
                     await self._lost.wait()
-                    _log.warning("connection to the autopilot at %s lost", self.address)
+                    why = f" ({self._why})" if self._why is not None else ""
+                    _log.warning("connection to the autopilot at %s lost%s", self.address, why)
                     retry_s = FIRST_RETRY_S if self._heard else retry_s
                 else:
                     told = True
@@ -147,9 +149,9 @@ class AutopilotLink(asyncio.Protocol):
         """asyncio: the write buffer has room again."""
         self.outbox.resume()
 
-    def connection_lost(self, _exc: Exception | None) -> None:
+    def connection_lost(self, exc: Exception | None) -> None:
         """asyncio: the connection is gone."""
-        self._transport = None
+        self._transport, self._why = None, exc
         self.outbox.close()
         self._lost.set()
         self._on_down()

@@ -1,54 +1,99 @@
-"""Commands as coroutines: ``result = await daemon.commands.takeoff(40.0)``."""
+"""Commands: ``result = await daemon.commands.takeoff(40.0)``, or ``daemon.commands.start("takeoff", 40.0, ...)``."""
 
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from aps import plans
-from aps.commands import CommandExecution, CommandProgress, CommandResult, Outcome, Plan
+from aps.callbacks import Callbacks
+from aps.commands import CommandExecution, CommandProgress, CommandResult, Plan
 from aps.status_text import StatusText
 from aps.telemetry import AircraftState
 
-__all__ = ["Commander", "OnProgress"]
+__all__ = ["VERBS", "CommandHandle", "Commander", "OnDone", "OnProgress"]
 
 OnProgress = Callable[[CommandProgress], None]
+OnDone = Callable[[CommandResult], None]
 
-_log = logging.getLogger(__name__)
+VERBS: Final[dict[str, Callable[..., Plan]]] = {
+    "arm": plans.arm,
+    "disarm": plans.disarm,
+    "mode": plans.set_mode,
+    "takeoff": plans.takeoff,
+    "goto": plans.goto,
+    "rtl": plans.rtl,
+    "land": plans.land,
+}
+"""Verb -> what makes its plan from the state and the command's arguments."""
 
 
-class _Running:
-    def __init__(self, execution: CommandExecution, on_progress: OnProgress | None) -> None:
+class CommandHandle:
+    """A command that was started."""
+
+    def __init__(
+        self,
+        execution: CommandExecution,
+        commander: Commander,
+        on_progress: OnProgress | None,
+        on_done: OnDone | None,
+    ) -> None:
         self.execution = execution
-        self.on_progress = on_progress
-        self.done: asyncio.Future[CommandResult] = asyncio.get_running_loop().create_future()
+        self._commander, self._on_progress, self._on_done = commander, on_progress, on_done
+
+    @property
+    def verb(self) -> str:
+        """What was asked for."""
+        return self.execution.plan.verb
+
+    @property
+    def result(self) -> CommandResult | None:
+        """How it ended; ``None`` while it is under way."""
+        return self.execution.result
+
+    def cancel(self) -> None:
+        """End the command's supervision (not the flight): ``on_done`` is told that it was interrupted."""
+        self.execution.interrupt("the caller gave up")
+        self._commander.complete(self)
+
+    def tell(self, callbacks: Callbacks) -> None:
+        """Called by the commander: pass on what has happened since the last call."""
+        events, self.execution.events = self.execution.events, []
+        for event in events:
+            callbacks.call(f"the progress callback of {self.verb}", self._on_progress, event)
+
+    def end(self, callbacks: Callbacks) -> None:
+        """Called by the commander, once: the command has ended."""
+        callbacks.call(f"the result callback of {self.verb}", self._on_done, self.result)
 
 
 class Commander:
     """Runs commands one after the other: a new flight command takes over from the one before.
 
-    Every method returns when the goal is reached, or the command is refused, timed out or interrupted; see
+    The coroutines return when the goal is reached, or the command is refused, timed out or interrupted; see
     ``CommandResult``. ``on_progress`` is told about acceptance and, while the UA flies, how far it has to go.
     Cancelling the awaiting task ends the command's supervision, not the flight.
 
     Args:
         state: gives the UA's state now.
-        send: sends pymavlink messages to the autopilot; returns False when there is no connection.
-        now_ns: wall clock, monotonic.
-        wake: called when deadlines may have changed.
+        send: sends pymavlink messages to the autopilot.
+        now_ns: the daemon's clock: monotonic wall time, or sim time in held mode.
+        wake: called when deadlines may have changed, or messages were sent.
+        callbacks: calls what users want to be told.
     """
 
     def __init__(
         self,
         state: Callable[[], AircraftState],
-        send: Callable[[list[Any]], bool],
+        send: Callable[[list[Any]], None],
         now_ns: Callable[[], int],
         wake: Callable[[], None],
+        callbacks: Callbacks,
     ) -> None:
         self._state, self._send, self._now_ns, self._wake = state, send, now_ns, wake
-        self._running: list[_Running] = []
+        self._callbacks = callbacks
+        self._running: list[CommandHandle] = []
 
     @property
     def busy(self) -> bool:
@@ -57,11 +102,11 @@ class Commander:
 
     async def arm(self, on_progress: OnProgress | None = None) -> CommandResult:
         """Arm the motors; refused with the autopilot's own reason."""
-        return await self._run("arm", plans.arm, on_progress)
+        return await self._run("arm", on_progress)
 
     async def disarm(self, *, force: bool = False, on_progress: OnProgress | None = None) -> CommandResult:
         """Disarm the motors; in flight only if forced."""
-        return await self._run("disarm", lambda state: plans.disarm(state, force=force), on_progress)
+        return await self._run("disarm", on_progress, force=force)
 
     async def set_mode(self, mode: str, on_progress: OnProgress | None = None) -> CommandResult:
         """Change the flight mode by name, e.g. ``"GUIDED"``.
@@ -69,11 +114,11 @@ class Commander:
         Raises:
             ValueError: the vehicle has no such mode.
         """
-        return await self._run("mode", lambda state: plans.set_mode(state, mode), on_progress)
+        return await self._run("mode", on_progress, mode)
 
     async def takeoff(self, alt_rel_m: float, on_progress: OnProgress | None = None) -> CommandResult:
         """Climb to a height above home, m; the UA must be armed."""
-        return await self._run("takeoff", lambda state: plans.takeoff(state, alt_rel_m), on_progress)
+        return await self._run("takeoff", on_progress, alt_rel_m)
 
     async def goto(
         self,
@@ -84,67 +129,96 @@ class Commander:
         on_progress: OnProgress | None = None,
     ) -> CommandResult:
         """Fly to a point in GUIDED and stay; ``alt_rel_m`` above home."""
-        return await self._run(
-            "goto", lambda state: plans.goto(state, lat_deg, lon_deg, alt_rel_m, speed_mps), on_progress
-        )
+        return await self._run("goto", on_progress, lat_deg, lon_deg, alt_rel_m, speed_mps)
 
     async def rtl(self, on_progress: OnProgress | None = None) -> CommandResult:
         """Return to launch; done when a copter has landed or a fixed wing circles over home."""
-        return await self._run("rtl", plans.rtl, on_progress)
+        return await self._run("rtl", on_progress)
 
     async def land(self, on_progress: OnProgress | None = None) -> CommandResult:
         """Land; done when on the ground."""
-        return await self._run("land", plans.land, on_progress)
+        return await self._run("land", on_progress)
 
     async def _run(
-        self, verb: str, make: Callable[[AircraftState], Plan], on_progress: OnProgress | None
+        self, verb: str, on_progress: OnProgress | None, *arguments: Any, **options: Any
     ) -> CommandResult:
+        done: asyncio.Future[CommandResult] = asyncio.get_running_loop().create_future()
+
+        def on_done(result: CommandResult) -> None:
+            if not done.done():
+                done.set_result(result)
+
+        handle = self.start(verb, *arguments, on_progress=on_progress, on_done=on_done, **options)
+        try:
+            return await done
+        finally:
+            handle.cancel()
+
+    def start(
+        self,
+        verb: str,
+        *arguments: Any,
+        on_progress: OnProgress | None = None,
+        on_done: OnDone | None = None,
+        **options: Any,
+    ) -> CommandHandle:
+        """Start a command without waiting for it; its first messages are queued at once.
+
+        Args:
+            verb: one of ``VERBS``.
+            arguments: as of the coroutine of that name (``mode``: ``set_mode``).
+            on_progress: told about acceptance and the way to go.
+            on_done: told the result, exactly once; from within this call if the command ends at once.
+            options: keyword arguments, as of the coroutine (``force=True`` of ``disarm``).
+
+        Raises:
+            ValueError: no such verb, or an argument that is wrong or out of range.
+        """
+        if verb not in VERBS:
+            raise ValueError(f"command {verb!r} is none of {', '.join(VERBS)}")
+        execution = self._execution(verb, *arguments, **options)
+        handle = CommandHandle(execution, self, on_progress, on_done)
+        if execution.result is None:
+            self._take_over(execution.plan)
+        self._running.append(handle)
+        self.poll()
+        return handle
+
+    def _execution(self, verb: str, *arguments: Any, **options: Any) -> CommandExecution:
         state = self._state()
         if not state.vehicle_type:
-            return CommandResult(verb, Outcome.REFUSED, "the autopilot has not been heard")
-        plan = make(state)
-        self._take_over(plan)
-        running = _Running(CommandExecution(plan), on_progress)
-        self._running.append(running)
-        self.poll()
+            execution = CommandExecution(Plan(verb, (), lambda _: False, 0.0, flight=False))
+            execution.refuse("the autopilot has not been heard")
+            return execution
         try:
-            return await running.done
-        finally:
-            running.execution.interrupt("the caller gave up")
-            if running in self._running:
-                self._running.remove(running)
+            return CommandExecution(VERBS[verb](state, *arguments, **options))
+        except TypeError as error:
+            raise ValueError(f"wrong arguments of {verb}: {error}") from error
 
     def _take_over(self, plan: Plan) -> None:
         for running in self._running:
-            other = running.execution.plan
-            if other.flight == plan.flight:
+            if running.execution.plan.flight == plan.flight:
                 running.execution.interrupt(f"by {plan.verb}")
+
+    def complete(self, handle: CommandHandle) -> None:
+        """Called by a handle: take a command that has ended off the list, and tell its result."""
+        if handle in self._running and handle.result is not None:
+            self._running.remove(handle)
+            handle.end(self._callbacks)
 
     # Called by the daemon.
 
     def poll(self) -> None:
         """Carry all commands on: send what is due, tell progress, complete what is done."""
         state, now_ns = self._state(), self._now_ns()
-        for running in list(self._running):
-            messages = running.execution.poll(state, now_ns)
-            if messages:
-                self._send(messages)
-            self._tell(running)
-            if running.execution.result is not None:
-                self._running.remove(running)
-                if not running.done.done():
-                    running.done.set_result(running.execution.result)
+        for handle in list(self._running):
+            if handle in self._running:  # else a callback has ended it
+                messages = handle.execution.poll(state, now_ns)
+                if messages:
+                    self._send(messages)
+                handle.tell(self._callbacks)
+                self.complete(handle)
         self._wake()
-
-    def _tell(self, running: _Running) -> None:
-        events, running.execution.events = running.execution.events, []
-        if running.on_progress is None:
-            return
-        for event in events:
-            try:
-                running.on_progress(event)
-            except Exception:
-                _log.exception("the progress callback of %s failed", event.verb)
 
     def deadline_ns(self) -> int | None:
         """When ``poll`` is due even if nothing happens."""

@@ -165,6 +165,10 @@ class CommandExecution:
         """The link to the autopilot went down or came back."""
         self._link_lost_ns = None if connected else now_ns
 
+    def refuse(self, reason: str) -> None:
+        """It cannot even be sent."""
+        self._end(Outcome.REFUSED, reason)
+
     def interrupt(self, reason: str) -> None:
         """Another command takes over, the autopilot rebooted, the daemon stops."""
         self._end(Outcome.INTERRUPTED, reason)

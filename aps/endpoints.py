@@ -33,6 +33,16 @@ class Client(asyncio.Protocol):
         self._server = server
         self._transport: asyncio.Transport | None = None
 
+    def pause_reading(self) -> None:
+        """Leave further bytes in the kernel, so that the peer has to wait."""
+        if self._transport is not None:
+            self._transport.pause_reading()
+
+    def resume_reading(self) -> None:
+        """Read again."""
+        if self._transport is not None:
+            self._transport.resume_reading()
+
     def abort(self) -> None:
         """Close at once, without waiting for the peer to read."""
         if self._transport is not None:
@@ -60,11 +70,11 @@ class Client(asyncio.Protocol):
         """asyncio: the write buffer has room again."""
         self.outbox.resume()
 
-    def connection_lost(self, _exc: Exception | None) -> None:
+    def connection_lost(self, exc: Exception | None) -> None:
         """asyncio: the connection is gone."""
         self._transport = None
         self.outbox.close()
-        self._server.closed(self)
+        self._server.closed(self, exc)
 
 
 class ClientServer:
@@ -95,8 +105,13 @@ class ClientServer:
         self.clients: dict[int, Client] = {}
         self.accepted = 0
         self.turned_away = 0
+        self.leaving = 0
+        """Clients that are gone but not yet forgotten: they count towards ``max_clients``."""
+        self.listeners = False
+        """Clients from now on only listen: their link ids are -1, -2, ..., which no other link has."""
         self._on_open, self._on_close = on_open, on_close
         self._next_link = first_link
+        self._next_listener = -1
         self._server: asyncio.Server | None = None
 
     @property
@@ -125,20 +140,30 @@ class ClientServer:
 
     def opened(self, client: Client) -> None:
         """Called by a client's protocol."""
-        if len(self.clients) >= self.max_clients:
+        if len(self.clients) + self.leaving >= self.max_clients:
             self.turned_away += 1
             _log.warning("client %s turned away: %d are connected already", client.peer, self.max_clients)
             client.abort()
             return
-        client.link = self._next_link
-        self._next_link += 1
+        client.link = self._number()
         self.accepted += 1
         self.clients[client.link] = client
         _log.info("client %s connected", client.peer)
         self._on_open(client)
 
-    def closed(self, client: Client) -> None:
+    def _number(self) -> int:
+        if self.listeners:
+            self._next_listener -= 1
+            return self._next_listener + 1
+        self._next_link += 1
+        return self._next_link - 1
+
+    def reserve(self, link: int) -> None:
+        """Give no client this link id or a lower one from now on."""
+        self._next_link = max(self._next_link, link + 1)
+
+    def closed(self, client: Client, error: Exception | None) -> None:
         """Called by a client's protocol."""
         if self.clients.pop(client.link, None) is not None:
-            _log.info("client %s left", client.peer)
+            _log.info("client %s left%s", client.peer, f" ({error})" if error is not None else "")
             self._on_close(client)

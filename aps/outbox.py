@@ -1,4 +1,4 @@
-"""A bounded queue in front of one transport: a peer that does not read costs drops, never memory or time."""
+"""Bounded queues in front of connections: a peer that does not read costs drops, never memory or time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["DEFAULT_LIMIT_BYTES", "Outbox", "OutboxCounters"]
+__all__ = ["DEFAULT_LIMIT_BYTES", "FrameQueue", "Outbox", "OutboxCounters"]
 
 DEFAULT_LIMIT_BYTES: Final = 256 * 1024
 """About 5000 messages, or 20 s of a busy link."""
@@ -30,26 +30,73 @@ class OutboxCounters:
     """Frames for a peer that is not there, or that went away with frames waiting."""
 
 
-class Outbox:
-    """Whole frames wait here while the transport is full; the oldest go first when the limit is reached.
-
-    Frames put between two calls of ``flush`` leave in one write.
-    """
+class FrameQueue:
+    """A bounded queue of whole frames: the oldest go first when the limit is reached."""
 
     def __init__(self, limit_bytes: int = DEFAULT_LIMIT_BYTES) -> None:
         if limit_bytes < 1024:
             raise ValueError(f"an outbox needs at least 1024 bytes, not {limit_bytes}")
         self.limit_bytes = limit_bytes
         self.counters = OutboxCounters()
-        self._transport: asyncio.Transport | None = None
-        self._paused = False
+        self._open = False
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
 
     @property
     def waiting_frames(self) -> int:
-        """Frames not yet handed to the transport."""
+        """Frames not yet handed on."""
         return len(self._waiting)
+
+    def admit(self) -> None:
+        """There is a connection: take frames from now on."""
+        self._open = True
+
+    def close(self) -> None:
+        """The connection is gone: what waits is counted as dropped."""
+        self._open = False
+        self.counters.dropped_closed += len(self._waiting)
+        self._waiting.clear()
+        self._waiting_bytes = 0
+
+    def put(self, frame: bytes) -> None:
+        """Queue one frame."""
+        self.counters.queued_frames += 1
+        if not self._open:
+            self.counters.dropped_closed += 1
+            return
+        self._waiting.append(frame)
+        self._waiting_bytes += len(frame)
+        while self._waiting_bytes > self.limit_bytes:
+            self._waiting_bytes -= len(self._waiting.popleft())
+            self.counters.dropped_full += 1
+
+    def take(self, limit_bytes: int) -> bytes:
+        """The oldest frames, whole, as many as fit into ``limit_bytes``."""
+        if self._waiting_bytes <= limit_bytes:
+            frames = list(self._waiting)
+            self._waiting.clear()
+        else:
+            frames, room = [], limit_bytes
+            while self._waiting and len(self._waiting[0]) <= room:
+                frames.append(self._waiting.popleft())
+                room -= len(frames[-1])
+        data = b"".join(frames)
+        self._waiting_bytes -= len(data)
+        self.counters.written_frames += len(frames)
+        self.counters.written_bytes += len(data)
+        return data
+
+
+class Outbox(FrameQueue):
+    """Frames wait here while an asyncio transport is full.
+
+    Frames put between two calls of ``flush`` leave in one write.
+    """
+
+    def __init__(self, limit_bytes: int = DEFAULT_LIMIT_BYTES) -> None:
+        super().__init__(limit_bytes)
+        self._transport: asyncio.Transport | None = None
+        self._paused = False
 
     @property
     def paused(self) -> bool:
@@ -63,36 +110,17 @@ class Outbox:
         if connection is not None:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BUFFER_BYTES)
         self._transport, self._paused = transport, False
+        self.admit()
 
     def close(self) -> None:
         """The connection is gone: what waits is counted as dropped."""
         self._transport = None
-        self.counters.dropped_closed += len(self._waiting)
-        self._waiting.clear()
-        self._waiting_bytes = 0
-
-    def put(self, frame: bytes) -> None:
-        """Queue one frame; it leaves with the next ``flush`` that finds room."""
-        self.counters.queued_frames += 1
-        if self._transport is None:
-            self.counters.dropped_closed += 1
-            return
-        self._waiting.append(frame)
-        self._waiting_bytes += len(frame)
-        while self._waiting_bytes > self.limit_bytes:
-            self._waiting_bytes -= len(self._waiting.popleft())
-            self.counters.dropped_full += 1
+        super().close()
 
     def flush(self) -> None:
         """Hand everything to the transport, unless it is full."""
-        if self._paused or not self._waiting or self._transport is None:
-            return
-        data = b"".join(self._waiting)
-        self.counters.written_frames += len(self._waiting)
-        self.counters.written_bytes += len(data)
-        self._waiting.clear()
-        self._waiting_bytes = 0
-        self._transport.write(data)
+        if not self._paused and self._waiting and self._transport is not None:
+            self._transport.write(self.take(self.limit_bytes))
 
     def pause(self) -> None:
         """The transport's buffer is full."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 
+from aps.callbacks import Callbacks
 from aps.telemetry import AircraftState
 
 __all__ = ["Subscription"]
-
-_log = logging.getLogger(__name__)
 
 
 class Subscription:
@@ -20,8 +18,10 @@ class Subscription:
         callback: Callable[[AircraftState], None],
         period_ms: float,
         on_cancel: Callable[[Subscription], None],
+        callbacks: Callbacks,
     ) -> None:
         self._callback, self._period_ms, self._on_cancel = callback, period_ms, on_cancel
+        self._callbacks = callbacks
         self._next_ms = 0.0
 
     def cancel(self) -> None:
@@ -45,7 +45,4 @@ class Subscription:
         # Keep the grid, so that jitter of the telemetry does not slow the subscription down.
         due_ms = self._next_ms + self._period_ms
         self._next_ms = due_ms if now_ms < due_ms <= now_ms + self._period_ms else now_ms + self._period_ms
-        try:
-            self._callback(state)
-        except Exception:
-            _log.exception("a state callback failed")
+        self._callbacks.call("a state callback", self._callback, state)

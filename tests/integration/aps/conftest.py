@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import socket
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -74,17 +75,21 @@ class ScriptedAutopilot:
 
     async def _tick(self):
         while True:
-            self.clock_ms += TICK_MS
-            self.height_m += max(-2.0, min(2.0, self.goal_m - self.height_m))
-            if self.mode in (6, 9) and self.height_m <= 0.0:
-                self.armed = False
-            if self.clock_ms % 1000 == 0:
-                base = 0x59 | (0x80 if self.armed else 0)
-                self.send(mavlink.MAVLink_heartbeat_message(2, 3, base, self.mode, 4, 3))
-            for message in self._streams():
-                if message.id in self.intervals_us:
-                    self.send(message)
+            self.step()
             await asyncio.sleep(STEP_S)
+
+    def step(self):
+        """Fly for TICK_MS and say what is to be said."""
+        self.clock_ms += TICK_MS
+        self.height_m += max(-2.0, min(2.0, self.goal_m - self.height_m))
+        if self.mode in (6, 9) and self.height_m <= 0.0:
+            self.armed = False
+        if self.clock_ms % 1000 == 0:
+            base = 0x59 | (0x80 if self.armed else 0)
+            self.send(mavlink.MAVLink_heartbeat_message(2, 3, base, self.mode, 4, 3))
+        for message in self._streams():
+            if message.id in self.intervals_us:
+                self.send(message)
 
     def _streams(self):
         prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
@@ -129,6 +134,46 @@ class ScriptedAutopilot:
                 self.lat, self.lon, self.goal_m = message.x, message.y, message.z
 
 
+class HeldAutopilot(ScriptedAutopilot):
+    """The same on a plain socket: it runs for one tick when it is told to, as if physics held it in between."""
+
+    def __init__(self, sysid=2):
+        super().__init__(sysid)
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
+        self._connection = None
+        self._said = b""
+        self.streaming = True
+
+    def accept(self):
+        self._connection, _ = self._server.accept()
+        self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._connection.setblocking(False)
+
+    def send_raw(self, data):
+        self._said += data
+
+    def tick(self):
+        """Read and obey, fly on, and have everything in the peer's socket buffer."""
+        with contextlib.suppress(BlockingIOError):
+            while data := self._connection.recv(65536):
+                for message in self.parser.parse_buffer(data) or []:
+                    self.heard.append(message)
+                    self._handle(message)
+        if self.streaming:
+            self.step()
+        said, self._said = self._said, b""
+        self._connection.sendall(said)
+
+    def hang_up(self):
+        self._connection.close()
+
+    def close(self):
+        self._server.close()
+        if self._connection is not None:
+            self._connection.close()
+
+
 class Client:
     """A pymavlink client: pymavlink encodes what it sends and parses what it gets."""
 
@@ -163,6 +208,20 @@ async def autopilot():
     await autopilot.start()
     yield autopilot
     await autopilot.stop()
+
+
+@pytest.fixture
+def make_held_autopilot():
+    """Call for an autopilot that runs by ticks."""
+    made = []
+
+    def make():
+        made.append(HeldAutopilot())
+        return made[-1]
+
+    yield make
+    for autopilot in made:
+        autopilot.close()
 
 
 @pytest.fixture

@@ -99,3 +99,10 @@ async def test_help_has_examples():
     stdout, _ = await asyncio.wait_for(process.communicate(), 20)
     assert process.returncode == 0
     assert b"python -m aps --autopilot tcp:127.0.0.1:5760 --sysid 1 --listen 127.0.0.1:6760" in stdout
+
+
+async def test_a_daemon_that_fails_of_itself_ends_the_program():
+    process = await start("--autopilot", f"tcp:{'a' * 70}.example:5760", "--listen", "127.0.0.1:0")
+    _, stderr = await asyncio.wait_for(process.communicate(), 20)
+    assert process.returncode == 1
+    assert stderr.decode().splitlines()[-1].startswith("aps: the daemon failed: ")

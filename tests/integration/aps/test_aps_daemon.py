@@ -222,3 +222,77 @@ async def test_autopilot_of_another_system_is_told(autopilot, caplog, eventually
     async with Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=9)) as daemon:
         await eventually(lambda: "calls itself system 2, expected 9" in caplog.text)
         assert daemon.state.mode == ""
+
+
+UNUSABLE_HOST = "a" * 70 + ".example"
+"""A name that cannot even be looked up: its first label is too long."""
+
+
+async def test_a_link_that_fails_of_itself_is_told_and_hangs_nobody(caplog):
+    told = []
+    async with Daemon(DaemonConfig(autopilot=f"tcp:{UNUSABLE_HOST}:5760", sysid=2)) as daemon:
+        daemon.on_failure = told.append
+        with pytest.raises(RuntimeError, match="the link to the autopilot failed: UnicodeError"):
+            await asyncio.wait_for(daemon.wait_heard(), 10)
+        assert isinstance(daemon.failure, UnicodeError)
+        assert told == [daemon.failure]
+        assert "UnicodeError" in daemon.statistics()["failure"]
+    assert "the daemon of system 2 failed" in caplog.text
+
+
+async def test_a_timer_that_fails_is_told(daemon, eventually, monkeypatch):
+    def fail(now_ns):
+        raise LookupError("a defect")
+
+    monkeypatch.setattr(daemon.core, "on_time", fail)
+    await eventually(lambda: isinstance(daemon.failure, LookupError))
+
+
+async def test_a_failing_callback_is_counted_and_the_daemon_works_on(daemon, autopilot, eventually, caplog):
+    def fail(_):
+        raise RuntimeError("mine")
+
+    daemon.texts = fail
+    await ready(daemon, eventually)
+    autopilot.send(mavlink.MAVLink_statustext_message(6, b"hello"))
+    await eventually(lambda: daemon.statistics()["callback_errors"] == 1)
+    assert "the callback for texts failed" in caplog.text
+    assert (await daemon.commands.arm()).reached
+    assert autopilot.connections == 1
+
+
+async def test_started_commands_tell_their_end_once_and_may_start_others(daemon, autopilot, eventually):
+    await ready(daemon, eventually)
+    ends = []
+    commands = daemon.commands
+
+    def climb(result):
+        ends.append(str(result))
+        handles.append(commands.start("takeoff", 500.0, on_done=lambda result: ends.append(str(result))))
+
+    handles = [commands.start("arm", on_done=climb)]
+    await eventually(lambda: autopilot.height_m > 5.0)
+    landing = commands.start("land", on_done=lambda result: ends.append(str(result)))
+    assert ends == ["arm reached", "takeoff interrupted: by land"]
+    landing.cancel()
+    landing.cancel()
+    assert ends[2:] == ["land interrupted: the caller gave up"]
+    assert [str(handle.result) for handle in handles] == ends[:2]
+    assert not commands.busy
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments", "message"),
+    [
+        ("fly", (), "command 'fly' is none of arm, disarm, mode, takeoff, goto, rtl, land"),
+        ("takeoff", (), "wrong arguments of takeoff"),
+        ("takeoff", ("high",), "wrong arguments of takeoff"),
+        ("takeoff", (1e9,), "alt_rel_m must be in"),
+        ("mode", ("SWIM",), "mode 'SWIM' is none of"),
+    ],
+)
+async def test_started_commands_check_their_arguments(daemon, eventually, verb, arguments, message):
+    await ready(daemon, eventually)
+    with pytest.raises(ValueError, match=message):
+        daemon.commands.start(verb, *arguments)
+    assert not daemon.commands.busy

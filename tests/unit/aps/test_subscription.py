@@ -1,10 +1,13 @@
+from aps.callbacks import Callbacks
 from aps.subscription import Subscription
 from aps.telemetry import AircraftState
 
 
 def offered(period_ms, times_ms):
     got = []
-    subscription = Subscription(lambda state: got.append(state.time_boot_ms), period_ms, lambda _: None)
+    subscription = Subscription(
+        lambda state: got.append(state.time_boot_ms), period_ms, lambda _: None, Callbacks()
+    )
     for ms in times_ms:
         subscription.offer(AircraftState(sysid=1, time_boot_ms=ms))
     return got
@@ -23,5 +26,7 @@ def test_failing_callback_does_not_reach_the_caller(caplog):
     def fail(_state):
         raise RuntimeError("mine")
 
-    Subscription(fail, 0.0, lambda _: None).offer(AircraftState(sysid=1))
+    callbacks = Callbacks()
+    Subscription(fail, 0.0, lambda _: None, callbacks).offer(AircraftState(sysid=1))
+    assert callbacks.errors == 1
     assert "a state callback failed" in caplog.text

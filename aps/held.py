@@ -1,0 +1,263 @@
+"""The daemon of one UA in held mode: its autopilot is heard and spoken to only at given instants of sim time.
+
+    async with HeldDaemon(DaemonConfig(autopilot="tcp:127.0.0.1:5760", sysid=1)) as daemon:
+        await daemon.connect()
+        for now_ns in ticks:                # while physics withholds its answer, the autopilot is blocked
+            daemon.begin_exchange(now_ns)   # what it said before now is read, and acted upon
+            ...                             # look at daemon.state, start commands
+            daemon.end_exchange()           # what is to be said is written
+            await release()                 # physics answers, the autopilot runs on
+
+Between two exchanges nothing is said to the autopilot and no state changes, whatever clients do and however
+the event loop is loaded: what the autopilot is told depends on what it said, the instants, the commands
+started and the inputs from outside (``on_input``), and on nothing else. With the inputs of a record
+(``inject``) it is told the same again.
+
+All time-outs of the logic run in sim time; wall time is left to ``connect`` and to the clients' sockets.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from types import TracebackType
+from typing import Any
+
+from aps.autopilot_link import parse_autopilot
+from aps.base import DaemonBase
+from aps.config import DaemonConfig
+from aps.endpoints import Client
+from aps.framer import Frame
+from aps.held_link import HeldLink
+from aps.inputs import Input, InputQueue
+from aps.outbox import FrameQueue
+
+__all__ = ["ExchangeCounters", "HeldDaemon"]
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class ExchangeCounters:
+    """What the exchanges did."""
+
+    exchanges: int = 0
+    read_bytes: int = 0
+    """In the latest exchange."""
+    read_bytes_most: int = 0
+    written_bytes: int = 0
+    """In the latest exchange."""
+    written_bytes_most: int = 0
+    inputs: int = 0
+    """Taken from clients or a record."""
+    inputs_ignored: int = 0
+    """Frames of clients whose input is not taken."""
+    clients_paused: int = 0
+    """How often a client was not read any further until the next exchange."""
+    refused_writes: int = 0
+    """Exchanges at which the kernel did not take all that was to be written."""
+    overfull_reads: int = 0
+    """Exchanges at which more was read than the receive buffer is sure to hold: the autopilot may have waited."""
+    link_losses: int = 0
+
+
+class HeldDaemon(DaemonBase):
+    """One UA's MAVLink daemon, driven by its owner; an async context manager.
+
+    The clients' side works by the event loop: clients are accepted, read and written as usual, but what they send
+    takes effect at the next exchange.
+
+    Args:
+        config: its settings.
+        takes_input: whether what clients send is taken; see ``takes_input``.
+
+    Raises:
+        ValueError: a setting is out of range.
+        OSError: the port is taken (on entering the context).
+    """
+
+    def __init__(self, config: DaemonConfig, *, takes_input: bool = True) -> None:
+        self.link = HeldLink(parse_autopilot(config.autopilot), config.queue_limit_bytes)
+        self._now_ns = 0
+        super().__init__(config, self.link, lambda: self._now_ns, lambda: None)
+        self.takes_input = takes_input
+        self.on_input: Callable[[Input], None] | None = None
+        """Called with each input as it takes effect, in order: every frame of a client (even one that only
+        another client is sent: routes are learned from it), and its coming and going."""
+        self.on_bytes: Callable[[str, bytes], None] | None = None
+        """Called with ``"from_autopilot"`` or ``"to_autopilot"`` and all bytes of an exchange, if there are any."""
+        self.on_link_down: Callable[[], None] | None = None
+        """Called when an exchange finds that the autopilot has closed the connection: ``connect`` again."""
+        self.on_wall_time: Callable[[str], None] | None = None
+        """Called with the reason when the result may depend on wall time: the flight may not repeat."""
+        self.counters = ExchangeCounters()
+        self._inputs = InputQueue()
+        self._paused: list[Client] = []
+        self._in_exchange = False
+        self._connections = 0
+
+    @property
+    def takes_input(self) -> bool:
+        """Whether what clients send is taken. One that connects while it is not only listens, for good."""
+        return not self.server.listeners
+
+    @takes_input.setter
+    def takes_input(self, takes_input: bool) -> None:
+        self.server.listeners = not takes_input
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await super().__aexit__(kind, error, traceback)
+        self.link.close()
+
+    async def connect(self) -> None:
+        """Try, with back-off (wall time), until there is a connection; returns at once if there is one.
+
+        The daemon takes notice at the next exchange.
+        """
+        await self.link.connect()
+
+    def inject(self, inputs: Sequence[Input]) -> None:
+        """Have recorded inputs taken at the next exchange, as if clients with their links had sent them.
+
+        Raises:
+            ValueError: a link is opened twice or used without being open, or a frame is not one whole frame.
+        """
+        self._inputs.inject(inputs)
+        for item in inputs:
+            self.server.reserve(item.link)
+
+    def begin_exchange(self, now_ns: int) -> None:
+        """Hear the autopilot and the clients, and decide; nothing is written yet.
+
+        In this order:
+
+        1. sim time becomes ``now_ns``; all that the autopilot has written is read and acted upon;
+        2. the inputs from outside are taken, in the order of their arrival;
+        3. what is due by ``now_ns`` is done: heartbeat, expiry of routes, stream requests, commands.
+
+        Args:
+            now_ns: sim time, ns; never before that of the exchange before.
+
+        Raises:
+            ValueError: sim time would go back.
+            RuntimeError: the exchange before has not ended.
+        """
+        if self._in_exchange:
+            raise RuntimeError("the exchange before has not ended")
+        if now_ns < self._now_ns:
+            raise ValueError(f"sim time went back from {self._now_ns} to {now_ns} ns")
+        self._in_exchange = True
+        self._now_ns = now_ns
+        self.counters.exchanges += 1
+        self._hear_autopilot()
+        self._take_inputs()
+        self.core.on_time(now_ns)
+
+    def end_exchange(self) -> None:
+        """Write what is to be said: to the autopilot ``MAX_WRITE_BYTES`` at most, the rest waits; then to the clients.
+
+        Raises:
+            RuntimeError: no exchange has begun.
+        """
+        if not self._in_exchange:
+            raise RuntimeError("no exchange has begun")
+        self._in_exchange = False
+        data = self.link.take()
+        self.counters.written_bytes = len(data)
+        self.counters.written_bytes_most = max(self.counters.written_bytes_most, len(data))
+        self._tell_bytes("to_autopilot", data)
+        if not self.link.write(data):
+            self.counters.refused_writes += 1
+            self._wall_time(
+                "the autopilot does not read: its connection took only a part of what was to be written"
+            )
+        for client in self.server.clients.values():
+            client.outbox.flush()
+
+    # The autopilot.
+
+    def _hear_autopilot(self) -> None:
+        if self.link.connections != self._connections:
+            self._connections = self.link.connections
+            self._autopilot_up()
+        was_up = self.link.up
+        data = self.link.read()
+        self.counters.read_bytes = len(data)
+        self.counters.read_bytes_most = max(self.counters.read_bytes_most, len(data))
+        if len(data) > self.link.receive_buffer_bytes // 2:
+            self.counters.overfull_reads += 1
+            self._wall_time(f"the autopilot wrote {len(data)} bytes at once: it may have had to wait")
+        self._tell_bytes("from_autopilot", data)
+        self.core.autopilot_data(data, self._now_ns)
+        if was_up and not self.link.up:
+            self.counters.link_losses += 1
+            self._autopilot_down()
+            if self.on_link_down is not None:
+                self.on_link_down()
+
+    def _tell_bytes(self, direction: str, data: bytes) -> None:
+        if data and self.on_bytes is not None:
+            self.on_bytes(direction, data)
+
+    def _wall_time(self, reason: str) -> None:
+        _log.warning("%s", reason)
+        if self.on_wall_time is not None:
+            self.on_wall_time(reason)
+
+    # What comes from outside.
+
+    def _client_opened(self, client: Client) -> None:
+        self._inputs.opened(client.link)
+
+    def _client_closed(self, client: Client) -> None:
+        self._inputs.closed(client.link)
+        self.server.leaving = self._inputs.closing
+
+    def _client_data(self, client: Client, data: bytes) -> None:
+        frames = client.framer.receive(data)
+        if client.link < 0:
+            self.counters.inputs_ignored += len(frames)
+            return
+        self._inputs.frames(client.link, frames)
+        if self._inputs.full(client.link):
+            self.counters.clients_paused += 1
+            self._paused.append(client)
+            client.pause_reading()
+
+    def _take_inputs(self) -> None:
+        for item, frame in self._inputs.take():
+            if item.link > 0:
+                self.counters.inputs += 1
+                if self.on_input is not None:
+                    self.on_input(item)
+            self._take(item, frame)
+        self.server.leaving = 0
+        for client in self._paused:
+            client.resume_reading()
+        self._paused.clear()
+
+    def _take(self, item: Input, frame: Frame | None) -> None:
+        if frame is not None:
+            self.core.client_frame(frame, item.link, self._now_ns)
+        elif item.kind == "open":
+            client = self.server.clients.get(item.link)
+            self.core.client_opened(item.link, FrameQueue() if client is None else client.outbox)
+        else:
+            self.core.client_closed(item.link)
+
+    def statistics(self) -> dict[str, Any]:
+        """Counters of everything, as plain data."""
+        return super().statistics() | {
+            "exchange": asdict(self.counters)
+            | {
+                "receive_buffer_bytes": self.link.receive_buffer_bytes,
+                "unsent_bytes": self.link.unsent_bytes,
+            },
+            "inputs_pending": len(self._inputs),
+        }
