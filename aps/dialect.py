@@ -6,6 +6,7 @@ The tables are read once, at import, from pymavlink's generated ``ardupilotmega`
 
 from __future__ import annotations
 
+import struct
 from functools import cache
 from typing import Any, Final
 
@@ -20,6 +21,7 @@ __all__ = [
     "enum_label",
     "is_plane",
     "mavlink",
+    "message_fields",
     "message_name",
     "mode_numbers",
     "onboard_computer_heartbeat",
@@ -65,6 +67,15 @@ def message_name(msg_id: int) -> str:
     """Name of a message, or ``UNKNOWN_<id>``."""
     message = mavlink.mavlink_map.get(msg_id)
     return str(message.msgname) if message is not None else f"UNKNOWN_{msg_id}"
+
+
+def message_fields(frame: bytes) -> dict[str, Any]:
+    """The fields of a whole frame with a good checksum, by name; empty if its content cannot be decoded."""
+    try:
+        message = mavlink.MAVLink(None).decode(bytearray(frame))
+    except (mavlink.MAVError, struct.error, ValueError, TypeError, IndexError):
+        return {}
+    return {name: getattr(message, name) for name in message.fieldnames}
 
 
 def enum_label(enum: str, value: int) -> str:

@@ -7,9 +7,11 @@ from importlib import metadata
 
 import click
 
+from bridge.cli.compare import compare
 from bridge.cli.doctor import doctor
 from bridge.cli.echo import echo
 from bridge.cli.fit import fit
+from bridge.cli.refly import refly
 from bridge.cli.run import run
 from channel.cli import main as channel_commands
 
@@ -29,7 +31,7 @@ def lostlink() -> None:
     """
 
 
-for command in (run, doctor, echo, *channel_commands.commands.values(), fit):
+for command in (run, refly, compare, doctor, echo, *channel_commands.commands.values(), fit):
     lostlink.add_command(command)
 
 

@@ -2,7 +2,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.dialect import Encoder, enum_label, message_name, mode_numbers
+from aps.dialect import Encoder, enum_label, message_fields, message_name, mode_numbers
 
 
 @pytest.mark.parametrize("vehicle", [mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_TYPE_FIXED_WING])
@@ -37,3 +37,10 @@ def test_encoder_counts_its_sequence():
 def test_encoder_refuses_impossible_ids(sysid, compid):
     with pytest.raises(ValueError, match=r"must be in 1\.\.255"):
         Encoder(sysid, compid)
+
+
+def test_fields_of_a_frame_and_none_of_what_is_no_frame():
+    raw = Encoder(1, 1).encode(mavlink.MAVLink_statustext_message(3, b"hello"))
+    assert message_fields(raw) == {"severity": 3, "text": "hello", "id": 0, "chunk_seq": 0}
+    for broken in (b"", raw[:-1], raw[:-1] + bytes([raw[-1] ^ 1]), b"\xfd" + bytes(20)):
+        assert message_fields(broken) == {}

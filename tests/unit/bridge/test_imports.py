@@ -14,6 +14,9 @@ import pytest
         ("bridge.agents.process", "scipy matplotlib jsbsim channel.radio bridge.scenario.file"),
         ("bridge.aircraft.process", "scipy matplotlib jsbsim channel.radio bridge.scenario.file"),
         ("bridge.physics.process", "scipy matplotlib channel.radio bridge.scenario.file"),
+        ("bridge.record.streams", "numpy rosbags pymavlink pydantic zenoh"),
+        ("bridge.record.events", "numpy rosbags pymavlink pydantic zenoh"),
+        ("bridge.record.inputs", "pymavlink pydantic zenoh"),
         ("bridge.standin.cli", "numpy scipy pydantic bridge.scenario.model"),
     ],
 )

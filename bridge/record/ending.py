@@ -1,0 +1,69 @@
+"""How far a run can be flown again: to its end, or to its last whole tick if it was interrupted."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+from bridge.record.names import Kind, streams_of
+from bridge.record.streams import read_stream
+from bridge.run.directory import SUMMARY_FILE
+
+WHOLE = ("done", "duration")
+"""Endings of `summary.json` that the run came to by itself."""
+IN_ORDER = (*WHOLE, "interrupted")
+"""Endings after which every process closed its files."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """How much of a run there is.
+
+    Attributes:
+        stop_ns: its last whole tick; None if the run came to its end by itself.
+        was_cut: a process may have been killed: files may end at different ticks.
+    """
+
+    stop_ns: int | None
+    was_cut: bool
+
+
+def extent_of(run: Path) -> Extent:
+    """How much of the run in ``run`` can be flown again.
+
+    Raises:
+        ValueError: it was interrupted before its first whole tick, or a stream is damaged.
+        OSError: a stream cannot be read.
+    """
+    ending = _ending(run)
+    if ending in WHOLE:
+        return Extent(None, was_cut=False)
+    stop_ns = last_whole_tick(run)
+    if stop_ns is None:
+        raise ValueError(f"{run}: the run ended before its first whole tick: there is nothing to fly again")
+    return Extent(stop_ns, was_cut=ending not in IN_ORDER)
+
+
+def last_whole_tick(run: Path) -> int | None:
+    """Sim time in ns of the last tick but one that has truth: when a tick begins, the one before it is closed.
+
+    Raises:
+        ValueError, OSError: a truth stream is damaged or cannot be read.
+    """
+    ticks: set[int] = set()
+    for stream in streams_of(run):
+        if stream.kind is Kind.TRUTH:
+            last = deque((entry.tick_ns for entry in read_stream(stream.path(run))), maxlen=2)
+            ticks.update(last)
+    return sorted(ticks)[-2] if len(ticks) > 1 else None
+
+
+def _ending(run: Path) -> str | None:
+    try:
+        summary = json.loads((run / SUMMARY_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    ending = summary.get("ending") if isinstance(summary, dict) else None
+    return ending if isinstance(ending, str) else None

@@ -1,0 +1,236 @@
+"""What a record was made with: versions, machine and autopilots. Flown again with others, a run may differ."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from bridge.record.digests import file_digest
+from bridge.record.names import PROVENANCE_FILE
+
+PACKAGES: Final = ("numpy", "scipy", "jsbsim", "pymavlink", "eclipse-zenoh")
+SERIOUS: Final = ("jsbsim",)
+"""Packages whose version changes flights in more than last bits."""
+VARIABLES: Final = ("NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES")
+"""What changes the code paths of numpy and of the C library's functions."""
+CPU_FLAGS: Final = (
+    "sse4_2",
+    "avx",
+    "fma",
+    "avx2",
+    "avx512f",
+    "avx512_vnni",
+    "amx_tile",
+    "asimd",
+    "sve",
+    "sve2",
+)
+UNKNOWN: Final = "(unknown)"
+GIT_TIMEOUT_S: Final = 2.0
+_ROOT: Final = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotOrigin:
+    """What flew one UA.
+
+    Attributes:
+        source: as in the scenario: ardupilot, standin or external.
+        version: its version text; "" if not known.
+        sha256: of the binary; "" if there is none of ours.
+    """
+
+    source: str
+    version: str = ""
+    sha256: str = ""
+
+    def __str__(self) -> str:
+        digest = f"binary with SHA-256 {self.sha256[:12]}..." if self.sha256 else ""
+        return " ".join(part for part in (self.source, self.version, digest) if part)
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What a record was made with; "" for what is not known.
+
+    Attributes:
+        lostlink: version.
+        git_commit: if it is a checkout, with "-dirty" if it has changes.
+        python: version.
+        packages: version by name, "" if not installed.
+        machine: operating system, C library and architecture.
+        cpu: model and the features that numbers may depend on.
+        environment: variables that change which code computes numbers, if set.
+        autopilots: by node id.
+    """
+
+    lostlink: str = ""
+    git_commit: str = ""
+    python: str = ""
+    packages: dict[str, str] = field(default_factory=dict)
+    machine: str = ""
+    cpu: str = ""
+    environment: dict[str, str] = field(default_factory=dict)
+    autopilots: dict[str, AutopilotOrigin] = field(default_factory=dict)
+
+
+def collect(autopilots: Mapping[str, AutopilotOrigin]) -> Provenance:
+    """What this process runs with.
+
+    Args:
+        autopilots: by node id; see `ardupilot_origin` and `standin_origin`.
+    """
+    return Provenance(
+        lostlink=_version("lostlink"),
+        git_commit=_git_commit(_ROOT),
+        python=platform.python_version(),
+        packages={name: _version(name) for name in PACKAGES},
+        machine=f"{platform.system()} {platform.machine()} {' '.join(platform.libc_ver())}".strip(),
+        cpu=_cpu(),
+        environment={name: os.environ[name] for name in VARIABLES if name in os.environ},
+        autopilots=dict(autopilots),
+    )
+
+
+def ardupilot_origin(binary: Path, version: str = "") -> AutopilotOrigin:
+    """Of a real ArduPilot: the digest of its binary, and its version text if that is known.
+
+    Raises:
+        OSError: the binary cannot be read.
+    """
+    return AutopilotOrigin("ardupilot", version, file_digest(binary))
+
+
+def standin_origin() -> AutopilotOrigin:
+    """Of the stand-in, which has our version."""
+    return AutopilotOrigin("standin", _version("lostlink"))
+
+
+def write_provenance(provenance: Provenance, run: Path) -> None:
+    """Write `provenance.json` into the run directory ``run``.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    (run / PROVENANCE_FILE).write_text(json.dumps(asdict(provenance), indent=1) + "\n", encoding="utf-8")
+
+
+def read_provenance(run: Path) -> Provenance | None:
+    """What the record in ``run`` was made with; None if it does not say. Keys of other versions are passed over.
+
+    Raises:
+        ValueError: the file is not ours; the text names it.
+        OSError: it cannot be read.
+    """
+    path = run / PROVENANCE_FILE
+    if not path.exists():
+        return None
+    try:
+        return _from_plain(json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError(f"{path}: not a description of what made a record: {error}") from error
+
+
+def _from_plain(content: Any) -> Provenance:
+    return Provenance(
+        lostlink=str(content.get("lostlink", "")),
+        git_commit=str(content.get("git_commit", "")),
+        python=str(content.get("python", "")),
+        packages=_table(content.get("packages", {})),
+        machine=str(content.get("machine", "")),
+        cpu=str(content.get("cpu", "")),
+        environment=_table(content.get("environment", {})),
+        autopilots={node: _origin(values) for node, values in content.get("autopilots", {}).items()},
+    )
+
+
+def _origin(values: Any) -> AutopilotOrigin:
+    return AutopilotOrigin(*(str(values.get(name, "")) for name in ("source", "version", "sha256")))
+
+
+def _table(values: Any) -> dict[str, str]:
+    return {str(name): str(value) for name, value in values.items()}
+
+
+def differences(old: Provenance, new: Provenance) -> list[str]:
+    """What is other now than when the record was made, as sentences.
+
+    Each begins with ``warning: `` if flights are expected to differ for it, or ``note: `` if only last bits may.
+    """
+    return [f"{level}: {text}" for level, text in sorted(_changes(old, new), key=lambda c: c[0] != "warning")]
+
+
+def _changes(old: Provenance, new: Provenance) -> Iterator[tuple[Literal["warning", "note"], str]]:
+    if old.lostlink != new.lostlink:
+        yield "warning", _made("lostlink", old.lostlink, new.lostlink)
+    if old.git_commit != new.git_commit:
+        yield "warning", _made("lostlink at commit", old.git_commit, new.git_commit)
+    for node in sorted(old.autopilots.keys() | new.autopilots.keys()):
+        before, now = (str(side.autopilots.get(node, "")) for side in (old, new))
+        if before != now or _sha256(old, node) != _sha256(new, node):
+            yield "warning", _made(f"UA {node}:", before, now)
+    for name in sorted(old.packages.keys() | new.packages.keys()):
+        before, now = old.packages.get(name, ""), new.packages.get(name, "")
+        if before != now:
+            yield "warning" if name in SERIOUS else "note", _made(name, before, now)
+    if old.python != new.python:
+        yield "note", _made("Python", old.python, new.python)
+    for what, before, now in (("machine", old.machine, new.machine), ("CPU", old.cpu, new.cpu)):
+        if before != now:
+            yield "note", f"the record was made on the {what} {before or UNKNOWN}, this is {now or UNKNOWN}"
+    for name in sorted(old.environment.keys() | new.environment.keys()):
+        before, now = (side.environment.get(name, "unset") for side in (old, new))
+        if before != now:
+            yield "note", f"{name} was {before} when the record was made, this is {now}"
+
+
+def _sha256(side: Provenance, node: str) -> str:
+    origin = side.autopilots.get(node)
+    return origin.sha256 if origin is not None else ""
+
+
+def _made(what: str, old: str, new: str) -> str:
+    return f"{what} {old or UNKNOWN} made the record, this is {new or UNKNOWN}"
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def _git_commit(root: Path) -> str:
+    """The commit of a checkout; "" if it is none, or git is not there or slow."""
+    if not (root / ".git").exists():
+        return ""
+    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=GIT_TIMEOUT_S, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip()
+
+
+def _cpu() -> str:
+    """Model and features; on anything but Linux, what Python knows."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").split("\n\n", 1)[0]
+    except OSError:
+        return platform.processor()
+    fields = dict(_pair(line) for line in lines.splitlines() if ":" in line)
+    flags = set(fields.get("flags", fields.get("Features", "")).split())
+    model = fields.get("model name", platform.processor())
+    return " ".join([model, *(flag for flag in CPU_FLAGS if flag in flags)]).strip()
+
+
+def _pair(line: str) -> tuple[str, str]:
+    name, _, value = line.partition(":")
+    return name.strip(), value.strip()

@@ -1,0 +1,125 @@
+"""What made a record is written down, reads back, and what is other now is said in sentences."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+from dataclasses import replace
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from bridge.record.provenance import (
+    AutopilotOrigin,
+    Provenance,
+    _git_commit,
+    ardupilot_origin,
+    collect,
+    differences,
+    read_provenance,
+    standin_origin,
+    write_provenance,
+)
+
+MADE = Provenance(
+    lostlink="0.1.0",
+    git_commit="abc",
+    python="3.11.7",
+    packages={"numpy": "2.3.0", "jsbsim": "1.2.0"},
+    machine="Linux x86_64 glibc 2.36",
+    cpu="Some CPU avx2 fma",
+    environment={},
+    autopilots={"0": AutopilotOrigin("ardupilot", "arducopter 4.6", "ab" * 32)},
+)
+
+
+def test_what_runs_here_is_told(tmp_path: Path) -> None:
+    binary = tmp_path / "arducopter"
+    binary.write_bytes(b"\x7fELF")
+    found = collect({"0": standin_origin(), "1": ardupilot_origin(binary, "4.7")})
+    assert found.lostlink == metadata.version("lostlink")
+    assert found.packages["numpy"] == metadata.version("numpy")
+    assert all(found.packages.values())
+    assert found.autopilots["0"] == AutopilotOrigin("standin", found.lostlink)
+    assert found.autopilots["1"].sha256 == hashlib.sha256(b"\x7fELF").hexdigest()
+    write_provenance(found, tmp_path)
+    assert read_provenance(tmp_path) == found
+    assert differences(found, found) == []
+
+
+def test_environment_that_changes_numbers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "X86_V4")
+    monkeypatch.setenv("SOMETHING_ELSE", "secret")
+    assert collect({}).environment["NPY_DISABLE_CPU_FEATURES"] == "X86_V4"
+    assert "SOMETHING_ELSE" not in collect({}).environment
+
+
+@pytest.mark.parametrize(
+    ("new", "sentence"),
+    [
+        (replace(MADE, lostlink="0.2.0"), "warning: lostlink 0.1.0 made the record, this is 0.2.0"),
+        (replace(MADE, git_commit=""), "warning: lostlink at commit abc made the record, this is (unknown)"),
+        (
+            replace(MADE, autopilots={"0": AutopilotOrigin("standin", "0.1.0")}),
+            "warning: UA 0: ardupilot arducopter 4.6 binary with SHA-256 abababababab... made the record, "
+            "this is standin 0.1.0",
+        ),
+        (
+            replace(MADE, packages={"numpy": "2.3.0", "jsbsim": "1.3.0"}),
+            "warning: jsbsim 1.2.0 made the record, this is 1.3.0",
+        ),
+        (
+            replace(MADE, packages={"numpy": "2.4.0", "jsbsim": "1.2.0"}),
+            "note: numpy 2.3.0 made the record, this is 2.4.0",
+        ),
+        (replace(MADE, python="3.12.1"), "note: Python 3.11.7 made the record, this is 3.12.1"),
+        (
+            replace(MADE, cpu="Other CPU"),
+            "note: the record was made on the CPU Some CPU avx2 fma, this is Other CPU",
+        ),
+        (
+            replace(MADE, environment={"GLIBC_TUNABLES": "x=y"}),
+            "note: GLIBC_TUNABLES was unset when the record was made, this is x=y",
+        ),
+    ],
+)
+def test_each_difference_is_a_sentence(new: Provenance, sentence: str) -> None:
+    assert differences(MADE, new) == [sentence]
+
+
+def test_warnings_come_before_notes() -> None:
+    told = differences(MADE, Provenance())
+    assert [line.split(":")[0] for line in told] == ["warning"] * 4 + ["note"] * 4
+
+
+def test_other_binary_of_the_same_version_is_told() -> None:
+    other = AutopilotOrigin("ardupilot", "arducopter 4.6", "ab" * 31 + "cd")
+    assert len(differences(MADE, replace(MADE, autopilots={"0": other}))) == 1
+
+
+def test_files_of_other_versions_are_read_and_garbage_is_refused(tmp_path: Path) -> None:
+    assert read_provenance(tmp_path) is None
+    file = tmp_path / "provenance.json"
+    file.write_text('{"lostlink": "9", "novel": [1]}')
+    assert read_provenance(tmp_path) == Provenance(lostlink="9")
+    for text in ("", "[]", '{"packages": 3}', '{"autopilots": {"0": 1}}', "[" * 100_000):
+        file.write_text(text)
+        with pytest.raises(ValueError, match=r"provenance\.json: not a description"):
+            read_provenance(tmp_path)
+
+
+def test_commit_of_a_checkout_and_none_elsewhere(tmp_path: Path) -> None:
+    assert _git_commit(tmp_path) == ""
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=n", "-c", "user.email=e@example.org"]
+    subprocess.run([*git, "init", "-q"], check=True)
+    assert _git_commit(tmp_path) == ""
+    (tmp_path / "f").write_text("1")
+    subprocess.run([*git, "add", "f"], check=True)
+    subprocess.run([*git, "commit", "-qm", "m"], check=True)
+    commit = subprocess.run(
+        [*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True
+    ).stdout.strip()
+    assert _git_commit(tmp_path) == commit
+    (tmp_path / "f").write_text("2")
+    assert _git_commit(tmp_path) == f"{commit}-dirty"
