@@ -4,6 +4,8 @@ A scenario names one per UA; `agent_class` finds it. Write your own by subclassi
 """
 
 from bridge.agents.agent import Agent
+from bridge.agents.beside import connect_ua
+from bridge.agents.client import CommandFailed, UaClient
 from bridge.agents.hold import Hold
 from bridge.agents.out_and_back import OutAndBack
 from bridge.agents.own import AgentError, load_class
@@ -24,4 +26,15 @@ def agent_class(config: AgentConfig) -> type[Agent]:
     )
 
 
-__all__ = ["AGENTS", "Agent", "AgentError", "Hold", "OutAndBack", "Still", "agent_class"]
+__all__ = [
+    "AGENTS",
+    "Agent",
+    "AgentError",
+    "CommandFailed",
+    "Hold",
+    "OutAndBack",
+    "Still",
+    "UaClient",
+    "agent_class",
+    "connect_ua",
+]

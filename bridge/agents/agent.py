@@ -1,9 +1,16 @@
-"""The base of all agents: tells the others its state (Table II) at every tick, and flies what `fly` says."""
+"""The base of all agents: tells the others its state (Table II) at every tick, and flies what `fly` says.
+
+An agent lives in sim time: whatever it awaits (`asyncio.sleep`, timeouts, timers) waits in sim time, and what it
+transmits after an await has the stamp of the tick in which it ran. docs/agents.md says what its code must not do.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import asyncio
+from collections.abc import AsyncIterator, Mapping
 from typing import Any
+
+import numpy as np
 
 from bridge.agents.client import CommandFailed, UaClient
 from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint, decode
@@ -21,6 +28,7 @@ class Agent:
         ua: the node as the agent sees it.
         waypoints: what it plans to fly; told to the others.
         latest: newest package that the radio delivered, of each other node.
+        rng: the agent's own random numbers, seeded by run and node: the same in every repetition of the run.
     """
 
     def __init__(self, ua: UaClient, aircraft: Aircraft, transmit: Transmit) -> None:
@@ -30,6 +38,7 @@ class Agent:
         self.waypoints: tuple[Waypoint, ...] = ()
         self.measurements_dbm: tuple[float, ...] = ()
         self.latest: dict[str, DataPackage] = {}
+        self.rng = rng_of(ua.seed, ua.node)
         self._ticks = 0
         ua.on_packet(self.on_packet)
 
@@ -41,6 +50,30 @@ class Agent:
 
     async def fly(self) -> None:
         """What the agent does, once; the run is over when every agent is back from here."""
+
+    async def sleep(self, duration_s: float) -> None:
+        """Wait ``duration_s`` of sim time; it ends with a tick, the first that is not earlier."""
+        await asyncio.sleep(duration_s)
+
+    async def sleep_until(self, sim_time_s: float) -> None:
+        """Wait for the first tick that is not earlier than ``sim_time_s``."""
+        await asyncio.sleep(sim_time_s - self.ua.sim_time_ns / 1e9)
+
+    async def every(self, period_s: float) -> AsyncIterator[float]:
+        """Yield the sim time, s, now and then once per period, on the grid that begins now.
+
+        A period shorter than a tick yields once per tick; what a slow body missed is not made up for.
+
+        Raises:
+            ValueError: the period is not above 0.
+        """
+        if not period_s > 0.0:
+            raise ValueError(f"every({period_s}): a period has to be above 0 s")
+        begin_ns, period_ns = self.ua.sim_time_ns, round(period_s * 1e9)
+        while True:
+            yield self.ua.sim_time_ns / 1e9
+            passed = (self.ua.sim_time_ns - begin_ns) // period_ns
+            await self.sleep_until((begin_ns + (passed + 1) * period_ns) / 1e9)
 
     def on_tick(self, sim_time_ns: int) -> None:
         """What the agent does at each tick of the fleet clock. It must not wait: the clock waits for it."""
@@ -82,3 +115,8 @@ class Agent:
         await self.ua.arm()
         await self.ua.takeoff(altitude_rel_m)
         return home
+
+
+def rng_of(seed: int, node: str) -> np.random.Generator:
+    """The random numbers of one node's agent: PCG64, seeded by the run's seed and the node."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=tuple(node.encode()))))

@@ -1,43 +1,100 @@
-"""One aircraft on Zenoh: its state as messages, and its commands as queryables.
+"""One aircraft at the ticks: its autopilot's MAVLink is exchanged, its state becomes a message, its commands start.
 
-`AircraftBridge` joins an APS daemon with a session; the process around it is in `bridge.aircraft.process`.
+`AircraftBridge` joins a held APS daemon (`aps.held`) with the run; it does no I/O of its own.
 """
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable, Mapping
-
-import zenoh
+from collections.abc import Callable
+from typing import Any
 
 from aps.commands import CommandProgress, CommandResult
-from aps.daemon import Daemon
+from aps.held import HeldDaemon
 from aps.telemetry import AircraftState
 from bridge.bus import messages
-from bridge.bus.inbox import Inbox
-from bridge.bus.keys import Keys
-from bridge.bus.messages import (
-    Clock,
-    CommandEvent,
-    CommandGoal,
-    DecodeError,
-    Header,
-    Vector3,
-    decode,
-    encode,
-    encoding_of,
-)
-from bridge.bus.session import Query, Sample, Session
+from bridge.bus.messages import CommandEvent, CommandGoal, Header, Vector3
 
 STATE_RATE_HZ = 10
-OnProgress = Callable[[CommandProgress], None]
+"""How often the state is published, sim time; the node's agent sees it at every tick."""
+VERBS = ("arm", "disarm", "mode", "takeoff", "goto", "rtl", "land")
+OnEvent = Callable[[CommandEvent], object]
 log = logging.getLogger("aircraft")
 
 
+class AircraftBridge:
+    """One aircraft.
+
+    Args:
+        daemon: its APS daemon.
+        node: its node id.
+    """
+
+    def __init__(self, daemon: HeldDaemon, node: str) -> None:
+        self.daemon = daemon
+        self._node = node
+        self._now_ns = 0
+        self._next_state_ns = 0
+
+    def begin(self, now_ns: int) -> None:
+        """Hear the autopilot and its clients, who have said all that they say before ``now_ns``."""
+        self._now_ns = now_ns
+        self.daemon.begin_exchange(now_ns)
+
+    def end(self) -> None:
+        """Say what is to be said at this instant."""
+        self.daemon.end_exchange()
+
+    def state(self) -> messages.AircraftState:
+        """Table I of the paper, as the bytes heard by this instant tell it."""
+        return state_message(self.daemon.state, self._node, self._now_ns)
+
+    def state_is_due(self) -> bool:
+        """Whether the state is published at this tick: STATE_RATE_HZ on the mean, at any tick rate from that up."""
+        if self._now_ns < self._next_state_ns:
+            return False
+        period_ns = 1_000_000_000 // STATE_RATE_HZ
+        self._next_state_ns = (self._now_ns // period_ns + 1) * period_ns
+        return True
+
+    def start(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
+        """Begin to carry out ``verb``; ``on_event`` is told of progress and, once, of the result."""
+
+        def on_progress(progress: CommandProgress) -> None:
+            on_event(_progress(progress))
+
+        def on_done(result: CommandResult) -> None:
+            log.info("%s: %s", verb, result)
+            on_event(CommandEvent(CommandEvent.RESULT, result.reached, str(result)))
+
+        try:
+            arguments, options = _arguments(verb, goal)
+            self.daemon.commands.start(verb, *arguments, on_progress=on_progress, on_done=on_done, **options)
+        except ValueError as error:
+            on_event(CommandEvent(CommandEvent.RESULT, False, str(error)))
+
+
+def _arguments(verb: str, goal: CommandGoal) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """What the daemon's command of this name takes from a goal."""
+    if verb == "mode":
+        return (goal.mode,), {}
+    if verb == "takeoff":
+        return (goal.altitude_rel_m,), {}
+    if verb == "goto":
+        place = (goal.latitude_deg, goal.longitude_deg, goal.altitude_rel_m)
+        return place, {"speed_mps": goal.speed_mps or None}
+    return (), {}
+
+
+def _progress(progress: CommandProgress) -> CommandEvent:
+    phase = CommandEvent.ACCEPTED if progress.phase == "accepted" else CommandEvent.FEEDBACK
+    remaining_m = math.nan if progress.remaining_m is None else progress.remaining_m
+    return CommandEvent(phase, True, progress.text, remaining_m)
+
+
 def state_message(state: AircraftState, node: str, sim_time_ns: int) -> messages.AircraftState:
-    """Table I as a message."""
+    """Table I as a message, stamped with the tick that its bytes belong to."""
     return messages.AircraftState(
         Header.at(sim_time_ns, node),
         state.sysid,
@@ -62,84 +119,3 @@ def state_message(state: AircraftState, node: str, sim_time_ns: int) -> messages
         state.armed,
         state.ready_to_arm and state.position_ok,
     )
-
-
-class AircraftBridge:
-    """Publishes the state at STATE_RATE_HZ of sim time and serves the commands of one UA."""
-
-    def __init__(self, session: Session, keys: Keys, node: str, daemon: Daemon) -> None:
-        self._session = session
-        self._keys = keys
-        self._node = node
-        self._daemon = daemon
-        self._next_state_ns = 0
-        self._tasks: set[asyncio.Task[None]] = set()
-        loop = asyncio.get_running_loop()
-        ticks: Inbox[Sample] = Inbox(loop, self._on_clock, limit=1000)
-        queries: Inbox[tuple[str, Query]] = Inbox(loop, self._on_query, limit=1000)
-        session.subscribe(keys.clock, ticks.push)
-        for verb in self._verbs:
-            session.serve(keys.command(node, verb), lambda query, verb=verb: queries.push((verb, query)))  # type: ignore[misc]
-
-    @property
-    def _verbs(self) -> Mapping[str, Callable[[CommandGoal, OnProgress], Awaitable[CommandResult]]]:
-        commands = self._daemon.commands
-        return {
-            "arm": lambda _, tell: commands.arm(on_progress=tell),
-            "disarm": lambda _, tell: commands.disarm(on_progress=tell),
-            "mode": lambda goal, tell: commands.set_mode(goal.mode, on_progress=tell),
-            "takeoff": lambda goal, tell: commands.takeoff(goal.altitude_rel_m, on_progress=tell),
-            "goto": lambda goal, tell: commands.goto(
-                goal.latitude_deg,
-                goal.longitude_deg,
-                goal.altitude_rel_m,
-                speed_mps=goal.speed_mps or None,
-                on_progress=tell,
-            ),
-            "rtl": lambda _, tell: commands.rtl(on_progress=tell),
-            "land": lambda _, tell: commands.land(on_progress=tell),
-        }
-
-    def _on_clock(self, sample: Sample) -> None:
-        try:
-            sim_time_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
-        except DecodeError as error:
-            log.warning("%s", error)
-            return
-        if sim_time_ns >= self._next_state_ns:
-            self._next_state_ns = sim_time_ns + 1_000_000_000 // STATE_RATE_HZ
-            message = state_message(self._daemon.state, self._node, sim_time_ns)
-            self._session.put(self._keys.state(self._node), message)
-
-    def _on_query(self, item: tuple[str, Query]) -> None:
-        task = asyncio.create_task(self._carry_out(*item))
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-
-    async def _carry_out(self, verb: str, query: Query) -> None:
-        with query:
-            try:
-                goal = decode(query.payload.to_bytes(), CommandGoal) if query.payload else CommandGoal()
-                result = await self._verbs[verb](
-                    goal, lambda progress: self._reply(verb, query, _progress(progress))
-                )
-            except (DecodeError, ValueError) as error:
-                event = CommandEvent(CommandEvent.RESULT, False, str(error))
-            else:
-                event = CommandEvent(CommandEvent.RESULT, result.reached, str(result))
-            log.info("%s: %s", verb, event.text)
-            self._reply(verb, query, event)
-
-    def _reply(self, verb: str, query: Query, event: CommandEvent) -> None:
-        try:
-            query.reply(
-                self._keys.command(self._node, verb), encode(event), encoding=encoding_of(CommandEvent)
-            )
-        except zenoh.ZError as error:
-            log.warning("%s: whoever asked is gone: %s", verb, error)
-
-
-def _progress(progress: CommandProgress) -> CommandEvent:
-    phase = CommandEvent.ACCEPTED if progress.phase == "accepted" else CommandEvent.FEEDBACK
-    remaining_m = math.nan if progress.remaining_m is None else progress.remaining_m
-    return CommandEvent(phase, True, progress.text, remaining_m)

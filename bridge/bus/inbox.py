@@ -15,12 +15,12 @@ log = logging.getLogger("inbox")
 class Inbox(Generic[T]):
     """Hands items from any thread to ``handle`` in the loop's thread.
 
-    A handler that raises is logged; the items behind it are handled all the same. When more than ``limit``
-    items wait, the oldest is dropped and ``dropped`` counts it.
+    A handler that raises is logged and counted in ``failed``; the items behind it are handled all the same. When more
+    than ``limit`` items wait, the oldest is dropped and ``dropped`` counts it; ``limit`` None: nothing is ever dropped.
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, handle: Callable[[T], object], limit: int = 100_000
+        self, loop: asyncio.AbstractEventLoop, handle: Callable[[T], object], limit: int | None = 100_000
     ) -> None:
         self._loop = loop
         self._handle = handle
@@ -28,10 +28,11 @@ class Inbox(Generic[T]):
         self._items: deque[T] = deque()
         self._awake = False
         self.dropped = 0
+        self.failed = 0
 
     def push(self, item: T) -> None:
         """Add an item; safe from any thread, and after the loop has been closed."""
-        if len(self._items) >= self._limit:
+        if self._limit is not None and len(self._items) >= self._limit:
             self._items.popleft()
             self.dropped += 1
         self._items.append(item)
@@ -48,4 +49,5 @@ class Inbox(Generic[T]):
             try:
                 self._handle(self._items.popleft())
             except Exception:
+                self.failed += 1
                 log.exception("while handling an item")

@@ -36,6 +36,21 @@ class Keys:
         return f"{self.prefix}/clock"
 
     @property
+    def clock_start(self) -> str:
+        """The supervisor's word that everybody is there: from now on autopilots are answered."""
+        return f"{self.prefix}/clock/start"
+
+    @property
+    def clock_exchange(self) -> str:
+        """An instant between two ticks at which MAVLink is exchanged; written by the fleet clock."""
+        return f"{self.prefix}/clock/exchange"
+
+    @property
+    def ending(self) -> str:
+        """How far the radio is with the last part of its record."""
+        return f"{self.prefix}/ending"
+
+    @property
     def clock_release(self) -> str:
         """The tick that everybody has answered; written by the radio router, read by the fleet clock."""
         return f"{self.prefix}/clock/release"
@@ -46,7 +61,7 @@ class Keys:
         return f"{self.prefix}/clock/end"
 
     def clock_answer(self, node: str) -> str:
-        """A regulated agent's word that it is done with a tick."""
+        """A node's word that it is done with a tick: its agent, and its aircraft."""
         return f"{self.prefix}/clock/answer/{node}"
 
     def truth(self, node: str) -> str:

@@ -98,9 +98,9 @@ def refly(
 
 
 def _flight() -> Flight:
-    from bridge.cli.flight import fly  # type: ignore[import-not-found]
+    from bridge.cli.flight import fly
 
-    return fly  # type: ignore[no-any-return]
+    return fly
 
 
 def _fail(text: str) -> NoReturn:

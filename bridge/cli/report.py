@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,8 @@ from rich import box
 from rich.table import Table
 
 from bridge.radio.deliveries import LEDGER
+from bridge.record.digests import digest_line, digests
+from bridge.record.events import read_reports
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from channel.intervals import binomial_interval, proportion_interval
@@ -56,6 +58,7 @@ def summarise(
     ledger = _read_ledger(run, ending)
     judged = [row for row in ledger["bins"] if _is_judged(row)]
     within = sum(not _is_outside(row) for row in judged)
+    found, reports = digests(run.path), read_reports(run.path)
     return {
         "schema": SCHEMA,
         "scenario": scenario.name,
@@ -72,6 +75,11 @@ def summarise(
         "links": ledger["links"],
         "bins": ledger["bins"],
         "refused": ledger["refused"],
+        "digest": digest_line(found),
+        "digests": found,
+        "may_not_repeat": list(reports.may_not_repeat),
+        "events": [asdict(event) for event in reports.events],
+        "counters": reports.counters,
         "bins_judged": len(judged),
         "bins_within": within,
         "verdict": _verdict(len(judged), within, ledger["links"], ending) + _remark(unfinished),

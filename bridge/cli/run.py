@@ -2,36 +2,21 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-import signal
 import sys
 from pathlib import Path
-from time import monotonic
 from typing import Any, get_args
 
 import click
 from rich.console import Console
 
-from bridge.bus.messages import Clock, Message
-from bridge.cli.progress import Progress
-from bridge.cli.report import (
-    FIGURE_FILE,
-    UNJUDGED,
-    Timing,
-    bins_table,
-    draw_probability_of_delivery,
-    summarise,
-    write_summary,
-)
-from bridge.fleet.supervisor import Ending, Fleet, FleetError, Observer, preflight
+from bridge.cli.flight import Flight
+from bridge.cli.report import bins_table
+from bridge.fleet.supervisor import FleetError, preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError, read_scenario, with_changes
-from bridge.scenario.model import Scenario
-from bridge.scenario.resolve_radio import radio_of
 from fdm.exchange.settings import Coupling
 
-EXIT_FAILED = 1
 EXIT_USAGE = 2
 
 
@@ -72,6 +57,7 @@ class SpeedType(click.ParamType[float | str]):
 )
 @click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
+@click.option("--digest", is_flag=True, help="Print one line last: the digest of all that repeats.")
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json instead of text.")
 @click.option("--quiet", is_flag=True, help="Print the verdict only.")
 def run(
@@ -85,6 +71,7 @@ def run(
     out: Path,
     first_slot: int | None,
     zenoh_port: int | None,
+    digest: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -115,7 +102,10 @@ def run(
     if resolved.autopilot == "standin" and (resolved.parameters or any(ua.parameters for ua in resolved.ua)):
         click.echo("lostlink: the stand-in autopilot does not take the scenario's parameters", err=True)
     console = Console(stderr=as_json or quiet)
-    sys.exit(_Run(resolved, directory, console, as_json=as_json, quiet=quiet).go(ardupilot_dir))
+    flight = Flight(resolved, directory, console, quiet=as_json or quiet)
+    summary = flight.fly(ardupilot_dir)
+    _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
+    sys.exit(flight.exit_status(summary))
 
 
 def _fail(text: str, status: int) -> Any:
@@ -123,93 +113,22 @@ def _fail(text: str, status: int) -> Any:
     sys.exit(status)
 
 
-class _Run:
-    """One run, from the first process to the verdict."""
-
-    def __init__(
-        self, scenario: Scenario, directory: RunDirectory, console: Console, *, as_json: bool, quiet: bool
-    ) -> None:
-        self.scenario = scenario
-        self.directory = directory
-        self.console = console
-        self.as_json = as_json
-        self.quiet = quiet
-        self.signal: signal.Signals | None = None
-        self._first_tick: float | None = None
-        self._last_tick = 0.0
-        self._unfinished: list[str] = []
-        self._error: str | None = None
-
-    def go(self, ardupilot_dir: Path | None) -> int:
-        """Fly and report; returns the exit status."""
-        silent = self.quiet or self.as_json
-        if not silent:
-            self.console.print(f"run {self.directory.path}", highlight=False, soft_wrap=True)
-        try:
-            with Progress(self.console, quiet=silent) as progress:
-                ending, sim_time_ns = asyncio.run(self._fly(progress, ardupilot_dir))
-            for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, lambda n, _: sys.exit(128 + n))
-            return self._report(ending, sim_time_ns)
-        except (OSError, ValueError) as error:
-            click.echo(f"lostlink: {error}", err=True)
-            return EXIT_FAILED if self.signal is None else 128 + self.signal
-
-    async def _fly(self, progress: Progress, ardupilot_dir: Path | None) -> tuple[Ending, int]:
-        def on_message(message: Message) -> None:
-            if isinstance(message, Clock):
-                self._last_tick = monotonic()
-                self._first_tick = self._first_tick or self._last_tick
-            progress.on_message(message)
-
-        fleet = Fleet(self.scenario, self.directory, Observer(progress.on_phase, on_message), ardupilot_dir)
-
-        def interrupt(number: signal.Signals) -> None:
-            self.signal = number
-            fleet.interrupt()
-
-        for number in (signal.SIGINT, signal.SIGTERM):
-            asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
-        try:
-            ending = await fleet.fly()
-        except FleetError as error:
-            ending = self._break_off(str(error))
-        for name in fleet.killed:
-            text = f"{name} did not end in time and was killed; its log is {self.directory.log_path(name)}"
-            if name == "router":
-                ending = self._break_off(f"{text}; without its last part the record is not complete")
-            else:
-                click.echo(f"lostlink: {text}", err=True)
-        self._unfinished = sorted(fleet.not_done)
-        return ending, fleet.sim_time_ns
-
-    def _break_off(self, error: str) -> Ending:
-        """Tell what ended the run; the first such error is its cause."""
-        click.echo(f"lostlink: {error}", err=True)
-        self._error = self._error or error
-        return Ending.FAILED
-
-    def _report(self, ending: Ending, sim_time_ns: int) -> int:
-        interrupted = 128 + self.signal if self.signal is not None else 0
-        wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
-        timing = Timing(sim_time_ns / 1e9, wall_s)
-        summary = summarise(
-            self.scenario, self.directory, timing, ending.value, self._unfinished, error=self._error
-        )
-        write_summary(summary, self.directory)
-        if ending not in UNJUDGED:
-            radio = radio_of(self.scenario)
-            draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
-        if self.as_json:
-            click.echo(json.dumps(summary))
-        elif self.quiet:
-            click.echo(summary["verdict"])
-        else:
-            if summary["bins"]:
-                self.console.print(bins_table(summary))
-            self.console.print(f"{self.directory.path}", highlight=False, soft_wrap=True)
-            self.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
-        if interrupted:
-            return interrupted
-        failed = ending is Ending.FAILED or summary["verdict"].startswith("fail")
-        return EXIT_FAILED if failed else 0
+def _tell(
+    flight: Flight, summary: dict[str, Any] | None, *, as_json: bool, quiet: bool, digest: bool
+) -> None:
+    """Print what came of the run."""
+    if summary is None:
+        return
+    if as_json:
+        click.echo(json.dumps(summary))
+    elif quiet:
+        click.echo(summary["verdict"])
+    else:
+        if summary["bins"]:
+            flight.console.print(bins_table(summary))
+        flight.console.print(f"{flight.directory.path}", highlight=False, soft_wrap=True)
+        for reason in summary["may_not_repeat"]:
+            flight.console.print(f"may not repeat: {reason}", highlight=False, soft_wrap=True)
+        flight.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
+    if digest:
+        click.echo(summary["digest"])

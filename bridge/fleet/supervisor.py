@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
@@ -19,29 +19,34 @@ from bridge.bus.session import Sample, Session, SessionError, free_port, open_cl
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.autopilots.launchers import LAUNCHERS
 from bridge.fleet.child import Child, ProcessSpec, end_all
+from bridge.fleet.hosts import host_groups, host_of
 from bridge.fleet.ports import HOST, conflicts, ports_of
+from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import OwnAgent, Scenario
 from bridge.scenario.resolve import airframe_of, home_of, wind_of
+from bridge.timeouts import (
+    AGENT_GRACE_S,
+    FLIGHT_GRACE_S,
+    NEWS_PERIOD_S,
+    ROUTER_GRACE_S,
+    SILENCE_S,
+    START_S,
+)
 from fdm.errors import WindError
 
-START_TIMEOUT_S = 60.0
-START_NEWS_PERIOD_S = 2.0
-"""How often, in wall time, a start that takes long tells how far it is."""
-AGENT_GRACE_S = 1.0
-FLIGHT_GRACE_S = 1.5
-ROUTER_GRACE_S = 1.5
-SILENCE_S = 20.0
-"""Wall time without a tick after which the run is given up."""
-
+ENVIRONMENT = {"PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
+"""Of our processes: sets of texts have one order in every run, and no arithmetic depends on the number of cores."""
 
 MODULES = {
     "router": "bridge.radio.process",
     "physics": "bridge.physics.process",
-    "aircraft": "bridge.aircraft.process",
-    "agent": "bridge.agents.process",
+    "host": "bridge.host.process",
 }
 """What runs as which process."""
+
+SHOWN_MAX = 10_000
+"""Link reports that may wait to be shown; the oldest give way."""
 
 T = TypeVar("T")
 
@@ -79,17 +84,25 @@ class Fleet:
         run: its directory, already there.
         observer: told of phases and messages.
         ardupilot_dir: where real binaries are, if that was said.
+        replay: directory of the run whose inputs from outside are repeated.
     """
 
     def __init__(
-        self, scenario: Scenario, run: RunDirectory, observer: Observer, ardupilot_dir: Path | None = None
+        self,
+        scenario: Scenario,
+        run: RunDirectory,
+        observer: Observer,
+        ardupilot_dir: Path | None = None,
+        replay: Path | None = None,
     ) -> None:
         self._scenario = scenario
         self._run = run
         self._observer = observer
+        self._replay = replay
         self._launcher = launcher_of(scenario, ardupilot_dir)
         self._children: list[Child] = []
         self._router: Child | None = None
+        self._session: Session | None = None
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
         self.not_done = {
             ua.node for ua in scenario.ua if ua.agent.has_task or not isinstance(ua.agent, OwnAgent)
@@ -99,6 +112,7 @@ class Fleet:
         """Processes that did not end when they were asked to."""
         self._ended: set[str] = set()
         self._last_tick = asyncio.get_running_loop().time()
+        self._news = asyncio.Event()
         self.sim_time_ns = 0
 
     def interrupt(self) -> None:
@@ -116,27 +130,37 @@ class Fleet:
         finally:
             await asyncio.shield(self._end())
 
+    def _write_provenance(self) -> None:
+        origins = {ua.node: self._launcher.origin(ua) for ua in self._scenario.ua}
+        write_provenance(collect(origins), self._run.path)
+
     async def _fly(self) -> Ending:
+        try:
+            await asyncio.to_thread(self._write_provenance)
+        except AutopilotError as error:
+            raise FleetError(str(error)) from error
         endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
-        info = self._run.write(self._scenario, endpoint)
+        info = self._run.write(self._scenario, endpoint, self._replay)
         self._observer.on_phase("starts the radio router")
         self._router = await self._start(self._python("router"))
         try:
-            with await self._unless_over(_connect(endpoint)) as session:
-                self._listen(session, Keys(info.run))
-                await self._start_all(session, Keys(info.run))
-                return await self._unless_over(self._watch_clock())
+            self._session = await self._unless_over(_connect(endpoint))
+            self._listen(self._session, Keys(info.run))
+            await self._start_all(self._session, Keys(info.run))
+            return await self._unless_over(self._watch_clock())
         except _Over:
             return self._outcome.result()
 
     async def _start_all(self, session: Session, keys: Keys) -> None:
-        self._observer.on_phase("starts flight dynamics, APS daemons and agents")
+        self._observer.on_phase("starts flight dynamics, MAVLink daemons and agents")
         specs = [self._python("physics")]
-        for node in self._scenario.nodes:
-            specs += [self._python("aircraft", node), self._python("agent", node)]
+        for index, nodes in enumerate(host_groups(self._scenario)):
+            specs.append(self._python("host", f"host-{index}", nodes))
         for spec in specs:
             await self._start(spec)
-        await self._unless_over(self._all_alive(session, keys, {spec.name for spec in specs}))
+        everybody = {"router", *(spec.name for spec in specs)}
+        await self._unless_over(self._all_alive(session, keys, everybody))
+        session.put(keys.clock_start, Header(), must_arrive=True)
         self._observer.on_phase(f"starts autopilots ({self._scenario.autopilot})")
         for ua in self._scenario.ua:
             home = home_of(ua, self._scenario.origin)
@@ -149,11 +173,11 @@ class Fleet:
                 await self._start(autopilot)
         self._observer.on_phase("waits for the autopilots")
 
-    def _python(self, module: str, node: str = "") -> ProcessSpec:
-        name = f"{module}-{node}" if node else module
-        command = [sys.executable, "-m", MODULES[module], "--run-dir", str(self._run.path)]
-        command += ["--ua", node] if node else []
-        return ProcessSpec(name, command, self._run.log_path(name))
+    def _python(self, module: str, name: str = "", nodes: Sequence[str] = ()) -> ProcessSpec:
+        name = name or module
+        command = [sys.executable, "-m", MODULES[module], "--run-dir", str(self._run.path), "--name", name]
+        command += ["--nodes", ",".join(nodes)] if nodes else []
+        return ProcessSpec(name, command, self._run.log_path(name), environment={**os.environ, **ENVIRONMENT})
 
     async def _start(self, spec: ProcessSpec) -> Child:
         try:
@@ -190,28 +214,58 @@ class Fleet:
             task.cancel()
 
     async def _end(self) -> None:
-        """End everything: agents first, so that nobody transmits into a dying router; the router last."""
+        """End everything: hosts first, so that nobody transmits into a dying router; the router last."""
         self._settle(Ending.INTERRUPTED)
         self._observer.on_phase("ends all processes")
-        agents = [child for child in self._children if child.spec.name.startswith("agent-")]
-        others = [c for c in self._children if c not in agents and c is not self._router]
-        self.killed += await end_all(agents, AGENT_GRACE_S)
+        hosts = [child for child in self._children if child.spec.name.startswith("host-")]
+        others = [c for c in self._children if c not in hosts and c is not self._router]
+        self.killed += await end_all(hosts, AGENT_GRACE_S)
         self.killed += await end_all(others, FLIGHT_GRACE_S)
         if self._router is not None:
-            self.killed += await end_all([self._router], ROUTER_GRACE_S)
+            self.killed += await self._end_router(self._router)
+        if self._session is not None:
+            self._session.close()
+
+    async def _end_router(self, router: Child) -> list[str]:
+        """Let the router write its record: it is killed only when it says nothing of its progress any more."""
+        router.ask_to_end()
+        while not router.ended.done():
+            self._news.clear()
+            news = asyncio.create_task(self._news.wait())
+            await asyncio.wait(
+                {router.ended, news}, timeout=ROUTER_GRACE_S, return_when=asyncio.FIRST_COMPLETED
+            )
+            news.cancel()
+            if not router.ended.done() and not self._news.is_set():
+                return await end_all([router], 0.0)
+        return []
 
     # --- what the processes tell
 
     def _listen(self, session: Session, keys: Keys) -> None:
-        inbox: Inbox[tuple[type[Message], Sample]] = Inbox(asyncio.get_running_loop(), self._on_sample)
+        loop = asyncio.get_running_loop()
+        # What decides the run is never dropped; of what is only looked at the newest is enough.
+        control: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=None)
+        shown: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=SHOWN_MAX)
 
-        def subscribe(key_expr: str, cls: type[Message]) -> None:
+        def subscribe(key_expr: str, cls: type[Message], inbox: Inbox[tuple[type[Message], Sample]]) -> None:
             session.subscribe(key_expr, lambda sample: inbox.push((cls, sample)))
 
-        subscribe(keys.clock, Clock)
-        subscribe(keys.clock_end, Header)
-        subscribe(keys.link("*", "*"), Link)
-        subscribe(keys.agent("*"), AgentStatus)
+        subscribe(keys.clock, Clock, control)
+        subscribe(keys.clock_end, Header, control)
+        subscribe(keys.agent("*"), AgentStatus, control)
+        subscribe(keys.link("*", "*"), Link, shown)
+        ending: Inbox[Sample] = Inbox(loop, self._on_ending)
+        session.subscribe(keys.ending, ending.push)
+        self._shown = shown
+
+    def _on_ending(self, sample: Sample) -> None:
+        """The router tells how far its record is: whoever waits for it waits on."""
+        self._news.set()
+        try:
+            self._observer.on_phase(f"the radio {decode(sample.payload.to_bytes(), Header).frame_id}")
+        except DecodeError as error:
+            self._observer.on_phase(f"ignores a malformed message on {sample.key_expr}: {error}")
 
     def _on_sample(self, item: tuple[type[Message], Sample]) -> None:
         cls, sample = item
@@ -251,7 +305,7 @@ class Fleet:
     def _on_agent(self, status: AgentStatus) -> None:
         node = status.header.frame_id
         if status.failed:
-            log = self._run.log_path(f"agent-{node}")
+            log = self._run.log_path(host_of(self._scenario, node))
             self._settle(FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}"))
         if status.done:
             self.not_done.discard(node)
@@ -269,14 +323,14 @@ class Fleet:
 
         inbox: Inbox[tuple[str, bool]] = Inbox(asyncio.get_running_loop(), on_token)
         session.watch_alive(keys.alive("*"), lambda key, is_alive: inbox.push((key, is_alive)))
-        deadline = asyncio.get_running_loop().time() + START_TIMEOUT_S
+        deadline = asyncio.get_running_loop().time() + START_S
         while missing:
             with suppress(TimeoutError):
-                await asyncio.wait_for(everybody.wait(), START_NEWS_PERIOD_S)
+                await asyncio.wait_for(everybody.wait(), NEWS_PERIOD_S)
             if missing and asyncio.get_running_loop().time() > deadline:
                 logs = ", ".join(str(self._run.log_path(name)) for name in sorted(missing))
                 late = ", ".join(sorted(missing))
-                raise FleetError(f"not ready within {START_TIMEOUT_S:g} s: {late}; see {logs}")
+                raise FleetError(f"not ready within {START_S:g} s: {late}; see {logs}")
             if missing:
                 self._observer.on_phase(f"{len(names) - len(missing)} of {len(names)} processes are ready")
 
@@ -296,14 +350,14 @@ class Fleet:
     def _tails(self) -> str:
         """The last line of each log that may tell why time stands still."""
         told = [
-            c for c in self._children if c.spec.name.startswith(("router", "physics", "autopilot", "agent"))
+            c for c in self._children if c.spec.name.startswith(("router", "physics", "autopilot", "host"))
         ]
         return "\n".join(f"{child.spec.log_path}: {child.log_tail(1)}" for child in told)
 
 
 async def _connect(endpoint: str) -> Session:
     """Join the router once it listens, in short tries, so that an interrupted start ends soon."""
-    deadline = asyncio.get_running_loop().time() + START_TIMEOUT_S
+    deadline = asyncio.get_running_loop().time() + START_S
     while True:
         try:
             return await asyncio.to_thread(open_client, endpoint, timeout_s=0.5)

@@ -1,82 +1,164 @@
-"""The flight dynamics process: hosts every UA's airframe, and keeps the fleet's time."""
+"""The flight dynamics process: hosts every UA's airframe, and keeps the fleet's time.
+
+It begins to answer autopilots when the supervisor says that everybody is there (`clock/start`): an autopilot that runs
+already (`autopilot: external`) must not fly through a tick that some agent has not heard of.
+"""
 
 from __future__ import annotations
 
 import logging
 import sys
+import threading
 
-from bridge.bus.messages import DecodeError, Header, decode
+from bridge.bus.messages import DecodeError, Header, decode, encode, encoding_of
 from bridge.bus.session import Sample, Session, open_client
 from bridge.physics.truth_message import clock_message, truth_message
+from bridge.record import names
+from bridge.record.events import Report
+from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
+from bridge.timeouts import START_S
 from fdm.air.weather import in_weather
+from fdm.clock.events import EventKind, UaEvent
+from fdm.clock.status import ClockStatus
 from fdm.errors import FdmError
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.exchange import Exchange
+from fdm.model.truth import TrueState
 from fdm.workers.fleet_exchange import FleetExchange, open_exchange
 
 log = logging.getLogger("physics")
 
+_BY_WALL_TIME = {
+    EventKind.STALLED: "was let go: its autopilot did not answer in time",
+    EventKind.RESTARTED: "booted anew: when its autopilot was there again is a matter of wall time",
+    EventKind.RETURNED: "was taken back: when its autopilot answered again is a matter of wall time",
+}
 
-def exchange_of(scenario: Scenario, session: Session, run: RunDirectory) -> Exchange | FleetExchange:
-    """The exchange of a scenario, publishing truth and clock."""
-    keys, origin = run.keys, origin_of(scenario.origin)
-    wind = wind_of(scenario)
-    specs = [
-        AircraftSpec(
+
+class Physics:
+    """The flight dynamics of a run, with what they publish and record."""
+
+    def __init__(self, session: Session, run: RunDirectory, report: Report) -> None:
+        self._scenario, self._session, self._keys = run.scenario, session, run.keys
+        self._origin = origin_of(self._scenario.origin)
+        self._report = report
+        self._truth = {node: StreamWriter(names.truth(node).path(run.path)) for node in self._scenario.nodes}
+        self._truths: list[TrueState] = []
+        self._started = threading.Event()
+        self._stopped = False
+        self.exchange = self._open()
+        session.subscribe(self._keys.clock_release, self._on_release)
+        session.subscribe(self._keys.clock_start, lambda _: self._started.set())
+
+    def _open(self) -> Exchange | FleetExchange:
+        scenario = self._scenario
+        return open_exchange(
+            [self._spec(scenario, index) for index in range(len(scenario.ua))],
+            workers=scenario.fdm.workers,
+            coupling=scenario.fdm.coupling,
+            speed=scenario.speed_factor,
+            tick_period_ns=scenario.exchange_period_ns,
+            hold_ticks=True,
+            stall_timeout_s=scenario.fdm.stall_timeout_s,
+            start_timeout_s=START_S,
+            on_truth=lambda truth: self._truths.append(truth),
+            on_tick=self._on_tick,
+            on_event=self._on_event,
+        )
+
+    @staticmethod
+    def _spec(scenario: Scenario, index: int) -> AircraftSpec:
+        ua = scenario.ua[index]
+        home = home_of(ua, scenario.origin)
+        return AircraftSpec(
             ua.id,
-            in_weather(airframe_of(ua), scenario.weather, home_of(ua, scenario.origin)),
-            home_of(ua, scenario.origin),
+            in_weather(airframe_of(ua), scenario.weather, home),
+            home,
             scenario.fdm_port(ua),
-            wind.build(seed=scenario.seed, ua_id=ua.id),
+            wind_of(scenario).build(seed=scenario.seed, ua_id=ua.id),
             disturb_of(scenario, ua),
             legacy_of(scenario, ua),
         )
-        for ua in scenario.ua
-    ]
-    return open_exchange(
-        specs,
-        workers=scenario.fdm.workers,
-        coupling=scenario.fdm.coupling,
-        speed=scenario.speed_factor,
-        tick_period_ns=scenario.tick_period_ns,
-        hold_ticks=True,
-        on_truth=lambda truth: session.put(
-            keys.truth(str(truth.ua_id)), truth_message(truth, origin), must_arrive=True
-        ),
-        on_tick=lambda status: session.put(keys.clock, clock_message(status), must_arrive=True),
-    )
+
+    def run(self) -> None:
+        """Serve autopilots from the supervisor's word on, until `stop`."""
+        self._started.wait()
+        if not self._stopped:
+            self.exchange.run()
+
+    def stop(self) -> None:
+        """End `run`; callable from a signal handler."""
+        self._stopped = True
+        self._started.set()
+        self.exchange.stop()
+
+    def close(self) -> None:
+        """Close sockets and files."""
+        self.exchange.close()
+        for writer in self._truth.values():
+            writer.close()
+
+    def _on_tick(self, status: ClockStatus) -> None:
+        truths, self._truths = self._truths, []
+        if status.sim_time_ns % self._scenario.tick_period_ns:
+            header = Header.at(status.sim_time_ns, "")
+            self._session.put(self._keys.clock_exchange, header, must_arrive=True)
+            return
+        for truth in truths:
+            self._publish(status.sim_time_ns, truth)
+        self._session.put(self._keys.clock, clock_message(status), must_arrive=True)
+
+    def _publish(self, tick_ns: int, truth: TrueState) -> None:
+        node, message = str(truth.ua_id), truth_message(truth, self._origin)
+        payload = encode(message)
+        self._truth[node].write(tick_ns, payload)
+        self._session.put_bytes(
+            self._keys.truth(node), payload, encoding=encoding_of(type(message)), must_arrive=True
+        )
+
+    def _on_event(self, event: UaEvent) -> None:
+        node = str(event.ua_id)
+        self._report.event(event.sim_time_ns, node, event.kind.value, event.detail)
+        if event.kind in _BY_WALL_TIME:
+            self._report.may_not_repeat(
+                f"UA {node} {_BY_WALL_TIME[event.kind]} (at {event.sim_time_ns / 1e9:.2f} s)"
+            )
+
+    def _on_release(self, sample: Sample) -> None:
+        try:
+            self.exchange.release_tick(decode(sample.payload.to_bytes(), Header).stamp.ns)
+        except DecodeError as error:
+            log.warning("%s", error)
 
 
 def serve(run: RunDirectory) -> None:
     """Host the run's UA until a signal ends it."""
+    report = Report(run.path, "physics")
     with open_client(run.info.endpoint) as session:
-        exchange = exchange_of(run.scenario, session, run)
-
-        def on_release(sample: Sample) -> None:
-            try:
-                exchange.release_tick(decode(sample.payload.to_bytes(), Header).stamp.ns)
-            except DecodeError as error:
-                log.warning("%s", error)
-
-        on_stop_signal(exchange.stop)
-        session.subscribe(run.keys.clock_release, on_release)
+        physics = Physics(session, run, report)
+        on_stop_signal(physics.stop)
         session.declare_alive(run.keys.alive("physics"))
-        log.info("serving UA on UDP ports %s", exchange.ports)
+        log.info("serving UA on UDP ports %s", physics.exchange.ports)
         try:
-            exchange.run()
+            physics.run()
         finally:
-            exchange.close()
+            physics.close()
+            for ua in run.scenario.ua:
+                report.set_counters(
+                    {f"ua {ua.id} {name}": n for name, n in physics.exchange.counters(ua.id).items()}
+                )
+            report.close()
 
 
 def main() -> int:
     """Run the process."""
-    run, _ = parse_arguments("physics", __doc__ or "", per_ua=False)
+    arguments = parse_arguments("physics", __doc__ or "")
     try:
-        return exit_status(lambda: serve(run))
+        return exit_status(lambda: serve(arguments.run))
     except FdmError as error:
         log.error("%s", error)
         return 1

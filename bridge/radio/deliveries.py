@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -72,8 +72,16 @@ class DeliveriesWriter:
 Refusal = TypeVar("Refusal", bound=StrEnum)
 
 
-def write_ledger(path: Path, ledger: Ledger, refused: Mapping[Refusal, int]) -> None:
-    """Write the books: counts per directed link, what was measured and predicted per bin, what was not taken."""
+def write_ledger(
+    path: Path,
+    ledger: Ledger,
+    refused: Mapping[Refusal, int],
+    progress: Callable[[float], object] = lambda _: None,
+) -> None:
+    """Write the counters: per directed link, what was measured and predicted per bin, what was not taken.
+
+    ``progress`` is told now and then which share of the bins is done.
+    """
     links = [
         {"tx": tx, "rx": rx, "sent": a.sent, "delivered": a.delivered, "lost": dict(sorted(a.lost.items()))}
         for (tx, rx), a in sorted(ledger.links.items())
@@ -90,7 +98,7 @@ def write_ledger(path: Path, ledger: Ledger, refused: Mapping[Refusal, int]) -> 
             "predicted": b.predicted,
             "ci99": [b.ci99_low, b.ci99_high],
         }
-        for b in ledger.bins()
+        for b in ledger.bins(progress)
     ]
     partial = path.with_suffix(".partial")
     partial.write_text(

@@ -14,6 +14,10 @@ from bridge.bus.messages import AgentStatus, Clock, Header, Truth, decode
 from bridge.bus.session import Sample, Session, Stamp, open_router
 from bridge.radio.deliveries import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
 from bridge.radio.virtual_radio import Action, Forward, Refused, VirtualRadio
+from bridge.record import names
+from bridge.record.events import Report
+from bridge.record.packets import SentPacket, encode_packet
+from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radio_of
@@ -43,7 +47,10 @@ class RouterProcess:
             scenario.nodes,
             tasks=scenario.nodes_with_a_task,
             end_ns=round(scenario.duration_s * 1e9),
+            tick_period_ns=scenario.tick_period_ns,
         )
+        self._report = Report(run.path, "router")
+        self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.nodes}
         self._writer = DeliveriesWriter(run.path / DELIVERIES)
         self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
         self._overload = 0
@@ -71,7 +78,7 @@ class RouterProcess:
         self._queue.put(None)
 
     def run(self) -> None:
-        """Serve until `stop`."""
+        """Serve until `stop`, then write what is left of the record, however long that takes."""
         try:
             self._serve()
         finally:
@@ -79,9 +86,17 @@ class RouterProcess:
                 self._perform(self._core.finish())
             finally:
                 self._writer.close()
+                for writer in self._packets.values():
+                    writer.close()
             if self._overload:
                 self._core.refused[Refused.OVERLOAD] += self._overload
-            write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused)
+            self._report.close()
+            write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
+
+    def _tell_progress(self, share: float) -> None:
+        """Tell the supervisor, which waits as long as it hears of progress."""
+        header = Header.at(0, f"writes its record: {100 * share:.0f} % of the distance bins")
+        self._session.put(self._keys.ending, header, must_arrive=True)
 
     def _serve(self) -> None:
         next_flush, idle_s = monotonic() + FLUSH_PERIOD_S, 0.0
@@ -97,8 +112,14 @@ class RouterProcess:
                 if idle_s == IDLE_S:
                     self._tell_what_is_waited_for()
             if monotonic() >= next_flush:
-                self._writer.flush()
+                self._flush()
                 next_flush = monotonic() + FLUSH_PERIOD_S
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        for writer in self._packets.values():
+            writer.flush()
+        self._report.flush()
 
     def _tell_what_is_waited_for(self) -> None:
         nodes = self._core.waiting_for
@@ -135,6 +156,10 @@ class RouterProcess:
                 self._session.put(action.key, action.message, must_arrive=action.must_arrive)
         self._writer.write(self._core.settled)
         self._core.settled.clear()
+        for packet in self._core.transmitted:
+            sent = SentPacket(packet.seq, packet.sim_time_ns, packet.channel, packet.payload)
+            self._packets[packet.tx].write(packet.sim_time_ns, encode_packet(sent))
+        self._core.transmitted.clear()
 
     def _on_truth(self, key: str, sample: Sample) -> list[Action]:
         truth = decode(sample.payload.to_bytes(), Truth)
@@ -182,8 +207,8 @@ def serve(run: RunDirectory) -> None:
 
 def main() -> int:
     """Run the process."""
-    run, _ = parse_arguments("router", __doc__ or "", per_ua=False)
-    return exit_status(lambda: serve(run))
+    arguments = parse_arguments("router", __doc__ or "")
+    return exit_status(lambda: serve(arguments.run))
 
 
 if __name__ == "__main__":

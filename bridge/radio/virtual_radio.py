@@ -95,6 +95,7 @@ class VirtualRadio:
         nodes: ids of all nodes.
         tasks: ids of the nodes whose agents have a task: when all are done, the run ends with that tick.
         end_ns: the tick at which the run ends at the latest.
+        tick_period_ns: sim time between ticks; answers to instants between them are for exchanges of MAVLink alone.
     """
 
     def __init__(
@@ -105,6 +106,7 @@ class VirtualRadio:
         *,
         tasks: Iterable[str] = (),
         end_ns: int = NEVER_NS,
+        tick_period_ns: int = 1,
     ) -> None:
         self._keys = keys
         self._medium = medium
@@ -113,6 +115,7 @@ class VirtualRadio:
         self._released_ns = -1
         self._latest_ns = 0
         self._end_ns = end_ns
+        self._tick_period_ns = tick_period_ns
         self._tasks = set(tasks)
         self._tick_ns = 0
         self._next_seq = dict.fromkeys(nodes, 0)
@@ -127,6 +130,8 @@ class VirtualRadio:
         self.refused: Counter[Refused] = Counter()
         self.settled: list[DeliveryRow] = []
         """Rows for the record; whoever writes them clears the list."""
+        self.transmitted: list[TxPacket] = []
+        """Packets taken, in the order in which they are settled; whoever writes them clears the list."""
 
     @property
     def waiting_for(self) -> tuple[str, ...]:
@@ -167,7 +172,9 @@ class VirtualRadio:
         """Give what was taken to the medium, in an order that does not depend on that of arrival."""
         taken, self._taken = self._taken, []
         actions: list[Action] = []
-        for packet in sorted(taken, key=lambda p: (p.sim_time_ns, p.tx, p.seq)):
+        taken.sort(key=lambda p: (p.sim_time_ns, p.tx, p.seq))
+        self.transmitted += taken
+        for packet in taken:
             if self._others[packet.tx]:
                 self.ledger.sent(packet.tx, self._others[packet.tx])
                 self._waiting[packet.tx, packet.seq] = (packet, len(self._others[packet.tx]))
@@ -194,7 +201,7 @@ class VirtualRadio:
         return 0 <= sim_time_ns <= self._latest_ns + FUTURE_MAX_NS
 
     def on_answer(self, node: str, sim_time_ns: int) -> list[Action]:
-        """Take a regulated agent's word that it has done all it will do at a tick."""
+        """Take a node's word that it has done all it will do at a tick, or at an exchange of MAVLink between two."""
         if node not in self._answered or not self._is_plausible(sim_time_ns):
             self.refused[Refused.MALFORMED if node in self._answered else Refused.UNKNOWN_NODE] += 1
             return []
@@ -203,6 +210,8 @@ class VirtualRadio:
         if done_ns <= self._released_ns:
             return []
         self._released_ns = done_ns
+        if done_ns % self._tick_period_ns:
+            return [Publish(self._keys.clock_release, Header.at(done_ns, ""), must_arrive=True)]
         reports = [*self.settle(), *self._statuses(done_ns), *self._link_reports(done_ns)]
         key = self._keys.clock_end if done_ns >= self._end_ns else self._keys.clock_release
         return [*reports, Publish(key, Header.at(done_ns, ""), must_arrive=True)]
@@ -290,7 +299,7 @@ class VirtualRadio:
         for node in sorted(self._changed):
             heard = self._received[node]
             status = CommunicationStatus(Header.at(sim_time_ns, node), tuple(heard), tuple(heard.values()))
-            actions.append(Publish(self._keys.comm_status(node), status))
+            actions.append(Publish(self._keys.comm_status(node), status, must_arrive=True))
         self._changed.clear()
         return actions
 

@@ -19,11 +19,19 @@ LOG_FOLDER = "logs"
 
 @dataclass(frozen=True, slots=True)
 class RunInfo:
-    """How to reach a run that goes on."""
+    """How to reach a running simulation, and what it repeats.
+
+    Attributes:
+        run: name of the run.
+        endpoint: of its Zenoh router.
+        pid: process id of its supervisor.
+        replay: directory of the run whose inputs it repeats; "" if it takes those from outside.
+    """
 
     run: str
     endpoint: str
     pid: int
+    replay: str = ""
 
     @property
     def is_live(self) -> bool:
@@ -65,9 +73,9 @@ class RunDirectory:
         """Where the output of a process goes."""
         return self.path / LOG_FOLDER / f"{process}.log"
 
-    def write(self, scenario: Scenario, endpoint: str) -> RunInfo:
+    def write(self, scenario: Scenario, endpoint: str, replay: Path | None = None) -> RunInfo:
         """Write what the run's processes read."""
-        info = RunInfo(self.path.name, endpoint, os.getpid())
+        info = RunInfo(self.path.name, endpoint, os.getpid(), str(replay.resolve()) if replay else "")
         (self.path / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info

@@ -8,24 +8,51 @@ import logging
 import signal
 import sys
 from collections.abc import Callable, Coroutine
+from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from bridge.bus.session import SessionError
 from bridge.run.directory import RunDirectory
 
+current_node: ContextVar[str] = ContextVar("current_node", default="")
+"""The node that is being worked for, for the log of a process that has several."""
 
-def parse_arguments(name: str, description: str, *, per_ua: bool) -> tuple[RunDirectory, str]:
-    """The run's directory and the node id ("" where the process is not one UA's). Sets up the log on stderr."""
+
+@dataclass(frozen=True, slots=True)
+class Arguments:
+    """What a process of a run is started with."""
+
+    run: RunDirectory
+    name: str
+    nodes: tuple[str, ...] = ()
+
+
+class _NodeFilter(logging.Filter):
+    """Puts the node into each record: of the context, or of the agent's thread."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        thread = record.threadName or ""
+        node = thread.removeprefix("agent-") if thread.startswith("agent-") else current_node.get()
+        record.node = f"UA {node} " if node else ""
+        return True
+
+
+def parse_arguments(name: str, description: str, *, has_nodes: bool = False) -> Arguments:
+    """The run's directory, the process's name, and the nodes that it serves. Sets up the log on stderr."""
     parser = argparse.ArgumentParser(prog=name, description=description)
     parser.add_argument("--run-dir", required=True, help="directory that `lostlink run` made for the run")
-    if per_ua:
-        parser.add_argument("--ua", required=True, help="node id of the UA, such as 0")
+    parser.add_argument("--name", default=name, help="what the run calls this process")
+    if has_nodes:
+        parser.add_argument("--nodes", required=True, help="node ids of its UA, such as 0,1")
     arguments = parser.parse_args()
-    logging.basicConfig(
-        level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(levelname)s %(name)s: %(message)s"
-    )
-    return RunDirectory(Path(arguments.run_dir)), getattr(arguments, "ua", "")
+    handler = logging.StreamHandler(sys.stderr)
+    handler.addFilter(_NodeFilter())
+    form = "%(asctime)s %(levelname)s %(node)s%(name)s: %(message)s"
+    logging.basicConfig(level=logging.INFO, handlers=[handler], format=form)
+    nodes = tuple(arguments.nodes.split(",")) if has_nodes else ()
+    return Arguments(RunDirectory(Path(arguments.run_dir)), arguments.name, nodes)
 
 
 def on_stop_signal(stop: Callable[[], object]) -> None:

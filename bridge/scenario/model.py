@@ -15,6 +15,7 @@ from pydantic import (
     field_validator,
 )
 
+from bridge.timeouts import STALL_S
 from fdm.air.weather import WeatherConfig
 from fdm.clock.status import SPEED_RANGE
 from fdm.exchange.settings import Coupling, Workers
@@ -47,6 +48,12 @@ def _workers(value: object) -> object:
     if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
         return value
     raise ValueError("has to be 'auto' or a number of processes, at least 1")
+
+
+def _hosts(value: object) -> object:
+    if value in ("auto", "per-ua") or (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
+        return value
+    raise ValueError("has to be 'auto', 'per-ua' or a number of processes, at least 1")
 
 
 def _radio(value: object) -> object:
@@ -140,6 +147,7 @@ class FlightDynamics(_Part):
         scheme: what the autopilots speak: ArduPilot's json, or the legacy scheme of external ones.
         legacy_rate_hz: frames per second of sim time in the legacy scheme, which does not tell.
         sensor_noise: errors of the sensors beyond those of the autopilot's simulation.
+        stall_timeout_s: wall time after which a UA whose autopilot owes a packet is let go.
     """
 
     workers: Annotated[Workers, BeforeValidator(_workers)] = "auto"
@@ -147,6 +155,7 @@ class FlightDynamics(_Part):
     scheme: Literal["json", "legacy"] = "json"
     legacy_rate_hz: Annotated[int, Field(strict=True, ge=10, le=65535)] = 400
     sensor_noise: SensorNoise = SensorNoise()
+    stall_timeout_s: Positive = STALL_S
 
 
 class Aircraft(_Part):
@@ -199,6 +208,8 @@ class Scenario(_Part):
     speed: Annotated[float | str, BeforeValidator(_speed)] = 1.0
     duration_s: Positive
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
+    mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
+    hosts: Annotated[int | str, BeforeValidator(_hosts)] = "auto"
     origin: Origin
     radio: Annotated[str | dict[str, Any], BeforeValidator(_radio)]
     wind: str = "calm"
@@ -217,6 +228,18 @@ class Scenario(_Part):
         if 1_000_000_000 % rate_hz:
             raise ValueError(
                 "must divide a second into whole nanoseconds (1, 2, 4, 5, 8, 10, 16, 20, 25, ...)"
+            )
+        return rate_hz
+
+    @field_validator("mavlink_rate_hz")
+    @classmethod
+    def _multiple_of_the_ticks(cls, rate_hz: int | None, info: ValidationInfo) -> int | None:
+        tick_rate_hz = info.data.get("tick_rate_hz")
+        if rate_hz is None or tick_rate_hz is None:
+            return rate_hz
+        if rate_hz % tick_rate_hz or 1_000_000_000 % rate_hz:
+            raise ValueError(
+                f"must be a multiple of tick_rate_hz ({tick_rate_hz}) that divides a second into whole nanoseconds"
             )
         return rate_hz
 
@@ -242,6 +265,11 @@ class Scenario(_Part):
     def tick_period_ns(self) -> int:
         """Sim time between two ticks."""
         return 1_000_000_000 // self.tick_rate_hz
+
+    @property
+    def exchange_period_ns(self) -> int:
+        """Sim time between two exchanges of MAVLink with the autopilots."""
+        return 1_000_000_000 // (self.mavlink_rate_hz or self.tick_rate_hz)
 
     @property
     def nodes(self) -> tuple[str, ...]:

@@ -6,11 +6,13 @@ import os
 import shutil
 import signal
 from collections.abc import Iterator
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
+from bridge.record.provenance import AutopilotOrigin, ardupilot_origin
 from bridge.scenario.model import Aircraft, Scenario
 from bridge.scenario.resolve import airframe_of
 
@@ -22,6 +24,9 @@ INSTANCE_MAX = 255
 """`-I` is a byte: 256 is 0 again, on the ports of another UA."""
 SPEEDUP = 100
 """`--speedup`: with JSON physics it sets no pace, but more than 1 has SITL wait for a slow serial0 client."""
+
+START_TIME_UNIX_S = 1_700_000_000
+"""`--start-time`: GPS time at boot. Without it, it is the host's, and no flight repeats."""
 
 
 class ArduPilot(Launcher):
@@ -43,6 +48,10 @@ class ArduPilot(Launcher):
                 f"UA {ua.id} would be ArduPilot's instance {scenario.instance(ua)}, but it counts to "
                 f"{INSTANCE_MAX}: lower ports.first_slot (--first-slot)"
             )
+
+    def origin(self, ua: Aircraft) -> AutopilotOrigin:
+        """The binary, by its digest."""
+        return _origin_of(self.binary(BINARIES[airframe_of(ua).vehicle]))
 
     def binary(self, name: str) -> Path:
         """Path of a binary.
@@ -79,7 +88,7 @@ class ArduPilot(Launcher):
         command = [str(self.binary(BINARIES[vehicle])), "--wipe", "--model", "JSON:127.0.0.1"]
         command += ["-I", str(scenario.instance(ua)), "--sysid", str(ua.sysid), "--home", plan.home_text]
         command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_own_parameters(plan, directory)}"]
-        command += ["--serial0", "tcp:0", "--speedup", str(SPEEDUP)]
+        command += ["--serial0", "tcp:0", "--speedup", str(SPEEDUP), "--start-time", str(START_TIME_UNIX_S)]
         return ProcessSpec(
             plan.name,
             command,
@@ -87,6 +96,11 @@ class ArduPilot(Launcher):
             cwd=directory,
             stop_signal=signal.SIGKILL,  # SITL ignores SIGTERM while it waits for physics
         )
+
+
+@cache
+def _origin_of(binary: Path) -> AutopilotOrigin:
+    return ardupilot_origin(binary)
 
 
 def _own_parameters(plan: LaunchPlan, directory: Path) -> Path:

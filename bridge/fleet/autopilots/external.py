@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from bridge.fleet.autopilots.launcher import Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
+from bridge.record.provenance import AutopilotOrigin
+from bridge.scenario.model import Aircraft
 
 
 class External(Launcher):
     """Listens for MAVLink on the UA's autopilot port, and flies on our flight dynamics."""
+
+    def origin(self, ua: Aircraft) -> AutopilotOrigin:  # noqa: ARG002
+        """Not known."""
+        return AutopilotOrigin("external")
 
     def process(self, plan: LaunchPlan) -> ProcessSpec | None:  # noqa: ARG002
         """Nothing to start."""

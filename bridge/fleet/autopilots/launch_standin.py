@@ -6,6 +6,7 @@ import sys
 
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
+from bridge.record.provenance import AutopilotOrigin, standin_origin
 from bridge.scenario.model import Aircraft, Scenario
 from bridge.scenario.resolve import airframe_of
 from bridge.standin.mixer import MotorFrame, UnknownFrameError, motor_frame
@@ -34,6 +35,10 @@ class StandIn(Launcher):
             _motor_frame(airframe)
         except UnknownFrameError as error:
             raise AutopilotError(f"UA {ua.id}: airframe {ua.airframe}: {error}") from error
+
+    def origin(self, ua: Aircraft) -> AutopilotOrigin:  # noqa: ARG002
+        """Ours, of this version."""
+        return standin_origin()
 
     def process(self, plan: LaunchPlan) -> ProcessSpec | None:
         """The stand-in with the UA's ports, home and system id."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.fleet.child import ProcessSpec
+from bridge.record.provenance import AutopilotOrigin
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Aircraft, Scenario
 from fdm.model.airframe import Airframe
@@ -57,6 +58,15 @@ class Launcher(ABC):
 
         Raises:
             AutopilotError: if not.
+        """
+
+    @abstractmethod
+    def origin(self, ua: Aircraft) -> AutopilotOrigin:
+        """What flies a UA, for the record.
+
+        Raises:
+            AutopilotError: there is no autopilot for it.
+            OSError: its binary cannot be read.
         """
 
     @abstractmethod

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from bridge.agents.client import connect_ua
+from bridge.agents import connect_ua
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AircraftState
 from bridge.bus.session import Session, free_port, open_router

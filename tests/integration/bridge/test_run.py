@@ -69,15 +69,17 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
         "ledger.json",
         "logs",
         "probability_of_delivery.png",
+        "reports",
         "run.json",
         "scenario.yaml",
+        "streams",
         "summary.json",
     }
     logs = {path.stem for path in (run.directory / "logs").iterdir()}
     assert logs == {
         "router",
         "physics",
-        *(f"{r}-{i}" for r in ("aircraft", "agent", "autopilot") for i in (0, 1)),
+        *(f"{r}-{i}" for r in ("host", "autopilot") for i in (0, 1)),
     }
 
 
@@ -154,7 +156,7 @@ def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.S
     [
         ("bridge.standin --sysid 2", "autopilot-1"),
         ("bridge.radio.process", "router"),
-        ("bridge.agents.process --run-dir", "agent-0"),
+        ("bridge.host.process", "host-0"),
     ],
 )
 def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim: str, name: str) -> None:
@@ -170,7 +172,7 @@ def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim
     assert run.summary["ending"] == "failed"
     assert run.summary["error"] in text
     if name == "router":
-        assert run.summary["verdict"] == "broke off: no link was recorded"
+        assert run.summary["verdict"].startswith("broke off: no link was recorded")
     assert_nothing_is_left(children, ports_of(run))
 
 
@@ -191,7 +193,7 @@ def test_killed_supervisor_leaves_no_process(start_run: StartRun) -> None:
     run = start_run()
     run.wait_for("sim time")
     children = run.children()
-    assert len(children) == 8
+    assert len(children) == 6
     run.process.kill()
     _, alive = psutil.wait_procs(children, timeout=10)
     assert not alive

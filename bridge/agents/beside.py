@@ -1,0 +1,130 @@
+"""A script beside a run: watches a node and commands its aircraft, over Zenoh and in wall time.
+
+It cannot transmit, since one sender, the node's agent, numbers its packets:
+
+    async with connect_ua("tcp/127.0.0.1:7447", run="20261121T120000Z-separation", node="1") as ua:
+        await ua.wait_for(lambda state: state.armed)
+        await ua.rtl()
+
+What it commands takes effect at the next tick, and is recorded as an input of the run.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+import zenoh
+
+from bridge.agents.client import OnEvent, UaClient
+from bridge.bus.inbox import Inbox
+from bridge.bus.keys import Keys
+from bridge.bus.messages import (
+    AgentStatus,
+    AircraftState,
+    Clock,
+    CommandEvent,
+    CommandGoal,
+    CommunicationStatus,
+    DecodeError,
+    decode,
+)
+from bridge.bus.session import Sample, Session, Stamp, open_client
+from bridge.timeouts import COMMAND_QUERY_S
+
+log = logging.getLogger("beside")
+
+
+class ZenohOutlet:
+    """Commands go to the aircraft as queries."""
+
+    def __init__(self, session: Session, keys: Keys, node: str) -> None:
+        self._session, self._keys, self._node = session, keys, node
+        self._loop = asyncio.get_running_loop()
+
+    def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:  # noqa: ARG002
+        """Refuse: only the agent numbers the node's packets."""
+        raise PermissionError(f"only the agent of UA {self._node} may transmit: it numbers the packets")
+
+    def report(self, status: AgentStatus) -> None:
+        """Only the agent reports; a script's words go to its log."""
+        log.info("%s", status.activity)
+
+    def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
+        """Ask the aircraft's queryable."""
+        inbox: Inbox[CommandEvent | None] = Inbox(self._loop, on_event)
+        self._session.query(
+            self._keys.command(self._node, verb),
+            goal,
+            lambda reply: inbox.push(_event_of(reply)),
+            lambda: inbox.push(None),
+            timeout_s=COMMAND_QUERY_S,
+        )
+
+
+class _Feed:
+    """Gives what Zenoh brings to a client, in the order in which it happened on the wire."""
+
+    def __init__(self, session: Session, keys: Keys, ua: UaClient) -> None:
+        self._ua = ua
+        self.malformed = 0
+        self._inbox: Inbox[tuple[Callable[[Sample], None], Sample]] = Inbox(
+            asyncio.get_running_loop(), self._dispatch
+        )
+        for key, handler in (
+            (keys.rx(ua.node, "*", "*"), self._packet_came),
+            (keys.comm_status(ua.node), self._comm_status_came),
+            (keys.state(ua.node), self._state_came),
+            (keys.clock, self._clock_came),
+        ):
+            session.subscribe(key, lambda sample, handler=handler: self._inbox.push((handler, sample)))  # type: ignore[misc]
+
+    def _dispatch(self, item: tuple[Callable[[Sample], None], Sample]) -> None:
+        handler, sample = item
+        try:
+            handler(sample)
+        except DecodeError as error:
+            self.malformed += 1
+            log.warning("%s: %s", sample.key_expr, error)
+
+    def _clock_came(self, sample: Sample) -> None:
+        self._ua.take_clock(decode(sample.payload.to_bytes(), Clock).header.stamp.ns)
+        self._ua.tick()
+
+    def _state_came(self, sample: Sample) -> None:
+        self._ua.take_state(decode(sample.payload.to_bytes(), AircraftState))
+
+    def _comm_status_came(self, sample: Sample) -> None:
+        self._ua.take_comm_status(decode(sample.payload.to_bytes(), CommunicationStatus))
+
+    def _packet_came(self, sample: Sample) -> None:
+        sender, channel = str(sample.key_expr).split("/")[-2:]
+        stamp = Stamp.from_sample(sample) or Stamp(-1, self._ua.sim_time_ns)
+        self._ua.take_packet(sender, channel, sample.payload.to_bytes(), stamp)
+
+
+def _event_of(reply: zenoh.Reply) -> CommandEvent:
+    if reply.ok is None:
+        text = reply.err.payload.to_string() if reply.err is not None else "no reply"
+        return CommandEvent(CommandEvent.RESULT, False, text, math.nan)
+    try:
+        return decode(reply.ok.payload.to_bytes(), CommandEvent)
+    except DecodeError as error:
+        return CommandEvent(CommandEvent.RESULT, False, str(error), math.nan)
+
+
+@asynccontextmanager
+async def connect_ua(endpoint: str, run: str, node: str) -> AsyncIterator[UaClient]:
+    """Join a run beside the agent of ``node``.
+
+    Raises:
+        SessionError: if there is no router at ``endpoint``.
+    """
+    with open_client(endpoint) as session:
+        keys = Keys(run)
+        ua = UaClient(node, ZenohOutlet(session, keys, node))
+        _Feed(session, keys, ua)
+        yield ua

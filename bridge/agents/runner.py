@@ -1,0 +1,160 @@
+"""Runs one agent in sim time, in a thread of its own: a slow one holds up sim time, but nothing else of its process.
+
+The thread's event loop is a `SimLoop`. Each tick brings what arrived since the last one, in an order that the host
+fixes; the tick is over when nothing in the loop is ready to run, and then the thread sleeps until the next.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import logging
+import queue
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from bridge.agents.agent import Agent
+from bridge.agents.client import CommandFailed, UaClient
+from bridge.agents.sim_loop import SimLoop
+from bridge.bus.messages import DecodeError
+
+log = logging.getLogger("agent")
+
+Arrival = Callable[[UaClient], object]
+"""Something that came for the agent: called with its client, in its event loop."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Tick:
+    sim_time_ns: int
+    arrivals: Sequence[Arrival]
+
+
+class AgentRunner:
+    """One agent in its thread.
+
+    Args:
+        ua: the node as the agent sees it.
+        build: makes the agent, in its thread and event loop.
+        on_idle: called in the agent's thread when it has done all that it does at a tick.
+    """
+
+    def __init__(
+        self, ua: UaClient, build: Callable[[UaClient], Agent], on_idle: Callable[[], object]
+    ) -> None:
+        self.ua = ua
+        self.malformed = 0
+        """Packets that the agent could not read."""
+        self._build = build
+        self._on_idle = on_idle
+        self._inbox: queue.SimpleQueue[_Tick | None] = queue.SimpleQueue()
+        self._built: concurrent.futures.Future[None] = concurrent.futures.Future()
+        self._busy = False
+        self._failed = False
+        self._stopping = False
+        self._loop = SimLoop(self._wait)
+        self._flight: asyncio.Task[None] | None = None
+        # A daemon: code that never returns from a tick must not keep the process from ending.
+        self._thread = threading.Thread(target=self._run, name=f"agent-{ua.node}", daemon=True)
+
+    def start(self) -> concurrent.futures.Future[None]:
+        """Build the agent; the future is done when it waits for its first tick, or holds what its code raised."""
+        self._thread.start()
+        return self._built
+
+    def tick(self, sim_time_ns: int, arrivals: Sequence[Arrival]) -> None:
+        """Have the agent live through the tick ``sim_time_ns``; `on_idle` tells when it has."""
+        self._inbox.put(_Tick(sim_time_ns, arrivals))
+
+    def stop(self, timeout_s: float) -> bool:
+        """End the agent (wall time); returns whether it ended in time."""
+        self._inbox.put(None)
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    # In the agent's thread.
+
+    def _run(self) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            try:
+                runner.run(self._live())
+            except RuntimeError:  # the loop was stopped while the agent still waited for something
+                if not self._stopping:
+                    raise
+
+    async def _live(self) -> None:
+        self._stopped = asyncio.Event()
+        self._loop.set_exception_handler(self._on_loop_error)
+        try:
+            self._agent = self._build(self.ua)
+        except BaseException as error:
+            self._built.set_exception(error)
+            return
+        self.ua.on_tick(self._agent.on_tick)
+        self._built.set_result(None)
+        await self._stopped.wait()
+        if self._flight is not None:
+            self._flight.cancel()
+        self.ua.report("is stopped")
+
+    async def _fly(self) -> None:
+        try:
+            await self._agent.fly()
+        except CommandFailed as error:
+            log.error("%s", error)
+            self._failed = True
+            self.ua.report(str(error), failed=True)
+        except Exception as error:  # an agent is somebody's own code: whatever it raises ends the run by name
+            self._fail("in flight", error)
+        else:
+            log.info("done at %.2f s", self.ua.sim_time_ns / 1e9)
+            self.ua.report("is done", done=True)
+
+    def _wait(self) -> None:
+        """Nothing in the loop is ready: the tick is done. Returns with the next one."""
+        if self._busy:
+            self._busy = False
+            self._on_idle()
+        item = self._inbox.get()
+        if item is None:
+            self._end()
+            return
+        self._busy = True
+        self._loop.advance(item.sim_time_ns)
+        self._loop.call_soon(self._take, item)
+
+    def _end(self) -> None:
+        if self._stopping or not self._built.done():
+            self._loop.stop()  # what it does on its way out waits for sim time that never comes
+            return
+        self._stopping = True
+        self._inbox.put(None)
+        self._loop.call_soon(self._stopped.set)
+
+    def _take(self, tick: _Tick) -> None:
+        self.ua.take_clock(tick.sim_time_ns)
+        for arrival in tick.arrivals:
+            self._call("in a callback", lambda arrival=arrival: arrival(self.ua))  # type: ignore[misc]
+        self._call("at a tick", self.ua.tick)
+        if self._flight is None:  # the first tick: there is no sim time before it
+            self._flight = asyncio.create_task(self._fly())
+
+    def _call(self, when: str, callback: Callable[[], object]) -> None:
+        try:
+            callback()
+        except DecodeError as error:
+            self.malformed += 1
+            log.warning("%s: %s", when, error)
+        except Exception as error:
+            self._fail(when, error)
+
+    def _on_loop_error(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        self._fail("in a task of its own", context.get("exception"), context["message"])
+
+    def _fail(self, when: str, error: BaseException | None, text: str = "") -> None:
+        log.error("%s, at %.3f s: %s", when, self.ua.sim_time_ns / 1e9, text, exc_info=error)
+        if not self._failed:
+            self._failed = True
+            self.ua.report(f"{type(error).__name__} {when}: {error or text}", failed=True)

@@ -1,0 +1,81 @@
+"""What is written down of one node: its MAVLink, inputs from outside, counters, and why it may not repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bridge.record import names
+from bridge.record.events import Report
+from bridge.record.inputs import InputWriter, RecordedInput, inputs_of
+from bridge.record.streams import StreamWriter
+from bridge.run.directory import RunDirectory
+
+
+class NodeRecord:
+    """The record of one node.
+
+    Args:
+        run: where it is written; it may name another run whose inputs are to be repeated.
+        node: the node id.
+
+    Attributes:
+        now_ns: the instant that what is written belongs to.
+        replay: the inputs to repeat; None if this run repeats no other.
+
+    Raises:
+        InputError: the inputs to repeat are not in order.
+        OSError: a file cannot be made or read.
+    """
+
+    def __init__(self, run: RunDirectory, node: str) -> None:
+        self.now_ns = 0
+        replay = run.info.replay
+        self.replay: list[RecordedInput] | None = inputs_of(Path(replay), node) if replay else None
+        self._report = Report(run.path, f"ua-{node}")
+        self._node = node
+        self._inputs = InputWriter(names.inputs_path(run.path, node))
+        self._mavlink = {
+            "from_autopilot": StreamWriter(names.from_autopilot(node).path(run.path)),
+            "to_autopilot": StreamWriter(names.to_autopilot(node).path(run.path)),
+        }
+
+    def write_mavlink(self, direction: str, data: bytes) -> None:
+        """Bytes that were read from, or written to, the autopilot at this instant."""
+        self._mavlink[direction].write(self.now_ns, data)
+
+    def write_input(self, item: RecordedInput) -> None:
+        """An input that takes effect at this instant."""
+        self._inputs.write(item)
+
+    def may_not_repeat(self, reason: str) -> None:
+        """Wall time decided something."""
+        text = f"UA {self._node}: {reason}"
+        self._report.event(self.now_ns, self._node, "wall_time", text)
+        self._report.may_not_repeat(f"{text} (at {self.now_ns / 1e9:.2f} s)")
+
+    def flush(self) -> None:
+        """Hand everything to the operating system."""
+        for writer in self._mavlink.values():
+            writer.flush()
+        self._report.flush()
+
+    def close(self, statistics: Mapping[str, Any], counters: Mapping[str, int]) -> None:
+        """Write the counters of the daemon and the node, and close all files."""
+        self._report.set_counters(_flat(statistics) | dict(counters))
+        self._report.close()
+        self._inputs.close()
+        for writer in self._mavlink.values():
+            writer.close()
+
+
+def _flat(statistics: Mapping[str, Any], prefix: str = "mavlink") -> dict[str, int]:
+    """Nested counters as ``mavlink.routes.loop``; zeros and what is no count are left out."""
+    found: dict[str, int] = {}
+    for name, value in statistics.items():
+        if isinstance(value, Mapping):
+            found |= _flat(value, f"{prefix}.{name}")
+        elif isinstance(value, int) and not isinstance(value, bool) and value:
+            found[f"{prefix}.{name}"] = value
+    return found

@@ -1,0 +1,288 @@
+"""The process of a host: aircraft bridges and agents of its UA, between Zenoh and the autopilots' MAVLink."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from functools import partial
+
+import zenoh
+
+from aps.config import DaemonConfig
+from aps.held import HeldDaemon
+from bridge.agents import agent_class
+from bridge.agents.client import UaClient
+from bridge.agents.runner import AgentRunner
+from bridge.aircraft.aircraft_bridge import VERBS, AircraftBridge
+from bridge.bus.inbox import Inbox
+from bridge.bus.keys import Keys
+from bridge.bus.messages import (
+    AgentStatus,
+    AircraftState,
+    Clock,
+    CommandEvent,
+    CommandGoal,
+    CommunicationStatus,
+    DecodeError,
+    Header,
+    decode,
+    encode,
+    encoding_of,
+)
+from bridge.bus.session import AGENT, Query, Sample, Session, Stamp, open_client
+from bridge.host.node import AgentOutlet, Node, OnReply, Packet
+from bridge.host.node_record import NodeRecord
+from bridge.run.directory import RunDirectory
+from bridge.run.process import Arguments, current_node, parse_arguments, run_until_stopped
+from bridge.scenario.model import Aircraft, Scenario
+from bridge.timeouts import AGENT_GRACE_S
+
+ASKED_MAX = 1000
+"""Operators' commands that may wait for a tick."""
+log = logging.getLogger("host")
+
+
+class ZenohOutlets:
+    """What one node says, on Zenoh (`bridge.host.node.Outlets`)."""
+
+    def __init__(self, session: Session, keys: Keys, node: str) -> None:
+        self._session, self._keys, self._node = session, keys, node
+
+    def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+        """Give a packet to the radio."""
+        attachment = Stamp(stamp.seq, stamp.sim_time_ns, AGENT).to_bytes()
+        self._session.put_bytes(
+            self._keys.tx(self._node, channel),
+            payload,
+            encoding=encoding,
+            attachment=attachment,
+            must_arrive=True,
+        )
+
+    def report(self, status: AgentStatus) -> None:
+        """Tell what the agent is doing."""
+        self._session.put(self._keys.agent(self._node), status, must_arrive=True)
+
+    def state(self, state: AircraftState) -> None:
+        """Publish the aircraft's state."""
+        self._session.put(self._keys.state(self._node), state)
+
+    def answer(self, sim_time_ns: int) -> None:
+        """Tell the radio that this node is done with a tick."""
+        self._session.put(
+            self._keys.clock_answer(self._node), Header.at(sim_time_ns, self._node), must_arrive=True
+        )
+
+
+class HostedNode:
+    """One node with its record, its daemon's connection, and its place on Zenoh."""
+
+    def __init__(self, session: Session, run: RunDirectory, scenario: Scenario, ua: Aircraft) -> None:
+        self._ua, self._scenario, self._session, self._keys = ua, scenario, session, run.keys
+        self._loop = asyncio.get_running_loop()
+        self._record = NodeRecord(run, ua.node)
+        self.daemon = HeldDaemon(
+            DaemonConfig(
+                autopilot=f"tcp:127.0.0.1:{scenario.autopilot_port(ua)}",
+                sysid=ua.sysid,
+                listen_port=scenario.aps_port(ua),
+            )
+        )
+        self._outlets = ZenohOutlets(session, run.keys, ua.node)
+        self.node = Node(
+            ua.node, AircraftBridge(self.daemon, ua.node), self._outlets, self._record.write_input
+        )
+        self.daemon.on_bytes = self._record.write_mavlink
+        self.daemon.on_wall_time = self._record.may_not_repeat
+        self.daemon.on_link_down = self._link_down
+        self._connecting: asyncio.Task[None] | None = None
+        self._malformed = 0
+
+    async def start(self) -> None:
+        """Build the agent, and subscribe."""
+        node, outlet = self._ua.node, AgentOutlet(self._outlets)
+        ua = UaClient(node, outlet, self._scenario.seed)
+        make = agent_class(self._ua.agent)
+        self._runner = AgentRunner(
+            ua,
+            lambda client: make(client, self._ua, self._scenario.transmit),
+            lambda: self._loop.call_soon_threadsafe(self._agent_is_idle),
+        )
+        self.node.join(self._runner, outlet)
+        if self._record.replay is not None:
+            self.node.repeat(self._record.replay)
+        await asyncio.wrap_future(self._runner.start())
+
+    def serve(self, push: Callable[[Callable[[Sample], None], Sample], None]) -> None:
+        """Hear of what comes for this node; ``push`` hands it to the event loop, in order."""
+        node, keys = self._ua.node, self._keys
+        self._session.subscribe(keys.rx(node, "*", "*"), partial(push, self._packet_came))
+        self._session.subscribe(keys.comm_status(node), partial(push, self._comm_status_came))
+        self._asked: Inbox[tuple[str, Query]] = Inbox(self._loop, self._asked_for, limit=ASKED_MAX)
+        for verb in VERBS:
+            self._session.serve(keys.command(node, verb), partial(self._push_asked, verb))
+
+    def _push_asked(self, verb: str, query: Query) -> None:
+        self._asked.push((verb, query))
+
+    # Ticks.
+
+    def clock_came(self, sim_time_ns: int, *, is_tick: bool) -> None:
+        """The fleet stands at ``sim_time_ns``: a tick, or an exchange of MAVLink between two ticks."""
+        self._record.now_ns = sim_time_ns
+        if sim_time_ns == 0 and not self.daemon.link_up:
+            # The first frame of a UA is answered when its MAVLink is connected: so are its first bytes in the ring.
+            self._connecting = asyncio.create_task(self._connect_first())
+            return
+        self._live(sim_time_ns, is_tick)
+
+    async def _connect_first(self) -> None:
+        await self.daemon.connect()
+        self._live(0, True)
+
+    def _live(self, sim_time_ns: int, is_tick: bool) -> None:
+        token = current_node.set(self._ua.node)
+        try:
+            if is_tick:
+                self.node.tick(sim_time_ns)
+            else:
+                self.node.exchange(sim_time_ns)
+        finally:
+            current_node.reset(token)
+
+    def _agent_is_idle(self) -> None:
+        token = current_node.set(self._ua.node)
+        try:
+            self.node.finish()
+        finally:
+            current_node.reset(token)
+
+    def _link_down(self) -> None:
+        """The autopilot closed its MAVLink (it reboots, or is gone): connect again as soon as it listens."""
+        self._record.may_not_repeat(f"the autopilot of UA {self._ua.node} closed its MAVLink connection")
+        self._connecting = asyncio.create_task(self.daemon.connect())
+
+    # What comes for the node.
+
+    def _packet_came(self, sample: Sample) -> None:
+        sender, channel = str(sample.key_expr).split("/")[-2:]
+        stamp = Stamp.from_sample(sample)
+        if stamp is None:
+            self._malformed += 1
+            return
+        self.node.packet_came(Packet(sender, channel, sample.payload.to_bytes(), stamp))
+
+    def _comm_status_came(self, sample: Sample) -> None:
+        self.node.comm_status_came(decode(sample.payload.to_bytes(), CommunicationStatus))
+
+    def _asked_for(self, item: tuple[str, Query]) -> None:
+        verb, query = item
+        reply = self._replies(verb, query)
+        try:
+            goal = decode(query.payload.to_bytes(), CommandGoal) if query.payload else CommandGoal()
+        except DecodeError as error:
+            reply(CommandEvent(CommandEvent.RESULT, False, str(error)))
+            return
+        self.node.operator_asked(verb, goal, reply)
+
+    def _replies(self, verb: str, query: Query) -> OnReply:
+        key = self._keys.command(self._ua.node, verb)
+
+        def reply(event: CommandEvent) -> None:
+            try:
+                query.reply(key, encode(event), encoding=encoding_of(CommandEvent))
+                if event.phase == CommandEvent.RESULT:
+                    query.drop()
+            except zenoh.ZError as error:
+                log.warning("%s: whoever asked is gone: %s", verb, error)
+
+        return reply
+
+    # The end.
+
+    def stop(self) -> None:
+        """End the agent, and write what is left."""
+        if self._connecting is not None:
+            self._connecting.cancel()
+        if not self._runner.stop(AGENT_GRACE_S / 2):
+            log.warning("the agent of UA %s did not end", self._ua.node)
+        counters = {
+            "packets_without_stamp": self._malformed,
+            "packets_the_agent_could_not_read": self._runner.malformed,
+        }
+        counters["commands_dropped"] = self._asked.dropped
+        self._record.close(self.daemon.statistics(), counters)
+
+
+async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: asyncio.Event) -> None:
+    """Serve until ``stop`` is set."""
+    scenario, keys = run.scenario, run.keys
+    with open_client(run.info.endpoint) as session:
+        async with AsyncExitStack() as stack:
+            hosted = [HostedNode(session, run, scenario, scenario.aircraft(node)) for node in nodes]
+            for node, one in zip(nodes, hosted, strict=True):
+                await _in_its_context(node, stack, one)
+            _listen(session, keys, hosted)
+            session.declare_alive(keys.alive(name))
+            for one in hosted:
+                log.info("MAVLink of UA %s at tcp:127.0.0.1:%d", one.node.node, one.daemon.listen_port)
+            await stop.wait()
+            for one in hosted:
+                one.stop()
+
+
+async def _in_its_context(node: str, stack: AsyncExitStack, one: HostedNode) -> None:
+    """Start a node so that what its clients do is logged with its name."""
+    token = current_node.set(node)
+    try:
+        await stack.enter_async_context(one.daemon)
+        await one.start()
+    finally:
+        current_node.reset(token)
+
+
+def _listen(session: Session, keys: Keys, hosted: list[HostedNode]) -> None:
+    """Hand what comes on Zenoh to the event loop, in one order over all nodes and keys."""
+
+    def dispatch(item: tuple[Callable[[Sample], None], Sample]) -> None:
+        handler, sample = item
+        try:
+            handler(sample)
+        except DecodeError as error:
+            log.warning("%s: %s", sample.key_expr, error)
+
+    def clock_came(sample: Sample) -> None:
+        sim_time_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
+        for one in hosted:
+            one.clock_came(sim_time_ns, is_tick=True)
+
+    def exchange_came(sample: Sample) -> None:
+        sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
+        for one in hosted:
+            one.clock_came(sim_time_ns, is_tick=False)
+
+    # Without a limit: what comes between two ticks is bounded by the ring, and a packet that was delivered stays so.
+    inbox: Inbox[tuple[Callable[[Sample], None], Sample]] = Inbox(
+        asyncio.get_running_loop(), dispatch, limit=None
+    )
+
+    def push(handler: Callable[[Sample], None], sample: Sample) -> None:
+        inbox.push((handler, sample))
+
+    for one in hosted:
+        one.serve(push)
+    session.subscribe(keys.clock, partial(push, clock_came))
+    session.subscribe(keys.clock_exchange, partial(push, exchange_came))
+
+
+def main() -> int:
+    """Run the process."""
+    arguments: Arguments = parse_arguments("host", __doc__ or "", has_nodes=True)
+    return run_until_stopped(lambda stop: run_host(arguments.run, arguments.name, arguments.nodes, stop))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

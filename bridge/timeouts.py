@@ -1,0 +1,30 @@
+"""Every limit of wall time in a run, in one place, so that they fit each other.
+
+Nothing here decides a result: what flies, flies in sim time. These limits say when something that does not answer is
+given up, and whoever waits for another waits longer than the other may take:
+
+    a stuck autopilot is let go (STALL_S) long before the clock is said to stand still (SILENCE_S);
+    the start of the autopilots (START_S) ends before the supervisor calls the same silence a failure (SILENCE_S);
+    a process that ends has its grace, and one that tells how far it is (the record of a large run) has more.
+
+Time-outs towards the autopilot (acknowledgements, retries, silence) are sim time and live in `aps`.
+"""
+
+from __future__ import annotations
+
+START_S = 60.0
+"""For all processes to be ready, and again for the autopilots to send their first packet."""
+NEWS_PERIOD_S = 2.0
+"""Nothing that a person waits for is silent for longer."""
+STALL_S = 5.0
+"""A UA whose autopilot owes a packet for so long is let go: the others fly on, and the run may not repeat."""
+SILENCE_S = 90.0
+"""Without a tick for so long, the run is given up. Longer than START_S, and than any stall."""
+AGENT_GRACE_S = 1.0
+"""For the hosts to end after they were told to."""
+FLIGHT_GRACE_S = 1.5
+"""For autopilots and physics."""
+ROUTER_GRACE_S = 10.0
+"""For the radio to say the next word of how far its record is: it may take any time as long as it gets on."""
+COMMAND_QUERY_S = 30 * 86400.0
+"""For a script's command: flights end by their own time-outs, in sim time, however long that takes."""
