@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from bridge.standin.endpoint import MavlinkEndpoint
-from bridge.standin.fdm_link import FdmLink
-from bridge.standin.location import Location
-from bridge.standin.parameters import Parameters
-from bridge.standin.vehicle import Vehicle
+from bridge.standin.protocols.endpoint import MavlinkEndpoint
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.parameters import Parameters
+from bridge.standin.vehicle.vehicle import Vehicle
+from bridge.standin.wire.fdm_link import FdmLink
 
 
 class Autopilot:

@@ -10,15 +10,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.location import Location
-from bridge.standin.mixer import UnknownFrameError
-from bridge.standin.parameters import (
+from bridge.standin.control.mixer import UnknownFrameError
+from bridge.standin.process import Process
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.parameters import (
     DefaultsFileError,
     Parameters,
     UnknownParameterError,
     load_defaults,
 )
-from bridge.standin.process import Process
 
 EXIT_ERROR = 2
 GC_THRESHOLD = 50_000

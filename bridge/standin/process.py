@@ -16,7 +16,7 @@ from collections import Counter
 from types import FrameType
 
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.fdm_link import RESEND_AFTER_S
+from bridge.standin.wire.fdm_link import RESEND_AFTER_S
 
 DATAGRAM_MAX_BYTES = 65536
 READ_BYTES = 65536

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.framer import Framer
-from bridge.standin.location import Location
-from bridge.standin.mixer import mix_quad_x
-from bridge.standin.parameters import Parameters
-from bridge.standin.sensors import parse_sensor_frame
+from bridge.standin.control.mixer import mix_quad_x
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.parameters import Parameters
+from bridge.standin.wire.framer import Framer
+from bridge.standin.wire.sensors import parse_sensor_frame
 
 HOME = Location(45.0, 10.0, 100.0)
 any_float = st.floats(allow_nan=True, allow_infinity=True, width=32)

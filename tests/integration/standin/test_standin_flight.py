@@ -15,8 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.standin import process
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.location import Location
-from bridge.standin.parameters import Parameters
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.parameters import Parameters
 from fdm.air.wind import load_wind
 from fdm.exchange.exchange import AircraftSpec, Exchange
 from fdm.exchange.hosted_aircraft import Disturb

@@ -10,15 +10,15 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.fdm_link import FdmLink
-from bridge.standin.location import Location
-from bridge.standin.parameters import (
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.parameters import (
     DefaultsFileError,
     Parameters,
     UnknownParameterError,
     load_defaults,
 )
-from bridge.standin.sensors import parse_sensor_frame
+from bridge.standin.wire.fdm_link import FdmLink
+from bridge.standin.wire.sensors import parse_sensor_frame
 
 HOME = Location(45.0, 10.0, 100.0)
 STEP_S = 0.0025

@@ -8,21 +8,21 @@ from typing import cast
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.commands import Commands, request_from
-from bridge.standin.events import (
+from bridge.standin.protocols.commands import Commands, request_from
+from bridge.standin.protocols.guided_targets import fly_global_target, fly_local_target
+from bridge.standin.protocols.mission_protocol import MissionProtocol
+from bridge.standin.protocols.parameter_protocol import ParameterProtocol
+from bridge.standin.protocols.streams import Streams
+from bridge.standin.protocols.telemetry import Telemetry
+from bridge.standin.vehicle.events import (
     Event,
     HomeChanged,
     ItemReached,
     ModeChanged,
     StatusText,
 )
-from bridge.standin.framer import Framer, Message
-from bridge.standin.guided_targets import fly_global_target, fly_local_target
-from bridge.standin.mission_protocol import MissionProtocol
-from bridge.standin.parameter_protocol import ParameterProtocol
-from bridge.standin.streams import Streams
-from bridge.standin.telemetry import Telemetry
-from bridge.standin.vehicle import Vehicle
+from bridge.standin.vehicle.vehicle import Vehicle
+from bridge.standin.wire.framer import Framer, Message
 
 COMPONENT = 1
 PARAMETER_STEP_NS = 10_000_000

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from bridge.standin.sensors import SensorFrame, parse_sensor_frame
-from bridge.standin.servo_packet import CHANNELS, pack_servo_packet
+from bridge.standin.wire.sensors import SensorFrame, parse_sensor_frame
+from bridge.standin.wire.servo_packet import CHANNELS, pack_servo_packet
 
 RESEND_AFTER_S = 1.1
 """Wall time without a sensor frame after which the last servo packet is sent again."""

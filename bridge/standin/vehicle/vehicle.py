@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from math import degrees, radians
 
-from bridge.standin.arming import arm_failures, prearm_failures
-from bridge.standin.attitude_control import AttitudeGains
-from bridge.standin.battery import Battery
-from bridge.standin.controller import OUTER_STEP_S, FlightController
-from bridge.standin.events import Event, HomeChanged, ModeChanged, Severity, StatusText
-from bridge.standin.flight_modes import FlightMode, ModeNumber, Stabilize
-from bridge.standin.location import Location
-from bridge.standin.maneuvers import Drive
-from bridge.standin.mission import Mission
-from bridge.standin.mixer import PWM_MIN_US, MotorCommands, motor_frame, pwm_us
-from bridge.standin.modes import mode_by_number
-from bridge.standin.navigator import FlightLimits, Navigator
-from bridge.standin.parameters import Parameters
-from bridge.standin.position_control import GRAVITY_MPS2, PositionGains
-from bridge.standin.profile import Limits
-from bridge.standin.quaternion import IDENTITY, Quaternion, Vector, euler_from_quaternion
-from bridge.standin.rc_input import RcInput
-from bridge.standin.sensors import SensorFrame
-from bridge.standin.wind import WindEstimate
+from bridge.standin.control.attitude_control import AttitudeGains
+from bridge.standin.control.controller import OUTER_STEP_S, FlightController
+from bridge.standin.control.mixer import PWM_MIN_US, MotorCommands, motor_frame, pwm_us
+from bridge.standin.control.navigator import FlightLimits, Navigator
+from bridge.standin.control.position_control import GRAVITY_MPS2, PositionGains
+from bridge.standin.control.profile import Limits
+from bridge.standin.control.quaternion import IDENTITY, Quaternion, Vector, euler_from_quaternion
+from bridge.standin.vehicle.arming import arm_failures, prearm_failures
+from bridge.standin.vehicle.battery import Battery
+from bridge.standin.vehicle.events import Event, HomeChanged, ModeChanged, Severity, StatusText
+from bridge.standin.vehicle.flight_modes import FlightMode, ModeNumber, Stabilize
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.maneuvers import Drive
+from bridge.standin.vehicle.mission import Mission
+from bridge.standin.vehicle.modes import mode_by_number
+from bridge.standin.vehicle.parameters import Parameters
+from bridge.standin.vehicle.rc_input import RcInput
+from bridge.standin.vehicle.wind import WindEstimate
+from bridge.standin.wire.sensors import SensorFrame
 
 GROUND_CONTACT_S = 1.0
 GROUND_SPEED_MAX_MPS = 0.2
