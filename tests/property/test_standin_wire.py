@@ -12,7 +12,7 @@ from bridge.standin.autopilot import Autopilot
 from bridge.standin.control.mixer import mix_quad_x
 from bridge.standin.vehicle.location import Location
 from bridge.standin.vehicle.parameters import Parameters
-from bridge.standin.wire.framer import Framer
+from bridge.standin.wire.mavlink_codec import MavlinkCodec
 from bridge.standin.wire.sensors import parse_sensor_frame
 
 HOME = Location(45.0, 10.0, 100.0)
@@ -108,30 +108,35 @@ def test_servo_outputs_stay_in_range_for_any_motion(
             assert outputs[4:] == (0,) * 12
 
 
-@given(st.binary(max_size=400), st.integers(0, 3), st.binary(max_size=20))
-def test_a_message_amid_garbage_is_found_or_the_garbage_is_counted(
-    before: bytes, which: int, after: bytes
-) -> None:
-    framer = Framer()
+@given(st.binary(max_size=400), st.integers(0, 3))
+def test_a_message_after_garbage_is_found_and_the_garbage_is_counted(before: bytes, which: int) -> None:
+    codec = MavlinkCodec(1)
     message = some_messages()[which]
-    sent = message.pack(dialect.MAVLink(None, 255, 190))
-    heard = framer.receive(before + sent + after + bytes(600))
-    assert [m for m in heard if m.get_type() == message.get_type()]
-    if before.strip(b"\xfd\xfe"):
-        assert sum(framer.dropped.values()) > 0
+    heard = codec.receive(before + bytes(600) + message.pack(dialect.MAVLink(None, 255, 190)))
+    assert heard[-1].get_type() == message.get_type()
+    assert sum(codec.dropped.values()) > 0
 
 
 @given(st.lists(st.integers(0, 3), max_size=6), st.data())
 def test_any_chunking_gives_the_same_messages(which: list[int], data: st.DataObject) -> None:
-    codec = dialect.MAVLink(None, 255, 190)
-    stream = b"".join(b"noise" + some_messages()[index].pack(codec) for index in which)
+    client = dialect.MAVLink(None, 255, 190)
+    stream = b"".join(b"noise" + some_messages()[index].pack(client) for index in which)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=8)))
-    framer = Framer()
+    codec = MavlinkCodec(1)
     heard = []
     for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
-        heard += framer.receive(stream[start:end])
+        heard += codec.receive(stream[start:end])
     assert [m.get_type() for m in heard] == [some_messages()[index].get_type() for index in which]
-    assert framer.dropped["noise_bytes"] == 5 * len(which)
+    assert codec.dropped["bad_data"] >= len(which)
+
+
+@given(st.lists(st.binary(max_size=400), min_size=1, max_size=5))
+@settings(max_examples=30)
+def test_the_receiver_keeps_no_more_than_it_needs(chunks: list[bytes]) -> None:
+    codec = MavlinkCodec(1)
+    for chunk in chunks * 40:
+        codec.receive(chunk + b"\xfd\xff")
+        assert len(codec._receiver.buf) < 6000
 
 
 @given(st.lists(st.binary(max_size=300), max_size=5))

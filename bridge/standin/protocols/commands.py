@@ -17,7 +17,7 @@ from bridge.standin.vehicle.flight_modes import ModeNumber
 from bridge.standin.vehicle.mode_auto import Auto, turn_to_condition
 from bridge.standin.vehicle.mode_guided import Guided, GuidedTarget
 from bridge.standin.vehicle.vehicle import Vehicle
-from bridge.standin.wire.framer import Message
+from bridge.standin.wire.mavlink_codec import Message
 
 FORCE_MAGIC = (2989.0, 21196.0)
 """param2 of COMPONENT_ARM_DISARM that skips the checks (either of ArduPilot's two numbers)."""

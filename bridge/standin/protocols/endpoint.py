@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
-from typing import cast
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -22,9 +20,8 @@ from bridge.standin.vehicle.events import (
     StatusText,
 )
 from bridge.standin.vehicle.vehicle import Vehicle
-from bridge.standin.wire.framer import Framer, Message
+from bridge.standin.wire.mavlink_codec import COMPONENT, MavlinkCodec, Message
 
-COMPONENT = 1
 PARAMETER_STEP_NS = 10_000_000
 STATUS_TEXT_BYTES = 50
 
@@ -34,8 +31,7 @@ class MavlinkEndpoint:
 
     def __init__(self, vehicle: Vehicle, boot_unix_us: int) -> None:
         self._vehicle = vehicle
-        self._framer = Framer()
-        self._packer = dialect.MAVLink(None, round(vehicle.parameters["MAV_SYSID"]), COMPONENT)
+        self._codec = MavlinkCodec(round(vehicle.parameters["MAV_SYSID"]))
         self._telemetry = Telemetry(vehicle, boot_unix_us)
         self.streams = Streams()
         self._commands = Commands(vehicle, self._telemetry, self.streams, self._send)
@@ -49,8 +45,8 @@ class MavlinkEndpoint:
 
     @property
     def dropped(self) -> Counter[str]:
-        """Received bytes and frames that were no message, by reason."""
-        return self._framer.dropped
+        """What was no message, by reason."""
+        return self._codec.dropped
 
     @property
     def message_ids(self) -> list[int]:
@@ -60,7 +56,7 @@ class MavlinkEndpoint:
     def connect(self) -> None:
         """A client is there: what streams was asked for before goes on."""
         self._connected = True
-        self._framer.reset()
+        self._codec.reset()
         self._out.clear()
 
     def disconnect(self) -> None:
@@ -70,7 +66,7 @@ class MavlinkEndpoint:
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the client; answers wait in ``data_to_send``."""
-        for message in self._framer.receive(data):
+        for message in self._codec.receive(data):
             self._handle(message)
         self._flush_events()
 
@@ -103,15 +99,8 @@ class MavlinkEndpoint:
     # --- out
 
     def _send(self, message: Message) -> None:
-        if not self._connected:
-            return
-        packer = self._packer
-        try:
-            self._out += cast(bytes, message.pack(packer))
-        except struct.error:  # a value beyond its field's range: physics far out of bounds
-            self.ignored["unpackable"] += 1
-            return
-        packer.seq = (packer.seq + 1) & 0xFF
+        if self._connected:
+            self._out += self._codec.pack(message)
 
     def _send_by_id(self, message_id: int) -> None:
         message = self._telemetry.builders[message_id]()
@@ -167,7 +156,7 @@ class MavlinkEndpoint:
     def _for_us(self, message: Message) -> bool:
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
-        return system in (0, self._packer.srcSystem) and component in (0, COMPONENT)
+        return system in (0, self._codec.system) and component in (0, COMPONENT)
 
     def _run_command(self, message: Message) -> None:
         request = request_from(message)

@@ -13,7 +13,7 @@ from bridge.standin.control.quaternion import Vector
 from bridge.standin.vehicle.location import ALT_MAX_M, Location
 from bridge.standin.vehicle.mode_guided import Guided, GuidedTarget, ned_from_body
 from bridge.standin.vehicle.vehicle import Vehicle
-from bridge.standin.wire.framer import Message
+from bridge.standin.wire.mavlink_codec import Message
 
 IGNORE_POSITION = 0b111
 IGNORE_VELOCITY = 0b111 << 3

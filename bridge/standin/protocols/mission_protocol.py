@@ -17,7 +17,7 @@ from bridge.standin.vehicle.events import Severity
 from bridge.standin.vehicle.location import ALT_MAX_M
 from bridge.standin.vehicle.mission import ITEMS_MAX, Command, Frame, MissionItem
 from bridge.standin.vehicle.vehicle import Vehicle
-from bridge.standin.wire.framer import Message
+from bridge.standin.wire.mavlink_codec import Message
 
 UPLOAD_TIMEOUT_NS = 8_000_000_000
 REQUEST_AGAIN_NS = 1_000_000_000
