@@ -37,6 +37,7 @@ class MavlinkEndpoint:
         self._commands = Commands(vehicle, self._telemetry, self.streams, self._send)
         self._missions = MissionProtocol(vehicle, self._telemetry, self._send)
         self._parameters = ParameterProtocol(vehicle.parameters, self._send)
+        self._inbox: list[Message] = []
         self._out = bytearray()
         self._connected = False
         self._slow_due_ns = 0
@@ -65,13 +66,20 @@ class MavlinkEndpoint:
         self._out.clear()
 
     def receive(self, data: bytes) -> None:
-        """Take bytes from the client; answers wait in ``data_to_send``."""
-        for message in self._codec.receive(data):
-            self._handle(message)
-        self._flush_events()
+        """Take bytes from the client; they take effect at ``obey``."""
+        self._inbox += self._codec.receive(data)
 
-    def step(self) -> None:
-        """Do what is due at the vehicle's time: events, streams, lists under way."""
+    def obey(self) -> None:
+        """Do what the client has asked for; answers wait in ``data_to_send``."""
+        if not self._inbox:
+            return
+        inbox, self._inbox = self._inbox, []
+        for message in inbox:
+            self._handle(message)
+            self._flush_events()
+
+    def report(self) -> None:
+        """Tell what is due at the vehicle's time: events, streams, lists under way."""
         now_ns = self._vehicle.sim_time_ns
         if self._vehicle.has_events:
             self._flush_events()
@@ -134,7 +142,7 @@ class MavlinkEndpoint:
         if kind in ("COMMAND_LONG", "COMMAND_INT"):
             self._run_command(message)
         elif self._missions.handle(message, now_ns):
-            self._flush_events()
+            pass
         elif self._parameters.handle(message):
             self._parameters.step()
         elif kind == "SET_MODE":

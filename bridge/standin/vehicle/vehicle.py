@@ -70,7 +70,7 @@ class Vehicle:
         self.flight_started_ns: int | None = None
         self._events: list[Event] = []
         self._commands: MotorCommands = (0.0,) * motors
-        self._outer_s = 0.0
+        self._step_s = self._outer_s = 0.0
         self._ground_s = 0.0
         self._idle_since_ns = 0
         self._revision = -1
@@ -83,20 +83,24 @@ class Vehicle:
 
     # --- time
 
-    def step(self, frame: SensorFrame, sim_time_ns: int, step_s: float) -> list[int]:
-        """Take one sensor frame; return the 16 servo outputs in us.
+    def sense(self, frame: SensorFrame, sim_time_ns: int, step_s: float) -> None:
+        """Take one sensor frame.
 
         Args:
             frame: the frame.
             sim_time_ns: time since boot.
-            step_s: how much the frame advanced the time; 0 (a reset of the physics) changes nothing.
+            step_s: how much the frame advanced the time; 0 after a reset of the physics.
         """
-        first = self.frame is None
+        self._step_s = 0.0 if self.frame is None else step_s
+        self.uptime_s += self._step_s
         self.frame = frame
         self.sim_time_ns = sim_time_ns
-        if step_s <= 0.0 or first:
+
+    def step(self) -> list[int]:
+        """Control the vehicle by the frame that was taken; return the 16 servo outputs in us."""
+        frame, step_s = self.frame, self._step_s
+        if frame is None or step_s <= 0.0:
             return self.servo_output_us
-        self.uptime_s += step_s
         self._outer_s += step_s
         if self._outer_s >= OUTER_STEP_S - 1e-6:
             self._outer(frame, self._outer_s)
