@@ -1,12 +1,16 @@
-"""The whole autopilot without I/O: datagrams and a client's bytes in, packets and bytes out."""
+"""The whole autopilot without I/O and without a clock: bytes in, bytes out.
+
+One turn: ``take_frame`` a datagram of the physics, ``mavlink.receive`` what the client sent until then,
+``step``, send ``mavlink.data_to_send()``, send the packet. What it sends depends on those bytes alone.
+"""
 
 from __future__ import annotations
 
-from bridge.standin.endpoint import MavlinkEndpoint
-from bridge.standin.fdm_link import FdmLink
-from bridge.standin.location import Location
-from bridge.standin.parameters import Parameters
-from bridge.standin.vehicle import Vehicle
+from bridge.standin.protocols.endpoint import MavlinkEndpoint
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.parameters import Parameters
+from bridge.standin.vehicle.vehicle import Vehicle
+from bridge.standin.wire.fdm_link import FdmLink
 
 
 class Autopilot:
@@ -19,19 +23,17 @@ class Autopilot:
         self.fdm = FdmLink(frame_rate_hz)
         self.mavlink = MavlinkEndpoint(self.vehicle, boot_unix_us)
 
-    def receive_sensors(self, datagram: bytes, now_s: float) -> bytes | None:
-        """Take a datagram of the physics; return the servo packet that answers it, None if it needs none.
-
-        What there is to say to the client at this instant waits in ``mavlink.data_to_send()``: send it
-        first, so that who sees the servo packet's consequences has seen the telemetry before.
-
-        Args:
-            datagram: the bytes received.
-            now_s: wall time (monotonic).
-        """
+    def take_frame(self, datagram: bytes) -> bool:
+        """Take a datagram of the physics; return whether it is a new frame, on which to ``step``."""
         frame = self.fdm.receive(datagram)
         if frame is None:
-            return None
-        outputs = self.vehicle.step(frame, self.fdm.sim_time_ns, self.fdm.step_s)
-        self.mavlink.step()
-        return self.fdm.answer(outputs, now_s)
+            return False
+        self.vehicle.sense(frame, self.fdm.sim_time_ns, self.fdm.step_s)
+        return True
+
+    def step(self) -> bytes:
+        """Obey the client, control the vehicle, report; return the servo packet that answers the frame."""
+        self.mavlink.obey()
+        outputs = self.vehicle.step()
+        self.mavlink.report()
+        return self.fdm.answer(outputs)

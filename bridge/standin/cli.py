@@ -5,23 +5,23 @@ from __future__ import annotations
 import argparse
 import gc
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.location import Location
-from bridge.standin.mixer import UnknownFrameError
-from bridge.standin.parameters import (
+from bridge.standin.control.mixer import UnknownFrameError
+from bridge.standin.process import Process
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.parameters import (
     DefaultsFileError,
     Parameters,
     UnknownParameterError,
     load_defaults,
 )
-from bridge.standin.process import Process
 
 EXIT_ERROR = 2
 GC_THRESHOLD = 50_000
+START_TIME_UNIX_S = 1_700_000_000
 RATE_HZ_MIN, RATE_HZ_MAX = 100, 2000
 
 
@@ -58,7 +58,7 @@ def _prepare(options: argparse.Namespace) -> Process:
         parameters.set(name, value)
     parameters.set("MAV_SYSID", options.sysid)
     autopilot = Autopilot(
-        options.home, parameters, frame_rate_hz=options.rate_hz, boot_unix_us=time.time_ns() // 1000
+        options.home, parameters, frame_rate_hz=options.rate_hz, boot_unix_us=options.start_time * 1_000_000
     )
     return Process(autopilot, (options.fdm_host, options.fdm_port), (options.host, options.mavlink_port))
 
@@ -83,6 +83,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--parameter", type=_setting, action="append", default=[], metavar="NAME=VALUE", help="one parameter"
+    )
+    parser.add_argument(
+        "--start-time",
+        type=_bounded_int(0, 2**40),
+        default=START_TIME_UNIX_S,
+        metavar="UNIX",
+        help=f"GPS time at boot, s since 1970; never the host's (default {START_TIME_UNIX_S})",
     )
     parser.add_argument(
         "--rate-hz",

@@ -1,29 +1,35 @@
 """The shell: owns the UDP socket to the physics and the TCP server for the client, and moves bytes.
 
+Its turn is that of ArduPilot's SITL, so that what it sends depends on what it received and not on the clock:
+wait for a sensor frame; take what the client has sent until then; step; write to the client; answer the
+physics. Wall time decides two things only: when a servo packet that got no answer is sent again, and when a
+client that does not read is given up. Until then such a client holds the simulation back.
+
 As ArduPilot's SERIAL0, the server has one client: a second one connects (the kernel completes it) and gets
-nothing until the first is gone; then it is served. A client that does not read is let wait for a moment (the
-simulation waits with it, as ArduPilot's does); one that stays deaf loses telemetry, and after ``DEAF_MAX_S``
-its connection.
+nothing until the first is gone; then it is served.
 """
 
 from __future__ import annotations
 
-import selectors
+import contextlib
+import select
 import signal
 import socket
-import time
+import struct
 from collections import Counter
 from types import FrameType
 
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.fdm_link import RESEND_AFTER_S
 
-DATAGRAM_MAX_BYTES = 65536
-READ_BYTES = 65536
-UNSENT_WAIT_BYTES = 256 * 1024
-"""More unsent bytes than this hold the simulation back."""
-UNSENT_WAIT_MAX_S = 0.25
+RESEND_AFTER_S = 1.1
+"""Silence of the physics after which the last servo packet is sent again."""
 DEAF_MAX_S = 10.0
+"""How long a client that takes nothing holds the simulation back."""
+SEND_BUFFER_BYTES = 256 * 1024
+"""What the kernel holds for a client that does not read just now: more than some ticks of telemetry."""
+DATAGRAM_MAX_BYTES = 65536
+READ_MAX_BYTES = 65536
+"""Of the client's bytes in one frame; what is more waits for the next."""
 BACKLOG = 5
 
 
@@ -54,16 +60,9 @@ class Process:
         """Socket errors survived, by kind."""
         self._listener = _listen(mavlink_address)
         self._udp = _connect_udp(fdm_address)
-        self._wake_in, self._wake_out = socket.socketpair()
-        self._wake_in.setblocking(False)
-        self._wake_out.setblocking(False)
         self._client: socket.socket | None = None
-        self._unsent = bytearray()
-        self._drained_at_s = 0.0
-        self._selector = selectors.DefaultSelector()
-        self._selector.register(self._udp, selectors.EVENT_READ)
-        self._selector.register(self._listener, selectors.EVENT_READ)
-        self._selector.register(self._wake_in, selectors.EVENT_READ)
+        self._readable = select.poll()
+        self._readable.register(self._listener, select.POLLIN)
 
     @property
     def mavlink_port(self) -> int:
@@ -73,10 +72,10 @@ class Process:
     def stop(self) -> None:
         """End ``run``; callable from a signal handler or another thread."""
         self._stopped = True
-        try:
-            self._wake_out.send(b"\0")
-        except OSError:
-            self.errors["wake"] += 1
+        for waited_on in (self._udp, self._client):  # a shutdown ends a wait at once
+            if waited_on is not None:
+                with contextlib.suppress(OSError):
+                    waited_on.shutdown(socket.SHUT_RDWR)
 
     def stop_on_signals(self) -> None:
         """End ``run`` on SIGTERM and SIGINT."""
@@ -89,154 +88,95 @@ class Process:
 
     def run(self) -> None:
         """Serve until stopped."""
-        fdm = self._autopilot.fdm
-        select, udp = self._selector.select, self._udp
-        self._send_datagram(fdm.start(time.monotonic()))
-        timeout_s = RESEND_AFTER_S
+        autopilot, receive = self._autopilot, self._udp.recv
+        self._send_packet(autopilot.fdm.packet)
         while not self._stopped:
-            ready = select(timeout_s)
-            if len(ready) == 1 and ready[0][0].fileobj is udp:
-                self._serve_physics()  # by far the most frequent case
-                timeout_s = RESEND_AFTER_S
+            try:
+                datagram = receive(DATAGRAM_MAX_BYTES)
+            except BlockingIOError:  # silence
+                self._send_packet(autopilot.fdm.packet)
                 continue
-            self._serve({key.fileobj for key, _ in ready})
-            now_s = time.monotonic()
-            if now_s >= fdm.deadline_s():
-                self._send_datagram(fdm.resend(now_s))
-            timeout_s = max(0.0, fdm.deadline_s() - now_s)
-
-    def _serve(self, ready: set[object]) -> None:
-        """Serve what is ready; the client first, so that what it asked for holds from the next frame on."""
-        if self._client is not None and self._client in ready:
-            self._serve_client()
-        if self._listener in ready:
-            self._accept()
-        if self._udp in ready:
-            self._serve_physics()
+            except OSError:  # nobody listens there (yet)
+                self.errors["physics_unreachable"] += 1
+                continue
+            if autopilot.take_frame(datagram):
+                self._read_client()
+                packet = autopilot.step()
+                if autopilot.mavlink.has_data:
+                    self._write_client(autopilot.mavlink.data_to_send())
+                self._send_packet(packet)
 
     def close(self) -> None:
         """Close the sockets."""
-        self._selector.close()
-        for one in (self._udp, self._listener, self._wake_in, self._wake_out, self._client):
+        for one in (self._udp, self._listener, self._client):
             if one is not None:
                 one.close()
 
-    # --- physics
-
-    def _serve_physics(self) -> None:
-        try:
-            datagram = self._udp.recv(DATAGRAM_MAX_BYTES)
-        except OSError:  # nobody listens there (yet): the silence rule sends again
-            self.errors["physics_unreachable"] += 1
-            return
-        packet = self._autopilot.receive_sensors(datagram, time.monotonic())
-        if self._autopilot.mavlink.has_data:
-            self._flush()
-            self._hold_back()
-        if packet is not None:
-            self._send_datagram(packet)
-
-    def _send_datagram(self, packet: bytes) -> None:
+    def _send_packet(self, packet: bytes) -> None:
         try:
             self._udp.send(packet)
         except OSError:
             self.errors["physics_unreachable"] += 1
 
-    # --- client
+    def _read_client(self) -> None:
+        """Take what the client has sent, or the client that waits and what it has sent."""
+        if not self._readable.poll(0):
+            return
+        client = self._client or self._accept()
+        if client is None:
+            return
+        try:
+            data = client.recv(READ_MAX_BYTES, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            self._autopilot.mavlink.receive(data)
+        else:
+            self._release_client("client_gone")
 
-    def _accept(self) -> None:
+    def _write_client(self, data: bytes) -> None:
+        """Write all of it: a client that is slow to read holds the simulation back."""
+        if self._client is None:
+            return
+        try:
+            self._client.sendall(data)
+        except BlockingIOError:
+            self._release_client("client_deaf")
+        except OSError:
+            self._release_client("client_gone")
+
+    def _accept(self) -> socket.socket | None:
         try:
             client, _ = self._listener.accept()
         except OSError:  # gone before it was accepted
             self.errors["accept"] += 1
-            return
-        client.setblocking(False)
+            return None
+        client.settimeout(None)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(DEAF_MAX_S))
         self._client = client
-        self._unsent.clear()
-        self._drained_at_s = time.monotonic()
+        self._readable.unregister(self._listener)  # one client at a time
+        self._readable.register(client, select.POLLIN)
         self._autopilot.mavlink.connect()
-        self._selector.unregister(self._listener)  # one client at a time
-        self._selector.register(client, selectors.EVENT_READ)
+        return client
 
-    def _serve_client(self) -> None:
-        client = self._client
-        if client is None:
-            return
-        try:
-            data = client.recv(READ_BYTES)
-        except BlockingIOError:  # ready to write, not to read
-            self._flush()
-            return
-        except OSError:
-            self.errors["client_lost"] += 1
-            data = b""
-        if not data:
-            self._release_client()
-            return
-        self._autopilot.mavlink.receive(data)
-        self._flush()
-
-    def _release_client(self) -> None:
+    def _release_client(self, reason: str) -> None:
         if self._client is None:
             return
-        self._selector.unregister(self._client)
+        self.errors[reason] += 1
+        self._readable.unregister(self._client)
         self._client.close()
         self._client = None
-        self._unsent.clear()
         self._autopilot.mavlink.disconnect()
-        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._readable.register(self._listener, select.POLLIN)
 
-    def _flush(self) -> None:
-        """Send what waits; keep what the socket does not take."""
-        client = self._client
-        data = self._autopilot.mavlink.data_to_send()
-        if client is None:
-            return
-        if not self._unsent:
-            self._drained_at_s = time.monotonic()
-        if len(self._unsent) <= UNSENT_WAIT_BYTES:
-            self._unsent += data
-        else:
-            self.errors["telemetry_dropped_bytes"] += len(data)
-        if not self._unsent:
-            return
-        try:
-            sent = client.send(self._unsent)
-        except BlockingIOError:
-            sent = 0
-        except OSError:
-            self.errors["client_lost"] += 1
-            self._release_client()
-            return
-        self._note_sent(client, sent)
 
-    def _note_sent(self, client: socket.socket, sent: int) -> None:
-        now_s = time.monotonic()
-        if sent:
-            del self._unsent[:sent]
-            self._drained_at_s = now_s
-        elif now_s - self._drained_at_s > DEAF_MAX_S:
-            self.errors["client_deaf"] += 1
-            self._release_client()
-            return
-        interest = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._unsent else 0)
-        if self._selector.get_key(client).events != interest:
-            self._selector.modify(client, interest)
-
-    def _hold_back(self) -> None:
-        """Let the simulation wait a moment for a client that is behind."""
-        until_s = time.monotonic() + UNSENT_WAIT_MAX_S
-        if time.monotonic() - self._drained_at_s > UNSENT_WAIT_MAX_S:
-            return  # deaf already: it does not hold the others up
-        while (
-            self._client is not None and len(self._unsent) > UNSENT_WAIT_BYTES and time.monotonic() < until_s
-        ):
-            with selectors.DefaultSelector() as writable:
-                writable.register(self._client, selectors.EVENT_WRITE)
-                writable.select(UNSENT_WAIT_MAX_S)
-            self._flush()
+def _timeval(seconds: float) -> bytes:
+    """A ``struct timeval``, for SO_RCVTIMEO and SO_SNDTIMEO: they cost no system call per wait."""
+    return struct.pack("@ll", int(seconds), round(seconds % 1.0 * 1e6))
 
 
 def _listen(address: tuple[str, int]) -> socket.socket:
@@ -265,5 +205,5 @@ def _connect_udp(address: tuple[str, int]) -> socket.socket:
             f"cannot reach the physics at UDP {address[0]}:{address[1]} ({error.strerror or error}); "
             "see --fdm-host and --fdm-port"
         ) from error
-    udp.setblocking(False)
+    udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(RESEND_AFTER_S))
     return udp

@@ -9,7 +9,7 @@ from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, standin_origin
 from bridge.scenario.model import Aircraft, Scenario
 from bridge.scenario.resolve import airframe_of
-from bridge.standin.mixer import MotorFrame, UnknownFrameError, motor_frame
+from bridge.standin.control.mixer import MotorFrame, UnknownFrameError, motor_frame
 from fdm.model.airframe import Airframe
 
 FRAME_PARAMETERS = ("FRAME_CLASS", "FRAME_TYPE")

@@ -15,8 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.standin import process
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.location import Location
-from bridge.standin.parameters import Parameters
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.parameters import Parameters
 from fdm.air.wind import load_wind
 from fdm.exchange.exchange import AircraftSpec, Exchange
 from fdm.exchange.hosted_aircraft import Disturb
@@ -48,6 +48,9 @@ class Client:
 
     def close(self) -> None:
         self._socket.close()
+
+    def settimeout(self, timeout_s: float) -> None:
+        self._socket.settimeout(timeout_s)
 
     def send(self, message: Any) -> None:
         self._socket.sendall(message.pack(self._codec))
@@ -456,19 +459,22 @@ def exchange_frames(udp: socket.socket, first: int, count: int) -> None:
         udp.sendto(FRAME.format((index + 1) / 400).encode(), source)
 
 
-def test_silent_physics_gets_the_same_frame_again_and_mavlink_is_served_meanwhile() -> None:
+def test_silent_physics_gets_the_same_frame_again_and_mavlink_waits_for_the_next() -> None:
     with physics() as udp, autopilot(udp.getsockname()[1]) as (_, port):
         exchange_frames(udp, 0, 10)
         client = Client(port)
-        packets = [udp.recv(256)]
-        asked = time.monotonic()
+        packet, source = udp.recvfrom(256)
         client.send(dialect.MAVLink_param_request_read_message(SYSID, 1, b"RTL_ALT", -1))
-        assert client.wait_for("PARAM_VALUE").param_value == 1500.0
-        assert time.monotonic() - asked < 1.0
-        packets += [udp.recv(256), udp.recv(256)]
+        asked = time.monotonic()
+        assert udp.recv(256) == udp.recv(256) == packet
         assert 1.5 < time.monotonic() - asked < 4.0
-        assert packets[0] == packets[1] == packets[2]
-        assert packets[0][4:8] == bytes((10, 0, 0, 0))
+        assert packet[4:8] == bytes((10, 0, 0, 0))
+        client.settimeout(0.1)
+        with pytest.raises(TimeoutError):
+            client.wait_for("PARAM_VALUE")
+        client.settimeout(WALL_TIMEOUT_S)
+        udp.sendto(FRAME.format(11 / 400).encode(), source)
+        assert client.wait_for("PARAM_VALUE").param_value == 1500.0
         client.close()
 
 
@@ -482,8 +488,8 @@ def test_garbage_on_both_sockets_is_survived() -> None:
         client.send_bytes(bytes(range(256)) * 40 + b"\xfd\xff\x00" + b"\xfe" * 300)
         client.send_bytes(bytes(300))
         client.send(dialect.MAVLink_param_request_read_message(SYSID, 1, b"RTL_ALT", -1))
-        assert client.wait_for("PARAM_VALUE").param_value == 1500.0
         udp.sendto(FRAME.format(11 / 400).encode(), source)
+        assert client.wait_for("PARAM_VALUE").param_value == 1500.0
         exchange_frames(udp, 11, 10)
         assert child.poll() is None
         client.close()
@@ -494,53 +500,101 @@ def test_one_client_at_a_time_and_the_next_is_served_when_it_is_gone() -> None:
         first, second = Client(port), Client(port)
         request = dialect.MAVLink_param_request_read_message(SYSID, 1, b"RTL_ALT", -1)
         first.send(request)
-        first.wait_for("PARAM_VALUE")
         second.send(request)
-        first.send(request)
+        exchange_frames(udp, 0, 5)
         first.wait_for("PARAM_VALUE")
-        second._socket.settimeout(0.2)
+        second.settimeout(0.2)
         with pytest.raises(TimeoutError):
             second.wait_for("PARAM_VALUE")
-        second._socket.settimeout(WALL_TIMEOUT_S)
+        second.settimeout(WALL_TIMEOUT_S)
         first.close()
+        exchange_frames(udp, 5, 5)
         assert second.wait_for("PARAM_VALUE").param_id == "RTL_ALT", "what it had asked is answered now"
         second.close()
 
 
-def test_a_client_that_does_not_read_is_let_go_and_the_flight_goes_on(
+@contextlib.contextmanager
+def deaf_client_of_a_served_autopilot(
     monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(process, "UNSENT_WAIT_BYTES", 10_000)
-    monkeypatch.setattr(process, "UNSENT_WAIT_MAX_S", 0.05)
-    monkeypatch.setattr(process, "DEAF_MAX_S", 0.3)
+) -> Iterator[tuple[process.Process, socket.socket, socket.socket]]:
+    """An autopilot in a thread, its physics, and a client that asked for all messages and reads none."""
+    monkeypatch.setattr(process, "SEND_BUFFER_BYTES", 8192)
     core = Autopilot(Location(45.0, 10.0, 100.0), Parameters(), frame_rate_hz=400, boot_unix_us=0)
     with physics() as udp, socket.socket() as deaf:
         server = process.Process(core, udp.getsockname(), ("127.0.0.1", 0))
         thread = threading.Thread(target=server.run)
         thread.start()
         try:
-            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
             deaf.connect(("127.0.0.1", server.mavlink_port))
             codec = dialect.MAVLink(None, 255, 190)
             for message_id in core.mavlink.message_ids:
                 request = dialect.MAVLink_command_long_message(1, 1, 511, 0, message_id, 2500, 0, 0, 0, 0, 0)
                 deaf.sendall(request.pack(codec))
-            frames = 0
-            deadline = time.monotonic() + WALL_TIMEOUT_S
-            while not server.errors["client_deaf"] and time.monotonic() < deadline:
-                exchange_frames(udp, frames, 10)
-                frames += 10
-            assert server.errors["client_deaf"] == 1
-            assert server.errors["telemetry_dropped_bytes"] > 0
-            exchange_frames(udp, frames, 100)
-            other = Client(server.mavlink_port)
-            other.send(dialect.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
-            assert other.wait_for("PARAM_VALUE").param_value == 1500.0
-            other.close()
+            yield server, udp, deaf
         finally:
             server.stop()
             thread.join(5.0)
+            assert not thread.is_alive()
             server.close()
+
+
+def exchange_until_held_back(udp: socket.socket, silence_s: float = 0.5) -> int:
+    """Answer frames until the autopilot waits for its client; return how many it sent."""
+    udp.settimeout(silence_s)
+    frames = 0
+    with contextlib.suppress(TimeoutError):
+        for frames in range(100_000):
+            exchange_frames(udp, frames, 1)
+    udp.settimeout(10.0)
+    return frames
+
+
+def test_a_client_that_is_slow_to_read_holds_the_simulation_back_and_loses_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with deaf_client_of_a_served_autopilot(monkeypatch) as (server, udp, deaf):
+        frames = exchange_until_held_back(udp)
+        assert frames > 20, "the kernel holds more than a tick"
+        deaf.setblocking(False)
+        heard = b""
+        while True:
+            with contextlib.suppress(BlockingIOError):
+                heard += deaf.recv(65536)
+            with contextlib.suppress(BlockingIOError):
+                packet = udp.recv(256, socket.MSG_DONTWAIT)
+                break
+        assert int.from_bytes(packet[4:8], "little") == frames
+        deaf.setblocking(True)
+        deaf.settimeout(0.3)
+        with contextlib.suppress(TimeoutError):
+            while data := deaf.recv(65536):
+                heard += data
+        numbers = [m.get_seq() for m in dialect.MAVLink(None).parse_buffer(heard) or []]
+        assert numbers == [index % 256 for index in range(len(numbers))]
+        assert not server.errors
+
+
+def test_a_client_that_stays_deaf_is_let_go_and_the_flight_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "DEAF_MAX_S", 1.5)
+    with deaf_client_of_a_served_autopilot(monkeypatch) as (server, udp, _):
+        frames = exchange_until_held_back(udp)
+        assert not server.errors
+        other = Client(server.mavlink_port)
+        deadline = time.monotonic() + WALL_TIMEOUT_S
+        while not server.errors and time.monotonic() < deadline:
+            exchange_frames(udp, frames, 1)
+            frames += 1
+        assert server.errors == {"client_deaf": 1}
+        other.send(dialect.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
+        exchange_frames(udp, frames, 10)
+        assert other.wait_for("PARAM_VALUE").param_value == 1500.0
+        other.close()
+
+
+def test_it_can_be_stopped_while_a_client_holds_it_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    with deaf_client_of_a_served_autopilot(monkeypatch) as (_, udp, _):
+        exchange_until_held_back(udp)
 
 
 def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:

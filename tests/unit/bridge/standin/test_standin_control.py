@@ -4,9 +4,9 @@ from math import cos, hypot, pi, radians, sin
 
 import pytest
 
-from bridge.standin.mixer import UnknownFrameError, mix_hexa_x, mix_quad_x, motor_frame, pwm_us
-from bridge.standin.profile import HorizontalProfile, Limits, VerticalProfile
-from bridge.standin.quaternion import (
+from bridge.standin.control.mixer import UnknownFrameError, mix_hexa_x, mix_quad_x, motor_frame, pwm_us
+from bridge.standin.control.profile import HorizontalProfile, Limits, VerticalProfile
+from bridge.standin.control.quaternion import (
     attitude_for_thrust,
     euler_from_quaternion,
     quaternion_from_euler,

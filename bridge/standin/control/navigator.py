@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import atan2, hypot
 
-from bridge.standin.profile import HorizontalProfile, Limits, VerticalProfile
-from bridge.standin.quaternion import Vector, wrapped, yaw_of
-from bridge.standin.sensors import SensorFrame
+from bridge.standin.control.profile import HorizontalProfile, Limits, VerticalProfile
+from bridge.standin.control.quaternion import Vector, wrapped, yaw_of
+from bridge.standin.wire.sensors import SensorFrame
 
 YAW_RATE_MAX_RADPS = 1.05
 """ATC_SLEW_YAW's default, 60 degrees per second."""

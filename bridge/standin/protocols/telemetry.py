@@ -7,10 +7,10 @@ from math import atan2, degrees, hypot, nan
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.arming import ESTIMATE_AFTER_S, GPS_FIX_AFTER_S
-from bridge.standin.framer import Message
-from bridge.standin.quaternion import euler_from_quaternion
-from bridge.standin.vehicle import Vehicle, heading_deg
+from bridge.standin.control.quaternion import euler_from_quaternion
+from bridge.standin.vehicle.arming import ESTIMATE_AFTER_S, GPS_FIX_AFTER_S
+from bridge.standin.vehicle.vehicle import Vehicle, heading_deg
+from bridge.standin.wire.mavlink_codec import Message
 
 FIRMWARE_VERSION = (4, 6, 0)
 """The ArduCopter release whose behaviour the stand-in follows."""

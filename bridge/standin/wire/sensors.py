@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from typing import Any, NamedTuple
 
-from bridge.standin.quaternion import Quaternion, Vector, quaternion_from_euler
+from bridge.standin.control.quaternion import Quaternion, Vector, quaternion_from_euler
 
 _DECODER = json.JSONDecoder()
 """Called directly: ``json.loads`` takes a fifth more for guessing the encoding."""

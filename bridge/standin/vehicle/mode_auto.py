@@ -5,13 +5,13 @@ from __future__ import annotations
 from math import radians
 from typing import TYPE_CHECKING
 
-from bridge.standin.events import ItemReached, Severity
-from bridge.standin.flight_modes import FlightMode, ModeNumber
-from bridge.standin.maneuvers import Drive, Landing, ReturnSequence, Takeoff
-from bridge.standin.mission import NAVIGATION_COMMANDS, Command, MissionItem
+from bridge.standin.vehicle.events import ItemReached, Severity
+from bridge.standin.vehicle.flight_modes import FlightMode, ModeNumber
+from bridge.standin.vehicle.maneuvers import Drive, Landing, ReturnSequence, Takeoff
+from bridge.standin.vehicle.mission import NAVIGATION_COMMANDS, Command, MissionItem
 
 if TYPE_CHECKING:
-    from bridge.standin.vehicle import Vehicle
+    from bridge.standin.vehicle.vehicle import Vehicle
 
 HEIGHT_REACHED_M = 1.0
 REPORTED_COMMANDS = frozenset({Command.WAYPOINT, Command.LOITER_TIME})

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from math import cos, sin
 from typing import TYPE_CHECKING
 
-from bridge.standin.flight_modes import FlightMode, ModeNumber
-from bridge.standin.maneuvers import Drive, Takeoff
+from bridge.standin.vehicle.flight_modes import FlightMode, ModeNumber
+from bridge.standin.vehicle.maneuvers import Drive, Takeoff
 
 if TYPE_CHECKING:
-    from bridge.standin.vehicle import Vehicle
+    from bridge.standin.vehicle.vehicle import Vehicle
 
 DEFAULT_TIMEOUT_S = 3.0
 

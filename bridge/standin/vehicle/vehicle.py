@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from math import degrees, radians
 
-from bridge.standin.arming import arm_failures, prearm_failures
-from bridge.standin.attitude_control import AttitudeGains
-from bridge.standin.battery import Battery
-from bridge.standin.controller import OUTER_STEP_S, FlightController
-from bridge.standin.events import Event, HomeChanged, ModeChanged, Severity, StatusText
-from bridge.standin.flight_modes import FlightMode, ModeNumber, Stabilize
-from bridge.standin.location import Location
-from bridge.standin.maneuvers import Drive
-from bridge.standin.mission import Mission
-from bridge.standin.mixer import PWM_MIN_US, MotorCommands, motor_frame, pwm_us
-from bridge.standin.modes import mode_by_number
-from bridge.standin.navigator import FlightLimits, Navigator
-from bridge.standin.parameters import Parameters
-from bridge.standin.position_control import GRAVITY_MPS2, PositionGains
-from bridge.standin.profile import Limits
-from bridge.standin.quaternion import IDENTITY, Quaternion, Vector, euler_from_quaternion
-from bridge.standin.rc_input import RcInput
-from bridge.standin.sensors import SensorFrame
-from bridge.standin.wind import WindEstimate
+from bridge.standin.control.attitude_control import AttitudeGains
+from bridge.standin.control.controller import OUTER_STEP_S, FlightController
+from bridge.standin.control.mixer import PWM_MIN_US, MotorCommands, motor_frame, pwm_us
+from bridge.standin.control.navigator import FlightLimits, Navigator
+from bridge.standin.control.position_control import GRAVITY_MPS2, PositionGains
+from bridge.standin.control.profile import Limits
+from bridge.standin.control.quaternion import IDENTITY, Quaternion, Vector, euler_from_quaternion
+from bridge.standin.vehicle.arming import arm_failures, prearm_failures
+from bridge.standin.vehicle.battery import Battery
+from bridge.standin.vehicle.events import Event, HomeChanged, ModeChanged, Severity, StatusText
+from bridge.standin.vehicle.flight_modes import FlightMode, ModeNumber, Stabilize
+from bridge.standin.vehicle.location import Location
+from bridge.standin.vehicle.maneuvers import Drive
+from bridge.standin.vehicle.mission import Mission
+from bridge.standin.vehicle.modes import mode_by_number
+from bridge.standin.vehicle.parameters import Parameters
+from bridge.standin.vehicle.rc_input import RcInput
+from bridge.standin.vehicle.wind import WindEstimate
+from bridge.standin.wire.sensors import SensorFrame
 
 GROUND_CONTACT_S = 1.0
 GROUND_SPEED_MAX_MPS = 0.2
@@ -70,7 +70,7 @@ class Vehicle:
         self.flight_started_ns: int | None = None
         self._events: list[Event] = []
         self._commands: MotorCommands = (0.0,) * motors
-        self._outer_s = 0.0
+        self._step_s = self._outer_s = 0.0
         self._ground_s = 0.0
         self._idle_since_ns = 0
         self._revision = -1
@@ -83,20 +83,24 @@ class Vehicle:
 
     # --- time
 
-    def step(self, frame: SensorFrame, sim_time_ns: int, step_s: float) -> list[int]:
-        """Take one sensor frame; return the 16 servo outputs in us.
+    def sense(self, frame: SensorFrame, sim_time_ns: int, step_s: float) -> None:
+        """Take one sensor frame.
 
         Args:
             frame: the frame.
             sim_time_ns: time since boot.
-            step_s: how much the frame advanced the time; 0 (a reset of the physics) changes nothing.
+            step_s: how much the frame advanced the time; 0 after a reset of the physics.
         """
-        first = self.frame is None
+        self._step_s = 0.0 if self.frame is None else step_s
+        self.uptime_s += self._step_s
         self.frame = frame
         self.sim_time_ns = sim_time_ns
-        if step_s <= 0.0 or first:
+
+    def step(self) -> list[int]:
+        """Control the vehicle by the frame that was taken; return the 16 servo outputs in us."""
+        frame, step_s = self.frame, self._step_s
+        if frame is None or step_s <= 0.0:
             return self.servo_output_us
-        self.uptime_s += step_s
         self._outer_s += step_s
         if self._outer_s >= OUTER_STEP_S - 1e-6:
             self._outer(frame, self._outer_s)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from bridge.standin.location import Location
+from bridge.standin.vehicle.location import Location
 
 ITEMS_MAX = 700
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from bridge.standin.flight_modes import FlightMode, Land, Loiter, ReturnToLaunch, Stabilize
-from bridge.standin.mode_auto import Auto
-from bridge.standin.mode_guided import Guided
+from bridge.standin.vehicle.flight_modes import FlightMode, Land, Loiter, ReturnToLaunch, Stabilize
+from bridge.standin.vehicle.mode_auto import Auto
+from bridge.standin.vehicle.mode_guided import Guided
 
 MODES: tuple[type[FlightMode], ...] = (Stabilize, Auto, Guided, Loiter, ReturnToLaunch, Land)
 _BY_NUMBER = {int(mode.number): mode for mode in MODES}

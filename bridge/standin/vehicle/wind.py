@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from bridge.standin.sensors import SensorFrame
+from bridge.standin.wire.sensors import SensorFrame
 
 FILTER_TIME_S = 5.0
 DRAG_MIN_MPS2 = 0.05

@@ -9,11 +9,11 @@ from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.framer import Message
-from bridge.standin.location import ALT_MAX_M, Location
-from bridge.standin.mode_guided import Guided, GuidedTarget, ned_from_body
-from bridge.standin.quaternion import Vector
-from bridge.standin.vehicle import Vehicle
+from bridge.standin.control.quaternion import Vector
+from bridge.standin.vehicle.location import ALT_MAX_M, Location
+from bridge.standin.vehicle.mode_guided import Guided, GuidedTarget, ned_from_body
+from bridge.standin.vehicle.vehicle import Vehicle
+from bridge.standin.wire.mavlink_codec import Message
 
 IGNORE_POSITION = 0b111
 IGNORE_VELOCITY = 0b111 << 3

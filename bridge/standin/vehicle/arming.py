@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import acos, degrees
 
-from bridge.standin.quaternion import thrust_axis_down
-from bridge.standin.sensors import SensorFrame
+from bridge.standin.control.quaternion import thrust_axis_down
+from bridge.standin.wire.sensors import SensorFrame
 
 GPS_FIX_AFTER_S = 1.0
 """Sensor time from the first frame to a GPS fix."""

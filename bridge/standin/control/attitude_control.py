@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
-from bridge.standin.quaternion import Quaternion, Vector, rotation_error
+from bridge.standin.control.quaternion import Quaternion, Vector, rotation_error
 
 TORQUE_MAX = 1.0
 INTEGRAL_MAX = 0.25

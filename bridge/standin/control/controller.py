@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from math import sqrt, tan
 
-from bridge.standin.attitude_control import AttitudeController, AttitudeGains
-from bridge.standin.mixer import QUAD_X, MotorCommands, MotorFrame
-from bridge.standin.navigator import Navigator
-from bridge.standin.position_control import (
+from bridge.standin.control.attitude_control import AttitudeController, AttitudeGains
+from bridge.standin.control.mixer import QUAD_X, MotorCommands, MotorFrame
+from bridge.standin.control.navigator import Navigator
+from bridge.standin.control.position_control import (
     GRAVITY_MPS2,
     PositionController,
     PositionGains,
     throttle_for,
 )
-from bridge.standin.quaternion import (
+from bridge.standin.control.quaternion import (
     IDENTITY,
     Quaternion,
     Vector,
@@ -27,7 +27,7 @@ from bridge.standin.quaternion import (
     thrust_axis_down,
     yaw_of,
 )
-from bridge.standin.sensors import SensorFrame
+from bridge.standin.wire.sensors import SensorFrame
 
 OUTER_STEP_S = 0.01
 HOVER_LEARNING_TIME_S = 3.0

@@ -12,12 +12,12 @@ from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.events import Severity
-from bridge.standin.framer import Message
-from bridge.standin.location import ALT_MAX_M
-from bridge.standin.mission import ITEMS_MAX, Command, Frame, MissionItem
-from bridge.standin.telemetry import Telemetry
-from bridge.standin.vehicle import Vehicle
+from bridge.standin.protocols.telemetry import Telemetry
+from bridge.standin.vehicle.events import Severity
+from bridge.standin.vehicle.location import ALT_MAX_M
+from bridge.standin.vehicle.mission import ITEMS_MAX, Command, Frame, MissionItem
+from bridge.standin.vehicle.vehicle import Vehicle
+from bridge.standin.wire.mavlink_codec import Message
 
 UPLOAD_TIMEOUT_NS = 8_000_000_000
 REQUEST_AGAIN_NS = 1_000_000_000

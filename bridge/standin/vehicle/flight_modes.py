@@ -9,12 +9,12 @@ from enum import IntEnum
 from math import cos, sin
 from typing import TYPE_CHECKING
 
-from bridge.standin.maneuvers import Drive, Landing, ReturnSequence
-from bridge.standin.quaternion import quaternion_from_euler, yaw_of
-from bridge.standin.rc_input import Sticks
+from bridge.standin.control.quaternion import quaternion_from_euler, yaw_of
+from bridge.standin.vehicle.maneuvers import Drive, Landing, ReturnSequence
+from bridge.standin.vehicle.rc_input import Sticks
 
 if TYPE_CHECKING:
-    from bridge.standin.vehicle import Vehicle
+    from bridge.standin.vehicle.vehicle import Vehicle
 
 STICK_DEADBAND = 0.1
 LOITER_SPEED_MPS = 5.0

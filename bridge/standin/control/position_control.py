@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import hypot, sqrt
 
-from bridge.standin.profile import HorizontalProfile, VerticalProfile
-from bridge.standin.quaternion import Vector
+from bridge.standin.control.profile import HorizontalProfile, VerticalProfile
+from bridge.standin.control.quaternion import Vector
 
 GRAVITY_MPS2 = 9.80665
 THROTTLE_MAX = 0.95

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
-from typing import cast
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.commands import Commands, request_from
-from bridge.standin.events import (
+from bridge.standin.protocols.commands import Commands, request_from
+from bridge.standin.protocols.guided_targets import fly_global_target, fly_local_target
+from bridge.standin.protocols.mission_protocol import MissionProtocol
+from bridge.standin.protocols.parameter_protocol import ParameterProtocol
+from bridge.standin.protocols.streams import Streams
+from bridge.standin.protocols.telemetry import Telemetry
+from bridge.standin.vehicle.events import (
     Event,
     HomeChanged,
     ItemReached,
     ModeChanged,
     StatusText,
 )
-from bridge.standin.framer import Framer, Message
-from bridge.standin.guided_targets import fly_global_target, fly_local_target
-from bridge.standin.mission_protocol import MissionProtocol
-from bridge.standin.parameter_protocol import ParameterProtocol
-from bridge.standin.streams import Streams
-from bridge.standin.telemetry import Telemetry
-from bridge.standin.vehicle import Vehicle
+from bridge.standin.vehicle.vehicle import Vehicle
+from bridge.standin.wire.mavlink_codec import COMPONENT, MavlinkCodec, Message
 
-COMPONENT = 1
 PARAMETER_STEP_NS = 10_000_000
 STATUS_TEXT_BYTES = 50
 
@@ -34,13 +31,13 @@ class MavlinkEndpoint:
 
     def __init__(self, vehicle: Vehicle, boot_unix_us: int) -> None:
         self._vehicle = vehicle
-        self._framer = Framer()
-        self._packer = dialect.MAVLink(None, round(vehicle.parameters["MAV_SYSID"]), COMPONENT)
+        self._codec = MavlinkCodec(round(vehicle.parameters["MAV_SYSID"]))
         self._telemetry = Telemetry(vehicle, boot_unix_us)
         self.streams = Streams()
         self._commands = Commands(vehicle, self._telemetry, self.streams, self._send)
         self._missions = MissionProtocol(vehicle, self._telemetry, self._send)
         self._parameters = ParameterProtocol(vehicle.parameters, self._send)
+        self._inbox: list[Message] = []
         self._out = bytearray()
         self._connected = False
         self._slow_due_ns = 0
@@ -49,8 +46,8 @@ class MavlinkEndpoint:
 
     @property
     def dropped(self) -> Counter[str]:
-        """Received bytes and frames that were no message, by reason."""
-        return self._framer.dropped
+        """What was no message, by reason."""
+        return self._codec.dropped
 
     @property
     def message_ids(self) -> list[int]:
@@ -60,7 +57,7 @@ class MavlinkEndpoint:
     def connect(self) -> None:
         """A client is there: what streams was asked for before goes on."""
         self._connected = True
-        self._framer.reset()
+        self._codec.reset()
         self._out.clear()
 
     def disconnect(self) -> None:
@@ -69,13 +66,20 @@ class MavlinkEndpoint:
         self._out.clear()
 
     def receive(self, data: bytes) -> None:
-        """Take bytes from the client; answers wait in ``data_to_send``."""
-        for message in self._framer.receive(data):
-            self._handle(message)
-        self._flush_events()
+        """Take bytes from the client; they take effect at ``obey``."""
+        self._inbox += self._codec.receive(data)
 
-    def step(self) -> None:
-        """Do what is due at the vehicle's time: events, streams, lists under way."""
+    def obey(self) -> None:
+        """Do what the client has asked for; answers wait in ``data_to_send``."""
+        if not self._inbox:
+            return
+        inbox, self._inbox = self._inbox, []
+        for message in inbox:
+            self._handle(message)
+            self._flush_events()
+
+    def report(self) -> None:
+        """Tell what is due at the vehicle's time: events, streams, lists under way."""
         now_ns = self._vehicle.sim_time_ns
         if self._vehicle.has_events:
             self._flush_events()
@@ -103,15 +107,8 @@ class MavlinkEndpoint:
     # --- out
 
     def _send(self, message: Message) -> None:
-        if not self._connected:
-            return
-        packer = self._packer
-        try:
-            self._out += cast(bytes, message.pack(packer))
-        except struct.error:  # a value beyond its field's range: physics far out of bounds
-            self.ignored["unpackable"] += 1
-            return
-        packer.seq = (packer.seq + 1) & 0xFF
+        if self._connected:
+            self._out += self._codec.pack(message)
 
     def _send_by_id(self, message_id: int) -> None:
         message = self._telemetry.builders[message_id]()
@@ -145,7 +142,7 @@ class MavlinkEndpoint:
         if kind in ("COMMAND_LONG", "COMMAND_INT"):
             self._run_command(message)
         elif self._missions.handle(message, now_ns):
-            self._flush_events()
+            pass
         elif self._parameters.handle(message):
             self._parameters.step()
         elif kind == "SET_MODE":
@@ -167,7 +164,7 @@ class MavlinkEndpoint:
     def _for_us(self, message: Message) -> bool:
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
-        return system in (0, self._packer.srcSystem) and component in (0, COMPONENT)
+        return system in (0, self._codec.system) and component in (0, COMPONENT)
 
     def _run_command(self, message: Message) -> None:
         request = request_from(message)

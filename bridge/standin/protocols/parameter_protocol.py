@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.framer import Message
-from bridge.standin.parameters import Parameters, UnknownParameterError
+from bridge.standin.vehicle.parameters import Parameters, UnknownParameterError
+from bridge.standin.wire.mavlink_codec import Message
 
 VALUES_PER_STEP = 10
 NOT_IN_LIST = 65535

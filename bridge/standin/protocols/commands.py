@@ -9,15 +9,15 @@ from math import isfinite, isnan
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.events import Severity
-from bridge.standin.flight_modes import ModeNumber
-from bridge.standin.framer import Message
-from bridge.standin.guided_targets import location_from
-from bridge.standin.mode_auto import Auto, turn_to_condition
-from bridge.standin.mode_guided import Guided, GuidedTarget
-from bridge.standin.streams import Streams
-from bridge.standin.telemetry import Telemetry
-from bridge.standin.vehicle import Vehicle
+from bridge.standin.protocols.guided_targets import location_from
+from bridge.standin.protocols.streams import Streams
+from bridge.standin.protocols.telemetry import Telemetry
+from bridge.standin.vehicle.events import Severity
+from bridge.standin.vehicle.flight_modes import ModeNumber
+from bridge.standin.vehicle.mode_auto import Auto, turn_to_condition
+from bridge.standin.vehicle.mode_guided import Guided, GuidedTarget
+from bridge.standin.vehicle.vehicle import Vehicle
+from bridge.standin.wire.mavlink_codec import Message
 
 FORCE_MAGIC = (2989.0, 21196.0)
 """param2 of COMPONENT_ARM_DISARM that skips the checks (either of ArduPilot's two numbers)."""

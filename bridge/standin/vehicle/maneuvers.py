@@ -7,7 +7,7 @@ from math import hypot
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bridge.standin.vehicle import Vehicle
+    from bridge.standin.vehicle.vehicle import Vehicle
 
 SPOOL_RATE_PER_S = 0.5
 SPOOL_START_SHARE = 0.4

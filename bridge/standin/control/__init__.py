@@ -1,0 +1,1 @@
+"""The control loops: references, attitude, motor commands. They know no MAVLink and no modes."""

@@ -1,0 +1,1 @@
+"""The MAVLink side: commands, missions, parameters, streams and telemetry of one vehicle."""

@@ -1,0 +1,1 @@
+"""The vehicle: what it knows, its modes and missions. It knows no MAVLink."""
