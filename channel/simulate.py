@@ -92,7 +92,7 @@ def simulate(
         part = slice(start, min(start + step, len(links)))
         uniform = _uniforms(draws, links[part], purposes, first_seq, packets)
         np.add(mean[part], _gain_db(radio, elevation[part], uniform), out=power[part])
-        per[part] = radio.per_of_many(power[part] - noise[part], length)
+        per[part] = radio.per_unchecked(power[part] - noise[part], length)
         if np.isfinite(radio.max_range_m):
             per[part] = np.where(distance[part] <= radio.max_range_m, per[part], 1.0)
         np.greater(uniform[Purpose.ERASURE], per[part], out=delivered[part])

@@ -116,19 +116,6 @@ class Tracks:
         self._at_frontier = waited_for.count(self.frontier_ns)
         return moved
 
-    def position_at(self, node: int, sim_time_ns: int) -> tuple[float, float, float]:
-        """Return where one node is: the same bits as in `columns_at`."""
-        if not self._valid[0] <= sim_time_ns <= self._valid[1]:
-            self._bracket(sim_time_ns)
-        start_ns, per_ns, before, after = self._spans[node]
-        weight = (sim_time_ns - start_ns) * per_ns
-        north, east, down = before[0], before[1], before[2]
-        return (
-            north + weight * (after[0] - north),
-            east + weight * (after[1] - east),
-            down + weight * (after[2] - down),
-        )
-
     def columns_at(self, sim_time_ns: int, columns: int = COLUMNS) -> FloatArray:
         """Return position, velocity and attitude of every node, or the first columns of these.
 
