@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from channel import checks
 from channel.antenna import to_body
@@ -17,6 +17,7 @@ from channel.expectation import PANELS, Expectation
 from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
 from channel.interference import Interferer, sum_dbm
 from channel.link_budget import BudgetTerm, Link, total
+from channel.steps import STEPS_PER_M, in_steps
 
 States = tuple[bool, ...]
 NEEDS_PLACES = frozenset({"terrain"})
@@ -275,6 +276,10 @@ class Radio:
         """Return what `per` returns, for what is known to be right."""
         return self.config.error.per(snr_db, length_bytes, self._band)
 
+    def in_range(self, distance_m: FloatArray) -> NDArray[np.bool_]:
+        """Return whether distances, to the millimetre in which they are written, are within the range."""
+        return np.less_equal(in_steps(distance_m, STEPS_PER_M), self.max_range_m)
+
     def link(
         self,
         distance_m: ArrayLike | None = None,
@@ -300,7 +305,7 @@ class Radio:
         noise = np.asarray(self.noise_dbm(path))
         snr = np.asarray(power - noise)
         distance = _separation(path)
-        in_range = np.less_equal(distance, self.max_range_m)
+        in_range = self.in_range(distance)
         return Link(
             distance_m=distance,
             length_bytes=length,
@@ -344,7 +349,7 @@ class Radio:
             snr = power - self.noise_dbm(path, states)
             fine += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS)
             coarse += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS // 2)
-        kept = np.where(_separation(path) <= self.max_range_m, self.kept_share, 0.0)
+        kept = np.where(self.in_range(_separation(path)), self.kept_share, 0.0)
         return Delivery(kept * fine, kept * (np.abs(fine - coarse) + 1e-14))
 
     def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, length_bytes: int) -> FloatArray:

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
+from channel.decision import signal_of
 from channel.erasure import Draws, Purpose, Table
 from channel.geometry import LEVEL_WXYZ, Path
 from channel.radio import Radio
 from channel.random_terms import RandomTerms
 from channel.reception import Fate, Packet, Reception
 from channel.shadowing import standard_normal_from_uniform
+from channel.steps import STEPS_PER_ONE, in_steps
 from channel.tracks import ATTITUDE, COLUMNS, POSITION, VELOCITY, Tracks
 
 _FATES = (Fate.DELIVERED, Fate.CHANNEL_ERASURE)
@@ -77,7 +79,7 @@ class Settling:
         way = there[POSITION] - here[POSITION, np.newaxis]
         way *= way
         distance_m = np.sqrt(way[0] + way[1] + way[2])
-        columns = [distance_m, *self._powers(packet, links, here, there, distance_m)]
+        columns = self._columns_of(packet, links, here, there, distance_m)
         erased = links.erasure.row(packet.seq) <= columns[3]
         fates = [_FATES[lost] for lost in erased.tolist()]
         self._other_losses(fates, columns, packet, links)
@@ -89,18 +91,17 @@ class Settling:
         )
         return list(map(tuple.__new__, repeat(Reception), rows))
 
-    def _powers(
+    def _columns_of(
         self, packet: Packet, links: _Links, here: FloatArray, there: FloatArray, distance_m: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return received power, SNR, packet error rate and probability of delivery at each receiver."""
+    ) -> list[FloatArray]:
+        """Return distance, received power, SNR, packet error rate and probability of delivery at each receiver."""
         radio, length = self._radio, packet.length_bytes
         path = self._path(here, there, distance_m)
         mean_dbm = radio.mean_power_dbm(path)
-        chance = radio.expected_delivery(mean_dbm, path, length)
+        chance = in_steps(radio.expected_delivery(mean_dbm, path, length), STEPS_PER_ONE)
         power_dbm = mean_dbm + self._gain_db(packet, links, path, here, there)
         on = self._terms.interferers_on(packet.sim_time_ns) if self._has_interferers else ()
-        snr_db = power_dbm - radio.noise_dbm(path, on)
-        return power_dbm, snr_db, radio.per_unchecked(snr_db, length), chance
+        return [*signal_of(radio, distance_m, power_dbm, radio.noise_dbm(path, on), length), chance]
 
     def _path(self, here: FloatArray, there: FloatArray, distance_m: FloatArray) -> Path:
         start, end = here[POSITION], there[POSITION].T
@@ -147,7 +148,6 @@ class Settling:
     def _out_of_range(self, fates: list[Fate], columns: list[FloatArray]) -> None:
         beyond = columns[0] > self._radio.max_range_m
         if beyond.any():
-            columns[3] = np.where(beyond, 1.0, columns[3])
             columns[4] = np.where(beyond, 0.0, columns[4])
             _mark(fates, beyond.tolist(), Fate.OUT_OF_RANGE)
 
