@@ -18,7 +18,7 @@ from channel.random_terms import RandomTerms
 from channel.reception import Fate, Packet, Reception
 from channel.shadowing import standard_normal_from_uniform
 from channel.steps import STEPS_PER_ONE, in_steps
-from channel.tracks import ATTITUDE, COLUMNS, POSITION, VELOCITY, Tracks
+from channel.tracks import ATTITUDE, COLUMNS, POSITION, Tracks
 
 _FATES = (Fate.DELIVERED, Fate.CHANNEL_ERASURE)
 
@@ -67,7 +67,7 @@ class Settling:
         self._has_bursts = config.bursts.mean_loss > 0.0
         self._shadow_by_place = config.shadowing.is_random and config.shadowing.decorrelation_m is not None
         self._fading_by_time = config.fading.is_random and config.fading.coherence == "doppler"
-        self._columns = COLUMNS if radio.needs_attitude or self._fading_by_time else POSITION.stop
+        self._columns = COLUMNS if radio.needs_attitude else POSITION.stop
 
     def receptions(self, packet: Packet) -> list[Reception]:
         """Return the fates of one packet at all its receivers, in the order of the nodes."""
@@ -99,7 +99,7 @@ class Settling:
         path = self._path(here, there, distance_m)
         mean_dbm = radio.mean_power_dbm(path)
         chance = in_steps(radio.expected_delivery(mean_dbm, path, length), STEPS_PER_ONE)
-        power_dbm = mean_dbm + self._gain_db(packet, links, path, here, there)
+        power_dbm = mean_dbm + self._gain_db(packet, links, path)
         on = self._terms.interferers_on(packet.sim_time_ns) if self._has_interferers else ()
         return [*signal_of(radio, distance_m, power_dbm, radio.noise_dbm(path, on), length), chance]
 
@@ -110,9 +110,7 @@ class Settling:
         attitudes = _unit(here[ATTITUDE]), _unit(there[ATTITUDE].T)
         return self._radio.path_of(start, end, distance_m, *attitudes)
 
-    def _gain_db(
-        self, packet: Packet, links: _Links, path: Path, here: FloatArray, there: FloatArray
-    ) -> FloatArray | float:
+    def _gain_db(self, packet: Packet, links: _Links, path: Path) -> FloatArray | float:
         """Return what shadowing and fading do to the power at each receiver, dB."""
         gain_db: FloatArray | float = 0.0
         if links.shadowing_gain is not None:
@@ -123,12 +121,17 @@ class Settling:
             first, second = (table.row(packet.seq) for table in links.fading)
             gain_db = gain_db + self._terms.fading_gain_db(first, second, path)
         elif self._fading_by_time:
-            x, y, z = there[VELOCITY] - here[VELOCITY, np.newaxis]
-            speed_mps = np.sqrt(x * x + y * y + z * z)
+            speed_mps = self._speeds_mps(packet, links)
             gain_db = gain_db + self._terms.fading_db(
                 links.tx, links.receivers, packet.sim_time_ns, path, speed_mps
             )
         return gain_db
+
+    def _speeds_mps(self, packet: Packet, links: _Links) -> FloatArray:
+        """Return how fast each receiver moves relative to the transmitter."""
+        velocities = self._tracks.velocities_at(packet.sim_time_ns)
+        x, y, z = velocities.take(links.columns, axis=1) - velocities[:, packet.tx, np.newaxis]
+        return np.asarray(np.sqrt(x * x + y * y + z * z))
 
     def _other_losses(
         self, fates: list[Fate], columns: list[FloatArray], packet: Packet, links: _Links

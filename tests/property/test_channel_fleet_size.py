@@ -57,8 +57,7 @@ def flight(radio, nodes, seed, spread_m, packets):
     for tick in range(3):
         for node in nodes:
             attitude = (math.cos(0.1 * tick), 0.0, math.sin(0.1 * tick), 0.0)
-            velocity = (float(node), 3.0, 0.0)
-            settled += medium.observe(node, tick * TICK_NS, place(node, tick, spread_m), attitude, velocity)
+            settled += medium.observe(node, tick * TICK_NS, place(node, tick, spread_m), attitude)
     for seq, time_ns in packets:
         settled += medium.transmit("0", seq, time_ns, 100)
     return {(r.tx, r.rx, r.seq): r for r in settled}
