@@ -95,6 +95,7 @@ class Timeline:
         if first == 0:
             self._starts_bad = bool(uniform[0, 1] < model.bad_share)
         bad = (np.arange(first, first + SOJOURNS_AT_ONCE) % 2 == 1) != self._starts_bad
-        lengths = -np.log(uniform[:, 0]) * np.where(bad, model.mean_bad_s, model.mean_good_s) * NS_PER_S
-        start = self._ends_ns[-1] if self._ends_ns else 0.0
-        self._ends_ns += (start + np.cumsum(lengths)).tolist()
+        lengths_ns = -np.log(uniform[:, 0]) * np.where(bad, model.mean_bad_s, model.mean_good_s) * NS_PER_S
+        start_ns = self._ends_ns[-1] if self._ends_ns else 0.0
+        whole_ns = np.rint(lengths_ns)  # sums of whole numbers are exact: no last bit of a logarithm adds up
+        self._ends_ns += (start_ns + np.cumsum(whole_ns)).tolist()

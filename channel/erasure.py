@@ -74,35 +74,18 @@ class Table:
 
     def __init__(self, make: Callable[[int], FloatArray]) -> None:
         self._make = make
-        self._blocks: OrderedDict[int, tuple[FloatArray, list[list[float]]]] = OrderedDict()
-        self._number = -1
-        self._rows: FloatArray = np.empty((0, 0))
-        self._lists: list[list[float]] = []
+        self._blocks: OrderedDict[int, FloatArray] = OrderedDict()
 
     def row(self, seq: int) -> FloatArray:
         """Return the row of a sequence number, shape (receivers,)."""
         number, offset = divmod(seq, BLOCK_PACKETS)
-        if number != self._number:
-            self._turn_to(number)
-        row: FloatArray = self._rows[offset]
-        return row
-
-    def numbers(self, seq: int) -> list[float]:
-        """Return what `row` returns, as a list: the quicker for few receivers."""
-        number, offset = divmod(seq, BLOCK_PACKETS)
-        if number != self._number:
-            self._turn_to(number)
-        if not self._lists:
-            self._lists += self._rows.tolist()
-        return self._lists[offset]
-
-    def _turn_to(self, number: int) -> None:
-        kept = self._blocks.get(number)
-        if kept is None:
-            kept = self._blocks[number] = (self._make(number), [])
+        rows = self._blocks.get(number)
+        if rows is None:
+            rows = self._blocks[number] = self._make(number)
             if len(self._blocks) > KEPT_BLOCKS:
                 self._blocks.popitem(last=False)
-        self._number, (self._rows, self._lists) = number, kept
+        row: FloatArray = rows[offset]
+        return row
 
 
 class Fan:

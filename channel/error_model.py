@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -10,11 +9,10 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
-from scipy.special import erfc
 
 from channel import checks, modulation
 from channel.checks import FloatArray
-from channel.units import LN10_OVER_10, ratio_from_db
+from channel.units import ratio_from_db
 from channel.variant import Variant
 
 MAX_BER = 1.0 - 2.0**-53
@@ -100,15 +98,6 @@ class ErfcBytes(Smooth):
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float, band: Band, /) -> FloatArray:
         """Return 1 - (1 - ber)^length_bytes."""
         return packet_error(self.ber(snr_db, band), length_bytes)
-
-    def per_of_one(self, snr_db: float, length_bytes: int, _band: Band, /) -> float:
-        """Return what `per` returns for one packet, bit for bit, in a quarter of the time.
-
-        Python's arithmetic is numpy's; its exp, log1p and erfc are not: these are numpy's and scipy's here, too.
-        """
-        snr = float(np.exp(min(snr_db, MAX_SNR_DB) * LN10_OVER_10))
-        ber = float(erfc(math.sqrt(snr)))
-        return -float(np.expm1(length_bytes * float(np.log1p(-min(ber, MAX_BER)))))
 
 
 class UncodedAwgn(Smooth):

@@ -181,5 +181,5 @@ def coherence_block(sim_time_ns: int, coherence_s: float) -> tuple[int, int]:
 
     Lengths are rounded down to powers of two, so that a speed that wavers does not draw anew each time.
     """
-    octave = max(int(math.log2(coherence_s * NS_PER_S)), 0)
+    octave = max(int(coherence_s * NS_PER_S).bit_length() - 1, 0)
     return octave, sim_time_ns >> octave

@@ -58,14 +58,15 @@ class Medium:
         sim_time_ns: int,
         position_ned_m: ArrayLike,
         attitude_wxyz: ArrayLike | None = None,
-        velocity_ned_mps: ArrayLike | None = None,
     ) -> list[Reception]:
         """Take in where a node was, in the frame common to all; return the fates that this settles.
+
+        How fast it was follows from this and the position before it.
 
         Raises:
             ChannelInputError: an unknown node, a value that is not finite or a time that is not whole.
         """
-        row = truth_row(position_ned_m, attitude_wxyz, velocity_ned_mps)
+        row = truth_row(position_ned_m, attitude_wxyz)
         when_ns = sim_time_ns if type(sim_time_ns) is int else _whole("sim_time_ns", sim_time_ns)
         moved = self._tracks.observe(self._index("node", node), when_ns, row)
         return self._settle() if moved else []
@@ -74,7 +75,7 @@ class Medium:
         self, node: str, position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None = None
     ) -> list[Reception]:
         """Put a node where it stays for the whole run (a ground station): no packet waits for its truth."""
-        moved = self._tracks.place(self._index("node", node), truth_row(position_ned_m, attitude_wxyz, None))
+        moved = self._tracks.place(self._index("node", node), truth_row(position_ned_m, attitude_wxyz))
         return self._settle() if moved else []
 
     def transmit(self, tx: str, seq: int, sim_time_ns: int, length_bytes: int) -> list[Reception]:

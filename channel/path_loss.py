@@ -66,24 +66,14 @@ def friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -
     return 20.0 * np.log10(np.multiply(distance_m, frequency_hz)) + _FRIIS_CONSTANT_DB
 
 
-def on_line(line_db: tuple[FloatArray, float], distance_m: FloatArray) -> FloatArray:
-    """Return the loss at a distance > 0 under a law that is a line over log10(d), dB."""
-    at_one_metre_db, slope_db = line_db
-    return slope_db * np.log10(distance_m) + at_one_metre_db
-
-
 class FreeSpace(Variant):
     """Free space between the two antennas (Friis; ITU-R P.525)."""
 
     model: Literal["free-space"] = "free-space"
 
-    def line_db(self, frequency_hz: float | FloatArray) -> tuple[FloatArray, float]:
-        """Return the loss at 1 m and the loss per decade of distance: all there is to this law."""
-        return friis_db(1.0, frequency_hz), 20.0
-
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return 20 log10(4 pi d f / c)."""
-        return on_line(self.line_db(path.frequency_hz), path.distance_m)
+        return friis_db(path.distance_m, path.frequency_hz)
 
 
 class LogDistance(Variant):
@@ -97,19 +87,12 @@ class LogDistance(Variant):
     reference_distance_m: float = Field(default=1.0, gt=0.0, description="d0")
     reference_loss_db: float | None = Field(default=None, description="loss at d0; free space if not given")
 
-    def line_db(self, frequency_hz: float | FloatArray) -> tuple[FloatArray, float]:
-        """Return the loss at 1 m and the loss per decade of distance: all there is to this law."""
-        at_reference = (
-            friis_db(self.reference_distance_m, frequency_hz)
-            if self.reference_loss_db is None
-            else np.asarray(self.reference_loss_db)
-        )
-        slope_db = 10.0 * self.exponent
-        return at_reference - slope_db * math.log10(self.reference_distance_m), slope_db
-
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the loss at d0 plus 10 n log10(d / d0)."""
-        return on_line(self.line_db(path.frequency_hz), path.distance_m)
+        beyond_db = 10.0 * self.exponent * np.log10(path.distance_m / self.reference_distance_m)
+        if self.reference_loss_db is None:
+            return friis_db(self.reference_distance_m, path.frequency_hz) + beyond_db
+        return self.reference_loss_db + beyond_db
 
 
 class NoPathLoss(Variant):

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from channel import checks
 from channel.antenna import to_body
 from channel.atmosphere import ItuAtmosphere
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
-from channel.error_model import Band, ErfcBytes
+from channel.error_model import Band
 from channel.expectation import PANELS, Expectation
 from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
 from channel.interference import Interferer, sum_dbm
 from channel.link_budget import BudgetTerm, Link, total
-from channel.path_loss import FreeSpace, LogDistance
+from channel.steps import STEPS_PER_M, in_steps
 
 States = tuple[bool, ...]
 NEEDS_PLACES = frozenset({"terrain"})
@@ -52,11 +51,11 @@ class Radio:
             antenna.needs_direction for antenna in (config.antenna, config.receiving_antenna)
         )
         self.kept_share = (1.0 - config.base_loss) * (1.0 - config.bursts.mean_loss)
+        self._interference_states = config.interference.states()
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self._expectation = Expectation(config, self._band)
         self._fixed_terms = self._make_fixed_terms()
         self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
-        self.line_dbm = self._make_line()
         self.needs_places = (
             self.needs_attitude
             or bool(config.interference.interferers)
@@ -190,16 +189,6 @@ class Radio:
             return None
         return self._terms_before_path(None)
 
-    def _make_line(self) -> tuple[float, float] | None:
-        """Return the mean power at 1 m and its loss per decade of distance, if they are all there is to it."""
-        law = self.config.propagation
-        if self._fixed_dbm is None or not isinstance(law, FreeSpace | LogDistance):
-            return None
-        if isinstance(self.config.atmosphere, ItuAtmosphere):
-            return None
-        at_one_metre_db, slope_db = law.line_db(self.config.frequency_hz)
-        return self._fixed_dbm - float(at_one_metre_db), slope_db
-
     def _terms_before_path(self, path: Path | None) -> tuple[BudgetTerm, ...]:
         config = self.config
         way = np.zeros((1, 3)) if path is None else path.way_ned
@@ -281,18 +270,15 @@ class Radio:
             ChannelInputError: a value is not finite, or a length negative.
         """
         length = checks.finite("length_bytes", length_bytes, 0.0, MAX_LENGTH_BYTES)
-        return self.per_of_many(checks.finite("snr_db", snr_db), length)
+        return self.per_unchecked(checks.finite("snr_db", snr_db), length)
 
-    def per_of_many(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
+    def per_unchecked(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
         """Return what `per` returns, for what is known to be right."""
         return self.config.error.per(snr_db, length_bytes, self._band)
 
-    def per_of_one(self, snr_db: float, length_bytes: int) -> float:
-        """Return what `per_of_many` returns, bit for bit, for numbers: the quicker for one packet at one receiver."""
-        error = self.config.error
-        if isinstance(error, ErfcBytes):
-            return error.per_of_one(snr_db, length_bytes, self._band)
-        return float(error.per(cast(FloatArray, snr_db), length_bytes, self._band))
+    def in_range(self, distance_m: FloatArray) -> NDArray[np.bool_]:
+        """Return whether distances, to the millimetre in which they are written, are within the range."""
+        return np.less_equal(in_steps(distance_m, STEPS_PER_M), self.max_range_m)
 
     def link(
         self,
@@ -319,7 +305,7 @@ class Radio:
         noise = np.asarray(self.noise_dbm(path))
         snr = np.asarray(power - noise)
         distance = _separation(path)
-        in_range = np.less_equal(distance, self.max_range_m)
+        in_range = self.in_range(distance)
         return Link(
             distance_m=distance,
             length_bytes=length,
@@ -329,7 +315,7 @@ class Radio:
             noise_dbm=noise,
             snr_db=snr,
             ber=self.config.error.ber(snr, self._band),
-            per=np.where(in_range, self.per_of_many(snr, length), 1.0),
+            per=np.where(in_range, self.per_unchecked(snr, length), 1.0),
             in_range=in_range,
             base_loss=self.config.base_loss,
         )
@@ -359,11 +345,11 @@ class Radio:
         power = self.mean_power_dbm(path)
         shape = checks.broadcast(distance_m=power, length_bytes=length)
         fine, coarse = np.zeros(shape), np.zeros(shape)
-        for chance, states in self.config.interference.states():
+        for chance, states in self._interference_states:
             snr = power - self.noise_dbm(path, states)
             fine += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS)
             coarse += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS // 2)
-        kept = np.where(_separation(path) <= self.max_range_m, self.kept_share, 0.0)
+        kept = np.where(self.in_range(_separation(path)), self.kept_share, 0.0)
         return Delivery(kept * fine, kept * (np.abs(fine - coarse) + 1e-14))
 
     def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, length_bytes: int) -> FloatArray:
@@ -375,19 +361,11 @@ class Radio:
             length_bytes: as the error model counts it.
         """
         elevation = path.elevation_deg if self.config.fading.by_elevation else None
-        if not self.config.interference.interferers:
-            return self.expected_at_snr(mean_power_dbm - self.noise_floor_dbm, length_bytes, elevation)
         success = np.zeros_like(mean_power_dbm)
-        for chance, states in self.config.interference.states():
+        for chance, states in self._interference_states:
             snr_db = mean_power_dbm - self.noise_dbm(path, states)
             success += chance * self._expectation.from_table(snr_db, length_bytes, elevation)
         return self.kept_share * success
-
-    def expected_at_snr(
-        self, mean_snr_db: FloatArray, length_bytes: int, elevation_deg: FloatArray | None = None
-    ) -> FloatArray:
-        """Return what `expected_delivery` returns, for a mean SNR without interference."""
-        return self.kept_share * self._expectation.from_table(mean_snr_db, length_bytes, elevation_deg)
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:
         if length_bytes is None:

@@ -11,7 +11,6 @@ from channel.fading import coherence_block, coherence_time_s
 from channel.geometry import Path
 from channel.radio import Radio, States
 from channel.shadow_field import ShadowField
-from channel.shadowing import standard_normal_from_uniform
 
 Receivers = tuple[str, ...]
 LEVEL = np.zeros(())
@@ -34,50 +33,38 @@ class RandomTerms:
         self._timelines: dict[tuple[str, str], Timeline] = {}
         self._blocks: dict[tuple[str, str], tuple[tuple[int, int], float, float]] = {}
 
-    def shadowing_db(self, tx: str, receivers: Receivers, seq: int, path: Path) -> FloatArray:
-        """Return the loss by shadowing of one packet at each receiver, dB."""
-        if self._field is not None:
-            assert path.position_tx_ned_m is not None
-            assert path.position_rx_ned_m is not None
-            normal = self._field.standard_normal(
-                tx, receivers, path.position_tx_ned_m, path.position_rx_ned_m
-            )
-        else:
-            uniform = self._draws.uniforms(Purpose.SHADOWING, tx, receivers, seq)
-            normal = standard_normal_from_uniform(uniform)
+    def shadowing_db(self, tx: str, receivers: Receivers, path: Path) -> FloatArray:
+        """Return the loss by shadowing that lasts over some way, at each receiver, dB."""
+        assert self._field is not None
+        assert path.position_tx_ned_m is not None
+        assert path.position_rx_ned_m is not None
+        normal = self._field.standard_normal(tx, receivers, path.position_tx_ned_m, path.position_rx_ned_m)
         return self._config.shadowing.loss_db(normal)
 
     def fading_db(
-        self, tx: str, receivers: Receivers, seq: int, sim_time_ns: int, path: Path, speed_mps: FloatArray
+        self, tx: str, receivers: Receivers, sim_time_ns: int, path: Path, speed_mps: FloatArray
     ) -> FloatArray:
-        """Return the gain by fading of one packet at each receiver, dB.
+        """Return the gain by fading that lasts for a coherence time, at each receiver, dB.
 
         Args:
             tx: transmitting node.
             receivers: receiving nodes.
-            seq: sequence number of the packet.
-            sim_time_ns: when it was sent.
+            sim_time_ns: when the packet was sent.
             path: the links.
             speed_mps: relative speeds of the two ends.
         """
-        fading = self._config.fading
-        if fading.coherence == "packet":
-            first = self._draws.uniforms(Purpose.FADING_I, tx, receivers, seq)
-            second = self._draws.uniforms(Purpose.FADING_Q, tx, receivers, seq)
-        else:
-            times_s = coherence_time_s(speed_mps, path.frequency_hz, fading.max_coherence_s)
-            pairs = [
-                self._of_block(tx, rx, coherence_block(sim_time_ns, float(time_s)))
-                for rx, time_s in zip(receivers, times_s, strict=True)
-            ]
-            first, second = np.asarray(pairs).T
+        times_s = coherence_time_s(speed_mps, path.frequency_hz, self._config.fading.max_coherence_s)
+        pairs = [
+            self._of_block(tx, rx, coherence_block(sim_time_ns, time_s))
+            for rx, time_s in zip(receivers, times_s.tolist(), strict=True)
+        ]
+        first, second = np.asarray(pairs).T
         return self.fading_gain_db(first, second, path)
 
-    def fading_gain_db(self, first: FloatArray, second: FloatArray, path: Path | None) -> FloatArray:
+    def fading_gain_db(self, first: FloatArray, second: FloatArray, path: Path) -> FloatArray:
         """Return the gain by fading for two uniform draws of each link, dB."""
         fading = self._config.fading
-        elevation_deg = path.elevation_deg if fading.by_elevation and path is not None else LEVEL
-        return fading.gain_db(first, second, elevation_deg)
+        return fading.gain_db(first, second, path.elevation_deg if fading.by_elevation else LEVEL)
 
     def _of_block(self, tx: str, rx: str, block: tuple[int, int]) -> tuple[float, float]:
         """Return the two uniform draws of a pair for one block of time; both directions share them."""

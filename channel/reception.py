@@ -26,12 +26,12 @@ class Reception(NamedTuple):
         rx: intended receiver.
         seq: the transmitter's sequence number.
         length_bytes: as the error model counted it.
-        distance_m: between the two at that instant; NaN with `Fate.NO_POSITION`, as are the next three.
-        received_power_dbm: with the drawn shadowing.
-        snr_db: with the drawn shadowing.
-        per: packet error rate at that SNR; 1 out of range.
+        distance_m: between the two at that instant, to 1 mm; NaN with `Fate.NO_POSITION`, as are the next three.
+        received_power_dbm: with the drawn shadowing and fading, to 0.001 dB.
+        snr_db: likewise.
+        per: packet error rate at that SNR, to 1e-7; 1 out of range.
         fate: delivered, or the cause of the loss.
-        probability_of_delivery: what the model says for this geometry, averaged over the random terms.
+        probability_of_delivery: what the model says for this geometry, averaged over the random terms; to 1e-7.
     """
 
     sim_time_ns: int

@@ -1,30 +1,25 @@
-"""The fates of one packet: at many receivers by arrays, at few of them by numbers, with the same bits.
-
-Both ways go through the same models: numpy's functions give for a number what they give for the same number in an
-array. Arrays cost about as much for one receiver as for thirty; a number costs little, but for each receiver.
-"""
+"""The fates of one packet at all its receivers, by arrays over these: one receiver is an array of length 1."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from itertools import repeat
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
+from channel.decision import signal_of
 from channel.erasure import Draws, Purpose, Table
-from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path
+from channel.geometry import LEVEL_WXYZ, Path
 from channel.radio import Radio
 from channel.random_terms import RandomTerms
 from channel.reception import Fate, Packet, Reception
 from channel.shadowing import standard_normal_from_uniform
-from channel.tracks import ATTITUDE, COLUMNS, POSITION, VELOCITY, Tracks
+from channel.steps import STEPS_PER_ONE, in_steps
+from channel.tracks import ATTITUDE, COLUMNS, POSITION, Tracks
 
-FEW = 4
-"""Up to so many receivers numbers are quicker than arrays; no result depends on it."""
 _FATES = (Fate.DELIVERED, Fate.CHANNEL_ERASURE)
 
 
@@ -67,82 +62,24 @@ class Settling:
         self._tracks = tracks
         self._terms = RandomTerms(radio, draws)
         self._links = [_Links(radio, draws, nodes, tx) for tx in range(len(nodes))]
-        self._min_distance_m = config.min_distance_m
         self._has_range = math.isfinite(radio.max_range_m)
         self._has_interferers = bool(config.interference.interferers)
         self._has_bursts = config.bursts.mean_loss > 0.0
         self._shadow_by_place = config.shadowing.is_random and config.shadowing.decorrelation_m is not None
         self._fading_by_time = config.fading.is_random and config.fading.coherence == "doppler"
-        by_place = radio.needs_places or self._shadow_by_place or self._fading_by_time or self._has_bursts
-        self._few = 0 if by_place else FEW
-        self._line_dbm = None if by_place or config.fading.by_elevation else radio.line_dbm
-        self._columns = COLUMNS if radio.needs_attitude or self._fading_by_time else POSITION.stop
+        self._columns = COLUMNS if radio.needs_attitude else POSITION.stop
 
     def receptions(self, packet: Packet) -> list[Reception]:
         """Return the fates of one packet at all its receivers, in the order of the nodes."""
         links = self._links[packet.tx]
-        if len(links.receivers) <= self._few:
-            return self._one_by_one(packet, links)
-        return self._together(packet, links) if links.receivers else []
-
-    def _one_by_one(self, packet: Packet, links: _Links) -> list[Reception]:
-        """Settle a packet by numbers, for a radio whose links need nothing but distance and heights."""
-        radio, known = self._radio, self._tracks.known
-        when_ns, tx, seq, length = packet
-        here = self._tracks.position_at(tx, when_ns)
-        erasure = links.erasure.numbers(seq)
-        base_loss = None if links.base_loss is None else links.base_loss.numbers(seq)
-        settled = []
-        for i, node in enumerate(links.indices):
-            there = self._tracks.position_at(node, when_ns)
-            x, y, z = there[0] - here[0], there[1] - here[1], there[2] - here[2]
-            distance_m = math.sqrt(x * x + y * y + z * z)
-            mean_dbm, chance, path = self._of_one(distance_m, -here[2], -there[2], length)
-            power_dbm = mean_dbm + self._gain_of_one(links, seq, i, path)
-            snr_db = power_dbm - radio.noise_floor_dbm
-            per = radio.per_of_one(snr_db, length)
-            fate = _FATES[erasure[i] <= per]
-            if base_loss is not None and base_loss[i] <= self._config.base_loss:
-                fate = Fate.BASE_LOSS
-            if distance_m > radio.max_range_m:
-                fate, per, chance = Fate.OUT_OF_RANGE, 1.0, 0.0
-            if not (known[tx] and known[node]):
-                fate, distance_m, power_dbm, snr_db, per, chance = _nowhere()
-            row = (when_ns, links.tx, links.receivers[i], seq, length)
-            settled.append(Reception(*row, distance_m, power_dbm, snr_db, per, fate, chance))
-        return settled
-
-    def _of_one(
-        self, distance_m: float, height_tx_m: float, height_rx_m: float, length: int
-    ) -> tuple[float, float, Path | None]:
-        """Return mean power in dBm, probability of delivery and, if it is needed, geometry of one link."""
-        radio, clamped_m = self._radio, max(distance_m, self._min_distance_m)
-        if self._line_dbm is not None:
-            at_one_metre_dbm, slope_db = self._line_dbm
-            mean_dbm = at_one_metre_dbm - slope_db * float(np.log10(clamped_m))
-            snr_db = cast(FloatArray, mean_dbm - radio.noise_floor_dbm)
-            return mean_dbm, float(radio.expected_at_snr(snr_db, length)), None
-        heights = max(height_tx_m, MIN_HEIGHT_M), max(height_rx_m, MIN_HEIGHT_M)
-        path = Path(self._config.frequency_hz, cast(FloatArray, clamped_m), *heights)
-        mean = radio.mean_power_dbm(path)
-        return float(mean), float(radio.expected_delivery(mean, path, length)), path
-
-    def _gain_of_one(self, links: _Links, seq: int, receiver: int, path: Path | None) -> float:
-        """Return what shadowing and fading do to the power at one receiver, dB."""
-        gain_db = 0.0 if links.shadowing_gain is None else links.shadowing_gain.numbers(seq)[receiver]
-        if links.fading is not None:
-            first, second = (cast(FloatArray, table.numbers(seq)[receiver]) for table in links.fading)
-            gain_db += float(self._terms.fading_gain_db(first, second, path))
-        return gain_db
-
-    def _together(self, packet: Packet, links: _Links) -> list[Reception]:
-        """Settle a packet by arrays over its receivers."""
+        if not links.receivers:
+            return []
         nodes = self._tracks.columns_at(packet.sim_time_ns, self._columns)
         here, there = nodes[:, packet.tx], nodes.take(links.columns, axis=1)
         way = there[POSITION] - here[POSITION, np.newaxis]
         way *= way
         distance_m = np.sqrt(way[0] + way[1] + way[2])
-        columns = [distance_m, *self._powers(packet, links, here, there, distance_m)]
+        columns = self._columns_of(packet, links, here, there, distance_m)
         erased = links.erasure.row(packet.seq) <= columns[3]
         fates = [_FATES[lost] for lost in erased.tolist()]
         self._other_losses(fates, columns, packet, links)
@@ -154,25 +91,17 @@ class Settling:
         )
         return list(map(tuple.__new__, repeat(Reception), rows))
 
-    def _powers(
+    def _columns_of(
         self, packet: Packet, links: _Links, here: FloatArray, there: FloatArray, distance_m: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return received power, SNR, packet error rate and probability of delivery at each receiver."""
+    ) -> list[FloatArray]:
+        """Return distance, received power, SNR, packet error rate and probability of delivery at each receiver."""
         radio, length = self._radio, packet.length_bytes
-        if self._line_dbm is not None:
-            at_one_metre_dbm, slope_db = self._line_dbm
-            mean_dbm = at_one_metre_dbm - slope_db * np.log10(np.maximum(distance_m, self._min_distance_m))
-            chance = radio.expected_at_snr(mean_dbm - radio.noise_floor_dbm, length)
-            power_dbm = mean_dbm + self._gain_db(packet, links, None, here, there)
-            snr_db = power_dbm - radio.noise_floor_dbm
-            return power_dbm, snr_db, radio.per_of_many(snr_db, length), chance
         path = self._path(here, there, distance_m)
         mean_dbm = radio.mean_power_dbm(path)
-        chance = radio.expected_delivery(mean_dbm, path, length)
-        power_dbm = mean_dbm + self._gain_db(packet, links, path, here, there)
+        chance = in_steps(radio.expected_delivery(mean_dbm, path, length), STEPS_PER_ONE)
+        power_dbm = mean_dbm + self._gain_db(packet, links, path)
         on = self._terms.interferers_on(packet.sim_time_ns) if self._has_interferers else ()
-        snr_db = power_dbm - radio.noise_dbm(path, on)
-        return power_dbm, snr_db, radio.per_of_many(snr_db, length), chance
+        return [*signal_of(radio, distance_m, power_dbm, radio.noise_dbm(path, on), length), chance]
 
     def _path(self, here: FloatArray, there: FloatArray, distance_m: FloatArray) -> Path:
         start, end = here[POSITION], there[POSITION].T
@@ -181,25 +110,28 @@ class Settling:
         attitudes = _unit(here[ATTITUDE]), _unit(there[ATTITUDE].T)
         return self._radio.path_of(start, end, distance_m, *attitudes)
 
-    def _gain_db(
-        self, packet: Packet, links: _Links, path: Path | None, here: FloatArray, there: FloatArray
-    ) -> FloatArray | float:
+    def _gain_db(self, packet: Packet, links: _Links, path: Path) -> FloatArray | float:
         """Return what shadowing and fading do to the power at each receiver, dB."""
         gain_db: FloatArray | float = 0.0
         if links.shadowing_gain is not None:
             gain_db = links.shadowing_gain.row(packet.seq)
-        elif self._shadow_by_place and path is not None:
-            gain_db = -self._terms.shadowing_db(links.tx, links.receivers, packet.seq, path)
+        elif self._shadow_by_place:
+            gain_db = -self._terms.shadowing_db(links.tx, links.receivers, path)
         if links.fading is not None:
             first, second = (table.row(packet.seq) for table in links.fading)
             gain_db = gain_db + self._terms.fading_gain_db(first, second, path)
-        elif self._fading_by_time and path is not None:
-            x, y, z = there[VELOCITY] - here[VELOCITY, np.newaxis]
-            speed_mps = np.sqrt(x * x + y * y + z * z)
+        elif self._fading_by_time:
+            speed_mps = self._speeds_mps(packet, links)
             gain_db = gain_db + self._terms.fading_db(
-                links.tx, links.receivers, packet.seq, packet.sim_time_ns, path, speed_mps
+                links.tx, links.receivers, packet.sim_time_ns, path, speed_mps
             )
         return gain_db
+
+    def _speeds_mps(self, packet: Packet, links: _Links) -> FloatArray:
+        """Return how fast each receiver moves relative to the transmitter."""
+        velocities = self._tracks.velocities_at(packet.sim_time_ns)
+        x, y, z = velocities.take(links.columns, axis=1) - velocities[:, packet.tx, np.newaxis]
+        return np.asarray(np.sqrt(x * x + y * y + z * z))
 
     def _other_losses(
         self, fates: list[Fate], columns: list[FloatArray], packet: Packet, links: _Links
@@ -219,21 +151,16 @@ class Settling:
     def _out_of_range(self, fates: list[Fate], columns: list[FloatArray]) -> None:
         beyond = columns[0] > self._radio.max_range_m
         if beyond.any():
-            columns[3] = np.where(beyond, 1.0, columns[3])
             columns[4] = np.where(beyond, 0.0, columns[4])
             _mark(fates, beyond.tolist(), Fate.OUT_OF_RANGE)
 
     def _unknown(self, fates: list[Fate], columns: list[FloatArray], tx: int, indices: list[int]) -> None:
+        """Mark the links with an end that was never seen: nothing is known of them, and nothing arrives."""
         known = self._tracks.known
         unknown = [not (known[tx] and known[node]) for node in indices]
-        fate, *values = _nowhere()
+        values = (math.nan, math.nan, math.nan, math.nan, 0.0)
         columns[:] = [np.where(unknown, value, column) for value, column in zip(values, columns, strict=True)]
-        _mark(fates, unknown, fate)
-
-
-def _nowhere() -> tuple[Fate, float, float, float, float, float]:
-    """Return fate, distance, power, SNR, PER and probability of delivery where a node was never seen."""
-    return Fate.NO_POSITION, math.nan, math.nan, math.nan, math.nan, 0.0
+        _mark(fates, unknown, Fate.NO_POSITION)
 
 
 def _mark(fates: list[Fate], where: list[bool], fate: Fate) -> None:

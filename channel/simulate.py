@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from channel import checks
 from channel.checks import ChannelInputError, FloatArray
+from channel.decision import signal_of
 from channel.erasure import Draws, Purpose, uniform_from_words
 from channel.radio import Radio
 from channel.shadowing import standard_normal_from_uniform
@@ -23,23 +24,18 @@ class Outcome:
     """Fates of packets, each array of shape (links, packets).
 
     Attributes:
-        distance_m: between the ends.
-        received_power_dbm: with the drawn shadowing and fading.
-        noise_dbm: noise floor and interference, shape (links, 1) or (links, packets).
-        per: packet error rate at that SNR; 1 out of range.
+        distance_m: between the ends, to 1 mm.
+        received_power_dbm: with the drawn shadowing and fading, to 0.001 dB.
+        snr_db: likewise.
+        per: packet error rate at that SNR, to 1e-7; 1 out of range.
         delivered: whether the packet arrived.
     """
 
     distance_m: FloatArray
     received_power_dbm: FloatArray
-    noise_dbm: FloatArray
+    snr_db: FloatArray
     per: FloatArray
     delivered: NDArray[np.bool_]
-
-    @property
-    def snr_db(self) -> FloatArray:
-        """With the drawn shadowing and fading, shape (links, packets)."""
-        return self.received_power_dbm - self.noise_dbm
 
 
 def simulate(
@@ -80,8 +76,7 @@ def simulate(
     distance = np.broadcast_to(distance, np.broadcast_shapes(distance.shape, (len(links), 1)))
     payload = radio.config.nominal_payload_bytes if length_bytes is None else length_bytes
     length = radio.length_bytes(payload)
-    pair = np.empty((2, *shape))  # one piece of memory: the system hands out large ones in large pages
-    power, per = pair[0], pair[1]
+    heard = np.empty((4, *shape))  # one piece of memory: the system hands out large ones in large pages
     delivered = np.empty(shape, dtype=bool)
     path = radio.path(distance, frequency_hz=frequency_hz)
     mean, noise = radio.mean_power_dbm(path), np.broadcast_to(radio.noise_dbm(path), distance.shape)
@@ -91,15 +86,15 @@ def simulate(
     for start in range(0, len(links), step):
         part = slice(start, min(start + step, len(links)))
         uniform = _uniforms(draws, links[part], purposes, first_seq, packets)
-        np.add(mean[part], _gain_db(radio, elevation[part], uniform), out=power[part])
-        per[part] = radio.per_of_many(power[part] - noise[part], length)
-        if np.isfinite(radio.max_range_m):
-            per[part] = np.where(distance[part] <= radio.max_range_m, per[part], 1.0)
-        np.greater(uniform[Purpose.ERASURE], per[part], out=delivered[part])
+        power = mean[part] + _gain_db(radio, elevation[part], uniform)
+        signal = signal_of(radio, distance[part], power, noise[part], length)
+        for row, values in zip(heard, signal, strict=True):
+            row[part] = values
+        np.greater(uniform[Purpose.ERASURE], signal.per, out=delivered[part])
     if radio.config.base_loss > 0.0:
         extra = _uniforms(draws, links, [Purpose.BASE_LOSS], first_seq, packets)
         delivered &= extra[Purpose.BASE_LOSS] > radio.config.base_loss
-    return Outcome(np.broadcast_to(distance, shape), power, noise, per, delivered)
+    return Outcome(heard[0], heard[1], heard[2], heard[3], delivered)
 
 
 def _purposes(radio: Radio) -> list[Purpose]:

@@ -79,7 +79,8 @@ class Terrain(Variant):
                 "position_tx_ned_m", None, "positions of both ends: terrain lies under them"
             )
         start, end = np.broadcast_arrays(path.position_tx_ned_m, path.position_rx_ned_m)
-        ground_m = np.hypot(*np.moveaxis((end - start)[..., :2], -1, 0))
+        north_m, east_m = np.moveaxis((end - start)[..., :2], -1, 0)
+        ground_m = np.sqrt(north_m * north_m + east_m * east_m)  # same bits everywhere: it counts the samples
         parts = np.maximum(np.ceil(ground_m / self.step_m), 2.0)[..., np.newaxis]
         k = np.arange(1.0, float(np.max(parts, initial=2.0)))
         inside = k < parts  # each way has samples of its own, whatever the other ways are

@@ -14,21 +14,20 @@ from channel import checks
 from channel.checks import ChannelInputError, FloatArray
 
 POSITION = slice(0, 3)
-VELOCITY = slice(3, 6)
-ATTITUDE = slice(6, 10)
-COLUMNS = 10
+ATTITUDE = slice(3, 7)
+COLUMNS = 7
 LEVEL_WXYZ = (1.0, 0.0, 0.0, 0.0)
-STILL = (0.0, 0.0, 0.0)
+NS_PER_S = 1e9
 KEPT_SAMPLES = 1024
 """Per node; twice as many are held before the older half goes."""
 NEVER = -(2**62)
 FOREVER = 2**62
 
 Row = tuple[float, ...]
-"""One truth sample: position, velocity, attitude."""
-
+"""One truth sample: position, attitude."""
 
 Arrays = tuple[int | NDArray[np.int64], float | FloatArray, FloatArray, FloatArray]
+"""Of all nodes: start of the span, 1 / its length in ns, first sample, change up to the second."""
 
 
 class Span(NamedTuple):
@@ -116,21 +115,8 @@ class Tracks:
         self._at_frontier = waited_for.count(self.frontier_ns)
         return moved
 
-    def position_at(self, node: int, sim_time_ns: int) -> tuple[float, float, float]:
-        """Return where one node is: the same bits as in `columns_at`."""
-        if not self._valid[0] <= sim_time_ns <= self._valid[1]:
-            self._bracket(sim_time_ns)
-        start_ns, per_ns, before, after = self._spans[node]
-        weight = (sim_time_ns - start_ns) * per_ns
-        north, east, down = before[0], before[1], before[2]
-        return (
-            north + weight * (after[0] - north),
-            east + weight * (after[1] - east),
-            down + weight * (after[2] - down),
-        )
-
     def columns_at(self, sim_time_ns: int, columns: int = COLUMNS) -> FloatArray:
-        """Return position, velocity and attitude of every node, or the first columns of these.
+        """Return position and attitude of every node, or the first columns of these.
 
         Before a node's first sample it stands at it, after its last sample at that; `known` says whether there
         is one.
@@ -138,14 +124,28 @@ class Tracks:
         Returns:
             Shape (columns, nodes).
         """
+        start_ns, per_ns, base, change = self._arrays_at(sim_time_ns)
+        weight = (max(-FOREVER, min(sim_time_ns, FOREVER)) - start_ns) * per_ns  # numpy counts to 2^63
+        moved: FloatArray = base[:columns] + weight * change[:columns]
+        return moved
+
+    def velocities_at(self, sim_time_ns: int) -> FloatArray:
+        """Return the velocity of every node in m/s, shape (3, nodes): the slope of the line that it moves along.
+
+        At a sample it is the slope up to there; a node that stands (before its first sample, after its last, placed
+        for good) has none.
+        """
+        _, per_ns, _, change = self._arrays_at(sim_time_ns)
+        velocity_ned_mps: FloatArray = change[POSITION] * (per_ns * NS_PER_S)
+        return velocity_ned_mps
+
+    def _arrays_at(self, sim_time_ns: int) -> Arrays:
+        """Return what the spans around an instant are as arrays."""
         if not self._valid[0] <= sim_time_ns <= self._valid[1]:
             self._bracket(sim_time_ns)
         if self._arrays is None:
             self._arrays = _arrays(self._spans)
-        start_ns, per_ns, base, change = self._arrays
-        weight = (max(-FOREVER, min(sim_time_ns, FOREVER)) - start_ns) * per_ns  # numpy counts to 2^63
-        moved: FloatArray = base[:columns] + weight * change[:columns]
-        return moved
+        return self._arrays
 
     def _bracket(self, sim_time_ns: int) -> None:
         """Find the samples around an instant for each node, and from when to when they stay the right ones."""
@@ -183,28 +183,25 @@ def _arrays(spans: Sequence[Span]) -> Arrays:
 def _nearer(row: Row, previous: Row) -> Row:
     """Return the sample with its quaternion in the sign that is nearer to the one before it."""
     w, x, y, z = previous[ATTITUDE]
-    if row[6] * w + row[7] * x + row[8] * y + row[9] * z >= 0.0:
+    if row[3] * w + row[4] * x + row[5] * y + row[6] * z >= 0.0:
         return row
-    return (*row[:6], -row[6], -row[7], -row[8], -row[9])
+    return (*row[:3], -row[3], -row[4], -row[5], -row[6])
 
 
-def truth_row(
-    position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None, velocity_ned_mps: ArrayLike | None
-) -> Row:
+def truth_row(position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None) -> Row:
     """Return one checked truth sample.
 
     Raises:
         ChannelInputError: a wrong shape, a value that is not finite, or a quaternion of no length.
     """
     position = _numbers("position_ned_m", position_ned_m, 3)
-    velocity = STILL if velocity_ned_mps is None else _numbers("velocity_ned_mps", velocity_ned_mps, 3)
     if attitude_wxyz is None:
-        return (*position, *velocity, *LEVEL_WXYZ)
+        return (*position, *LEVEL_WXYZ)
     w, x, y, z = _numbers("attitude_wxyz", attitude_wxyz, 4)
     length = math.sqrt(w * w + x * x + y * y + z * z)
     if not 0.5 < length < 2.0:
         raise ChannelInputError("attitude_wxyz", [w, x, y, z], "a quaternion of length about 1")
-    return (*position, *velocity, w / length, x / length, y / length, z / length)
+    return (*position, w / length, x / length, y / length, z / length)
 
 
 def _numbers(name: str, value: ArrayLike, size: int) -> Row:
