@@ -16,6 +16,7 @@ from aps.outbox import FrameQueue
 from aps.status_text import StatusText
 from aps.subscription import Subscription
 from aps.telemetry import AircraftState
+from aps.timeouts import SILENCE_TIMEOUT_S
 
 __all__ = ["DaemonBase", "Link"]
 
@@ -43,6 +44,7 @@ class DaemonBase(ABC):
         link: the connection to the autopilot.
         clock: what time it is, ns, on a clock that never goes back.
         wake: called when a command has queued messages or changed deadlines.
+        silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
 
     Raises:
         ValueError: a setting is out of range.
@@ -55,9 +57,10 @@ class DaemonBase(ABC):
         link: Link,
         clock: Callable[[], int],
         wake: Callable[[], None],
+        silence_s: float = SILENCE_TIMEOUT_S,
     ) -> None:
         self.config = config
-        self.core = Core(config, link.outbox, clock, wake)
+        self.core = Core(config, link.outbox, clock, wake, silence_s)
         self.server = ClientServer(
             self._client_opened,
             self._client_data,

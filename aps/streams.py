@@ -25,13 +25,14 @@ from typing import Final
 
 from aps.dialect import mavlink
 from aps.framer import Frame, with_payload
+from aps.timeouts import STREAM_ACK_TIMEOUT_S, STREAM_TRIES
 
-__all__ = ["DEFAULT_RATES_HZ", "STREAM_GROUPS", "StreamArbiter", "StreamCounters"]
+__all__ = ["DEFAULT_RATES_HZ", "STREAM_GROUPS", "StreamArbiter", "StreamCounters", "command_of"]
 
 NS_PER_S: Final = 1_000_000_000
 US_PER_S: Final = 1_000_000
-ACK_TIMEOUT_NS: Final = NS_PER_S
-MAX_TRIES: Final = 5
+ACK_TIMEOUT_NS: Final = round(STREAM_ACK_TIMEOUT_S * NS_PER_S)
+MAX_TRIES: Final = STREAM_TRIES
 DISABLED_US: Final = -1
 """SET_MESSAGE_INTERVAL's value for "do not send"."""
 AUTOPILOT_DEFAULT_US: Final = 0
@@ -78,6 +79,13 @@ STREAM_GROUPS: Final[Mapping[int, tuple[int, ...]]] = {
 }
 """MAV_DATA_STREAM -> message ids, as ArduPilot groups them (those that copter and plane can both send)."""
 _ALL_STREAMS: Final = 0
+
+
+def command_of(frame: Frame) -> int | None:
+    """MAV_CMD of a COMMAND_LONG or COMMAND_INT; ``None`` of another message."""
+    if frame.msg_id not in _COMMAND_BYTES:
+        return None
+    return int.from_bytes(frame.payload[_COMMAND_AT : _COMMAND_AT + 2], "little")
 
 
 @dataclass(slots=True)
@@ -155,13 +163,12 @@ class StreamArbiter:
         if frame.msg_id == _REQUEST_DATA_STREAM:
             self._data_stream(frame, link)
             return None
-        if frame.msg_id in _COMMAND_BYTES:
-            payload = frame.payload.ljust(_COMMAND_BYTES[frame.msg_id], b"\0")
-            if int.from_bytes(payload[_COMMAND_AT : _COMMAND_AT + 2], "little") == SET_MESSAGE_INTERVAL:
-                return self._message_interval(frame, payload, link)
+        if command_of(frame) == SET_MESSAGE_INTERVAL:
+            return self._message_interval(frame, link)
         return frame.raw
 
-    def _message_interval(self, frame: Frame, payload: bytes, link: int) -> bytes:
+    def _message_interval(self, frame: Frame, link: int) -> bytes:
+        payload = frame.payload.ljust(_COMMAND_BYTES[frame.msg_id], b"\0")
         id_value, interval_value = _INTERVAL_PARAMS.unpack_from(payload)
         self.counters.client_requests += 1
         if not (0.0 <= id_value < 1 << 24 and -1.0 <= interval_value < 1 << 31):  # also false for NaN
@@ -259,6 +266,11 @@ class StreamArbiter:
         return None
 
     @property
+    def request(self) -> object | None:
+        """What waits for an acknowledgement: the same object for all tries of one request."""
+        return self._outstanding
+
+    @property
     def idle(self) -> bool:
         """Whether everything that is wanted has been asked for and answered."""
         return self._outstanding is None and not self._queue
@@ -268,7 +280,7 @@ class StreamArbiter:
         return None if self._outstanding is None else self._outstanding.deadline_ns
 
     def acknowledged(self, accepted: bool) -> None:
-        """The autopilot answered our own SET_MESSAGE_INTERVAL."""
+        """The autopilot answered the request that waits."""
         outstanding, self._outstanding = self._outstanding, None
         if outstanding is None:
             return

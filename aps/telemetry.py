@@ -16,13 +16,12 @@ from typing import Any, Final
 
 from aps.dialect import enum_label, mavlink, mode_numbers
 from aps.framer import Frame
+from aps.timeouts import CONNECTED_S, REBOOT_STEP_MS
 
 __all__ = ["AircraftState", "LandedState", "Telemetry"]
 
 NS_PER_S: Final = 1_000_000_000
 NAN: Final = math.nan
-REBOOT_STEP_MS: Final = 2000
-"""The autopilot's clock going back by more than this is a reboot (less is reordering between streams)."""
 
 Vector3 = tuple[float, float, float]
 _NO_VECTOR: Final[Vector3] = (NAN, NAN, NAN)
@@ -78,7 +77,7 @@ class AircraftState:
     """MAV_STATE label: BOOT, STANDBY, ACTIVE, CRITICAL, ..."""
     landed_state: LandedState = "undefined"
     heartbeat_age_s: float = math.inf
-    """Wall seconds since the autopilot's last heartbeat."""
+    """Seconds of the daemon's clock (wall time, or sim time in held mode) since the autopilot's last heartbeat."""
     flight_time_s: float = 0.0
     """Time in the air in this (else the latest) flight, by the autopilot's clock."""
     voltage_v: float = NAN
@@ -102,8 +101,8 @@ class AircraftState:
 
     @property
     def connected(self) -> bool:
-        """Whether the autopilot has been heard in the last 5 s of wall time."""
-        return self.heartbeat_age_s < 5.0
+        """Whether the autopilot has been heard within CONNECTED_S."""
+        return self.heartbeat_age_s < CONNECTED_S
 
 
 def _body_from_ned(vector: Vector3, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vector3:
