@@ -130,6 +130,7 @@ class Core:
         """Counters of the logic, as plain data."""
         return {
             "routes": {outcome.value: count for outcome, count in self.router.counters.items()},
+            "decode_errors": self.telemetry.decode_errors,
             "streams": asdict(self.streams.counters),
             "acknowledgements": asdict(self.acks.counters),
             "callback_errors": self.callbacks.errors,
