@@ -111,7 +111,7 @@ class DaemonBase(ABC):
             callback: runs in the event loop (in held mode: within ``begin_exchange``); must not block.
             rate_hz: at most so often, in the autopilot's own time; ``None``: after every batch of telemetry.
         """
-        return self.core.subscribe(callback, rate_hz)
+        return self.core.subscriptions.add(callback, rate_hz)
 
     async def wait_heard(self) -> None:
         """Wait until the autopilot's heartbeat has been heard on this connection.

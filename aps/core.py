@@ -29,8 +29,8 @@ from aps.framer import Frame, Framer
 from aps.routing import Router
 from aps.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
 from aps.streams import StreamArbiter, command_of
-from aps.subscription import Subscription
-from aps.telemetry import AircraftState, Telemetry
+from aps.subscription import Subscriptions
+from aps.telemetry import Telemetry
 from aps.timeouts import HEARTBEAT_PERIOD_S, SILENCE_TIMEOUT_S, SILENT_HEARTBEATS
 
 __all__ = ["AUTOPILOT_LINK", "Core", "Queue"]
@@ -90,6 +90,7 @@ class Core:
         self.framer = Framer()
         self.acks = AckLedger()
         self.callbacks = Callbacks()
+        self.subscriptions = Subscriptions(self.callbacks)
         self.commands = Commander(
             lambda: self.telemetry.state(clock()), self._send, clock, wake, self.callbacks, silence_s
         )
@@ -104,27 +105,11 @@ class Core:
         self._assembler = StatusTextAssembler()
         self._to_autopilot = to_autopilot
         self._queues: dict[int, Queue] = {AUTOPILOT_LINK: to_autopilot}
-        self._subscriptions: dict[Subscription, None] = {}  # in the order of their beginning
-        self._offered_ms = 0
         self._foreign: set[int] = set()
         self._silent_heartbeats = 0
         self._clock_ms = 0
         self._heartbeat_due_ns = 0
         self.router.add_link(AUTOPILOT_LINK, autopilot=True)
-
-    def subscribe(
-        self, callback: Callable[[AircraftState], None], rate_hz: float | None = None
-    ) -> Subscription:
-        """Call back with the state as it changes; see ``DaemonBase.subscribe``."""
-        if rate_hz is not None and not rate_hz > 0.0:
-            raise ValueError(f"rate_hz must be positive, not {rate_hz}")
-        period_ms = 0.0 if rate_hz is None else 1000.0 / rate_hz
-        subscription = Subscription(callback, period_ms, self._unsubscribe, self.callbacks)
-        self._subscriptions[subscription] = None
-        return subscription
-
-    def _unsubscribe(self, subscription: Subscription) -> None:
-        self._subscriptions.pop(subscription, None)
 
     def statistics(self) -> dict[str, Any]:
         """Counters of the logic, as plain data."""
@@ -161,8 +146,8 @@ class Core:
             if frame.compid == AUTOPILOT_COMPID:
                 if frame.sysid == own:
                     changed |= self._from_autopilot(frame, now_ns)
-                    if self._subscriptions and self.telemetry.clock_ms != self._offered_ms:
-                        self._clock_advanced(now_ns)
+                    if self.subscriptions.due(self.telemetry.clock_ms):
+                        self.subscriptions.offer_due(self.telemetry.state(now_ns))
                 else:
                     self._from_foreign(frame)
             for link in self.router.route(frame, AUTOPILOT_LINK, now_ns).links:
@@ -256,22 +241,11 @@ class Core:
             self.commands.on_text(text)
             self.callbacks.call("the callback for texts", self.texts, text)
 
-    def _clock_advanced(self, now_ns: int) -> None:
-        """Keep subscriptions at their rate also when a fast autopilot's bytes come in large pieces."""
-        self._offered_ms = self.telemetry.clock_ms
-        due = [s for s in self._subscriptions if s.rated and s.due(self._offered_ms)]
-        self._offer(due, now_ns)
-
     def _state_changed(self, now_ns: int) -> None:
-        self._offer(list(self._subscriptions), now_ns)
+        if self.subscriptions:
+            self.subscriptions.offer(self.telemetry.state(now_ns))
         if self.commands.busy:
             self.commands.poll()
-
-    def _offer(self, subscriptions: list[Subscription], now_ns: int) -> None:
-        if subscriptions:
-            state = self.telemetry.state(now_ns)
-            for subscription in subscriptions:
-                subscription.offer(state)
 
     # The clients' links.
 

@@ -161,7 +161,7 @@ def test_the_logic_takes_any_messages_at_any_time(turns, said, sent, command):
     core.client_opened(1, Bin())
     heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 0xD9, 4, 4, 3)
     core.autopilot_data(bytes(heartbeat.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1))), 0)
-    core.subscribe(lambda state: None, rate_hz=5.0)
+    core.subscriptions.add(lambda state: None, rate_hz=5.0)
     core.commands.start(*command, on_done=ends.append)
     from_autopilot, from_client = itertools.cycle(said), itertools.cycle(frames_of(sent)[0])
     for autopilot, wait_ns in turns:
