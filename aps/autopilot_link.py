@@ -9,15 +9,12 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from aps.outbox import Outbox
+from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
 
 __all__ = ["AutopilotAddress", "AutopilotLink", "parse_autopilot", "parse_host_port"]
-
-FIRST_RETRY_S: Final = 0.1
-LONGEST_RETRY_S: Final = 2.0
-CONNECT_TIMEOUT_S: Final = 5.0
 
 _log = logging.getLogger(__name__)
 

@@ -16,6 +16,7 @@ from aps.outbox import FrameQueue
 from aps.status_text import StatusText
 from aps.subscription import Subscription
 from aps.telemetry import AircraftState
+from aps.timeouts import SILENCE_TIMEOUT_S
 
 __all__ = ["DaemonBase", "Link"]
 
@@ -43,6 +44,7 @@ class DaemonBase(ABC):
         link: the connection to the autopilot.
         clock: what time it is, ns, on a clock that never goes back.
         wake: called when a command has queued messages or changed deadlines.
+        silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
 
     Raises:
         ValueError: a setting is out of range.
@@ -55,9 +57,10 @@ class DaemonBase(ABC):
         link: Link,
         clock: Callable[[], int],
         wake: Callable[[], None],
+        silence_s: float = SILENCE_TIMEOUT_S,
     ) -> None:
         self.config = config
-        self.core = Core(config, link.outbox, clock, wake)
+        self.core = Core(config, link.outbox, clock, wake, silence_s)
         self.server = ClientServer(
             self._client_opened,
             self._client_data,
@@ -108,7 +111,7 @@ class DaemonBase(ABC):
             callback: runs in the event loop (in held mode: within ``begin_exchange``); must not block.
             rate_hz: at most so often, in the autopilot's own time; ``None``: after every batch of telemetry.
         """
-        return self.core.subscribe(callback, rate_hz)
+        return self.core.subscriptions.add(callback, rate_hz)
 
     async def wait_heard(self) -> None:
         """Wait until the autopilot's heartbeat has been heard on this connection.

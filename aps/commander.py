@@ -11,6 +11,7 @@ from aps.callbacks import Callbacks
 from aps.commands import CommandExecution, CommandProgress, CommandResult, Plan
 from aps.status_text import StatusText
 from aps.telemetry import AircraftState
+from aps.timeouts import SILENCE_TIMEOUT_S
 
 __all__ = ["VERBS", "CommandHandle", "Commander", "OnDone", "OnProgress"]
 
@@ -77,20 +78,23 @@ class Commander:
 
     Args:
         state: gives the UA's state now.
-        send: sends pymavlink messages to the autopilot.
+        send: sends pymavlink messages to the autopilot, and remembers what waits for their acknowledgement.
         now_ns: the daemon's clock: monotonic wall time, or sim time in held mode.
         wake: called when deadlines may have changed, or messages were sent.
         callbacks: calls what users want to be told.
+        silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
     """
 
     def __init__(
         self,
         state: Callable[[], AircraftState],
-        send: Callable[[list[Any]], None],
+        send: Callable[[list[Any], object], None],
         now_ns: Callable[[], int],
         wake: Callable[[], None],
         callbacks: Callbacks,
+        silence_s: float = SILENCE_TIMEOUT_S,
     ) -> None:
+        self._silence_s = silence_s
         self._state, self._send, self._now_ns, self._wake = state, send, now_ns, wake
         self._callbacks = callbacks
         self._running: list[CommandHandle] = []
@@ -191,7 +195,7 @@ class Commander:
             execution.refuse("the autopilot has not been heard")
             return execution
         try:
-            return CommandExecution(VERBS[verb](state, *arguments, **options))
+            return CommandExecution(VERBS[verb](state, *arguments, **options), self._silence_s)
         except TypeError as error:
             raise ValueError(f"wrong arguments of {verb}: {error}") from error
 
@@ -215,7 +219,7 @@ class Commander:
             if handle in self._running:  # else a callback has ended it
                 messages = handle.execution.poll(state, now_ns)
                 if messages:
-                    self._send(messages)
+                    self._send(messages, handle.execution.request)
                 handle.tell(self._callbacks)
                 self.complete(handle)
         self._wake()
@@ -225,16 +229,18 @@ class Commander:
         deadlines = [running.execution.deadline_ns() for running in self._running]
         return min((deadline for deadline in deadlines if deadline is not None), default=None)
 
-    def on_ack(self, command: int, result: int, progress: int) -> None:
-        """COMMAND_ACK for us."""
-        for running in self._running:
-            running.execution.on_ack(command, result, progress)
+    def on_ack(self, request: object, command: int, result: int, progress: int) -> bool:
+        """COMMAND_ACK for a request of ours; returns whether one of the commands waited for it."""
+        waiting = [running.execution for running in self._running if running.execution.request is request]
+        for execution in waiting:
+            execution.on_ack(command, result, progress)
         self.poll()
+        return bool(waiting)
 
-    def on_parameter(self, name: str) -> None:
+    def on_parameter(self, name: str, value: float) -> None:
         """PARAM_VALUE of the autopilot."""
         for running in self._running:
-            running.execution.on_parameter(name)
+            running.execution.on_parameter(name, value)
 
     def on_text(self, text: StatusText) -> None:
         """STATUSTEXT of the autopilot."""

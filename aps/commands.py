@@ -4,9 +4,10 @@ A ``Plan`` (see ``plans``) says what to send and when the goal is reached; a ``C
 through. Its owner calls ``poll`` whenever something has happened or the deadline has passed, sends the
 messages that come back and looks at ``events`` and ``result``.
 
-Two clocks: acknowledgements and retries run on the wall clock (``now_ns``), since the link does; the time a
-flight may take runs on the autopilot's own (``AircraftState.time_boot_ms``), since a simulation may be
-paused, slow or fast.
+Two clocks: acknowledgements and retries run on the daemon's (``now_ns``: wall time, or sim time in held
+mode), since the link does; the time a flight may take runs on the autopilot's own
+(``AircraftState.time_boot_ms``), since a simulation may be paused, slow or fast. How long that one may stand
+still is again a matter of the daemon's: see ``timeouts``.
 """
 
 from __future__ import annotations
@@ -19,19 +20,20 @@ from typing import Any, Final
 from aps.dialect import enum_label, mavlink
 from aps.status_text import StatusText
 from aps.telemetry import AircraftState
+from aps.timeouts import (
+    ACK_TIMEOUTS_S,
+    ARMED_GRACE_MS,
+    FEEDBACK_PERIOD_MS,
+    IN_PROGRESS_TIMEOUT_S,
+    LINK_LOSS_TIMEOUT_S,
+    REASON_GRACE_S,
+    SILENCE_TIMEOUT_S,
+)
 
 __all__ = ["CommandExecution", "CommandProgress", "CommandResult", "Outcome", "Plan", "Step"]
 
 NS_PER_S: Final = 1_000_000_000
-ACK_TIMEOUTS_S: Final = (1.0, 1.0, 2.0, 4.0, 8.0)
-"""Wall time to wait for an acknowledgement, per try; after the last the command has timed out."""
-IN_PROGRESS_TIMEOUT_S: Final = 60.0
-REASON_GRACE_S: Final = 0.3
-"""After a refusal without a STATUSTEXT: how long to wait for one (ArduPilot queues them apart)."""
-LINK_LOSS_TIMEOUT_S: Final = 30.0
-FEEDBACK_PERIOD_MS: Final = 500
-ARMED_GRACE_MS: Final = 3000
-"""Autopilot time for a heartbeat to show that the UA is armed."""
+PARAMETER_TOLERANCE: Final = 1.0
 MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
 
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
@@ -85,7 +87,9 @@ class Step:
     command: int | None = None
     """MAV_CMD whose COMMAND_ACK answers it."""
     parameter: str | None = None
-    """Parameter whose PARAM_VALUE answers it."""
+    """Parameter whose PARAM_VALUE answers it ..."""
+    value: float = 0.0
+    """... if it tells this value (to 1, since some parameters are whole numbers), not the one of before."""
     optional: bool = False
     """A refusal is told as feedback but does not end the command."""
 
@@ -124,9 +128,14 @@ class _Waiting:
 
 
 class CommandExecution:
-    """Carries out one plan."""
+    """Carries out one plan.
 
-    def __init__(self, plan: Plan) -> None:
+    Args:
+        plan: what to do.
+        silence_s: for how long, by the daemon's clock, the autopilot's may stand still after acceptance.
+    """
+
+    def __init__(self, plan: Plan, silence_s: float = SILENCE_TIMEOUT_S) -> None:
         self.plan = plan
         self.events: list[CommandProgress] = []
         """Progress not yet taken by the owner."""
@@ -138,12 +147,21 @@ class CommandExecution:
         self._mode_seen = False
         self._armed_seen = False
         self._link_lost_ns: int | None = None
+        self._silence_ns = round(silence_s * NS_PER_S)
+        self._clock_ms = 0
+        self._clock_ns = 0
+        """When the autopilot's clock was first seen to be what it is now."""
+
+    @property
+    def request(self) -> object | None:
+        """What waits for an acknowledgement: the same object for all tries of one step."""
+        return self._waiting if self._accepted_ms is None else None
 
     # What happens.
 
     def on_ack(self, command: int, result: int, progress: int = 0xFF) -> None:
         """COMMAND_ACK addressed to us. One that answers nothing we wait for is ignored."""
-        if self._accepted_ms is None and self.plan.steps[self._step].command == command:
+        if self._waits() and self.plan.steps[self._step].command == command:
             if result == _IN_PROGRESS:
                 self._waiting.in_progress = True
                 share = "" if progress == 0xFF else f", {progress} %"
@@ -151,10 +169,15 @@ class CommandExecution:
             else:
                 self._waiting.answer = result
 
-    def on_parameter(self, name: str) -> None:
-        """PARAM_VALUE of the autopilot."""
-        if self._accepted_ms is None and self.plan.steps[self._step].parameter == name:
-            self._waiting.answer = _ACCEPTED
+    def on_parameter(self, name: str, value: float) -> None:
+        """PARAM_VALUE of the autopilot; also one that somebody else has asked for."""
+        if self._waits():
+            step = self.plan.steps[self._step]
+            if step.parameter == name and abs(value - step.value) <= PARAMETER_TOLERANCE:
+                self._waiting.answer = _ACCEPTED
+
+    def _waits(self) -> bool:
+        return self.result is None and self._accepted_ms is None and self._waiting.answer is None
 
     def on_text(self, text: StatusText) -> None:
         """STATUSTEXT of the autopilot: a refusal's reason."""
@@ -182,11 +205,11 @@ class CommandExecution:
             return []
         if self._accepted_ms is None:
             return self._poll_steps(state, now_ns)
-        self._poll_goal(state)
+        self._poll_goal(state, now_ns)
         return []
 
     def deadline_ns(self) -> int | None:
-        """Wall instant at which to poll even if nothing happens; ``None`` when there is none."""
+        """Instant of the daemon's clock at which to poll even if nothing happens; ``None`` when there is none."""
         if self.result is not None:
             return None
         candidates = []
@@ -195,13 +218,15 @@ class CommandExecution:
         if self._accepted_ms is None:
             waiting = self._waiting
             candidates.append(waiting.deadline_ns if waiting.refused_ns is None else self._reason_due_ns())
+        else:
+            candidates.append(self._clock_ns + self._silence_ns)
         return min(candidates, default=None)
 
     # Steps and their acknowledgements.
 
     def _poll_steps(self, state: AircraftState, now_ns: int) -> list[Any]:
         while self._waiting.answer == _ACCEPTED:
-            if not self._next_step(state):
+            if not self._next_step(state, now_ns):
                 return []
         if self._waiting.answer is not None:
             self._refused(self._waiting.answer, now_ns)
@@ -214,7 +239,7 @@ class CommandExecution:
             return []
         return self._send_step(now_ns)
 
-    def _next_step(self, state: AircraftState) -> bool:
+    def _next_step(self, state: AircraftState, now_ns: int) -> bool:
         """Go on to the next step; False when there is none and the flight towards the goal begins."""
         self._step += 1
         self._waiting = _Waiting()
@@ -222,7 +247,8 @@ class CommandExecution:
             return True
         self._accepted_ms = self._feedback_ms = state.time_boot_ms
         self._event("accepted", "accepted by the autopilot")
-        self._poll_goal(state)
+        self._clock_ns = now_ns
+        self._poll_goal(state, now_ns)
         return False
 
     def _send_step(self, now_ns: int) -> list[Any]:
@@ -257,8 +283,10 @@ class CommandExecution:
 
     # The flight towards the goal.
 
-    def _poll_goal(self, state: AircraftState) -> None:
+    def _poll_goal(self, state: AircraftState, now_ns: int) -> None:
         plan = self.plan
+        if state.time_boot_ms != self._clock_ms:
+            self._clock_ms, self._clock_ns = state.time_boot_ms, now_ns
         flown_ms = state.time_boot_ms - (self._accepted_ms or 0)
         self._mode_seen |= state.mode == plan.mode
         self._armed_seen |= state.armed
@@ -272,6 +300,9 @@ class CommandExecution:
             self._end(
                 Outcome.TIMED_OUT, f"not there after {plan.timeout_s:g} s of autopilot time" + self._words()
             )
+        elif now_ns - self._clock_ns >= self._silence_ns:
+            still_s = self._silence_ns / NS_PER_S
+            self._end(Outcome.TIMED_OUT, f"the autopilot's clock has stood still for {still_s:g} s")
         elif state.time_boot_ms - self._feedback_ms >= FEEDBACK_PERIOD_MS:
             self._feedback_ms = state.time_boot_ms
             remaining_m = plan.remaining_m(state)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from aps.outbox import DEFAULT_LIMIT_BYTES
-from aps.routing import DEFAULT_ROUTE_EXPIRY_NS
 from aps.streams import DEFAULT_RATES_HZ
+from aps.timeouts import ROUTE_EXPIRY_S
 
 __all__ = ["DaemonConfig"]
 
@@ -31,4 +31,4 @@ class DaemonConfig:
     queue_limit_bytes: int = DEFAULT_LIMIT_BYTES
     """Bound of the queue towards each client, and towards the autopilot."""
     max_clients: int = 64
-    route_expiry_s: float = DEFAULT_ROUTE_EXPIRY_NS / NS_PER_S
+    route_expiry_s: float = ROUTE_EXPIRY_S

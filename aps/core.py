@@ -8,10 +8,12 @@ links, writes the queues and says what time it is are the shells: ``aps.daemon``
 from __future__ import annotations
 
 import logging
+import struct
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, Final, Protocol
 
+from aps.acks import FOREIGN, AckLedger
 from aps.callbacks import Callbacks
 from aps.commander import Commander
 from aps.config import NS_PER_S, DaemonConfig
@@ -26,23 +28,24 @@ from aps.dialect import (
 from aps.framer import Frame, Framer
 from aps.routing import Router
 from aps.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
-from aps.streams import SET_MESSAGE_INTERVAL, StreamArbiter
-from aps.subscription import Subscription
-from aps.telemetry import AircraftState, Telemetry
+from aps.streams import StreamArbiter, command_of
+from aps.subscription import Subscriptions
+from aps.telemetry import Telemetry
+from aps.timeouts import HEARTBEAT_PERIOD_S, SILENCE_TIMEOUT_S, SILENT_HEARTBEATS
 
 __all__ = ["AUTOPILOT_LINK", "Core", "Queue"]
 
 AUTOPILOT_LINK: Final = 0
 """Link id of the autopilot; clients have others."""
-HEARTBEAT_PERIOD_NS: Final = NS_PER_S
-SILENT_HEARTBEATS: Final = 4
-"""So many autopilot heartbeats without any message that carries its clock: its streams are gone."""
+HEARTBEAT_PERIOD_NS: Final = round(HEARTBEAT_PERIOD_S * NS_PER_S)
 
 _HEARTBEAT: Final = 0
 _PARAM_VALUE: Final = 22
 _COMMAND_ACK: Final = 77
-_ACK_BYTES: Final = 10
+_PARAM_VALUE_START: Final = struct.Struct("<fHH16s")
+_ACK: Final = struct.Struct("<HBBiBB")
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
+_IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
 
 _log = logging.getLogger(__name__)
 
@@ -62,6 +65,7 @@ class Core:
         to_autopilot: what waits to be sent to the autopilot.
         clock: the shell's clock, ns, for what users start and ask between two events.
         wake: called when a command has queued messages or changed deadlines.
+        silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
 
     Every event takes ``now_ns``, an instant of the same clock; instants never go back.
     """
@@ -72,6 +76,7 @@ class Core:
         to_autopilot: Queue,
         clock: Callable[[], int],
         wake: Callable[[], None],
+        silence_s: float = SILENCE_TIMEOUT_S,
     ) -> None:
         self.config = config
         self.telemetry = Telemetry(config.sysid)
@@ -83,9 +88,11 @@ class Core:
             round(config.route_expiry_s * NS_PER_S),
         )
         self.framer = Framer()
+        self.acks = AckLedger()
         self.callbacks = Callbacks()
+        self.subscriptions = Subscriptions(self.callbacks)
         self.commands = Commander(
-            lambda: self.telemetry.state(clock()), self._send, clock, wake, self.callbacks
+            lambda: self.telemetry.state(clock()), self._send, clock, wake, self.callbacks, silence_s
         )
         self.texts: Callable[[StatusText], None] | None = None
         """Called with each text of the autopilot, if set."""
@@ -98,33 +105,19 @@ class Core:
         self._assembler = StatusTextAssembler()
         self._to_autopilot = to_autopilot
         self._queues: dict[int, Queue] = {AUTOPILOT_LINK: to_autopilot}
-        self._subscriptions: dict[Subscription, None] = {}  # in the order of their beginning
-        self._offered_ms = 0
         self._foreign: set[int] = set()
         self._silent_heartbeats = 0
         self._clock_ms = 0
         self._heartbeat_due_ns = 0
         self.router.add_link(AUTOPILOT_LINK, autopilot=True)
 
-    def subscribe(
-        self, callback: Callable[[AircraftState], None], rate_hz: float | None = None
-    ) -> Subscription:
-        """Call back with the state as it changes; see ``DaemonBase.subscribe``."""
-        if rate_hz is not None and not rate_hz > 0.0:
-            raise ValueError(f"rate_hz must be positive, not {rate_hz}")
-        period_ms = 0.0 if rate_hz is None else 1000.0 / rate_hz
-        subscription = Subscription(callback, period_ms, self._unsubscribe, self.callbacks)
-        self._subscriptions[subscription] = None
-        return subscription
-
-    def _unsubscribe(self, subscription: Subscription) -> None:
-        self._subscriptions.pop(subscription, None)
-
     def statistics(self) -> dict[str, Any]:
         """Counters of the logic, as plain data."""
         return {
             "routes": {outcome.value: count for outcome, count in self.router.counters.items()},
+            "decode_errors": self.telemetry.decode_errors,
             "streams": asdict(self.streams.counters),
+            "acknowledgements": asdict(self.acks.counters),
             "callback_errors": self.callbacks.errors,
         }
 
@@ -134,6 +127,7 @@ class Core:
         """There is a connection."""
         self.link_up = True
         self.framer.reset()
+        self.acks.forget()
         self.heard = False
         self._heartbeat_due_ns = now_ns  # introduce ourselves at once
         self.commands.on_link(True)
@@ -152,8 +146,8 @@ class Core:
             if frame.compid == AUTOPILOT_COMPID:
                 if frame.sysid == own:
                     changed |= self._from_autopilot(frame, now_ns)
-                    if self._subscriptions and self.telemetry.clock_ms != self._offered_ms:
-                        self._clock_advanced(now_ns)
+                    if self.subscriptions.due(self.telemetry.clock_ms):
+                        self.subscriptions.offer_due(self.telemetry.state(now_ns))
                 else:
                     self._from_foreign(frame)
             for link in self.router.route(frame, AUTOPILOT_LINK, now_ns).links:
@@ -175,9 +169,14 @@ class Core:
         elif frame.msg_id == STATUSTEXT_ID:
             self._status_text(frame)
         elif frame.msg_id == _PARAM_VALUE:
-            self.commands.on_parameter(frame.payload[8:24].split(b"\0", 1)[0].decode("ascii", "replace"))
+            self._parameter(frame)
             return True
         return False
+
+    def _parameter(self, frame: Frame) -> None:
+        payload = frame.payload.ljust(_PARAM_VALUE_START.size, b"\0")
+        value, _, _, name = _PARAM_VALUE_START.unpack_from(payload)
+        self.commands.on_parameter(name.split(b"\0", 1)[0].decode("ascii", "replace"), value)
 
     def _from_foreign(self, frame: Frame) -> None:
         if frame.msg_id == _HEARTBEAT and frame.sysid not in self._foreign:
@@ -190,6 +189,7 @@ class Core:
             )
 
     def _autopilot_heartbeat(self, now_ns: int) -> None:
+        self.acks.heartbeat()
         clock_ms = self.telemetry.clock_ms
         self._silent_heartbeats = 0 if clock_ms != self._clock_ms else self._silent_heartbeats + 1
         self._clock_ms = clock_ms
@@ -208,6 +208,7 @@ class Core:
 
     def _autopilot_rebooted(self, now_ns: int) -> None:
         _log.warning("the autopilot's clock went back: it has rebooted")
+        self.acks.forget()
         self.commands.interrupt_all("the autopilot rebooted")
         self._ask_for_streams(now_ns)
 
@@ -216,15 +217,22 @@ class Core:
         self._pump_streams(now_ns)
 
     def _command_ack(self, frame: Frame, now_ns: int) -> None:
-        payload = frame.payload.ljust(_ACK_BYTES, b"\0")
-        command, result, progress = int.from_bytes(payload[:2], "little"), payload[2], payload[3]
-        if payload[8] not in (0, self.config.sysid) or payload[9] not in (0, ONBOARD_COMPUTER_COMPID):
+        payload = frame.payload.ljust(_ACK.size, b"\0")
+        command, result, progress, _, system, component = _ACK.unpack_from(payload)
+        request = self.acks.answered(command, system, component, final=result != _IN_PROGRESS)
+        if request is FOREIGN:
             return
-        if command == SET_MESSAGE_INTERVAL:
+        counters = self.acks.counters
+        if request is None:
+            counters.stray += 1
+        elif request is self.streams.request:
+            counters.matched += 1
             self.streams.acknowledged(result == _ACCEPTED)
             self._pump_streams(now_ns)
+        elif self.commands.on_ack(request, command, result, progress):
+            counters.matched += 1
         else:
-            self.commands.on_ack(command, result, progress)
+            counters.late += 1
 
     def _status_text(self, frame: Frame) -> None:
         text = self._assembler.take(frame)
@@ -233,22 +241,11 @@ class Core:
             self.commands.on_text(text)
             self.callbacks.call("the callback for texts", self.texts, text)
 
-    def _clock_advanced(self, now_ns: int) -> None:
-        """Keep subscriptions at their rate also when a fast autopilot's bytes come in large pieces."""
-        self._offered_ms = self.telemetry.clock_ms
-        due = [s for s in self._subscriptions if s.rated and s.due(self._offered_ms)]
-        self._offer(due, now_ns)
-
     def _state_changed(self, now_ns: int) -> None:
-        self._offer(list(self._subscriptions), now_ns)
+        if self.subscriptions:
+            self.subscriptions.offer(self.telemetry.state(now_ns))
         if self.commands.busy:
             self.commands.poll()
-
-    def _offer(self, subscriptions: list[Subscription], now_ns: int) -> None:
-        if subscriptions:
-            state = self.telemetry.state(now_ns)
-            for subscription in subscriptions:
-                subscription.offer(state)
 
     # The clients' links.
 
@@ -268,20 +265,32 @@ class Core:
         for other in self.router.route(frame, link, now_ns).links:
             raw: bytes | None = frame.raw
             if other == AUTOPILOT_LINK:
+                self._note_command(frame)
                 raw = self.streams.client_frame(frame, link)
             if raw is not None:
                 self._queues[other].put(raw)
 
+    def _note_command(self, frame: Frame) -> None:
+        """Remember a client's command to the autopilot: its answer must not be taken for one of ours."""
+        command = command_of(frame)
+        ours = frame.target_system in (0, self.config.sysid)
+        if command is not None and ours and frame.target_component in (0, AUTOPILOT_COMPID):
+            self.acks.sent(command, frame.sysid, frame.compid, FOREIGN)
+
     # Our own messages, and time.
 
-    def _send(self, messages: list[Any]) -> None:
+    def _send(self, messages: list[Any], request: object) -> None:
+        """Queue messages; ``request`` waits for the acknowledgement of those that are commands."""
         for message in messages:
             self._to_autopilot.put(self._encoder.encode(message))
+            command = getattr(message, "command", None)
+            if command is not None:
+                self.acks.sent(command, self.config.sysid, ONBOARD_COMPUTER_COMPID, request)
 
     def _pump_streams(self, now_ns: int) -> None:
         request = self.streams.poll(now_ns)
         if request is not None:
-            self._send([set_message_interval(self.config.sysid, *request)])
+            self._send([set_message_interval(self.config.sysid, *request)], self.streams.request)
 
     def deadline_ns(self) -> int:
         """When ``on_time`` is due even if nothing happens."""
@@ -294,7 +303,7 @@ class Core:
             self._heartbeat_due_ns = now_ns + HEARTBEAT_PERIOD_NS
             if self.link_up:
                 # To the autopilot alone: a script that takes the first heartbeat for the vehicle's would take ours.
-                self._send([onboard_computer_heartbeat()])
+                self._send([onboard_computer_heartbeat()], None)
             self.router.expire(now_ns)
         self._pump_streams(now_ns)
         if self.commands.busy:

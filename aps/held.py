@@ -32,6 +32,7 @@ from aps.framer import Frame
 from aps.held_link import HeldLink
 from aps.inputs import Input, InputQueue
 from aps.outbox import FrameQueue
+from aps.timeouts import HELD_SILENCE_TIMEOUT_S
 
 __all__ = ["ExchangeCounters", "HeldDaemon"]
 
@@ -80,7 +81,7 @@ class HeldDaemon(DaemonBase):
     def __init__(self, config: DaemonConfig, *, takes_input: bool = True) -> None:
         self.link = HeldLink(parse_autopilot(config.autopilot), config.queue_limit_bytes)
         self._now_ns = 0
-        super().__init__(config, self.link, lambda: self._now_ns, lambda: None)
+        super().__init__(config, self.link, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
         self.takes_input = takes_input
         self.on_input: Callable[[Input], None] | None = None
         """Called with each input as it takes effect, in order: every frame of a client (even one that only

@@ -10,8 +10,9 @@ import logging
 import socket
 from typing import Final
 
-from aps.autopilot_link import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S, AutopilotAddress
+from aps.autopilot_link import AutopilotAddress
 from aps.outbox import FrameQueue
+from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
 
 __all__ = ["MAX_WRITE_BYTES", "RECEIVE_BUFFER_BYTES", "HeldLink"]
 

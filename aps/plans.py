@@ -12,12 +12,11 @@ from typing import Any, Final
 from aps.commands import Plan, Step
 from aps.dialect import AUTOPILOT_COMPID, is_plane, mavlink, mode_numbers
 from aps.telemetry import AircraftState
+from aps.timeouts import LANDING_TIMEOUT_S, MODE_TIMEOUT_S
 
 __all__ = ["arm", "disarm", "goto", "land", "rtl", "set_mode", "takeoff"]
 
 EARTH_RADIUS_M: Final = 6_378_137.0
-MODE_TIMEOUT_S: Final = 10.0
-LANDING_TIMEOUT_S: Final = 900.0
 COPTER_RADIUS_M: Final = 2.0
 COPTER_HEIGHT_M: Final = 1.0
 PLANE_RADIUS_M: Final = 200.0
@@ -122,7 +121,7 @@ def _parameter_step(state: AircraftState, name: str, value: float) -> Step:
             state.sysid, AUTOPILOT_COMPID, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
         )
 
-    return Step(message, parameter=name)
+    return Step(message, parameter=name, value=value)
 
 
 def goto(

@@ -26,11 +26,12 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from aps.framer import Frame
+from aps.timeouts import ROUTE_EXPIRY_S
 
 __all__ = ["Outcome", "Route", "Router"]
 
 NS_PER_S: Final = 1_000_000_000
-DEFAULT_ROUTE_EXPIRY_NS: Final = 60 * NS_PER_S
+DEFAULT_ROUTE_EXPIRY_NS: Final = round(ROUTE_EXPIRY_S * NS_PER_S)
 MAX_LEARNED: Final = 1024
 """Bound on remembered (system, component) pairs: a peer that sends from random ids cannot fill the memory."""
 

@@ -25,17 +25,23 @@ from typing import Final
 
 from aps.dialect import mavlink
 from aps.framer import Frame, with_payload
+from aps.timeouts import STREAM_ACK_TIMEOUT_S, STREAM_TRIES
 
-__all__ = ["DEFAULT_RATES_HZ", "STREAM_GROUPS", "StreamArbiter", "StreamCounters"]
+__all__ = ["DEFAULT_RATES_HZ", "STREAM_GROUPS", "StreamArbiter", "StreamCounters", "command_of"]
 
 NS_PER_S: Final = 1_000_000_000
 US_PER_S: Final = 1_000_000
-ACK_TIMEOUT_NS: Final = NS_PER_S
-MAX_TRIES: Final = 5
+ACK_TIMEOUT_NS: Final = round(STREAM_ACK_TIMEOUT_S * NS_PER_S)
+MAX_TRIES: Final = STREAM_TRIES
+MAX_WISHES: Final = 512
+"""Bound on a client's wishes: more messages than any autopilot can send."""
 DISABLED_US: Final = -1
 """SET_MESSAGE_INTERVAL's value for "do not send"."""
 AUTOPILOT_DEFAULT_US: Final = 0
 """SET_MESSAGE_INTERVAL's value for "the autopilot's own rate"."""
+
+_UNKNOWN_US: Final = -2
+"""Differs from every interval: to be asked for again."""
 
 SET_MESSAGE_INTERVAL: Final = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
 _REQUEST_DATA_STREAM: Final = 66
@@ -80,6 +86,13 @@ STREAM_GROUPS: Final[Mapping[int, tuple[int, ...]]] = {
 _ALL_STREAMS: Final = 0
 
 
+def command_of(frame: Frame) -> int | None:
+    """MAV_CMD of a COMMAND_LONG or COMMAND_INT; ``None`` of another message."""
+    if frame.msg_id not in _COMMAND_BYTES:
+        return None
+    return int.from_bytes(frame.payload[_COMMAND_AT : _COMMAND_AT + 2], "little")
+
+
 @dataclass(slots=True)
 class StreamCounters:
     """What was asked and how it went."""
@@ -90,6 +103,8 @@ class StreamCounters:
     absorbed: int = 0
     """REQUEST_DATA_STREAM turned into wishes."""
     malformed: int = 0
+    too_many: int = 0
+    """Wishes beyond MAX_WISHES: neither kept nor passed on."""
     sent: int = 0
     accepted: int = 0
     refused: int = 0
@@ -143,6 +158,8 @@ class StreamArbiter:
     def client_left(self, link: int) -> None:
         """Forget a client's wishes; what only it wanted goes back to the autopilot's default."""
         for msg_id in self._wishes.pop(link, {}):
+            if self.interval_us(msg_id) == AUTOPILOT_DEFAULT_US:
+                self.refused.discard(msg_id)
             self._want(msg_id)
 
     def client_frame(self, frame: Frame, link: int) -> bytes | None:
@@ -155,23 +172,23 @@ class StreamArbiter:
         if frame.msg_id == _REQUEST_DATA_STREAM:
             self._data_stream(frame, link)
             return None
-        if frame.msg_id in _COMMAND_BYTES:
-            payload = frame.payload.ljust(_COMMAND_BYTES[frame.msg_id], b"\0")
-            if int.from_bytes(payload[_COMMAND_AT : _COMMAND_AT + 2], "little") == SET_MESSAGE_INTERVAL:
-                return self._message_interval(frame, payload, link)
+        if command_of(frame) == SET_MESSAGE_INTERVAL:
+            return self._message_interval(frame, link)
         return frame.raw
 
-    def _message_interval(self, frame: Frame, payload: bytes, link: int) -> bytes:
+    def _message_interval(self, frame: Frame, link: int) -> bytes | None:
+        payload = frame.payload.ljust(_COMMAND_BYTES[frame.msg_id], b"\0")
         id_value, interval_value = _INTERVAL_PARAMS.unpack_from(payload)
         self.counters.client_requests += 1
         if not (0.0 <= id_value < 1 << 24 and -1.0 <= interval_value < 1 << 31):  # also false for NaN
             self.counters.malformed += 1
             return frame.raw  # the autopilot refuses it in its own words
         msg_id, interval_us = int(id_value), int(interval_value)
-        self._wish(link, msg_id, interval_us)
+        if not self._wish(link, msg_id, interval_us):
+            return None
         serving_us = self.interval_us(msg_id)
         if serving_us == interval_us:
-            self._asked[msg_id] = interval_us
+            self._note_asked(msg_id, interval_us)
             return frame.raw
         if frame.signed:
             # Cannot be rewritten without its key: it goes through, and ours follows to set things right.
@@ -179,7 +196,7 @@ class StreamArbiter:
             self._want(msg_id)
             return frame.raw
         self.counters.rewritten += 1
-        self._asked[msg_id] = serving_us
+        self._note_asked(msg_id, serving_us)
         return with_payload(frame, _INTERVAL_PARAMS.pack(id_value, serving_us) + payload[8:])
 
     def _data_stream(self, frame: Frame, link: int) -> None:
@@ -192,15 +209,28 @@ class StreamArbiter:
         groups = STREAM_GROUPS.values() if stream == _ALL_STREAMS else (STREAM_GROUPS[stream],)
         interval_us = round(US_PER_S / rate_hz) if start and rate_hz else DISABLED_US
         for msg_id in (msg_id for group in groups for msg_id in group):
-            self._wish(link, msg_id, interval_us)
-            self._want(msg_id)
+            if self._wish(link, msg_id, interval_us):
+                self._want(msg_id)
 
-    def _wish(self, link: int, msg_id: int, interval_us: int) -> None:
+    def _wish(self, link: int, msg_id: int, interval_us: int) -> bool:
+        """Keep a client's wish; False if it has too many."""
         wishes = self._wishes.setdefault(link, {})
         if interval_us == AUTOPILOT_DEFAULT_US:
             wishes.pop(msg_id, None)
+            self.refused.discard(msg_id)
+        elif msg_id not in wishes and len(wishes) >= MAX_WISHES:
+            self.counters.too_many += 1
+            return False
         else:
             wishes[msg_id] = interval_us
+        return True
+
+    def _note_asked(self, msg_id: int, interval_us: int) -> None:
+        """Remember what the autopilot is told, as long as it is there and the interval is not its own."""
+        if self._connected and interval_us != AUTOPILOT_DEFAULT_US:
+            self._asked[msg_id] = interval_us
+        else:
+            self._asked.pop(msg_id, None)
 
     # Asking the autopilot.
 
@@ -220,6 +250,7 @@ class StreamArbiter:
         self._connected = False
         self._outstanding = None
         self._queue.clear()
+        self._asked.clear()
 
     def _want(self, msg_id: int) -> None:
         if self._connected and msg_id not in self._queue and msg_id not in self.refused:
@@ -243,7 +274,7 @@ class StreamArbiter:
         """Nobody answers (a paused simulation, for one): the others first, but this one is not lost."""
         self.counters.postponed += 1
         self._outstanding = None
-        self._asked.pop(msg_id, None)
+        self._asked[msg_id] = _UNKNOWN_US
         self._want(msg_id)
 
     def _next(self, now_ns: int) -> tuple[int, int] | None:
@@ -252,11 +283,16 @@ class StreamArbiter:
             interval_us = self.interval_us(msg_id)
             if self._asked.get(msg_id, AUTOPILOT_DEFAULT_US) == interval_us:
                 continue
-            self._asked[msg_id] = interval_us
+            self._note_asked(msg_id, interval_us)
             self._outstanding = _Outstanding(msg_id, interval_us, 1, now_ns + ACK_TIMEOUT_NS)
             self.counters.sent += 1
             return msg_id, interval_us
         return None
+
+    @property
+    def request(self) -> object | None:
+        """What waits for an acknowledgement: the same object for all tries of one request."""
+        return self._outstanding
 
     @property
     def idle(self) -> bool:
@@ -268,7 +304,7 @@ class StreamArbiter:
         return None if self._outstanding is None else self._outstanding.deadline_ns
 
     def acknowledged(self, accepted: bool) -> None:
-        """The autopilot answered our own SET_MESSAGE_INTERVAL."""
+        """The autopilot answered the request that waits."""
         outstanding, self._outstanding = self._outstanding, None
         if outstanding is None:
             return
@@ -276,4 +312,6 @@ class StreamArbiter:
             self.counters.accepted += 1
         else:
             self.counters.refused += 1
-            self.refused.add(outstanding.msg_id)
+            self._asked.pop(outstanding.msg_id, None)
+            if outstanding.interval_us != AUTOPILOT_DEFAULT_US:
+                self.refused.add(outstanding.msg_id)

@@ -11,18 +11,17 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import Any, Final
 
 from aps.dialect import enum_label, mavlink, mode_numbers
 from aps.framer import Frame
+from aps.timeouts import CONNECTED_S, REBOOT_STEP_MS
 
 __all__ = ["AircraftState", "LandedState", "Telemetry"]
 
 NS_PER_S: Final = 1_000_000_000
 NAN: Final = math.nan
-REBOOT_STEP_MS: Final = 2000
-"""The autopilot's clock going back by more than this is a reboot (less is reordering between streams)."""
 
 Vector3 = tuple[float, float, float]
 _NO_VECTOR: Final[Vector3] = (NAN, NAN, NAN)
@@ -78,7 +77,7 @@ class AircraftState:
     """MAV_STATE label: BOOT, STANDBY, ACTIVE, CRITICAL, ..."""
     landed_state: LandedState = "undefined"
     heartbeat_age_s: float = math.inf
-    """Wall seconds since the autopilot's last heartbeat."""
+    """Seconds of the daemon's clock (wall time, or sim time in held mode) since the autopilot's last heartbeat."""
     flight_time_s: float = 0.0
     """Time in the air in this (else the latest) flight, by the autopilot's clock."""
     voltage_v: float = NAN
@@ -102,8 +101,8 @@ class AircraftState:
 
     @property
     def connected(self) -> bool:
-        """Whether the autopilot has been heard in the last 5 s of wall time."""
-        return self.heartbeat_age_s < 5.0
+        """Whether the autopilot has been heard within CONNECTED_S."""
+        return self.heartbeat_age_s < CONNECTED_S
 
 
 def _body_from_ned(vector: Vector3, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vector3:
@@ -121,13 +120,13 @@ def _body_from_ned(vector: Vector3, roll_rad: float, pitch_rad: float, yaw_rad: 
     )
 
 
-@cache
+@lru_cache(maxsize=256)
 def _mode_name(vehicle_type: int, custom_mode: int) -> str:
     names = {number: name for name, number in mode_numbers(vehicle_type).items()}
     return names.get(custom_mode, f"MODE_{custom_mode}")
 
 
-@cache
+@lru_cache(maxsize=256)
 def _base_mode_label(base_mode: int) -> str:
     return "|".join(enum_label("MAV_MODE_FLAG", 1 << bit) for bit in range(8) if base_mode & 1 << bit)
 
@@ -140,7 +139,8 @@ class Telemetry:
         self.reboots = 0
         """How often the autopilot's clock has gone back."""
         self.decode_errors = 0
-        """Frames of a known type whose values made no sense (e.g. a latitude of 300 degrees)."""
+        """Frames of a known type whose values made no sense: a latitude of 300 degrees, an infinite number. NaN is
+        no error: autopilots send it for what they do not know."""
         self._values: dict[str, Any] = {"sysid": sysid}
         self._heartbeat_ns: int | None = None
         self._armed_and_up = False
@@ -170,12 +170,15 @@ class Telemetry:
         decoder = _DECODERS.get(frame.msg_id)
         if decoder is None:
             return False
-        layout, handler = decoder
+        layout, handler, has_floats = decoder
         raw, start = frame.raw, frame.payload_start
         if frame.payload_bytes >= layout.size:
             fields = layout.unpack_from(raw, start)
         else:
             fields = layout.unpack(frame.payload.ljust(layout.size, b"\0"))
+        if has_floats and (math.inf in fields or -math.inf in fields):
+            self.decode_errors += 1
+            return True
         if frame.msg_id == 0:
             self._heartbeat_ns = now_ns
         handler(self, fields)
@@ -231,8 +234,7 @@ class Telemetry:
     def _global_position_int(self, fields: tuple[Any, ...]) -> None:
         time_boot_ms, lat, lon, alt_mm, alt_rel_mm, north_cmps, east_cmps, down_cmps, _ = fields
         self._clock(time_boot_ms)
-        if abs(lat) > 900_000_000 or abs(lon) > 1_800_000_000:
-            self.decode_errors += 1
+        if not self._on_earth(lat, lon):
             return
         values = self._values
         values["lat_deg"], values["lon_deg"] = lat * 1e-7, lon * 1e-7
@@ -270,7 +272,15 @@ class Telemetry:
     def _ekf_status(self, fields: tuple[Any, ...]) -> None:
         self._values["position_ok"] = bool(fields[5] & _EKF_POSITION)
 
+    def _on_earth(self, lat: int, lon: int) -> bool:
+        """Whether a position in 1e-7 degrees is one; counted if not."""
+        good = abs(lat) <= 900_000_000 and abs(lon) <= 1_800_000_000
+        self.decode_errors += not good
+        return good
+
     def _home_position(self, fields: tuple[Any, ...]) -> None:
+        if not self._on_earth(fields[0], fields[1]):
+            return
         values = self._values
         values["home_lat_deg"], values["home_lon_deg"] = fields[0] * 1e-7, fields[1] * 1e-7
         values["home_alt_amsl_m"] = fields[2] * 1e-3
@@ -309,8 +319,8 @@ class Telemetry:
 
 
 _Handler = Callable[[Telemetry, tuple[Any, ...]], None]
-_DECODERS: Final[dict[int, tuple[struct.Struct, _Handler]]] = {
-    msg_id: (struct.Struct(layout), handler)
+_DECODERS: Final[dict[int, tuple[struct.Struct, _Handler, bool]]] = {
+    msg_id: (struct.Struct(layout), handler, "f" in layout)
     for msg_id, layout, handler in (
         # The leading fields that we use, in wire order (common.xml, ardupilotmega.xml).
         (0, "<IBBBB", Telemetry._heartbeat),
@@ -330,4 +340,4 @@ _DECODERS: Final[dict[int, tuple[struct.Struct, _Handler]]] = {
         (245, "<BB", Telemetry._extended_sys_state),
     )
 }
-"""Message id -> (layout, handler) of everything that feeds the state."""
+"""Message id -> (layout, handler, whether it has floats) of everything that feeds the state."""

@@ -1,20 +1,25 @@
 import itertools
 import math
+from dataclasses import fields, replace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from aps.config import DaemonConfig
+from aps.core import Core
 from aps.framer import MAX_FRAME_BYTES, Framer
 from aps.streams import StreamArbiter
-from aps.telemetry import Telemetry
+from aps.telemetry import _DECODERS, Telemetry
+
+ALL_MESSAGES = tuple(sorted(mavlink.mavlink_map))
 
 
-def _value(kind, length):
+def _value(kind, length, wild):
     if kind == "char":
         return st.binary(max_size=length)
     if kind in ("float", "double"):
-        one = st.floats(width=32, allow_nan=False, allow_infinity=False)
+        one = st.floats(width=32, allow_nan=wild, allow_infinity=wild)
     else:
         bits = int(
             "".join(c for c in kind.removesuffix("_t").removesuffix("_mavlink_version") if c.isdigit())
@@ -25,15 +30,19 @@ def _value(kind, length):
 
 
 @st.composite
-def messages(draw):
-    """A random message of the dialect with random values, packed as v1 or v2, maybe signed."""
-    cls = mavlink.mavlink_map[draw(st.sampled_from(sorted(mavlink.mavlink_map)))]
+def messages(draw, msg_ids=ALL_MESSAGES, wild=False, sender=None):
+    """A random message of the dialect with random values, packed as v1 or v2, maybe signed.
+
+    ``wild`` values are also NaN and infinite.
+    """
+    cls = mavlink.mavlink_map[draw(st.sampled_from(msg_ids))]
     lengths = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
     values = [
-        draw(_value(kind, max(1, lengths[name])))
+        draw(_value(kind, max(1, lengths[name]), wild))
         for name, kind in zip(cls.fieldnames, cls.fieldtypes, strict=True)
     ]
-    mav = mavlink.MAVLink(None, srcSystem=draw(st.integers(1, 255)), srcComponent=draw(st.integers(0, 255)))
+    sysid, compid = sender or draw(st.tuples(st.integers(1, 255), st.integers(0, 255)))
+    mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
     mav.seq = draw(st.integers(0, 255))
     kind = draw(st.sampled_from(["v1", "v2", "signed"]))
     if kind == "signed":
@@ -107,15 +116,65 @@ def test_mutated_stream_finds_its_way_back(raw, mutations):
     assert [frame.raw for frame in frames][-(60 - swallowed) :] == good[swallowed:]
 
 
-@given(st.lists(messages(), max_size=6))
-@settings(max_examples=200)
-def test_state_takes_any_values(raws):
+def numbers(state):
+    """All floats of a state, also of its vectors."""
+    for value in (*(getattr(state, field.name) for field in fields(state)), state.wind_body_mps):
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float):
+                yield number
+
+
+@given(st.lists(messages(tuple(sorted(_DECODERS)), wild=True), max_size=12))
+@settings(max_examples=400)
+def test_state_takes_any_values_and_is_never_infinite(raws):
     telemetry = Telemetry(1)
     for now, frame in enumerate(frames_of(raws)[0]):
-        telemetry.update(frame, now)
-    state = telemetry.state(100)
-    assert math.isnan(state.lat_deg) or abs(state.lat_deg) <= 90.0
+        assert telemetry.update(frame, now)
+    state = replace(telemetry.state(100), heartbeat_age_s=0.0)
+    for lat_deg, lon_deg in ((state.lat_deg, state.lon_deg), (state.home_lat_deg, state.home_lon_deg)):
+        assert math.isnan(lat_deg) or abs(lat_deg) <= 90.0
+        assert math.isnan(lon_deg) or abs(lon_deg) <= 180.0
     assert state.flight_time_s >= 0.0
+    assert not any(math.isinf(number) for number in numbers(state))
+
+
+FROM_AUTOPILOT = messages((*sorted(_DECODERS), 22, 77, 253), wild=True, sender=(1, 1))
+FROM_CLIENT = messages((0, 66, 75, 76, 109, 11, 23), wild=True)
+
+
+class Bin:
+    def put(self, frame):
+        assert frame
+
+
+@given(
+    st.lists(st.tuples(st.booleans(), st.integers(0, 40_000_000_000)), max_size=25),
+    st.lists(FROM_AUTOPILOT, min_size=1, max_size=12),
+    st.lists(FROM_CLIENT, min_size=1, max_size=12),
+    st.sampled_from([("arm",), ("takeoff", 10.0), ("goto", 47.0, 8.0, 20.0), ("rtl",), ("land",)]),
+)
+def test_the_logic_takes_any_messages_at_any_time(turns, said, sent, command):
+    now_ns, ends = 0, []
+    config = DaemonConfig(autopilot="tcp:127.0.0.1:1", sysid=1)
+    core = Core(config, Bin(), lambda: now_ns, lambda: None)
+    core.autopilot_up(0)
+    core.client_opened(1, Bin())
+    heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 0xD9, 4, 4, 3)
+    core.autopilot_data(bytes(heartbeat.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1))), 0)
+    core.subscriptions.add(lambda state: None, rate_hz=5.0)
+    core.commands.start(*command, on_done=ends.append)
+    from_autopilot, from_client = itertools.cycle(said), itertools.cycle(frames_of(sent)[0])
+    for autopilot, wait_ns in turns:
+        now_ns += wait_ns
+        if autopilot:
+            core.autopilot_data(next(from_autopilot), now_ns)
+        else:
+            for frame in itertools.islice(from_client, 1):
+                core.client_frame(frame, 1, now_ns)
+        core.on_time(now_ns)
+    core.commands.interrupt_all("the end")
+    assert len(ends) == 1
+    assert core.callbacks.errors == 0
 
 
 @given(st.lists(messages(), max_size=6))

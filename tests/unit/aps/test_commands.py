@@ -4,9 +4,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps import plans
-from aps.commands import ACK_TIMEOUTS_S, LINK_LOSS_TIMEOUT_S, CommandExecution, Outcome
+from aps.commands import CommandExecution, Outcome
 from aps.status_text import StatusText
 from aps.telemetry import AircraftState
+from aps.timeouts import ACK_TIMEOUTS_S, LINK_LOSS_TIMEOUT_S
 
 S = 1_000_000_000
 ARM, MODE, TAKEOFF, REPOSITION, SPEED = 400, 176, 22, 192, 178

@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.framer import Framer
-from aps.streams import MAX_TRIES, STREAM_GROUPS, StreamArbiter
+from aps.streams import MAX_TRIES, MAX_WISHES, STREAM_GROUPS, StreamArbiter
 
 S = 1_000_000_000
 ATTITUDE, VFR_HUD, RAW_IMU = 30, 74, 27
@@ -215,3 +215,54 @@ def test_unknown_stream_is_counted(streams):
 def test_default_rates_are_checked(rate_hz):
     with pytest.raises(ValueError, match=r"message 30 must be in \(0, 1000\] Hz"):
         StreamArbiter({ATTITUDE: rate_hz})
+
+
+def memory(streams):
+    """How many things it remembers."""
+    wishes = sum(len(wishes) for wishes in streams._wishes.values())
+    return wishes + len(streams._asked) + len(streams._queue) + len(streams.refused)
+
+
+@pytest.mark.parametrize("interval_us", [10_000, 0, -1])
+def test_wishes_for_ever_new_messages_are_bounded_and_counted(streams, interval_us):
+    drain(streams)
+    passed = sum(
+        streams.client_frame(set_interval(msg_id, interval_us), ALICE) is not None
+        for msg_id in range(1000, 1000 + 3 * MAX_WISHES)
+    )
+    assert memory(streams) <= 2 * MAX_WISHES + 2
+    if interval_us:
+        assert (passed, streams.counters.too_many) == (MAX_WISHES, 2 * MAX_WISHES)
+        assert streams.client_frame(set_interval(1000, 50_000), ALICE) is not None  # one that it has
+
+
+def test_clients_that_come_and_go_leave_nothing_behind(streams):
+    drain(streams)
+    empty = memory(streams)
+    for link in range(1, 40):
+        for msg_id in range(1000 * link, 1000 * link + 20):
+            streams.client_frame(set_interval(msg_id, 10_000), link)
+        streams.client_left(link)
+        if link % 2:
+            drain(streams, accepted=False)
+        if link % 10 == 0:
+            streams.disconnected()
+            streams.client_frame(set_interval(1000 * link, 10_000), link)
+            streams.client_left(link)
+            streams.connected()
+    drain(streams)
+    assert memory(streams) <= empty
+
+
+def test_reset_that_nobody_answers_is_not_lost(streams):
+    drain(streams)
+    streams.client_frame(data_stream(3, 10), ALICE)
+    drain(streams)
+    streams.client_left(ALICE)
+    now_ns, asked = 0, []
+    for _ in range(3 * 3 * MAX_TRIES):
+        request = streams.poll(now_ns)
+        if request is not None:
+            asked.append(request)
+        now_ns = streams.deadline_ns()
+    assert {asked.count((msg_id, 0)) >= 2 * MAX_TRIES for msg_id in STREAM_GROUPS[3]} == {True}

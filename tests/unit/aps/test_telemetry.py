@@ -253,3 +253,35 @@ def test_recorded_flight_replays_to_the_states_that_pymavlink_decodes():
     assert (state.armed, state.landed_state, state.position_ok) == (False, "on_ground", True)
     assert state.flight_time_s == pytest.approx(36.0, abs=2.0)
     assert telemetry.reboots == telemetry.decode_errors == 0
+
+
+@pytest.mark.parametrize("infinite", [math.inf, -math.inf])
+def test_infinite_values_are_an_error_and_change_nothing(feed, infinite):
+    feed(mavlink.MAVLink_wind_message(90.0, 5.0, 3.0))
+    before = feed(mavlink.MAVLink_attitude_message(1000, 0.1, 0.2, 0.3, 0, 0, 0))
+    for message in (
+        mavlink.MAVLink_wind_message(infinite, 5.0, 3.0),
+        mavlink.MAVLink_attitude_message(2000, infinite, 0.0, 0.0, 0, 0, 0),
+        mavlink.MAVLink_local_position_ned_message(2000, 1.0, infinite, 0.0, 0, 0, 0),
+    ):
+        feed(message)
+    after = feed.telemetry.state(0)
+    assert (after.wind_ned_mps, after.roll_rad, after.time_boot_ms) == (
+        before.wind_ned_mps,
+        before.roll_rad,
+        1000,
+    )
+    assert all(math.isfinite(component) for component in after.wind_body_mps)
+    assert feed.telemetry.decode_errors == 3
+
+
+def test_values_that_are_not_a_number_are_unknown(feed):
+    state = feed(mavlink.MAVLink_wind_message(math.nan, 5.0, 3.0))
+    assert math.isnan(state.wind_ned_mps[0])
+    assert feed.telemetry.decode_errors == 0
+
+
+def test_home_that_is_not_on_earth_is_an_error(feed):
+    message = mavlink.MAVLink_home_position_message(2_000_000_000, 0, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+    assert math.isnan(feed(message).home_lat_deg)
+    assert feed.telemetry.decode_errors == 1

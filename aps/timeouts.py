@@ -1,0 +1,68 @@
+"""All time-outs of aps in one place, and how they fit each other.
+
+They run on three clocks. The daemon's clock is monotonic wall time, or sim time in held mode; the
+autopilot's own is ``time_boot_ms``, sim time since its boot; wall time is what a host waits.
+
+A request is repeated (ACK_TIMEOUTS_S: 16 s in all) for less long than a lost link is forgiven
+(LINK_LOSS_TIMEOUT_S), so a link that comes back after a few seconds finds its command still being asked
+for. Both are shorter than a route lives (ROUTE_EXPIRY_S), so the answer finds its way back. After
+acceptance a command may take as long as its flight is long, in the autopilot's time; since that time stands
+still when the autopilot is silent or its simulation paused, SILENCE_TIMEOUT_S bounds the standstill by the
+daemon's clock. It exceeds all the others: a command ends for the most telling reason.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+# Wall time: the sockets.
+
+CONNECT_TIMEOUT_S: Final = 5.0
+"""For one attempt to connect to the autopilot."""
+FIRST_RETRY_S: Final = 0.1
+LONGEST_RETRY_S: Final = 2.0
+"""Between attempts, doubling: short, since a simulated autopilot is there within a second or two."""
+
+# The daemon's clock: messages and their answers.
+
+HEARTBEAT_PERIOD_S: Final = 1.0
+"""Between our heartbeats, as MAVLink asks."""
+CONNECTED_S: Final = 5.0
+"""Since the autopilot's last heartbeat, until it no longer counts as connected: five are missing."""
+ACK_TIMEOUTS_S: Final = (1.0, 1.0, 2.0, 4.0, 8.0)
+"""For an acknowledgement, per try; after the last the command has timed out."""
+IN_PROGRESS_TIMEOUT_S: Final = 60.0
+"""After the autopilot has said that a command is in progress, until it says so again or is done."""
+REASON_GRACE_S: Final = 0.3
+"""After a refusal without a STATUSTEXT: for one to come (ArduPilot queues them apart)."""
+STREAM_ACK_TIMEOUT_S: Final = 1.0
+"""For the answer to a stream request, times the number of the try: 1, 2, 3, 4, 5 s."""
+STREAM_TRIES: Final = 5
+"""Then the next stream is asked for, and this one again later."""
+LINK_LOSS_TIMEOUT_S: Final = 30.0
+"""For a command whose link is down."""
+ROUTE_EXPIRY_S: Final = 60.0
+"""Since the last frame of a sender, until its route is forgotten: 60 missing heartbeats."""
+SILENCE_TIMEOUT_S: Final = 600.0
+"""For an accepted command whose autopilot's clock stands still, by wall time. A paused simulation cannot be told from
+an autopilot that hangs, so this is long: a pause of up to ten minutes does not end a command."""
+HELD_SILENCE_TIMEOUT_S: Final = 30.0
+"""The same in held mode: sim time stands still in a pause, too, so this can be as short as that of a lost link."""
+
+# The autopilot's own time: what happens in flight.
+
+OWED_HEARTBEATS: Final = 3
+"""Heartbeats of the autopilot (1 Hz of its time) after which an acknowledgement that has not come will not come: it
+answers within one of its loops, and the heartbeats of a paused simulation wait as well."""
+SILENT_HEARTBEATS: Final = 4
+"""Heartbeats in a row without any message that carries its clock: its streams are gone."""
+FEEDBACK_PERIOD_MS: Final = 500
+"""Between two pieces of feedback of a command."""
+ARMED_GRACE_MS: Final = 3000
+"""For a heartbeat to show that the UA is armed."""
+REBOOT_STEP_MS: Final = 2000
+"""The autopilot's clock going back by more than this is a reboot (less is reordering between streams)."""
+MODE_TIMEOUT_S: Final = 10.0
+"""From acceptance until the heartbeat shows the mode, or that the UA is armed or disarmed."""
+LANDING_TIMEOUT_S: Final = 900.0
+"""From acceptance until it is down, and for a leg of unknown length."""

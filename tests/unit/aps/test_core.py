@@ -1,0 +1,200 @@
+"""The daemon's logic with an autopilot that is a few lines of the test."""
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.config import DaemonConfig
+from aps.core import Core
+from aps.framer import Framer
+
+S = 1_000_000_000
+ARM, SET_MESSAGE_INTERVAL = 400, 511
+ATTITUDE, VFR_HUD = 30, 74
+ACCEPTED, FAILED = 0, 4
+
+
+class Bench:
+    """A core, a clock, and an autopilot's mouth and ears."""
+
+    def __init__(self, rates_hz=None, **core_options):
+        self.now_ns = 0
+        self.parser = mavlink.MAVLink(None)
+        self.autopilot = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
+        self.heard = []
+        self.ends = []
+        config = DaemonConfig(autopilot="tcp:127.0.0.1:1", sysid=2, stream_rates_hz=rates_hz or {})
+        self.core = Core(config, self, lambda: self.now_ns, lambda: None, **core_options)
+        self.core.autopilot_up(0)
+
+    def put(self, frame):
+        self.heard += self.parser.parse_buffer(frame)
+
+    def say(self, *messages):
+        data = b"".join(bytes(message.pack(self.autopilot)) for message in messages)
+        self.core.autopilot_data(data, self.now_ns)
+
+    def heartbeat(self, armed=False):
+        self.say(mavlink.MAVLink_heartbeat_message(2, 3, 0x59 | 0x80 * armed, 4, 4, 3))
+
+    def ack(self, command, result=ACCEPTED, target=(2, 191)):
+        self.say(mavlink.MAVLink_command_ack_message(command, result, 255, 0, *target))
+
+    def clock(self, ms):
+        self.say(mavlink.MAVLink_system_time_message(0, ms))
+
+    def wait(self, seconds):
+        self.now_ns += round(seconds * S)
+        self.core.on_time(self.now_ns)
+
+    def start(self, *arguments, **options):
+        return self.core.commands.start(
+            *arguments, on_done=lambda result: self.ends.append(str(result)), **options
+        )
+
+    def commands(self, command):
+        return [m for m in self.heard if m.get_type() == "COMMAND_LONG" and m.command == command]
+
+    def client_says(self, message, link=1):
+        station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        (frame,) = Framer().receive(bytes(message.pack(station)))
+        self.core.client_frame(frame, link, self.now_ns)
+
+
+class Nobody:
+    def put(self, frame):
+        pass
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    bench.heartbeat()
+    return bench
+
+
+def test_late_acknowledgement_of_a_retry_does_not_end_the_next_command_of_its_kind(bench):
+    arming = bench.start("arm")
+    bench.wait(1.0)  # no answer for a second: a second try
+    bench.ack(ARM)
+    bench.heartbeat(armed=True)
+    assert arming.result.reached
+    disarming = bench.start("disarm")
+    bench.ack(ARM, ACCEPTED)  # of the second try to arm
+    bench.ack(ARM, FAILED)
+    bench.wait(0.5)
+    assert disarming.result.outcome.value == "refused"
+    assert bench.core.acks.counters.late == 1
+
+
+def test_acknowledgement_of_an_interrupted_command_is_not_its_successors(bench):
+    bench.start("mode", "LOITER")
+    landing = bench.start("land")
+    bench.ack(176)
+    assert landing.execution.request is not None
+    assert bench.ends == ["mode interrupted: by land"]
+    bench.ack(176)
+    assert landing.execution.request is None
+
+
+def test_an_acknowledgement_that_never_comes_costs_one_retry(bench):
+    bench.start("mode", "LOITER")
+    landing = bench.start("land")
+    bench.ack(176)  # land's: the first was dropped by the autopilot
+    bench.wait(1.0)
+    bench.ack(176)
+    assert landing.execution.request is None
+
+
+def test_parameter_told_to_somebody_else_does_not_end_a_command(bench):
+    bench.say(mavlink.MAVLink_heartbeat_message(1, 3, 0xD9, 0, 4, 3))  # a fixed wing, armed
+    climbing = bench.start("takeoff", 80.0)
+    bench.say(mavlink.MAVLink_param_value_message(b"TKOFF_ALT", 50.0, 9, 1, 0))
+    assert bench.commands(176) == []
+    bench.say(mavlink.MAVLink_param_value_message(b"TKOFF_ALT", 80.0, 9, 1, 0))
+    assert len(bench.commands(176)) == 1
+    climbing.cancel()
+
+
+def test_late_acknowledgement_of_a_stream_request_does_not_shift_the_others():
+    bench = Bench({ATTITUDE: 10.0, VFR_HUD: 4.0})
+    bench.heartbeat()
+    for seconds in (1.0, 2.0):
+        bench.wait(seconds)
+    assert [message.param1 for message in bench.commands(SET_MESSAGE_INTERVAL)] == [ATTITUDE] * 3
+    bench.ack(SET_MESSAGE_INTERVAL, ACCEPTED)
+    assert bench.commands(SET_MESSAGE_INTERVAL)[-1].param1 == VFR_HUD
+    for _ in range(2):
+        bench.ack(SET_MESSAGE_INTERVAL, ACCEPTED)  # of the other two tries
+    assert not bench.core.streams.idle
+    bench.ack(SET_MESSAGE_INTERVAL, FAILED)
+    assert bench.core.streams.idle
+    assert bench.core.streams.refused == {VFR_HUD}
+
+
+def test_answers_after_a_pause_go_to_the_requests_they_are_for():
+    bench = Bench({ATTITUDE: 10.0, VFR_HUD: 4.0})
+    bench.heartbeat()
+    for _ in range(400):
+        bench.wait(0.1)  # the simulation is paused; the daemon does not know
+    asked = [message.param1 for message in bench.commands(SET_MESSAGE_INTERVAL)]
+    assert set(asked) == {ATTITUDE, VFR_HUD}
+    bench.heartbeat()
+    for msg_id in asked:
+        bench.ack(SET_MESSAGE_INTERVAL, FAILED if msg_id == VFR_HUD else ACCEPTED)
+    for message in bench.commands(SET_MESSAGE_INTERVAL)[len(asked) :]:
+        bench.ack(SET_MESSAGE_INTERVAL, FAILED if message.param1 == VFR_HUD else ACCEPTED)
+    assert bench.core.streams.refused == {VFR_HUD}
+
+
+@pytest.mark.parametrize("target", [(255, 190), (0, 0)])
+def test_answer_to_a_clients_own_request_is_not_ours(target):
+    bench = Bench({ATTITUDE: 10.0})
+    bench.heartbeat()
+    bench.ack(SET_MESSAGE_INTERVAL)
+    bench.core.client_opened(1, Nobody())
+    bench.client_says(mavlink.MAVLink_command_long_message(2, 1, 511, 0, VFR_HUD, 1e5, 0, 0, 0, 0, 0))
+    bench.client_says(mavlink.MAVLink_request_data_stream_message(2, 1, 11, 50, 1))
+    bench.wait(0.0)
+    assert bench.commands(SET_MESSAGE_INTERVAL)[-1].param2 == 20_000  # ours, for the data stream
+    bench.ack(SET_MESSAGE_INTERVAL, FAILED, target)
+    assert not bench.core.streams.idle
+    bench.ack(SET_MESSAGE_INTERVAL, ACCEPTED, (0, 0))
+    assert bench.core.streams.idle
+    assert bench.core.streams.refused == set()
+
+
+def flying(**core_options):
+    bench = Bench(**core_options)
+    bench.heartbeat(armed=True)
+    bench.clock(60_000)
+    climbing = bench.start("takeoff", 100.0)
+    bench.ack(176)
+    bench.ack(22)
+    assert climbing.execution.request is None
+    return bench
+
+
+def test_autopilot_that_falls_silent_does_not_hold_a_command_for_ever():
+    bench = flying()
+    bench.wait(599.0)
+    assert bench.ends == []
+    bench.wait(1.0)
+    assert bench.ends == ["takeoff timed out: the autopilot's clock has stood still for 600 s"]
+
+
+def test_autopilot_whose_clock_goes_on_is_not_silent():
+    bench = flying(silence_s=30.0)
+    for second in range(100):
+        bench.wait(1.0)
+        bench.clock(60_000 + 10 * second)  # a hundred times slower than the daemon's clock
+    assert bench.ends == []
+    for _ in range(31):
+        bench.wait(1.0)
+        bench.heartbeat(armed=True)  # tells no time
+    assert bench.ends == ["takeoff timed out: the autopilot's clock has stood still for 30 s"]
+
+
+def test_deadline_of_the_core_includes_the_silence():
+    bench = flying(silence_s=0.25)
+    bench.wait(0.0)  # our heartbeat is sent
+    assert bench.core.deadline_ns() == S // 4
