@@ -183,7 +183,7 @@ class Exchange:
         if verdict is not Verdict.ADVANCE:
             self._act(seat, verdict)
             return False
-        clock.ask(member, aircraft.target_ns())
+        clock.ask(member, aircraft.target_ns(), not aircraft.lockstep.unread)
         if not clock.may_step(member):
             self._blocked.append(seat)
             return False
@@ -196,6 +196,8 @@ class Exchange:
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
         ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
         clock.update(time.monotonic_ns())
+        for member in clock.take_absent():
+            self._tell(EventKind.ABSENT, member, "the fleet starts without it: its autopilot sent no packet")
         seats = self._seats
         for fd, _ in ready:
             seat = seats.get(fd)
@@ -297,11 +299,15 @@ class Exchange:
             self._boot(seat, verdict)
         elif verdict is Verdict.RESEND:
             seat.send(seat.aircraft.lockstep.reply)
+        elif (
+            verdict is Verdict.WAITING and not seat.member.ended and (seat.member.live or self._return(seat))
+        ):
+            self._ask(seat)  # again: it may be quiet only now
 
     def _ask(self, seat: Seat) -> None:
         if not seat.member.waiting:
             self._arrivals.append(seat)
-        self._clock.ask(seat.member, seat.aircraft.target_ns())
+        self._clock.ask(seat.member, seat.aircraft.target_ns(), not seat.aircraft.lockstep.unread)
 
     def _boot(self, seat: Seat, verdict: Verdict) -> None:
         seat.aircraft.reset()
@@ -312,11 +318,6 @@ class Exchange:
         else:
             self._tell(EventKind.RESTARTED, seat.member, "its autopilot booted anew")
         self._ask(seat)
-        if seat.aircraft.parallel:
-            try:
-                seat.send(seat.aircraft.at_boot())
-            except ModelDivergedError as error:
-                self._end(seat, error)
 
     def _return(self, seat: Seat) -> bool:
         """Take a stalled UA back; False if it is out for good."""
@@ -357,12 +358,16 @@ class Exchange:
 
     def _serve(self, seats: Sequence[Seat]) -> None:
         """Step all, then answer all."""
+        clock = self._clock
         for seat in seats:
+            aircraft = seat.aircraft
             try:
-                seat.aircraft.step()
+                if aircraft.lead_due:
+                    seat.send(aircraft.at_boot())
+                    aircraft.lockstep.answered_beforehand(clock.wall_ns)
+                aircraft.step()
             except ModelDivergedError as error:
                 self._end(seat, error)
-        clock = self._clock
         for seat in seats:
             aircraft = seat.aircraft
             if not seat.member.waiting:
@@ -395,6 +400,8 @@ class Exchange:
             clock.tick_emitted()
             if self._on_tick is not None:
                 self._on_tick(status)
+                # However long that took: what is answered next is answered now, not before it.
+                clock.update_deaf(time.monotonic_ns())
             self._commands.obey()
 
     def _restarts(self) -> dict[int, int]:
@@ -408,3 +415,4 @@ class Exchange:
         _log.info("UA %d %s: %s", event.ua_id, kind.value, detail)
         if self._on_event is not None:
             self._on_event(event)
+            self._clock.update_deaf(time.monotonic_ns())
