@@ -306,7 +306,7 @@ def test_a_start_without_somebody_is_told_before_the_first_tick(fly, workers):
         lambda ports: [Pilot(ports[1], 400)],
         workers=workers,
         at_tick=at_tick,
-        start_timeout_s=0.4,
+        start_timeout_s=2.0,
         last_tick_ns=20 * MS,
     )
     assert [(event.kind, event.ua_id, event.sim_time_ns) for event in events] == [
