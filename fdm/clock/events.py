@@ -16,6 +16,8 @@ class EventKind(Enum):
     """The autopilot sent its first packet."""
     RESTARTED = "restarted"
     """The autopilot booted anew; the UA is back at its home."""
+    ABSENT = "absent"
+    """The autopilot had sent nothing when the start timeout passed; the fleet starts without it."""
     STALLED = "stalled"
     """The autopilot stopped answering; nobody waits for it any more."""
     RETURNED = "returned"

@@ -3,14 +3,16 @@
 A UA that wants to step from t to its target may do so if all of these hold:
 
 - the fleet has started (every UA has joined, or the start timeout passed);
-- ``t < tick bound``: no UA steps beyond a tick before every live UA has reached it, the tick was emitted and,
-  if ticks are held, released. Ticks are the instants k * tick_period_ns of fleet sim time;
+- ``t < tick bound``: no UA steps beyond a tick before every live UA is quiet there, the tick was emitted and, if
+  ticks are held, released. Ticks are the instants k * tick_period_ns of fleet sim time. A UA is quiet at a tick when
+  it has reached it and its autopilot is blocked: it has read all answers and asked for its next step, so that nothing
+  comes from it before the next answer;
 - ``target <= slowest + window``: no UA runs ahead of the slowest live one by more than the window;
 - ``target <= pace``: sim time runs at most `speed` times as fast as wall time; a fleet that falls behind by
   more than MAX_LAG_NS of wall time does not try to make up for it.
 
-A live UA that owes a packet for longer than the stall timeout is stalled: nobody waits for it any more. When
-it sends again it joins again, as after a boot, at the next tick.
+A live UA that is not quiet owes a packet. When it owes one for longer than the stall timeout it is stalled: nobody
+waits for it any more. When it sends again it joins again, as after a boot, at the next tick.
 """
 
 from __future__ import annotations
@@ -56,12 +58,23 @@ class Member:
         sim_time_ns: its fleet sim time.
         target_ns: where its next step leads; meaningful while `waiting`.
         live: others wait for it.
-        waiting: it has asked for a step (so it cannot stall).
+        waiting: it has asked for a step.
+        quiet: so it has, and its autopilot is blocked until it is answered (so it cannot stall).
         joined: it has joined at least once.
         ended: it is out for good.
     """
 
-    __slots__ = ("ended", "idle_ns", "joined", "live", "sim_time_ns", "target_ns", "ua_id", "waiting")
+    __slots__ = (
+        "ended",
+        "idle_ns",
+        "joined",
+        "live",
+        "quiet",
+        "sim_time_ns",
+        "target_ns",
+        "ua_id",
+        "waiting",
+    )
 
     def __init__(self, ua_id: int) -> None:
         self.ua_id = ua_id
@@ -69,6 +82,7 @@ class Member:
         self.target_ns = 0
         self.live = False
         self.waiting = False
+        self.quiet = False
         self.joined = False
         self.ended = False
         self.idle_ns = 0
@@ -86,7 +100,7 @@ class FleetClock:
 
     Attributes:
         wall_ns: instant of the latest `update`.
-        limits_version: changes whenever a UA that was refused a step might be granted it now.
+        limits_version: changes whenever a UA that was refused a step might be granted it now, or a tick is due.
     """
 
     def __init__(
@@ -102,6 +116,7 @@ class FleetClock:
         self.started = not settings.start_together
         self.limits_version = 0
         self._live: list[Member] = []
+        self._absent: list[Member] = []
         self._slowest_ns = 0  # of the whole fleet; the next two are of this process
         self._own_slowest_ns = 0
         self._at_slowest = 0
@@ -121,10 +136,16 @@ class FleetClock:
 
     # The hot path
 
-    def ask(self, member: Member, target_ns: int) -> None:
-        """Take note that a live `member` wants to step to `target_ns` of fleet sim time."""
+    def ask(self, member: Member, target_ns: int, quiet: bool = True) -> None:
+        """Take note that a live `member` wants to step to `target_ns` of fleet sim time.
+
+        If its autopilot is not `quiet` yet, this is to be called again when it is.
+        """
         member.target_ns = target_ns
         member.waiting = True
+        member.quiet = quiet
+        if quiet and member.sim_time_ns >= self._next_tick_ns:
+            self.limits_version += 1
         step_ns = target_ns - member.sim_time_ns
         if step_ns > self._largest_step_ns:
             self._largest_step_ns = step_ns
@@ -143,14 +164,12 @@ class FleetClock:
         """Take note that `member` took its step and was answered."""
         was_slowest = member.sim_time_ns == self._own_slowest_ns
         member.sim_time_ns = member.target_ns
-        member.waiting = False
+        member.waiting = member.quiet = False
         member.idle_ns = 0
         if len(self._live) == 1 and self._peers is None:
-            # Nobody else waits, so that only a tick changes a limit; and silence counts from this frame on.
+            # Nobody else waits, so that no limit changes; and silence counts from this frame on.
             self._slowest_ns = self._own_slowest_ns = member.sim_time_ns
             self._stall_check_ns = self.wall_ns
-            if member.sim_time_ns >= self._next_tick_ns:
-                self.limits_version += 1
         elif was_slowest:
             self._at_slowest -= 1
             if self._at_slowest <= 0:
@@ -162,6 +181,7 @@ class FleetClock:
         self.wall_ns = wall_ns
         if not self.started:
             if wall_ns - self._begin_ns >= self._settings.start_timeout_ns:
+                self._absent = [member for member in self.members.values() if not member.joined]
                 self._start()
             return
         if not self.paused and self.speed != inf:
@@ -170,6 +190,12 @@ class FleetClock:
             self._set_slowest()
         if gap_ns > MAX_GAP_NS:
             self._stall_check_ns += gap_ns - MAX_GAP_NS
+
+    def update_deaf(self, wall_ns: int) -> None:
+        """As `update`, after a time in which nobody could be heard: it counts towards no stall."""
+        self._stall_check_ns += wall_ns - self.wall_ns
+        self.wall_ns = wall_ns
+        self.update(wall_ns)
 
     # Joining, leaving
 
@@ -182,7 +208,6 @@ class FleetClock:
         member.sim_time_ns = self._next_tick_ns if self.started else 0
         member.live = True
         member.joined = True
-        member.waiting = False
         member.ended = False
         member.idle_ns = 0
         self._live.append(member)
@@ -197,6 +222,11 @@ class FleetClock:
         member.ended = True
         self._find_slowest()
 
+    def take_absent(self) -> list[Member]:
+        """The members that had not joined when the start timeout passed; once."""
+        absent, self._absent = self._absent, []
+        return absent
+
     def take_stalled(self) -> list[Member]:
         """The members that have just stalled, if any. Call it when all packets that are there were heard.
 
@@ -209,7 +239,7 @@ class FleetClock:
         self._stall_check_ns = self.wall_ns
         stalled = []
         for member in self._live:
-            if not member.waiting:
+            if not member.quiet:
                 member.idle_ns += elapsed_ns
                 if member.idle_ns > timeout_ns:
                     stalled.append(member)
@@ -222,8 +252,14 @@ class FleetClock:
     # Ticks
 
     def due_tick_ns(self) -> int | None:
-        """The tick that every live UA has reached and that was not emitted yet, or None."""
-        if self._own_slowest_ns >= self._next_tick_ns and self._live and self.started:
+        """The tick at which every live UA is quiet, once; None before that, and while the tick before it is held."""
+        if (
+            self._own_slowest_ns >= self._next_tick_ns
+            and self._live
+            and self.started
+            and not self._tick_is_held()
+            and all(member.quiet for member in self._live)
+        ):
             return self._next_tick_ns
         return None
 
@@ -329,7 +365,7 @@ class FleetClock:
         if member.live:
             self._live.remove(member)
         member.live = False
-        member.waiting = False
+        member.waiting = member.quiet = False
 
     def _find_slowest(self) -> None:
         if len(self._live) == 1:
@@ -364,9 +400,12 @@ class FleetClock:
 
     def _set_tick_bound(self) -> None:
         last_tick_ns = self._next_tick_ns - self._settings.tick_period_ns
-        held = self._settings.hold_ticks and self._released_ns < last_tick_ns
-        self._tick_bound_ns = last_tick_ns if held else self._next_tick_ns
+        self._tick_bound_ns = last_tick_ns if self._tick_is_held() else self._next_tick_ns
         self.limits_version += 1
+
+    def _tick_is_held(self) -> bool:
+        last_tick_ns = self._next_tick_ns - self._settings.tick_period_ns
+        return self._settings.hold_ticks and self._released_ns < last_tick_ns
 
     def _restart_pace(self) -> None:
         self._pace_sim_ns, self._pace_wall_ns = self._slowest_ns, self.wall_ns

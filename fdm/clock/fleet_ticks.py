@@ -13,6 +13,7 @@ _LIVE_AFTER = {
     EventKind.JOINED: True,
     EventKind.RESTARTED: True,
     EventKind.RETURNED: True,
+    EventKind.ABSENT: False,
     EventKind.STALLED: False,
     EventKind.DIVERGED: False,
 }
@@ -46,7 +47,7 @@ class FleetTicks:
         self._live[event.ua_id] = _LIVE_AFTER[event.kind]
         if event.kind is EventKind.DIVERGED:
             self._ended.add(event.ua_id)
-        elif event.kind is not EventKind.STALLED:
+        elif _LIVE_AFTER[event.kind]:
             self._ended.discard(event.ua_id)
         if event.kind is EventKind.RESTARTED:
             self._restarts[event.ua_id] += 1

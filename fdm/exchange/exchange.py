@@ -6,39 +6,28 @@ handler.
 
 from __future__ import annotations
 
-import logging
 import socket
 import time
 from collections.abc import Callable, Sequence
 from math import inf
 
-from fdm.clock.events import EventKind, UaEvent
-from fdm.clock.fleet_clock import ClockSettings, ClockStatus, FleetClock, Member, Peers, check_speed
+from fdm.clock.events import UaEvent
+from fdm.clock.fleet_clock import ClockSettings, ClockStatus, FleetClock, Peers, check_speed
 from fdm.clock.status import nanoseconds
-from fdm.errors import ModelDivergedError
 from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
 from fdm.exchange.poller import Poller
 from fdm.exchange.seat import BuildModel, Seat, bind
+from fdm.exchange.service import DATAGRAM_MAX_BYTES, Service
 from fdm.exchange.settings import Coupling, check_coupling
 from fdm.model.jsbsim_model import JsbsimModel
 from fdm.model.truth import TrueState
-from fdm.wire.lockstep import STEPPING, Verdict
-from fdm.wire.sensor_frame import decode_sensor_frame
 
 __all__ = ["AircraftSpec", "Exchange", "LegacyPeer", "default_port"]
 
-DATAGRAM_MAX_BYTES = 128
-"""Longer datagrams arrive cut to this length, which is the length of no servo packet either."""
 WAIT = 0
 """Flag of a read that waits, up to the socket's time-out."""
-DRAIN_MAX = 16
-"""Datagrams without effect that are read from one socket before the others get their turn."""
-BATCH = 8
-"""UA that are stepped one after the other before they are answered: that keeps JSBSim in the processor's caches."""
-
-_log = logging.getLogger(__name__)
 
 
 class Exchange:
@@ -106,13 +95,10 @@ class Exchange:
         if len(set(ids)) != len(ids):
             raise ValueError(f"ua_id twice in {ids}")
         self._clock = FleetClock(ids, settings, time.monotonic_ns(), peers)
-        self._on_truth, self._on_tick, self._on_event = on_truth, on_tick, on_event
-        self._seats: dict[int, Seat] = {}
-        self._lone: Seat | None = None
-        self._arrivals: list[Seat] = []
-        self._blocked: list[Seat] = []
-        self._seen_version = -1
         self._commands = CommandQueue()
+        self._service = Service(self._clock, self._commands, on_truth, on_tick, on_event)
+        self._seats = self._service.seats
+        self._lone: Seat | None = None
         self._stopping = False
         self._poller = Poller()
         self._listeners: dict[int, Callable[[], object]] = {}
@@ -154,10 +140,8 @@ class Exchange:
             self._wait()
         elif self._wait_and_fly(lone):
             return
-        self._progress()
-        for member in self._clock.take_stalled():
-            self._tell(EventKind.STALLED, member, "its autopilot does not answer")
-            self._progress()
+        self._service.progress()
+        self._service.let_go_the_stalled()
 
     def _choose_reader(self, lone: Seat, speed: float) -> None:
         self._receive = reader_of(
@@ -170,7 +154,7 @@ class Exchange:
         Returns:
             Whether it asked for a frame that could be flown and answered at once, and there is nothing else to do.
         """
-        clock, aircraft, member = self._clock, seat.aircraft, seat.member
+        clock = self._clock
         try:
             datagram, sender = self._receive(DATAGRAM_MAX_BYTES, WAIT)
         except BlockingIOError:
@@ -179,16 +163,7 @@ class Exchange:
         clock.update(time.monotonic_ns())
         if self._commands.waiting:
             self._commands.obey()
-        verdict = aircraft.receive(datagram, sender, clock.wall_ns)
-        if verdict is not Verdict.ADVANCE:
-            self._act(seat, verdict)
-            return False
-        clock.ask(member, aircraft.target_ns())
-        if not clock.may_step(member):
-            self._blocked.append(seat)
-            return False
-        self._serve((seat,))
-        return clock.limits_version == self._seen_version
+        return self._service.take(seat, datagram, sender)
 
     def _wait(self) -> None:
         """Wait for packets, wakes or the clock, and hear what has come."""
@@ -196,13 +171,14 @@ class Exchange:
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
         ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
         clock.update(time.monotonic_ns())
+        self._service.tell_absent()
         seats = self._seats
         for fd, _ in ready:
             seat = seats.get(fd)
             if seat is None:
                 self._listeners[fd]()
             else:
-                self._hear(seat)
+                self._service.hear(seat)
 
     def stop(self) -> None:
         """Let `run` return soon."""
@@ -275,136 +251,3 @@ class Exchange:
             raise
         self._seats[sock.fileno()] = seat
         self._poller.register(sock.fileno())
-
-    def _hear(self, seat: Seat) -> None:
-        """Read datagrams of one UA until one asks for a step, or there are none."""
-        for _ in range(DRAIN_MAX):
-            try:
-                datagram, sender = seat.recvfrom(DATAGRAM_MAX_BYTES, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return
-            verdict = seat.aircraft.receive(datagram, sender, self._clock.wall_ns)
-            self._act(seat, verdict)
-            if verdict in STEPPING:
-                return
-
-    def _act(self, seat: Seat, verdict: Verdict | None) -> None:
-        """Do what the verdict on a datagram asks for, short of stepping."""
-        if verdict is Verdict.ADVANCE or verdict is Verdict.GAP:
-            if seat.member.live or self._return(seat):
-                self._ask(seat)
-        elif verdict is Verdict.BOOT or verdict is Verdict.RESTART:
-            self._boot(seat, verdict)
-        elif verdict is Verdict.RESEND:
-            seat.send(seat.aircraft.lockstep.reply)
-
-    def _ask(self, seat: Seat) -> None:
-        if not seat.member.waiting:
-            self._arrivals.append(seat)
-        self._clock.ask(seat.member, seat.aircraft.target_ns())
-
-    def _boot(self, seat: Seat, verdict: Verdict) -> None:
-        seat.aircraft.reset()
-        seat.aircraft.set_fleet_time(self._clock.join(seat.member))
-        self._forget(seat)
-        if verdict is Verdict.BOOT:
-            self._tell(EventKind.JOINED, seat.member, "its autopilot sent its first packet")
-        else:
-            self._tell(EventKind.RESTARTED, seat.member, "its autopilot booted anew")
-        self._ask(seat)
-        if seat.aircraft.parallel:
-            try:
-                seat.send(seat.aircraft.at_boot())
-            except ModelDivergedError as error:
-                self._end(seat, error)
-
-    def _return(self, seat: Seat) -> bool:
-        """Take a stalled UA back; False if it is out for good."""
-        if seat.member.ended:
-            seat.aircraft.count("ignored_after_end")
-            return False
-        seat.aircraft.set_fleet_time(self._clock.join(seat.member))
-        self._forget(seat)
-        self._tell(EventKind.RETURNED, seat.member, "its autopilot answers again")
-        return True
-
-    def _forget(self, seat: Seat) -> None:
-        for waiting in (self._arrivals, self._blocked):
-            if seat in waiting:
-                waiting.remove(seat)
-
-    def _progress(self) -> None:
-        """Step whoever may, emit the ticks that are reached, until nothing moves."""
-        clock = self._clock
-        while True:
-            if self._commands.waiting:
-                self._commands.obey()
-            if clock.limits_version != self._seen_version:
-                if clock.due_tick_ns() is not None:
-                    self._emit_due_ticks()
-                self._seen_version = clock.limits_version
-                if self._blocked:
-                    self._arrivals, self._blocked = self._blocked + self._arrivals, []
-            candidates = self._arrivals
-            if not candidates:
-                return
-            self._arrivals = []
-            granted: list[Seat] = []
-            for seat in candidates:
-                (granted if clock.may_step(seat.member) else self._blocked).append(seat)
-            for begin in range(0, len(granted), BATCH):
-                self._serve(granted[begin : begin + BATCH])
-
-    def _serve(self, seats: Sequence[Seat]) -> None:
-        """Step all, then answer all."""
-        for seat in seats:
-            try:
-                seat.aircraft.step()
-            except ModelDivergedError as error:
-                self._end(seat, error)
-        clock = self._clock
-        for seat in seats:
-            aircraft = seat.aircraft
-            if not seat.member.waiting:
-                continue  # it has just ended
-            try:
-                reply = aircraft.measure()
-            except ModelDivergedError as error:
-                self._end(seat, error)
-                continue
-            seat.send(reply)
-            aircraft.lockstep.answered(aircraft.fields[2], reply, clock.wall_ns)
-            clock.stepped(seat.member)
-            if aircraft.early:
-                aircraft.take_early()
-                self._ask(seat)
-
-    def _end(self, seat: Seat, error: ModelDivergedError) -> None:
-        self._clock.end(seat.member)
-        self._forget(seat)
-        self._tell(EventKind.DIVERGED, seat.member, str(error))
-
-    def _emit_due_ticks(self) -> None:
-        clock = self._clock
-        while (tick_ns := clock.due_tick_ns()) is not None:
-            if self._on_truth is not None:
-                by_member = {seat.member: seat.aircraft for seat in self._seats.values()}
-                for member in clock.live_members():
-                    self._on_truth(by_member[member].truth())
-            status = clock.status(tick_ns, self._restarts())
-            clock.tick_emitted()
-            if self._on_tick is not None:
-                self._on_tick(status)
-            self._commands.obey()
-
-    def _restarts(self) -> dict[int, int]:
-        name = Verdict.RESTART.value
-        return {seat.aircraft.ua_id: seat.aircraft.counters().get(name, 0) for seat in self._seats.values()}
-
-    def _tell(self, kind: EventKind, member: Member, detail: str) -> None:
-        seat = next(seat for seat in self._seats.values() if seat.member is member)
-        last = decode_sensor_frame(seat.aircraft.lockstep.reply)
-        event = UaEvent(kind, member.ua_id, member.sim_time_ns, detail, last)
-        _log.info("UA %d %s: %s", event.ua_id, kind.value, detail)
-        if self._on_event is not None:
-            self._on_event(event)

@@ -16,6 +16,9 @@ from fdm.wire.servo_packet import Fields, unpack_servo_packet
 
 WIND_PERIOD_NS = 10_000_000
 """Sim time between two looks at the wind; it is held in between."""
+BOOT_S = 1e-6
+"""Timestamp of the state at boot. At 0 SITL takes its clock for one that runs by itself, and computes that one frame
+by the host's: no two boots would be alike."""
 OVERRUNS = "overruns"
 """Counter of the servo packets that gave way to later ones, as two of their UA were waiting already."""
 
@@ -64,6 +67,7 @@ class HostedAircraft:
         fields: the servo packet of the frame that is asked for.
         early: in parallel coupling the one after it, if that came before the frame was flown; empty = none.
         frames: frames that were asked for in the usual way.
+        lead_due: in parallel coupling, the state at boot is to be sent before the first frame is flown.
         model: its flight model.
     """
 
@@ -82,6 +86,7 @@ class HostedAircraft:
         "early",
         "fields",
         "frames",
+        "lead_due",
         "lockstep",
         "member",
         "model",
@@ -105,7 +110,7 @@ class HostedAircraft:
         self.frames = 0
         self.fields: Fields = ()
         self.early: Fields = ()
-        self.parallel = parallel
+        self.parallel = self.lead_due = parallel
         self._unpack = unpack
         self._disturb = disturb
         self._build_model = build_model
@@ -128,7 +133,7 @@ class HostedAircraft:
         if fields.__class__ is str:
             self._counters[fields] += 1
             return None
-        queued = self.parallel and self.member.waiting and sender == self.lockstep.sender
+        queued = self.parallel and self.lockstep.waiting and sender == self.lockstep.sender
         verdict = self.lockstep.receive(fields[2], sender, wall_ns)  # type: ignore[arg-type]
         if verdict is Verdict.ADVANCE:
             self.frames += 1
@@ -154,6 +159,7 @@ class HostedAircraft:
         if self._used:
             self._set_model(self._build_model())
         self._used = False
+        self.lead_due = self.parallel
 
     def _set_model(self, model: FlightModel) -> None:
         self.model = model
@@ -189,7 +195,8 @@ class HostedAircraft:
         Raises:
             ModelDivergedError: the flight model is lost.
         """
-        return self._encode((self._timer.time_ns / 1e9, *self.model.sense()))
+        self.lead_due = False
+        return self._encode((BOOT_S, *self.model.sense()))
 
     def measure(self) -> bytes:
         """The reply's datagram after a step.

@@ -62,9 +62,11 @@ class Lockstep:
         sender: source address of the latest packet that was not stale; replies go there. None before the
             first.
         reply: the latest reply, for RESEND; empty before the first.
+        unread: answers that the autopilot has not shown to have read; each new packet shows that it read one. With
+            none left it is blocked, and all that it had to say before its latest packet is said.
     """
 
-    __slots__ = ("_answered", "_answered_at_ns", "_frame_count", "reply", "sender")
+    __slots__ = ("_answered", "_answered_at_ns", "_frame_count", "reply", "sender", "unread")
 
     def __init__(self) -> None:
         self._frame_count = -1
@@ -72,6 +74,7 @@ class Lockstep:
         self._answered_at_ns = 0
         self.sender: Any = None
         self.reply = b""
+        self.unread = 0
 
     @property
     def waiting(self) -> bool:
@@ -88,6 +91,8 @@ class Lockstep:
         """
         if sender == self.sender and (frame_count - self._frame_count) % FRAME_COUNT_MODULUS == 1:
             self._frame_count = frame_count
+            if self.unread:
+                self.unread -= 1
             return Verdict.ADVANCE
         return self._judge_unusual(frame_count, sender, wall_ns)
 
@@ -96,13 +101,22 @@ class Lockstep:
         self._answered = frame_count
         self.reply = reply
         self._answered_at_ns = wall_ns
+        self.unread += 1
+
+    def answered_beforehand(self, wall_ns: int) -> None:
+        """Take note of an answer, at `wall_ns`, that no packet has asked for yet."""
+        self._answered_at_ns = wall_ns
+        self.unread += 1
 
     def _judge_unusual(self, frame_count: int, sender: object, wall_ns: int) -> Verdict:
         if self._frame_count < 0:
             return self._take(frame_count, sender, Verdict.BOOT)
         ahead = (frame_count - self._frame_count) % FRAME_COUNT_MODULUS
         if 0 < ahead < _HALF and (frame_count or ahead == 1):
-            return self._take(frame_count, sender, Verdict.ADVANCE if ahead == 1 else Verdict.GAP)
+            unread = max(0, self.unread - ahead)
+            verdict = self._take(frame_count, sender, Verdict.ADVANCE if ahead == 1 else Verdict.GAP)
+            self.unread = unread
+            return verdict
         if sender != self.sender:
             return self._take(frame_count, sender, Verdict.RESTART)
         if ahead == 0:
@@ -113,6 +127,8 @@ class Lockstep:
 
     def _judge_repeat(self, wall_ns: int) -> Verdict:
         if self.waiting:
+            if wall_ns - self._answered_at_ns >= RESEND_SILENCE_NS:
+                self.unread = 0  # it has none, or it would have gone on: one was lost
             return Verdict.WAITING
         if wall_ns - self._answered_at_ns < RESEND_SILENCE_NS:
             return Verdict.DUPLICATE
@@ -123,6 +139,7 @@ class Lockstep:
         self._frame_count = frame_count
         self._answered = -1
         self.sender = sender
+        self.unread = 0
         return verdict
 
 

@@ -17,6 +17,7 @@ from fdm.air.wind import WindConfig, load_wind
 from fdm.clock.events import EventKind
 from fdm.errors import ModelDivergedError, PortInUseError
 from fdm.exchange.exchange import AircraftSpec, Exchange, LegacyPeer
+from fdm.exchange.hosted_aircraft import BOOT_S
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home, geodetic_from_ned
 from fdm.model.jsbsim_model import JsbsimModel
@@ -156,6 +157,7 @@ def test_it_takes_off_when_the_motors_say_so(start):
     for _ in range(400):
         frame = client.exchange((1600,) * 4 + (0,) * 12)
     assert frame.position_ned_m[2] < -2.0
+    client.send()
     running.wait_for(lambda: len(running.ticks) == 21)
     assert running.truths[-1].sim_time_ns == running.ticks[-1].sim_time_ns == 10**9
     assert running.truths[-1].position_ned_m == pytest.approx(frame.position_ned_m, abs=1e-4)
@@ -213,6 +215,7 @@ def test_eight_ua_of_mixed_types_and_rates_stay_within_the_window(start, workers
         client.rate_hz = rate_hz
         for _ in range(rate_hz // 2):
             client.exchange()
+        client.send()
 
     threads = [
         threading.Thread(target=fly, args=(client, rate))
@@ -252,8 +255,9 @@ def test_held_ticks_wait_for_their_release(start):
 
 def test_a_release_from_within_on_tick_is_enough(start):
     running = start(hold_ticks=True, tick_period_ns=2_500_000)
-    note = running.exchange._on_tick
-    running.exchange._on_tick = lambda s: (note(s), running.exchange.release_tick(s.sim_time_ns))
+    service = running.exchange._service
+    note = service._on_tick
+    service._on_tick = lambda s: (note(s), running.exchange.release_tick(s.sim_time_ns))
     for _ in range(20):
         running.clients[0].exchange()
     assert len(running.ticks) >= 20
@@ -290,7 +294,7 @@ def test_a_model_that_diverges_at_boot_ends_its_ua_once_and_is_not_stepped(start
     running.wait_for(lambda: len(running.events) >= 4)
     assert all(client.silent() for client in running.clients.values())
     kinds = [event.kind for event in running.events]
-    assert kinds == [EventKind.JOINED, EventKind.DIVERGED, EventKind.JOINED, EventKind.DIVERGED]
+    assert kinds == [EventKind.JOINED, EventKind.JOINED, EventKind.DIVERGED, EventKind.DIVERGED]
     assert Broken.steps == 0
 
 
@@ -322,25 +326,42 @@ def test_in_parallel_coupling_the_autopilot_gets_the_state_at_boot_and_then_what
                 pilot.send(rising(count), count)
             frames[coupling].append([pilot.receive() for pilot in client.values()])
     at_boot, *flown = frames["parallel"]
-    assert [frame.timestamp_s for frame in at_boot] == [0.0, 0.0]
+    assert [frame.timestamp_s for frame in at_boot] == [BOOT_S, BOOT_S]
     assert flown == frames["serial"][:-1]
     assert flown[-1][0].position_ned_m[2] < -0.16, "it did not take off, so that this shows nothing"
 
 
-def test_in_parallel_coupling_two_frames_may_wait_and_each_is_answered_once(start):
-    running = start(coupling="parallel", hold_ticks=True)
-    client = running.clients[0]
-    for count in (0, 1, 1):
-        client.send(count=count)
-    assert client.receive().timestamp_s == 0.0
-    running.wait_for(lambda: running.ticks)
-    assert client.silent()
+def test_in_parallel_coupling_a_tick_waits_for_the_packet_that_follows_the_last_answer(start_any):
+    running = start_any(ids=(0, 1), coupling="parallel", hold_ticks=True, tick_period_ns=5_000_000)
+    both = running.clients.values()
+
+    def tick_times():
+        return [tick.sim_time_ns for tick in running.ticks]
+
+    for client in both:
+        client.send(count=0)
+    running.wait_for(lambda: tick_times() == [0])
+    assert all(client.silent() for client in both), "an answer before the first tick was released"
     running.exchange.release_tick(0)
-    assert [client.receive().timestamp_s for _ in range(2)] == [0.0025, 0.005]
-    assert client.silent()
-    client.send(count=2)
-    assert client.receive().timestamp_s == 0.0075
-    assert running.exchange.counters(0) == {"boots": 1, "frames": 2, "repeats_while_waiting": 1}
+    for client in both:
+        assert [client.receive().timestamp_s for _ in range(2)] == [BOOT_S, 0.0025]
+        client.send(count=1)
+        client.send(count=2)  # asks for the frame after 5 ms, and has not read the answer for 5 ms
+    for client in both:
+        assert client.receive().timestamp_s == 0.005
+        assert client.silent(0.2)
+    assert tick_times() == [0]
+    for client in both:
+        client.send(count=3)
+        client.send(count=3)
+    running.wait_for(lambda: tick_times() == [0, 5_000_000])
+    assert all(client.silent() for client in both)
+    running.exchange.release_tick(5_000_000)
+    for client in both:
+        assert [client.receive().timestamp_s for _ in range(2)] == [0.0075, 0.01]
+        assert client.silent()
+    running.close()
+    assert running.exchange.counters(0) == {"boots": 1, "frames": 3, "repeats_while_waiting": 1}
 
 
 def test_in_parallel_coupling_a_peer_that_does_not_wait_for_answers_loses_the_oldest(start):
@@ -348,13 +369,12 @@ def test_in_parallel_coupling_a_peer_that_does_not_wait_for_answers_loses_the_ol
     client = running.clients[0]
     for count in range(4):
         client.send(rising(count), count)
-    client.receive()
     deadline = time.monotonic() + WAIT_S
     while running.exchange.counters(0).get("overruns") != 2:
         assert time.monotonic() < deadline
     assert client.silent()
     running.exchange.release_tick(0)
-    assert [client.receive().timestamp_s for _ in range(2)] == [0.0025, 0.005]
+    assert [client.receive().timestamp_s for _ in range(3)] == [BOOT_S, 0.0025, 0.005]
     assert client.silent()
     assert running.exchange.counters(0) == {"boots": 1, "frames": 3, "overruns": 2}
 
@@ -364,7 +384,7 @@ def test_in_parallel_coupling_a_lost_answer_takes_the_lead_with_it(start):
     before = [client.exchange().timestamp_s for _ in range(4)]
     client.receive()  # as if it were lost: the autopilot does not see it
     after = [client.exchange().timestamp_s for _ in range(4)]
-    assert before + after == pytest.approx([0.0025 * k for k in (0, 1, 2, 3, 5, 6, 7, 8)])
+    assert before + after == pytest.approx([BOOT_S, *(0.0025 * k for k in (1, 2, 3, 5, 6, 7, 8))])
     assert client.silent()
 
 
@@ -541,6 +561,8 @@ def test_two_ua_300_m_apart_in_a_sheared_map_feel_different_winds_and_drift_apar
         for client in running.clients.values():
             client.receive()
             client.count += 1
+    for client in running.clients.values():
+        client.send()
     running.wait_for(lambda: running.ticks[-1].sim_time_ns == 2 * 10**9)
     south, north = (truth for truth in running.truths[-2:])
     # At y = -150 m the map's wind is 7.5 % below, at +150 m 7.5 % above that of its middle.

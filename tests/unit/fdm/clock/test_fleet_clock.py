@@ -70,8 +70,11 @@ def test_after_the_start_timeout_the_missing_count_as_stalled():
     fleet.join(0)
     for _ in range(4):
         assert fleet.turn() == []
+    assert fleet.clock.take_absent() == []
     assert fleet.turn() == [0]
     assert fleet.clock.status(0, {}).stalled_ua == (1,)
+    assert fleet.clock.take_absent() == [fleet[1]]
+    assert fleet.clock.take_absent() == []
 
 
 def test_without_start_together_the_first_goes_on_alone():
@@ -116,6 +119,73 @@ def test_held_ticks_hold_until_they_are_released():
     for _ in range(10):
         fleet.turn()
     assert fleet.times() == {0: 80 * MS, 1: 80 * MS}
+
+
+def test_a_tick_waits_until_every_ua_is_quiet_there():
+    fleet = Fleet({0: 10 * MS, 1: 10 * MS}, tick_period_ns=20 * MS, joined=False)
+    fleet.clock.join(fleet[0])
+    fleet.clock.join(fleet[1])
+    fleet.ask(0)
+    fleet.clock.ask(fleet[1], 10 * MS, quiet=False)
+    assert fleet.turn() == []
+    assert fleet.ticks == []
+    seen = fleet.clock.limits_version
+    fleet.clock.ask(fleet[1], 10 * MS)
+    assert fleet.clock.limits_version != seen
+    assert fleet.turn() == [0, 1]
+    fleet.mute.add(1)
+    fleet.turn()
+    assert fleet.times() == {0: 20 * MS, 1: 20 * MS}
+    fleet.turn()
+    assert [tick_ns for tick_ns, _ in fleet.ticks] == [0]  # all are at 20 ms, but UA 1 has not asked for more
+    fleet.mute.clear()
+    fleet.ask(1)
+    fleet.turn()
+    assert [tick_ns for tick_ns, _ in fleet.ticks] == [0, 20 * MS]
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_who_is_not_quiet_at_a_tick_owes_a_packet_and_stalls(asked):
+    fleet = Fleet({0: 10 * MS, 1: 10 * MS}, tick_period_ns=20 * MS, stall_timeout_ns=500 * MS)
+    fleet.turn()
+    fleet.mute.add(1)
+    fleet.turn()
+    if asked:
+        fleet.clock.ask(fleet[1], 30 * MS, quiet=False)
+    stall(fleet, 1)
+    assert [tick_ns for tick_ns, _ in fleet.ticks] == [0]
+    assert fleet.turn() == [0]
+    assert fleet.ticks[-1] == (20 * MS, {0: 20 * MS})
+
+
+def test_who_is_held_at_a_tick_never_stalls():
+    fleet = Fleet({0: 10 * MS, 1: 10 * MS}, tick_period_ns=20 * MS, hold_ticks=True, stall_timeout_ns=MS)
+    for _ in range(1000):
+        assert fleet.turn(10 * MS) == []
+        assert fleet.clock.take_stalled() == []
+
+
+def test_no_tick_comes_while_the_one_before_is_held():
+    fleet = Fleet({0: MS}, tick_period_ns=50 * MS, hold_ticks=True)
+    fleet.turn()
+    fleet.join(0)  # it boots anew, and waits at the next tick
+    assert fleet[0].sim_time_ns == 50 * MS
+    fleet.turn()
+    assert [tick_ns for tick_ns, _ in fleet.ticks] == [0]
+    fleet.clock.release(0)
+    fleet.turn()
+    assert [tick_ns for tick_ns, _ in fleet.ticks] == [0, 50 * MS]
+
+
+def test_a_time_in_which_nobody_is_heard_counts_towards_no_stall():
+    fleet = Fleet({0: MS, 1: MS}, stall_timeout_ns=100 * MS)
+    fleet.mute.add(1)
+    fleet.turn()
+    for _ in range(50):
+        fleet.wall_ns += 150 * MS
+        fleet.clock.update_deaf(fleet.wall_ns)
+        assert fleet.clock.take_stalled() == []
+    stall(fleet, 1)
 
 
 @pytest.mark.parametrize("speed", [0.1, 1.0, 7.5])

@@ -45,6 +45,32 @@ def test_an_answered_frame_is_answered_again_only_after_silence():
     assert lockstep.reply == b"reply"
 
 
+def test_each_new_packet_shows_that_one_answer_was_read():
+    lockstep = after(0)
+    lockstep.answered_beforehand(0)
+    assert lockstep.unread == 2
+    for count, unread in ((1, 1), (1, 1), (2, 0), (3, 0)):
+        lockstep.receive(count, A, 1)
+        assert lockstep.unread == unread
+    lockstep.answered(1, b"", 1)
+    lockstep.answered(2, b"", 1)
+    lockstep.receive(6, A, 2)
+    assert lockstep.unread == 0
+    lockstep.answered(6, b"", 2)
+    lockstep.receive(0, B, 3)
+    assert lockstep.unread == 0
+
+
+def test_who_asks_again_after_silence_has_read_all_that_arrived():
+    lockstep = after(0)
+    lockstep.answered_beforehand(0)
+    lockstep.receive(1, A, 1)
+    lockstep.receive(1, A, RESEND_SILENCE_NS - 1)
+    assert lockstep.unread == 1  # it may have asked before the answer came
+    assert lockstep.receive(1, A, RESEND_SILENCE_NS) is Verdict.WAITING
+    assert lockstep.unread == 0
+
+
 def test_a_late_datagram_is_no_restart():
     assert after(1).receive(0, A, 0) is Verdict.STALE
     lockstep = after(100)
