@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import itertools
 import sys
 from pathlib import Path
 from types import ModuleType
 
 from bridge.agents.agent import Agent
+
+_numbers = itertools.count()
 
 
 class AgentError(ValueError):
@@ -33,14 +36,17 @@ def load_class(place: str, name: str) -> type[Agent]:
 def _from_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise AgentError(f"{path}: no such file (looked from {Path.cwd()})")
-    if path.stem in sys.modules:
-        raise AgentError(f"{path}: {path.stem} is the name of a module in use; give the file another name")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
+    # Loaded anew for each UA, also where several share a process: what a module keeps is then that UA's own, and a run
+    # does not depend on how UA are spread over processes. (Modules that the file imports are shared.)
+    name = f"{path.stem}__{next(_numbers)}"
+    spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None, "a name that ends in .py has a loader"
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module
-    sys.path.insert(0, str(path.parent.resolve()))
+    sys.modules[name] = module
+    beside = str(path.parent.resolve())
+    if beside not in sys.path:
+        sys.path.insert(0, beside)
     spec.loader.exec_module(module)
     return module
 
