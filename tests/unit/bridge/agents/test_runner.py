@@ -1,0 +1,237 @@
+"""An agent in its thread: what it does at a tick, and what it is told, has one order and one stamp."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import pytest
+
+from bridge.agents.agent import Agent, rng_of
+from bridge.agents.client import CommandFailed, OnEvent, UaClient
+from bridge.agents.runner import AgentRunner
+from bridge.bus.messages import (
+    AgentStatus,
+    AircraftState,
+    CommandEvent,
+    CommandGoal,
+    DataPackage,
+    Header,
+    encode,
+)
+from bridge.bus.session import Stamp
+from bridge.scenario.model import Aircraft, StillAgent, Transmit
+
+TICK_NS = 50_000_000
+AIRCRAFT = Aircraft(id=1, agent=StillAgent(type="still"))
+
+
+@dataclass
+class Heard:
+    """An outlet that keeps what it is told."""
+
+    sent: list[tuple[str, bytes, Stamp]] = field(default_factory=list)
+    reports: list[AgentStatus] = field(default_factory=list)
+    commands: list[tuple[str, OnEvent]] = field(default_factory=list)
+
+    def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+        self.sent.append((channel, payload, stamp))
+
+    def report(self, status: AgentStatus) -> None:
+        self.reports.append(status)
+
+    def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
+        self.commands.append((verb, on_event))
+
+
+class Flown:
+    """An agent that lives tick by tick, as on a host."""
+
+    def __init__(self, make: type[Agent], *, seed: int = 3) -> None:
+        self.outlet = Heard()
+        self._idle = threading.Event()
+        ua = UaClient("1", self.outlet, seed)
+        self.runner = AgentRunner(
+            ua, lambda client: make(client, AIRCRAFT, Transmit(every_ticks=1000)), self._idle.set
+        )
+        self.runner.start().result(10.0)
+        self.number = -1
+
+    def tick(self, *arrivals: object) -> None:
+        self.number += 1
+        self._idle.clear()
+        self.runner.tick(self.number * TICK_NS, arrivals)  # type: ignore[arg-type]
+        assert self._idle.wait(10.0)
+
+    def ticks(self, count: int) -> None:
+        for _ in range(count):
+            self.tick()
+
+    @property
+    def sent(self) -> list[tuple[str, int]]:
+        return [(channel, stamp.sim_time_ns // TICK_NS) for channel, _, stamp in self.outlet.sent]
+
+
+@pytest.fixture
+def flown() -> Iterator[list[Flown]]:
+    agents: list[Flown] = []
+    yield agents
+    for agent in agents:
+        assert agent.runner.stop(5.0)
+
+
+class Napper(Agent):
+    async def fly(self) -> None:
+        for _ in range(3):
+            self.ua.transmit("nap", b"")
+            await self.sleep(0.07)
+        async for now_s in self.every(0.2):
+            self.ua.transmit("every", b"")
+            if now_s > 0.9:
+                break
+
+
+def test_what_fly_transmits_after_an_await_has_the_stamp_of_its_tick(flown: list[Flown]) -> None:
+    flown.append(Flown(Napper))
+    flown[0].ticks(30)
+    naps = [tick for channel, tick in flown[0].sent if channel == "nap"]
+    assert naps == [0, 2, 4]
+    assert [tick for channel, tick in flown[0].sent if channel == "every"] == [6, 10, 14, 18, 22]
+
+
+def test_a_period_shorter_than_a_tick_comes_once_per_tick(flown: list[Flown]) -> None:
+    class Hasty(Agent):
+        async def fly(self) -> None:
+            async for _ in self.every(0.01):
+                self.ua.transmit("hasty", b"")
+
+    flown.append(Flown(Hasty))
+    flown[0].ticks(6)
+    assert [tick for channel, tick in flown[0].sent if channel == "hasty"] == [0, 1, 2, 3, 4, 5]
+
+
+def test_random_numbers_are_those_of_run_and_node(flown: list[Flown]) -> None:
+    class Gambler(Agent):
+        async def fly(self) -> None:
+            self.ua.transmit("dice", self.rng.bytes(4))
+
+    for seed in (3, 3, 4):
+        flown.append(Flown(Gambler, seed=seed))
+        flown[-1].tick()
+    first, again, other = (next(p for c, p, _ in a.outlet.sent if c == "dice") for a in flown)
+    assert first == again != other
+    assert rng_of(3, "0").bytes(4) != rng_of(3, "1").bytes(4)
+
+
+def test_a_slow_agent_keeps_the_tick_open_and_nothing_else(flown: list[Flown]) -> None:
+    class Slow(Agent):
+        def on_tick(self, sim_time_ns: int) -> None:
+            time.sleep(0.02)
+            self.ua.transmit("slow", b"")
+
+    flown.append(Flown(Slow))
+    flown[0].ticks(5)
+    assert flown[0].sent == [("slow", n) for n in range(5)]
+
+
+def test_results_of_commands_come_with_a_tick(flown: list[Flown]) -> None:
+    class Commander(Agent):
+        async def fly(self) -> None:
+            await self.ua.arm()
+            self.ua.transmit("armed", b"")
+            try:
+                await self.ua.land()
+            except CommandFailed as error:
+                self.ua.transmit("refused", str(error).encode())
+
+    flown.append(Flown(Commander))
+    agent = flown[0]
+    agent.ticks(3)
+    [(verb, on_event)] = agent.outlet.commands
+    assert verb == "arm"
+    agent.tick(lambda ua: on_event(CommandEvent(CommandEvent.RESULT, True, "")))
+    [_, (verb, on_event)] = agent.outlet.commands
+    agent.tick(lambda ua: on_event(CommandEvent(CommandEvent.RESULT, False, "no ground here")))
+    assert [entry for entry in agent.sent if entry[0] != "team"] == [("armed", 3), ("refused", 4)]
+
+
+def test_waits_for_states_and_their_time_outs(flown: list[Flown]) -> None:
+    class Waiter(Agent):
+        async def fly(self) -> None:
+            await self.ua.wait_for(lambda state: state.armed)
+            self.ua.transmit("armed", b"")
+            with pytest.raises(TimeoutError):
+                await self.ua.wait_for(lambda state: not state.armed, timeout_s=0.2)
+            self.ua.transmit("late", b"")
+
+    flown.append(Flown(Waiter))
+    agent = flown[0]
+    agent.ticks(2)
+    agent.tick(lambda ua: ua.take_state(AircraftState(armed=True)))
+    agent.ticks(8)
+    assert [entry for entry in agent.sent if entry[0] != "team"] == [("armed", 2), ("late", 7)]
+
+
+def test_packets_that_are_none_are_counted_and_the_rest_goes_on(flown: list[Flown]) -> None:
+    flown.append(Flown(Agent))
+    agent = flown[0]
+    package = encode(DataPackage(Header.at(5, "0")))
+    stamp = Stamp(0, 0)
+    agent.tick(
+        lambda ua: ua.take_packet("0", "team", b"garbage", stamp),
+        lambda ua: ua.take_packet("2", "team", package, stamp),
+    )
+    agent.tick()
+    assert agent.runner.malformed == 1
+    assert agent.runner.ua.received == 2
+    assert not any(status.failed for status in agent.outlet.reports)
+
+
+@pytest.mark.parametrize("where", ["fly", "tick", "task"])
+def test_what_the_agent_raises_is_reported_once_with_its_place(flown: list[Flown], where: str) -> None:
+    class Faulty(Agent):
+        async def fly(self) -> None:
+            if where == "fly":
+                raise ArithmeticError("mine")
+            if where == "task":
+                self.task = asyncio.create_task(self.mistake())
+                self.task = None  # type: ignore[assignment]
+
+        async def mistake(self) -> None:
+            raise ArithmeticError("mine")
+
+        def on_tick(self, sim_time_ns: int) -> None:
+            if where == "tick":
+                raise ArithmeticError("mine")
+
+    flown.append(Flown(Faulty))
+    flown[0].ticks(4)
+    failed = [status.activity for status in flown[0].outlet.reports if status.failed]
+    place = {"fly": "in flight", "tick": "at a tick", "task": "in a task of its own"}[where]
+    assert failed == [f"ArithmeticError {place}: mine"]
+
+
+def test_what_the_constructor_raises_comes_to_whoever_starts_it() -> None:
+    class Broken(Agent):
+        def __init__(self, *arguments: object) -> None:
+            raise ArithmeticError("not today")
+
+    with pytest.raises(ArithmeticError, match="not today"):
+        Flown(Broken)
+
+
+def test_an_end_that_waits_for_sim_time_does_not_hang() -> None:
+    class Stubborn(Agent):
+        async def fly(self) -> None:
+            try:
+                await asyncio.Event().wait()
+            finally:
+                await self.sleep(1000.0)
+
+    agent = Flown(Stubborn)
+    agent.ticks(2)
+    assert agent.runner.stop(5.0)
+    assert agent.outlet.reports[-1].activity == "is stopped"
