@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.standin.autopilot import Autopilot
-from bridge.standin.control.mixer import mix_quad_x
+from bridge.standin.control.mixer import QUAD_X
 from bridge.standin.vehicle.location import Location
 from bridge.standin.vehicle.parameters import Parameters
 from bridge.standin.wire.mavlink_codec import MavlinkCodec
@@ -200,5 +200,5 @@ def test_any_position_target_is_survived(mask: int, frame: int, values: list[flo
 def test_mixer_never_leaves_its_range(
     throttle: float, roll: float, pitch: float, yaw: float, lowest: float
 ) -> None:
-    for command in mix_quad_x(throttle, roll, pitch, yaw, lowest):
+    for command in QUAD_X.mix(throttle, roll, pitch, yaw, lowest):
         assert lowest - 1e-9 <= command <= 1.0 + 1e-9

@@ -45,7 +45,7 @@ class FlightController:
 
     def __init__(self, hover_throttle: float, frame: MotorFrame) -> None:
         self._mix = frame.mix
-        self._motors = frame.motors
+        self._motors = len(frame.motors)
         self._attitude = AttitudeController()
         self._position = PositionController()
         self.hover_throttle = hover_throttle

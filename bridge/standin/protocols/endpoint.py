@@ -50,11 +50,6 @@ class MavlinkEndpoint:
         self.ignored: Counter[str] = Counter()
         """Messages that were understood but not used, by type or reason."""
 
-    @property
-    def message_ids(self) -> list[int]:
-        """The messages that can be streamed or requested."""
-        return list(self._telemetry.builders)
-
     def connect(self) -> None:
         """A client is there: what streams was asked for before goes on."""
         self._connected = True

@@ -64,10 +64,10 @@ class Vehicle:
         self.speed_override_mps: float | None = None
         """Set by MAV_CMD_DO_CHANGE_SPEED; ends with the mode."""
         frame = motor_frame(parameters["FRAME_CLASS"], parameters["FRAME_TYPE"])
-        self.motor_count = frame.motors
+        self.motor_count = len(frame.motors)
         self.controller = FlightController(parameters["MOT_THST_HOVER"], frame)
         self.servo_output_us = [0] * SERVOS
-        self._command((0.0,) * frame.motors)
+        self._command((0.0,) * self.motor_count)
         self._events: list[Event] = []
         self._step_s = self._outer_s = self._ground_s = 0.0
         self._idle_since_ns = 0
