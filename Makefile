@@ -6,7 +6,9 @@ BIN := $(VENV)/bin
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/pycache
 export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
-.PHONY: demo test check bench bench-fdm bench-channel lock clean help
+PYTEST := --numprocesses auto --maxprocesses 4 --dist worksteal
+
+.PHONY: demo test test-slow repeat check bench bench-fdm bench-channel lock clean help
 
 help:  ## Show the targets.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -15,7 +17,13 @@ demo: $(VENV)/.run  ## Fly two UA on one radio and write runs/<time>-separation/
 	$(BIN)/lostlink run
 
 test: $(VENV)/.dev  ## Run the tests.
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+	$(BIN)/python -m pytest -m "not slow" $(PYTEST)
+
+test-slow: $(VENV)/.dev  ## Run the tests that take long.
+	$(BIN)/python -m pytest -m slow $(PYTEST)
+
+repeat: $(VENV)/.dev  ## Fly each kind of run again and again, and see that it repeats byte for byte.
+	$(BIN)/python -m benchmarks.repeat
 
 check: $(VENV)/.dev  ## Format, lint, types, layers.
 	$(BIN)/ruff format --check .

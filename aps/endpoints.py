@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import socket
 from collections.abc import Callable
 from typing import Final
 
@@ -17,6 +18,8 @@ from aps.outbox import Outbox
 __all__ = ["Client", "ClientServer"]
 
 DEFAULT_MAX_CLIENTS: Final = 64
+RECEIVE_BUFFER_BYTES: Final = 32 * 1024
+"""Asked of the kernel, which grants twice as much: what a client sends at once is worked off in so large pieces."""
 
 _log = logging.getLogger(__name__)
 
@@ -55,6 +58,9 @@ class Client(asyncio.Protocol):
         address = transport.get_extra_info("peername") or ("?", 0)
         self.peer = f"{address[0]}:{address[1]}"
         self.outbox.open(transport)
+        connection = transport.get_extra_info("socket")
+        if connection is not None:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
         self._server.opened(self)
 
     def data_received(self, data: bytes) -> None:

@@ -224,9 +224,9 @@ class HeldDaemon(DaemonBase):
         frames = client.framer.receive(data)
         if client.link < 0:
             self.counters.inputs_ignored += len(frames)
-            return
-        self._inputs.frames(client.link, frames)
-        if self._inputs.full(client.link):
+        else:
+            self._inputs.frames(client.link, frames)
+        if self._inputs.received(client.link, len(data)):
             self.counters.clients_paused += 1
             self._paused.append(client)
             client.pause_reading()

@@ -16,7 +16,8 @@ from aps.framer import Frame, Framer
 __all__ = ["PENDING_LIMIT_BYTES", "Input", "InputQueue"]
 
 PENDING_LIMIT_BYTES: Final = 64 * 1024
-"""From here on a client is not read until the next exchange: nothing is lost, TCP makes it wait."""
+"""From here on a client is not read until the next exchange: nothing is lost, TCP makes it wait, and a flood of garbage
+costs the UA this much per exchange at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +57,11 @@ class InputQueue:
     def frames(self, link: int, frames: Iterable[Frame]) -> None:
         """Frames of a client."""
         for frame in frames:
-            self._bytes[link] += len(frame.raw)
             self._waiting.append((Input(link, "frame", frame.raw), frame))
 
-    def full(self, link: int) -> bool:
-        """Whether so much of this client waits that it should not be read any further."""
+    def received(self, link: int, size_bytes: int) -> bool:
+        """So many bytes came from a client, frames or not; returns whether that is enough until the next exchange."""
+        self._bytes[link] += size_bytes
         return self._bytes[link] >= PENDING_LIMIT_BYTES
 
     def closed(self, link: int) -> None:

@@ -6,18 +6,12 @@ import argparse
 import gc
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 from bridge.standin.autopilot import Autopilot
 from bridge.standin.control.mixer import UnknownFrameError
 from bridge.standin.process import Process
 from bridge.standin.vehicle.location import Location
-from bridge.standin.vehicle.parameters import (
-    DefaultsFileError,
-    Parameters,
-    UnknownParameterError,
-    load_defaults,
-)
+from bridge.standin.vehicle.parameters import Parameters, UnknownParameterError
 
 EXIT_ERROR = 2
 GC_THRESHOLD = 50_000
@@ -30,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         process = _prepare(options)
-    except (OSError, DefaultsFileError, UnknownFrameError) as error:
+    except (OSError, UnknownFrameError) as error:
         print(f"standin: {error}", file=sys.stderr)
         return EXIT_ERROR
     process.stop_on_signals()
@@ -51,9 +45,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _prepare(options: argparse.Namespace) -> Process:
     parameters = Parameters()
-    unknown = load_defaults(parameters, options.defaults)
-    if unknown:
-        print(f"standin: {len(unknown)} parameters are not known here and ignored", file=sys.stderr)
     for name, value in options.parameter:
         parameters.set(name, value)
     parameters.set("MAV_SYSID", options.sysid)
@@ -77,9 +68,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--home", type=_home, required=True, metavar="LAT,LON,ALT,YAW", help="degrees, m AMSL"
-    )
-    parser.add_argument(
-        "--defaults", type=_paths, default=[], metavar="A.parm[,B.parm]", help="parameter files"
     )
     parser.add_argument(
         "--parameter", type=_setting, action="append", default=[], metavar="NAME=VALUE", help="one parameter"
@@ -133,7 +121,3 @@ def _setting(text: str) -> tuple[str, float]:
             f"{text!r} is not the name of a parameter, '=' and a number"
         ) from None
     return name, number
-
-
-def _paths(text: str) -> list[Path]:
-    return [Path(word) for word in text.split(",") if word]

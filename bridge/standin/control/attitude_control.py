@@ -1,11 +1,7 @@
-"""The inner loops: attitude error -> body rate -> torque, at every sensor frame.
-
-Gains carry ArduPilot's names and defaults where they fit (``ATC_ANG_*_P``, ``ATC_RAT_*``).
-"""
+"""The inner loops: attitude error -> body rate -> torque, at every sensor frame."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import pi
 
 from bridge.standin.control.quaternion import Quaternion, Vector, rotation_error
@@ -15,26 +11,17 @@ INTEGRAL_MAX = 0.25
 DERIVATIVE_FILTER_TIME_S = 1.0 / (2.0 * pi * 40.0)
 
 
-@dataclass(frozen=True, slots=True)
-class AttitudeGains:
-    """Gains of the attitude and rate loops; torques are on the mixer's scale."""
-
-    angle_p: float = 6.0
-    yaw_angle_p: float = 3.0
-    rate_p: float = 0.10
-    rate_i: float = 0.10
-    rate_d: float = 0.004
-    yaw_rate_p: float = 0.25
-    yaw_rate_i: float = 0.03
-    rate_max_radps: float = 4.0
-    yaw_rate_max_radps: float = 1.5
+ANGLE_P, YAW_ANGLE_P = 6.0, 3.0
+RATE_P, RATE_I, RATE_D = 0.10, 0.10, 0.004
+YAW_RATE_P, YAW_RATE_I = 0.25, 0.03
+"""Gains; torques are on the mixer's scale."""
+RATE_MAX_RADPS, YAW_RATE_MAX_RADPS = 4.0, 1.5
 
 
 class AttitudeController:
     """Keeps an attitude; state: the rate integrals and the filtered derivative."""
 
-    def __init__(self, gains: AttitudeGains) -> None:
-        self.gains = gains
+    def __init__(self) -> None:
         self.reset((0.0, 0.0, 0.0))
 
     def reset(self, gyro_radps: Vector) -> None:
@@ -60,18 +47,15 @@ class AttitudeController:
             yaw_rate_radps: rate at which the target's yaw turns.
             step_s: time since the last update, > 0.
         """
-        gains = self.gains
         roll_error, pitch_error, yaw_error = rotation_error(attitude, target)
         rates = (
-            _limited(gains.angle_p * roll_error, gains.rate_max_radps),
-            _limited(gains.angle_p * pitch_error, gains.rate_max_radps),
-            _limited(gains.yaw_angle_p * yaw_error + yaw_rate_radps, gains.yaw_rate_max_radps),
+            _limited(ANGLE_P * roll_error, RATE_MAX_RADPS),
+            _limited(ANGLE_P * pitch_error, RATE_MAX_RADPS),
+            _limited(YAW_ANGLE_P * yaw_error + yaw_rate_radps, YAW_RATE_MAX_RADPS),
         )
-        return self.update_rates(gyro_radps, rates, step_s)
+        return self._update_rates(gyro_radps, rates, step_s)
 
-    def update_rates(self, gyro_radps: Vector, target_radps: Vector, step_s: float) -> Vector:
-        """Return the torque commands for body rates wanted."""
-        gains = self.gains
+    def _update_rates(self, gyro_radps: Vector, target_radps: Vector, step_s: float) -> Vector:
         p, q, r = gyro_radps
         old_p, old_q, _ = self._gyro_radps
         self._gyro_radps = gyro_radps
@@ -79,14 +63,14 @@ class AttitudeController:
         self._roll_d += blend * ((p - old_p) / step_s - self._roll_d)
         self._pitch_d += blend * ((q - old_q) / step_s - self._pitch_d)
         roll_error, pitch_error, yaw_error = target_radps[0] - p, target_radps[1] - q, target_radps[2] - r
-        gain = gains.rate_i * step_s
+        gain = RATE_I * step_s
         roll_i = self._roll_i = _limited(self._roll_i + gain * roll_error, INTEGRAL_MAX)
         pitch_i = self._pitch_i = _limited(self._pitch_i + gain * pitch_error, INTEGRAL_MAX)
-        yaw_i = self._yaw_i = _limited(self._yaw_i + gains.yaw_rate_i * step_s * yaw_error, INTEGRAL_MAX)
+        yaw_i = self._yaw_i = _limited(self._yaw_i + YAW_RATE_I * step_s * yaw_error, INTEGRAL_MAX)
         return (
-            _limited(gains.rate_p * roll_error + roll_i - gains.rate_d * self._roll_d, TORQUE_MAX),
-            _limited(gains.rate_p * pitch_error + pitch_i - gains.rate_d * self._pitch_d, TORQUE_MAX),
-            _limited(gains.yaw_rate_p * yaw_error + yaw_i, TORQUE_MAX),
+            _limited(RATE_P * roll_error + roll_i - RATE_D * self._roll_d, TORQUE_MAX),
+            _limited(RATE_P * pitch_error + pitch_i - RATE_D * self._pitch_d, TORQUE_MAX),
+            _limited(YAW_RATE_P * yaw_error + yaw_i, TORQUE_MAX),
         )
 
 

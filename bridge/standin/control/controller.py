@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from math import sqrt, tan
 
-from bridge.standin.control.attitude_control import AttitudeController, AttitudeGains
-from bridge.standin.control.mixer import QUAD_X, MotorCommands, MotorFrame
+from bridge.standin.control.attitude_control import AttitudeController
+from bridge.standin.control.mixer import MotorCommands, MotorFrame
 from bridge.standin.control.navigator import Navigator
 from bridge.standin.control.position_control import (
     GRAVITY_MPS2,
     PositionController,
-    PositionGains,
     throttle_for,
 )
 from bridge.standin.control.quaternion import (
@@ -35,6 +34,8 @@ HOVER_THROTTLE_MIN, HOVER_THROTTLE_MAX = 0.1, 0.8
 LEARNING_FORCE_MIN_MPS2 = 4.0
 LEARNING_HEIGHT_ERROR_M = 0.5
 LEARNING_SPEED_ERROR_MPS = 0.3
+LOWEST_COMMAND = 0.15
+"""Of a motor in flight: one that stops may not start again in time."""
 STEP_MAX_S = 0.05
 """A longer gap between frames is taken as this long by the loops (they would overreact)."""
 
@@ -42,32 +43,21 @@ STEP_MAX_S = 0.05
 class FlightController:
     """Cascaded controller of a multirotor."""
 
-    def __init__(
-        self,
-        attitude_gains: AttitudeGains,
-        position_gains: PositionGains,
-        hover_throttle: float,
-        frame: MotorFrame = QUAD_X,
-    ) -> None:
+    def __init__(self, hover_throttle: float, frame: MotorFrame) -> None:
         self._mix = frame.mix
-        self._motors = frame.motors
-        self._attitude = AttitudeController(attitude_gains)
-        self._position = PositionController(position_gains)
+        self._motors = len(frame.motors)
+        self._attitude = AttitudeController()
+        self._position = PositionController()
         self.hover_throttle = hover_throttle
         """Mean motor command that carries the weight, 0..1."""
         self.throttle = 0.0
         """Mean motor command of the latest frame, 0..1."""
         self.tilt_max_rad = 0.5
-        self.lowest_command = 0.1
         self.target: Quaternion = IDENTITY
         """Attitude wanted."""
         self._thrust_mps2 = (0.0, 0.0, -GRAVITY_MPS2)
         self._throttle_planned = 0.0
         self._yaw_rate_radps = 0.0
-
-    def set_attitude_gains(self, gains: AttitudeGains) -> None:
-        """Change the gains of the inner loops, in flight too."""
-        self._attitude.gains = gains
 
     def rest(self, frame: SensorFrame, command: float) -> MotorCommands:
         """Turn the motors evenly (0 = stopped) and forget all integrals: for the ground."""
@@ -83,14 +73,6 @@ class FlightController:
         self._thrust_mps2 = (0.0, 0.0, -GRAVITY_MPS2)
         self.target = quaternion_from_euler(0.0, 0.0, yaw_rad)
         return self._hold_attitude(frame, throttle, 0.0, step_s)
-
-    def tilt(
-        self, frame: SensorFrame, attitude: Quaternion, throttle: float, yaw_rate_radps: float, step_s: float
-    ) -> MotorCommands:
-        """Hold an attitude at a throttle that is given: for STABILIZE."""
-        self._position.reset()
-        self.target = attitude
-        return self._hold_attitude(frame, throttle, yaw_rate_radps, step_s)
 
     def plan(self, frame: SensorFrame, navigator: Navigator, step_s: float) -> None:
         """Run the outer loops: attitude and throttle that follow the references; learn the hover throttle."""
@@ -149,7 +131,7 @@ class FlightController:
             yaw_rate_radps,
             STEP_MAX_S if step_s > STEP_MAX_S else step_s,
         )
-        commands = self._mix(throttle, roll, pitch, yaw, self.lowest_command)
+        commands = self._mix(throttle, roll, pitch, yaw, LOWEST_COMMAND)
         self.throttle = sum(commands) / self._motors
         return commands
 

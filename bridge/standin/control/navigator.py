@@ -41,10 +41,9 @@ class Navigator:
         self.depth_m: float | None = None
         """Down of the target, or None when a climb rate is flown."""
         self.velocity_mps = (0.0, 0.0)
-        """North and east wanted; added to a moving point."""
+        """North and east wanted."""
         self.sink_mps = 0.0
-        self._yaw_target_rad: float | None = None
-        self._yaw_turn_radps: float | None = None
+        self._yaw_target_rad = 0.0
         self._look_ahead = False
 
     def start(self, frame: SensorFrame) -> None:
@@ -73,10 +72,9 @@ class Navigator:
         self.fly_velocity((0.0, 0.0))
         self.fly_sink_rate(0.0)
 
-    def go_to(self, north_m: float, east_m: float, moving_mps: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Fly to a point, horizontally, that moves with a velocity of its own."""
+    def go_to(self, north_m: float, east_m: float) -> None:
+        """Fly to a point, horizontally."""
         self.point_m = (north_m, east_m)
-        self.velocity_mps = moving_mps
 
     def go_to_depth(self, down_m: float) -> None:
         """Climb or sink to a height, given as metres down from the origin."""
@@ -94,27 +92,18 @@ class Navigator:
 
     def hold_yaw(self) -> None:
         """Stop turning."""
-        self._yaw_target_rad, self._yaw_turn_radps, self._look_ahead = self.yaw_rad, None, False
-
-    def turn_to(self, yaw_rad: float) -> None:
-        """Turn to a yaw, the short way round."""
-        self._yaw_target_rad, self._yaw_turn_radps, self._look_ahead = yaw_rad, None, False
-
-    def turn_at(self, rate_radps: float) -> None:
-        """Turn at a rate."""
-        self._yaw_target_rad, self._yaw_turn_radps, self._look_ahead = None, rate_radps, False
+        self._yaw_target_rad, self._look_ahead = self.yaw_rad, False
 
     def look_ahead(self) -> None:
         """Turn towards the target point whenever it is far enough away."""
-        self._yaw_target_rad, self._yaw_turn_radps, self._look_ahead = self.yaw_rad, None, True
+        self._yaw_target_rad, self._look_ahead = self.yaw_rad, True
 
     def step(self, frame: SensorFrame, limits: FlightLimits, step_s: float) -> None:
         """Move the references on by ``step_s``."""
         if self.point_m is None:
             self.horizontal.step_to_velocity(self.velocity_mps, limits.horizontal, step_s)
         else:
-            self._advance_point(step_s)
-            self.horizontal.step_to_position(self.point_m, limits.horizontal, step_s, self.velocity_mps)
+            self.horizontal.step_to_position(self.point_m, limits.horizontal, step_s)
         if self.depth_m is None:
             self.vertical.step_to_velocity(self.sink_mps, limits.vertical, step_s)
         else:
@@ -141,11 +130,6 @@ class Navigator:
         north_m, east_m = self.point_m or (self.horizontal.north_m, self.horizontal.east_m)
         return (north_m, east_m, self.vertical.down_m if self.depth_m is None else self.depth_m)
 
-    def _advance_point(self, step_s: float) -> None:
-        if self.point_m is not None and self.velocity_mps != (0.0, 0.0):
-            north, east = self.velocity_mps
-            self.point_m = (self.point_m[0] + north * step_s, self.point_m[1] + east * step_s)
-
     def _keep_near(self, frame: SensorFrame) -> None:
         """Do not let the reference run away from a vehicle that cannot follow (wind, tilt limit)."""
         north_m, east_m, _ = frame.position_ned_m
@@ -159,10 +143,7 @@ class Navigator:
     def _step_yaw(self, frame: SensorFrame, step_s: float) -> None:
         if self._look_ahead and self.point_m is not None and self.distance_m(frame) > LOOK_AHEAD_MIN_M:
             self._yaw_target_rad = self.bearing_rad(frame)
-        if self._yaw_turn_radps is not None:
-            wanted = self._yaw_turn_radps
-        else:
-            wanted = YAW_GAIN_PER_S * wrapped((self._yaw_target_rad or 0.0) - self.yaw_rad)
+        wanted = YAW_GAIN_PER_S * wrapped(self._yaw_target_rad - self.yaw_rad)
         wanted = max(-YAW_RATE_MAX_RADPS, min(YAW_RATE_MAX_RADPS, wanted))
         most = YAW_ACCEL_MAX_RADPS2 * step_s
         self.yaw_rate_radps += max(-most, min(most, wanted - self.yaw_rate_radps))

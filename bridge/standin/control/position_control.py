@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import hypot, sqrt
 
 from bridge.standin.control.profile import HorizontalProfile, VerticalProfile
@@ -14,25 +13,17 @@ ACCEL_UP_MAX_MPS2 = 6.0
 ACCEL_DOWN_MAX_MPS2 = 6.0
 
 
-@dataclass(frozen=True, slots=True)
-class PositionGains:
-    """Gains of the position (1/s) and velocity (1/s, 1/s^2) loops."""
-
-    position_p: float = 1.0
-    velocity_p: float = 2.4
-    velocity_i: float = 0.8
-    height_p: float = 1.5
-    climb_p: float = 4.0
-    climb_i: float = 1.5
-    correction_max_mps: float = 3.0
-    integral_max_mps2: float = 6.0
+POSITION_P, VELOCITY_P, VELOCITY_I = 1.0, 2.4, 0.8
+HEIGHT_P, CLIMB_P, CLIMB_I = 1.5, 4.0, 1.5
+"""Gains of the position (1/s) and velocity (1/s, 1/s^2) loops."""
+CORRECTION_MAX_MPS = 3.0
+INTEGRAL_MAX_MPS2 = 6.0
 
 
 class PositionController:
     """Follows the profiles; its integrals carry the wind and errors of the hover throttle."""
 
-    def __init__(self, gains: PositionGains) -> None:
-        self.gains = gains
+    def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
@@ -78,35 +69,33 @@ class PositionController:
     def _horizontal(
         self, position: Vector, velocity: Vector, reference: HorizontalProfile, step_s: float
     ) -> tuple[float, float]:
-        gains = self.gains
-        fix_north = gains.position_p * (reference.north_m - position[0])
-        fix_east = gains.position_p * (reference.east_m - position[1])
+        fix_north = POSITION_P * (reference.north_m - position[0])
+        fix_east = POSITION_P * (reference.east_m - position[1])
         size = hypot(fix_north, fix_east)
-        if size > gains.correction_max_mps:
-            fix_north *= gains.correction_max_mps / size
-            fix_east *= gains.correction_max_mps / size
+        if size > CORRECTION_MAX_MPS:
+            fix_north *= CORRECTION_MAX_MPS / size
+            fix_east *= CORRECTION_MAX_MPS / size
         error_north = reference.north_mps + fix_north - velocity[0]
         error_east = reference.east_mps + fix_east - velocity[1]
         if not self.saturated or error_north * self._north_i + error_east * self._east_i < 0.0:
-            self._north_i += gains.velocity_i * step_s * error_north
-            self._east_i += gains.velocity_i * step_s * error_east
+            self._north_i += VELOCITY_I * step_s * error_north
+            self._east_i += VELOCITY_I * step_s * error_east
             size = hypot(self._north_i, self._east_i)
-            if size > gains.integral_max_mps2:
-                self._north_i *= gains.integral_max_mps2 / size
-                self._east_i *= gains.integral_max_mps2 / size
+            if size > INTEGRAL_MAX_MPS2:
+                self._north_i *= INTEGRAL_MAX_MPS2 / size
+                self._east_i *= INTEGRAL_MAX_MPS2 / size
         return (
-            reference.north_mps2 + gains.velocity_p * error_north + self._north_i,
-            reference.east_mps2 + gains.velocity_p * error_east + self._east_i,
+            reference.north_mps2 + VELOCITY_P * error_north + self._north_i,
+            reference.east_mps2 + VELOCITY_P * error_east + self._east_i,
         )
 
     def _vertical(self, down_m: float, down_mps: float, reference: VerticalProfile, step_s: float) -> float:
-        gains = self.gains
-        limit = gains.correction_max_mps
-        fix = max(-limit, min(limit, gains.height_p * (reference.down_m - down_m)))
+        limit = CORRECTION_MAX_MPS
+        fix = max(-limit, min(limit, HEIGHT_P * (reference.down_m - down_m)))
         error = reference.down_mps + fix - down_mps
-        limit = gains.integral_max_mps2
-        self._down_i = max(-limit, min(limit, self._down_i + gains.climb_i * step_s * error))
-        wanted = reference.down_mps2 + gains.climb_p * error + self._down_i
+        limit = INTEGRAL_MAX_MPS2
+        self._down_i = max(-limit, min(limit, self._down_i + CLIMB_I * step_s * error))
+        wanted = reference.down_mps2 + CLIMB_P * error + self._down_i
         return max(-ACCEL_UP_MAX_MPS2, min(ACCEL_DOWN_MAX_MPS2, wanted))
 
 

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridge.standin.protocols.commands import Commands, request_from
-from bridge.standin.protocols.guided_targets import fly_global_target, fly_local_target
 from bridge.standin.protocols.mission_protocol import MissionProtocol
 from bridge.standin.protocols.parameter_protocol import ParameterProtocol
 from bridge.standin.protocols.streams import Streams
+from bridge.standin.protocols.targets import fly_global_target, fly_local_target
 from bridge.standin.protocols.telemetry import Telemetry
-from bridge.standin.vehicle.events import (
-    Event,
-    HomeChanged,
-    ItemReached,
-    ModeChanged,
-    StatusText,
-)
+from bridge.standin.vehicle.events import Event, HomeChanged, ItemReached, ModeChanged, StatusText
 from bridge.standin.vehicle.vehicle import Vehicle
 from bridge.standin.wire.mavlink_codec import COMPONENT, MavlinkCodec, Message
 
-PARAMETER_STEP_NS = 10_000_000
+SLOW_STEP_NS = 10_000_000
 STATUS_TEXT_BYTES = 50
 
 
@@ -34,25 +29,26 @@ class MavlinkEndpoint:
         self._codec = MavlinkCodec(round(vehicle.parameters["MAV_SYSID"]))
         self._telemetry = Telemetry(vehicle, boot_unix_us)
         self.streams = Streams()
-        self._commands = Commands(vehicle, self._telemetry, self.streams, self._send)
+        self._commands = Commands(vehicle, self._telemetry, self.streams)
         self._missions = MissionProtocol(vehicle, self._telemetry, self._send)
         self._parameters = ParameterProtocol(vehicle.parameters, self._send)
+        self._handlers: dict[str, Callable[[Message], None]] = {
+            "COMMAND_LONG": self._run_command,
+            "COMMAND_INT": self._run_command,
+            **self._missions.handlers,
+            **self._parameters.handlers,
+            "SET_MODE": self._set_mode,
+            "SET_POSITION_TARGET_LOCAL_NED": lambda message: fly_local_target(vehicle, message),
+            "SET_POSITION_TARGET_GLOBAL_INT": lambda message: fly_global_target(vehicle, message),
+            "REQUEST_DATA_STREAM": self._stream_group,
+            "TIMESYNC": self._answer_timesync,
+        }
         self._inbox: list[Message] = []
         self._out = bytearray()
         self._connected = False
         self._slow_due_ns = 0
         self.ignored: Counter[str] = Counter()
         """Messages that were understood but not used, by type or reason."""
-
-    @property
-    def dropped(self) -> Counter[str]:
-        """What was no message, by reason."""
-        return self._codec.dropped
-
-    @property
-    def message_ids(self) -> list[int]:
-        """The messages that can be streamed or requested."""
-        return list(self._telemetry.builders)
 
     def connect(self) -> None:
         """A client is there: what streams was asked for before goes on."""
@@ -84,14 +80,12 @@ class MavlinkEndpoint:
         if self._vehicle.has_events:
             self._flush_events()
         if now_ns >= self._slow_due_ns:
-            self._slow_due_ns = now_ns + PARAMETER_STEP_NS
-            self._missions.step(now_ns)
-            if self._parameters.listing:
-                self._parameters.step()
+            self._slow_due_ns = now_ns + SLOW_STEP_NS
+            self._missions.step()
+            self._parameters.step()
         if now_ns >= self.streams.next_due_ns:
             for message_id in self.streams.take_due(now_ns):
-                if self._connected:
-                    self._send_by_id(message_id)
+                self._send_by_id(message_id)
 
     def data_to_send(self) -> bytes:
         """Return and forget the bytes for the client."""
@@ -111,7 +105,7 @@ class MavlinkEndpoint:
             self._out += self._codec.pack(message)
 
     def _send_by_id(self, message_id: int) -> None:
-        message = self._telemetry.builders[message_id]()
+        message = self._telemetry.builders[message_id]() if self._connected else None
         if message is not None:
             self._send(message)
 
@@ -126,7 +120,6 @@ class MavlinkEndpoint:
         elif isinstance(event, ItemReached):
             self._send(dialect.MAVLink_mission_item_reached_message(event.seq))
         elif isinstance(event, HomeChanged):
-            self._send_by_id(dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
             self._send_by_id(dialect.MAVLINK_MSG_ID_HOME_POSITION)
         elif isinstance(event, ModeChanged):
             self.streams.hasten(dialect.MAVLINK_MSG_ID_HEARTBEAT, self._vehicle.sim_time_ns)
@@ -134,32 +127,13 @@ class MavlinkEndpoint:
     # --- in
 
     def _handle(self, message: Message) -> None:
+        handler = self._handlers.get(message.get_type())
         if not self._for_us(message):
             self.ignored["other_target"] += 1
-            return
-        kind = message.get_type()
-        now_ns = self._vehicle.sim_time_ns
-        if kind in ("COMMAND_LONG", "COMMAND_INT"):
-            self._run_command(message)
-        elif self._missions.handle(message, now_ns):
-            pass
-        elif self._parameters.handle(message):
-            self._parameters.step()
-        elif kind == "SET_MODE":
-            self._vehicle.set_mode(message.custom_mode)  # no acknowledgement, as in ArduPilot
-        elif kind == "SET_POSITION_TARGET_LOCAL_NED":
-            fly_local_target(self._vehicle, message)
-        elif kind == "SET_POSITION_TARGET_GLOBAL_INT":
-            fly_global_target(self._vehicle, message)
-        elif kind == "REQUEST_DATA_STREAM":
-            rate_hz = message.req_message_rate if message.start_stop else 0
-            self.streams.set_group(message.req_stream_id, rate_hz, now_ns)
-        elif kind == "RC_CHANNELS_OVERRIDE":
-            self._override_rc(message)
-        elif kind == "TIMESYNC":
-            self._answer_timesync(message)
+        elif handler is None:
+            self.ignored[message.get_type()] += 1
         else:
-            self.ignored[kind] += 1
+            handler(message)
 
     def _for_us(self, message: Message) -> bool:
         system = getattr(message, "target_system", 0)
@@ -168,19 +142,18 @@ class MavlinkEndpoint:
 
     def _run_command(self, message: Message) -> None:
         request = request_from(message)
-        result = self._commands.run(request)
-        self._send(
-            dialect.MAVLink_command_ack_message(
-                request.command, int(result), 0, 0, message.get_srcSystem(), message.get_srcComponent()
-            )
-        )
+        result = int(self._commands.run(request))
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        self._send(dialect.MAVLink_command_ack_message(request.command, result, 0, 0, *sender))
         for requested in self._commands.take_requested():
             self._send(requested)
 
-    def _override_rc(self, message: Message) -> None:
-        channels = [getattr(message, f"chan{index}_raw") for index in range(1, 9)]
-        lasting_s = self._vehicle.parameters["RC_OVERRIDE_TIME"]
-        self._vehicle.rc.override(channels, self._vehicle.sim_time_ns, lasting_s)
+    def _set_mode(self, message: Message) -> None:
+        self._vehicle.set_mode(message.custom_mode)  # no acknowledgement, as in ArduPilot
+
+    def _stream_group(self, message: Message) -> None:
+        rate_hz = message.req_message_rate if message.start_stop else 0
+        self.streams.set_group(message.req_stream_id, rate_hz, self._vehicle.sim_time_ns)
 
     def _answer_timesync(self, message: Message) -> None:
         if message.tc1 == 0:

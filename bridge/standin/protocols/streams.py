@@ -11,20 +11,11 @@ DISABLED = -1
 NEVER_NS = 2**63 - 1
 
 GROUPS: dict[int, tuple[int, ...]] = {
-    dialect.MAV_DATA_STREAM_RAW_SENSORS: (
-        dialect.MAVLINK_MSG_ID_RAW_IMU,
-        dialect.MAVLINK_MSG_ID_SCALED_PRESSURE,
-    ),
     dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (
         dialect.MAVLINK_MSG_ID_SYS_STATUS,
         dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
         dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
         dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
-        dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
-    ),
-    dialect.MAV_DATA_STREAM_RC_CHANNELS: (
-        dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
-        dialect.MAVLINK_MSG_ID_RC_CHANNELS,
     ),
     dialect.MAV_DATA_STREAM_POSITION: (
         dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
@@ -51,11 +42,6 @@ class Streams:
         self._due_ns = dict.fromkeys(self._interval_ns, 0)
         self.next_due_ns = 0
         """The earliest due time: nothing to do before."""
-
-    def interval_us(self, message_id: int) -> int:
-        """Return the interval of a message, -1 if it is not streamed."""
-        interval_ns = self._interval_ns.get(message_id)
-        return DISABLED if interval_ns is None else interval_ns // 1000
 
     def set_interval(self, message_id: int, interval_us: int, now_ns: int) -> None:
         """Stream a message every ``interval_us`` (0 = its default, -1 = not at all)."""

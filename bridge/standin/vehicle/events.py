@@ -7,16 +7,11 @@ from enum import IntEnum
 
 
 class Severity(IntEnum):
-    """MAV_SEVERITY."""
+    """MAV_SEVERITY, as far as it is used."""
 
-    EMERGENCY = 0
-    ALERT = 1
     CRITICAL = 2
-    ERROR = 3
     WARNING = 4
-    NOTICE = 5
     INFO = 6
-    DEBUG = 7
 
 
 @dataclass(frozen=True, slots=True)

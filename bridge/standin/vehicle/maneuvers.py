@@ -30,8 +30,6 @@ class Drive(Enum):
     """Level, at the throttle given."""
     FOLLOW = auto()
     """Follow the navigator's references."""
-    TILT = auto()
-    """The attitude and throttle given."""
 
 
 class Takeoff:
@@ -42,24 +40,19 @@ class Takeoff:
         """Height to reach (never lower than the vehicle is), as metres down from the origin."""
         self._start_ned_m = vehicle.position_ned_m
         self._rise_m = self._climb_mps = 0.0
-        """Smoothed: a noisy sensor is no lift-off."""
         self._off_ground = not vehicle.landed
         vehicle.taking_off = True
         if self._off_ground:
             self._climb(vehicle)
         else:
             vehicle.throttle_given = SPOOL_START_SHARE * vehicle.controller.hover_throttle
-            if vehicle.frame is not None:
-                vehicle.navigator.restart_yaw(vehicle.frame)
+            vehicle.navigator.restart_yaw(vehicle.frame)
             vehicle.drive = Drive.SPOOL
 
     def update(self, vehicle: Vehicle, step_s: float) -> bool:
         """Go on; return True once the height is reached."""
         if not self._off_ground:
-            share = min(1.0, step_s / LIFT_OFF_SMOOTHING_S)
-            self._rise_m += share * (self._start_ned_m[2] - vehicle.position_ned_m[2] - self._rise_m)
-            self._climb_mps += share * (-vehicle.velocity_ned_mps[2] - self._climb_mps)
-            if self._rise_m < LIFT_OFF_RISE_M or self._climb_mps < LIFT_OFF_SPEED_MPS:
+            if not self._rises(vehicle, step_s):
                 vehicle.throttle_given = min(1.0, vehicle.throttle_given + SPOOL_RATE_PER_S * step_s)
                 return False
             self._off_ground = True
@@ -69,25 +62,26 @@ class Takeoff:
         vehicle.taking_off = not done
         return done
 
+    def _rises(self, vehicle: Vehicle, step_s: float) -> bool:
+        """Tell from the smoothed velocity alone, so that a noisy position is no lift-off and hides none."""
+        share = min(1.0, step_s / LIFT_OFF_SMOOTHING_S)
+        self._climb_mps += share * (-vehicle.velocity_ned_mps[2] - self._climb_mps)
+        self._rise_m = max(0.0, self._rise_m + step_s * self._climb_mps)
+        return self._rise_m > LIFT_OFF_RISE_M and self._climb_mps > LIFT_OFF_SPEED_MPS
+
     def _climb(self, vehicle: Vehicle) -> None:
         vehicle.drive = Drive.FOLLOW
         vehicle.navigator.go_to(self._start_ned_m[0], self._start_ned_m[1])
         vehicle.navigator.go_to_depth(self.down_m)
 
 
-class Landing:
-    """Sink where the vehicle is: fast above LAND_ALT_LOW, then at LAND_SPEED."""
-
-    def update(self, vehicle: Vehicle) -> None:
-        """Go on until the vehicle finds that it stands."""
-        vehicle.landing = True
-        vehicle.drive = Drive.FOLLOW
-        value = vehicle.parameters.__getitem__
-        if vehicle.alt_rel_m > value("LAND_ALT_LOW") / 100:
-            sink_mps = value("LAND_SPEED_HIGH") / 100 or vehicle.limits().sink_mps
-        else:
-            sink_mps = value("LAND_SPEED") / 100
-        vehicle.navigator.fly_sink_rate(sink_mps)
+def land(vehicle: Vehicle) -> None:
+    """Sink where the vehicle is until it finds that it stands: fast above LAND_ALT_LOW, then at LAND_SPEED."""
+    vehicle.landing = True
+    vehicle.drive = Drive.FOLLOW
+    low = vehicle.alt_rel_m <= vehicle.parameters["LAND_ALT_LOW"] / 100
+    sink_mps = vehicle.parameters["LAND_SPEED"] / 100 if low else vehicle.limits().sink_mps
+    vehicle.navigator.fly_sink_rate(sink_mps)
 
 
 class ReturnStage(Enum):
@@ -97,63 +91,45 @@ class ReturnStage(Enum):
     FLY = auto()
     WAIT = auto()
     LAND = auto()
-    STAY = auto()
 
 
 class ReturnSequence:
-    """ArduCopter's RTL: climb to the return height, fly home, wait RTL_LOIT_TIME, then land or stay."""
+    """ArduCopter's RTL: climb to the return height, fly home, wait RTL_LOIT_TIME, then land."""
 
-    def __init__(self) -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self.stage = ReturnStage.CLIMB
         self._waited_s = 0.0
-        self._down_m = 0.0
-        self._landing = Landing()
-
-    def start(self, vehicle: Vehicle) -> None:
-        """Plan the height and begin to climb."""
-        self._down_m = vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + self._return_alt_m(vehicle))
-        speed = vehicle.parameters["RTL_SPEED"] / 100
-        vehicle.speed_override_mps = speed or None
+        self._down_m = vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + _return_alt_m(vehicle))
         vehicle.navigator.hold_yaw()
         vehicle.navigator.go_to_depth(self._down_m)
 
     def update(self, vehicle: Vehicle, step_s: float) -> None:
         """Go on with the stage."""
         vehicle.drive = Drive.FOLLOW
-        north_m, east_m, _ = vehicle.origin.ned_to(vehicle.home_or_origin)
         height_off_m = abs(vehicle.position_ned_m[2] - self._down_m)
-        away_m = hypot(north_m - vehicle.position_ned_m[0], east_m - vehicle.position_ned_m[1])
         if self.stage is ReturnStage.CLIMB and height_off_m < HEIGHT_UNREACHED_M:
             self.stage = ReturnStage.FLY
-            vehicle.navigator.go_to(north_m, east_m)
-        elif (
-            self.stage is ReturnStage.FLY and away_m < ARRIVED_DISTANCE_M and height_off_m < ARRIVED_HEIGHT_M
-        ):
-            self.stage = ReturnStage.WAIT
+            vehicle.navigator.go_to(*vehicle.origin.ned_to(vehicle.home_or_origin)[:2])
+        elif self.stage is ReturnStage.FLY:
+            if _from_home_m(vehicle) < ARRIVED_DISTANCE_M and height_off_m < ARRIVED_HEIGHT_M:
+                self.stage = ReturnStage.WAIT
         elif self.stage is ReturnStage.WAIT:
-            self._wait(vehicle, step_s)
+            self._waited_s += step_s
+            if self._waited_s * 1000 >= vehicle.parameters["RTL_LOIT_TIME"]:
+                self.stage = ReturnStage.LAND
         elif self.stage is ReturnStage.LAND:
-            self._landing.update(vehicle)
+            land(vehicle)
 
-    def _wait(self, vehicle: Vehicle, step_s: float) -> None:
-        self._waited_s += step_s
-        if self._waited_s * 1000 < vehicle.parameters["RTL_LOIT_TIME"]:
-            return
-        final_m = vehicle.parameters["RTL_ALT_FINAL"] / 100
-        if final_m > 0.0:
-            self.stage = ReturnStage.STAY
-            vehicle.navigator.go_to_depth(vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + final_m))
-        else:
-            self.stage = ReturnStage.LAND
 
-    def _return_alt_m(self, vehicle: Vehicle) -> float:
-        """Return the height above home: RTL_ALT, less within RTL_CONE_SLOPE, never less than now."""
-        value = vehicle.parameters.__getitem__
-        now_m = vehicle.alt_rel_m
-        wanted_m = max(now_m + max(value("RTL_CLIMB_MIN") / 100, 0.0), value("RTL_ALT") / 100, RTL_ALT_MIN_M)
-        if value("RTL_CONE_SLOPE") > 0.0:
-            north_m, east_m, _ = vehicle.origin.ned_to(vehicle.home_or_origin)
-            away_m = hypot(north_m - vehicle.position_ned_m[0], east_m - vehicle.position_ned_m[1])
-            cone_m = max(value("RTL_CONE_SLOPE") * away_m, RTL_ALT_MIN_M)
-            wanted_m = min(wanted_m, cone_m)
-        return max(wanted_m, now_m)
+def _from_home_m(vehicle: Vehicle) -> float:
+    north_m, east_m, _ = vehicle.origin.ned_to(vehicle.home_or_origin)
+    return hypot(north_m - vehicle.position_ned_m[0], east_m - vehicle.position_ned_m[1])
+
+
+def _return_alt_m(vehicle: Vehicle) -> float:
+    """Return the height above home: RTL_ALT, less within RTL_CONE_SLOPE, never less than now."""
+    wanted_m = max(vehicle.parameters["RTL_ALT"] / 100, RTL_ALT_MIN_M)
+    slope = vehicle.parameters["RTL_CONE_SLOPE"]
+    if slope > 0.0:
+        wanted_m = min(wanted_m, max(slope * _from_home_m(vehicle), RTL_ALT_MIN_M))
+    return max(wanted_m, vehicle.alt_rel_m)

@@ -15,15 +15,10 @@ class Command(IntEnum):
     """MAV_CMD of the items that the stand-in flies."""
 
     WAYPOINT = 16
-    LOITER_UNLIMITED = 17
     LOITER_TIME = 19
     RETURN_TO_LAUNCH = 20
     LAND = 21
     TAKEOFF = 22
-    DELAY = 93
-    CONDITION_DELAY = 112
-    CONDITION_YAW = 115
-    DO_JUMP = 177
     DO_CHANGE_SPEED = 178
 
 
@@ -38,17 +33,7 @@ class Frame(IntEnum):
 
 
 RELATIVE_FRAMES = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
-NAVIGATION_COMMANDS = frozenset(
-    {
-        Command.WAYPOINT,
-        Command.LOITER_UNLIMITED,
-        Command.LOITER_TIME,
-        Command.RETURN_TO_LAUNCH,
-        Command.LAND,
-        Command.TAKEOFF,
-        Command.DELAY,
-    }
-)
+POSITION_COMMANDS = frozenset({Command.WAYPOINT, Command.LOITER_TIME, Command.LAND, Command.TAKEOFF})
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,18 +88,8 @@ class Mission:
     def set_home(self, home: Location) -> None:
         """Keep item 0 at home."""
         if self._items:
-            self._items[0] = MissionItem(
-                0,
-                Frame.GLOBAL,
-                Command.WAYPOINT,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                home.lat_e7,
-                home.lon_e7,
-                home.alt_amsl_m,
-            )
+            place = (home.lat_e7, home.lon_e7, home.alt_amsl_m)
+            self._items[0] = MissionItem(0, Frame.GLOBAL, Command.WAYPOINT, 0.0, 0.0, 0.0, 0.0, *place)
 
     def set_current(self, seq: int) -> bool:
         """Choose the item to fly; return False if there is none of that number."""

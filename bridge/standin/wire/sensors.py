@@ -2,8 +2,7 @@
 
 The scheme is that of ArduPilot's SITL JSON backend: ``timestamp`` s, ``imu.gyro`` rad/s, ``imu.accel_body``
 m/s^2 (specific force), ``position`` m and ``velocity`` m/s (NED from home), ``attitude`` rad or
-``quaternion`` wxyz (body to NED, wins if both are there), ``airspeed`` m/s and ``velocity_wind`` m/s NED if
-the physics knows them.
+``quaternion`` wxyz (body to NED, wins if both are there), ``airspeed`` m/s if the physics knows it.
 """
 
 from __future__ import annotations
@@ -37,8 +36,12 @@ class SensorFrame(NamedTuple):
     attitude_wxyz: Quaternion
     """Body to NED, of unit length."""
     airspeed_mps: float | None
-    wind_ned_mps: Vector | None
-    """Velocity of the air."""
+
+
+AT_REST = SensorFrame(
+    0.0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.80665), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), None
+)
+"""What is taken for the truth before the first frame."""
 
 
 def parse_sensor_frame(datagram: bytes) -> SensorFrame | None:
@@ -66,7 +69,6 @@ def _frame_from(data: Any) -> SensorFrame | None:
     airspeed = data.get("airspeed")
     if airspeed is not None and not -SPEED_MAX_MPS <= airspeed <= SPEED_MAX_MPS:
         return None
-    wind = data.get("velocity_wind")
     return SensorFrame(
         timestamp_s,
         _bounded(imu["gyro"], RATE_MAX_RADPS),
@@ -75,7 +77,6 @@ def _frame_from(data: Any) -> SensorFrame | None:
         _bounded(data["velocity"], SPEED_MAX_MPS),
         _attitude(data),
         airspeed,
-        None if wind is None else _bounded(wind, SPEED_MAX_MPS),
     )
 
 

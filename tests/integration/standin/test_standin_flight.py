@@ -24,13 +24,12 @@ from fdm.model.air_point import Wind
 from fdm.model.airframe import Airframe, load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.jsbsim_model import JsbsimModel
-from fdm.model.sensor_noise import SensorNoise
 from fdm.model.truth import TrueState
 
 HEADING_DEG = 120.0
 HOME_TEXT = f"45,10,100,{HEADING_DEG}"
 SYSID = 3
-GUIDED, LOITER, RTL, LAND = 4, 5, 6, 9
+GUIDED, LOITER, RTL = 4, 5, 6
 WALL_TIMEOUT_S = 40.0
 POSITION_ONLY, VELOCITY_ONLY = 0x0DF8, 0x0DC7
 STREAMED_MS = {32: 100, 245: 200}
@@ -250,6 +249,10 @@ def test_guided_flight_from_refusal_to_disarm() -> None:
         assert min(one.velocity_ned_mps[2] for one in leg) == pytest.approx(-1.0, abs=0.2)
         assert math.hypot(*leg[-1].velocity_ned_mps) < 0.1, "a velocity target ends after GUID_TIMEOUT"
 
+        assert client.command(176, 1, LOITER) == 0
+        held = flight.truth[-1].position_ned_m
+        assert spread_m(flight.run_for(3.0), held) < 0.3
+
         assert client.command(400, 0) == 4, "no disarming in flight"
         assert client.command(176, 1, RTL) == 0
         first = len(flight.truth)
@@ -305,14 +308,6 @@ def test_a_square_is_flown_as_arducopter_flies_it(
     assert hover_m < hover_limit_m
     assert max(abs(height - 10.0) for height in heights) < 2.0
     assert math.hypot(*landed.position_ned_m[:2]) < 1.5
-
-
-def test_noisy_positions_and_velocities_are_no_lift_off() -> None:
-    noise = SensorNoise(position_sigma_m=0.3, velocity_sigma_mps=0.1).disturb(seed=1, ua_id=0)
-    with flying(disturb=noise) as flight:
-        flight.take_off(5.0)
-        # With some noise it overshoots by some metres first.
-        assert spread_m(flight.run_for(20.0)[-60:], (0.0, 0.0, -5.0)) < 1.5
 
 
 def test_mission_is_flown_in_auto() -> None:
@@ -374,42 +369,6 @@ def test_eight_metres_of_wind_are_borne() -> None:
             0, abs=10
         )
         assert client.command(21) == 0
-        client.wait_disarmed()
-
-
-def test_sticks_fly_stabilize_and_loiter() -> None:
-    with flying() as flight:
-        client = flight.client
-
-        def sticks(roll: int, pitch: int, throttle: int, yaw: int) -> None:
-            client.send(
-                dialect.MAVLink_rc_channels_override_message(SYSID, 1, roll, pitch, throttle, yaw, 0, 0, 0, 0)
-            )
-
-        client.send(dialect.MAVLink_param_set_message(SYSID, 1, b"RC_OVERRIDE_TIME", 1000.0, 9))
-        assert client.wait_for("PARAM_VALUE", param_id="RC_OVERRIDE_TIME").param_value == 1000.0
-        sticks(1500, 1500, 1700, 1500)
-        client.wait_for("STATUSTEXT", text="EKF3 IMU0 is using GPS")
-        assert client.command(400, 1) == 4
-        assert client.texts()[-1] == "Arm: Throttle too high"
-        sticks(1500, 1500, 1100, 1500)
-        assert client.command(400, 1) == 0
-        sticks(1500, 1500, 1540, 1500)
-        client.wait(lambda m: m.get_type() == "LOCAL_POSITION_NED" and m.z < -2.0)
-        sticks(1500, 1500, 1500, 1500)
-        assert client.command(176, 1, LOITER) == 0
-        flight.run_for(5.0)
-        held = flight.truth[-1].position_ned_m
-        assert spread_m(flight.run_for(3.0), held) < 0.3
-        sticks(1500, 1300, 1500, 1500)
-        flight.run_for(4.0)
-        north_mps, east_mps, _ = flight.truth[-1].velocity_ned_mps
-        assert math.hypot(north_mps, east_mps) == pytest.approx(2.5, abs=0.3)
-        assert math.degrees(math.atan2(east_mps, north_mps)) == pytest.approx(HEADING_DEG, abs=5), (
-            "stick forward"
-        )
-        sticks(1500, 1500, 1500, 1500)
-        assert client.command(176, 1, LAND) == 0
         client.wait_disarmed()
 
 
@@ -528,7 +487,7 @@ def deaf_client_of_a_served_autopilot(
             deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
             deaf.connect(("127.0.0.1", server.mavlink_port))
             codec = dialect.MAVLink(None, 255, 190)
-            for message_id in core.mavlink.message_ids:
+            for message_id in range(256):  # those that it has not it refuses
                 request = dialect.MAVLink_command_long_message(1, 1, 511, 0, message_id, 2500, 0, 0, 0, 0, 0)
                 deaf.sendall(request.pack(codec))
             yield server, udp, deaf
@@ -625,16 +584,6 @@ def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:
         )
         assert result.returncode == 2
         assert result.stderr.startswith("standin: FRAME_CLASS 3 with FRAME_TYPE 1: the stand-in flies")
-        result = subprocess.run(
-            [*taken, "--mavlink-port", "0", "--defaults", "/nowhere/x.parm"],
-            capture_output=True,
-            text=True,
-            timeout=20,
-            check=False,
-        )
-        assert result.returncode == 2
-        assert result.stderr.count("\n") == 1
-        assert "/nowhere/x.parm" in result.stderr
         asked = time.monotonic()
         child.terminate()
         assert child.wait(5.0) == 0

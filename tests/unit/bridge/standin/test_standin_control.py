@@ -4,7 +4,7 @@ from math import cos, hypot, pi, radians, sin
 
 import pytest
 
-from bridge.standin.control.mixer import UnknownFrameError, mix_hexa_x, mix_quad_x, motor_frame, pwm_us
+from bridge.standin.control.mixer import HEXA_X, QUAD_X, UnknownFrameError, motor_frame, pwm_us
 from bridge.standin.control.profile import HorizontalProfile, Limits, VerticalProfile
 from bridge.standin.control.quaternion import (
     attitude_for_thrust,
@@ -68,11 +68,11 @@ def test_vertical_profile_keeps_its_speeds() -> None:
 
 
 def test_mixer_follows_the_motor_order_of_quad_x() -> None:
-    front_right, rear_left, front_left, rear_right = mix_quad_x(0.5, 0.1, 0.0, 0.0, 0.1)
+    front_right, rear_left, front_left, rear_right = QUAD_X.mix(0.5, 0.1, 0.0, 0.0, 0.1)
     assert front_left == rear_left > 0.5 > front_right == rear_right, "roll right lifts the left motors"
-    front_right, rear_left, front_left, rear_right = mix_quad_x(0.5, 0.0, 0.1, 0.0, 0.1)
+    front_right, rear_left, front_left, rear_right = QUAD_X.mix(0.5, 0.0, 0.1, 0.0, 0.1)
     assert front_left == front_right > 0.5 > rear_left == rear_right, "nose up lifts the front motors"
-    front_right, rear_left, front_left, rear_right = mix_quad_x(0.5, 0.0, 0.0, 0.1, 0.1)
+    front_right, rear_left, front_left, rear_right = QUAD_X.mix(0.5, 0.0, 0.0, 0.1, 0.1)
     assert front_right == rear_left > 0.5 > front_left == rear_right, "nose right speeds the CCW motors up"
 
 
@@ -83,7 +83,7 @@ def test_mixer_follows_the_motor_order_of_quad_x() -> None:
 def test_mixer_stays_in_range_and_keeps_the_signs(
     throttle: float, roll: float, pitch: float, yaw: float
 ) -> None:
-    one, two, three, four = mix_quad_x(throttle, roll, pitch, yaw, 0.15)
+    one, two, three, four = QUAD_X.mix(throttle, roll, pitch, yaw, 0.15)
     for command in (one, two, three, four):
         assert 0.15 - 1e-9 <= command <= 1.0 + 1e-9
     assert ((two + three) - (one + four)) * roll >= -1e-9
@@ -92,15 +92,15 @@ def test_mixer_stays_in_range_and_keeps_the_signs(
 
 
 def test_mixer_follows_the_motor_order_of_hexa_x() -> None:
-    right, left, front_left, rear_right, front_right, rear_left = mix_hexa_x(0.5, 0.1, 0.0, 0.0, 0.1)
+    right, left, front_left, rear_right, front_right, rear_left = HEXA_X.mix(0.5, 0.1, 0.0, 0.0, 0.1)
     assert left > front_left == rear_left > 0.5 > front_right == rear_right > right, (
         "roll right lifts the left"
     )
-    right, left, front_left, rear_right, front_right, rear_left = mix_hexa_x(0.5, 0.0, 0.1, 0.0, 0.1)
+    right, left, front_left, rear_right, front_right, rear_left = HEXA_X.mix(0.5, 0.0, 0.1, 0.0, 0.1)
     assert front_left == front_right > left == right == 0.5 > rear_left == rear_right, (
         "nose up lifts the front"
     )
-    right, left, front_left, rear_right, front_right, rear_left = mix_hexa_x(0.5, 0.0, 0.0, 0.1, 0.1)
+    right, left, front_left, rear_right, front_right, rear_left = HEXA_X.mix(0.5, 0.0, 0.0, 0.1, 0.1)
     assert left == rear_right == front_right > 0.5 > right == front_left == rear_left, (
         "nose right: the CCW ones"
     )
@@ -113,7 +113,7 @@ def test_mixer_follows_the_motor_order_of_hexa_x() -> None:
 def test_hexa_mixer_stays_in_range_and_keeps_the_signs(
     throttle: float, roll: float, pitch: float, yaw: float
 ) -> None:
-    commands = mix_hexa_x(throttle, roll, pitch, yaw, 0.15)
+    commands = HEXA_X.mix(throttle, roll, pitch, yaw, 0.15)
     assert all(0.15 - 1e-9 <= command <= 1.0 + 1e-9 for command in commands)
     right, left, front_left, rear_right, front_right, rear_left = commands
     assert (left + front_left + rear_left - right - front_right - rear_right) * roll >= -1e-9
@@ -122,8 +122,8 @@ def test_hexa_mixer_stays_in_range_and_keeps_the_signs(
 
 
 def test_frames_are_chosen_by_ardupilots_numbers() -> None:
-    assert motor_frame(1, 1).motors == 4
-    assert motor_frame(2.0, 1.0).motors == 6
+    assert motor_frame(1, 1) is QUAD_X
+    assert motor_frame(2.0, 1.0) is HEXA_X
     with pytest.raises(UnknownFrameError, match="FRAME_CLASS 3 with FRAME_TYPE 0: the stand-in flies"):
         motor_frame(3, 0)
 
