@@ -1,6 +1,6 @@
 """Does a run repeat? Flies each line of a table again and again, and compares all digests.
 
-Each line is a scenario, flown once as the reference and then ``--repeats`` times in some other way that must not matter:
+Each line is a scenario, flown once as the reference and then ``--repeats`` times in some way that must not matter:
 under load, at another speed, with another split over processes. A line holds if every digest of every repeat is
 equal.
 
