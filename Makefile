@@ -35,7 +35,7 @@ bench: $(VENV)/.dev  ## Run the benchmarks.
 	$(BIN)/python -m benchmarks
 
 bench-fdm: $(VENV)/.dev  ## Run the benchmarks of the flight dynamics (ARDUPILOT_HOME adds those with arducopter).
-	$(BIN)/python -m benchmarks fdm fdm_ardupilot fdm_fleet fdm_fuzz
+	$(BIN)/python -m benchmarks fdm fdm_ardupilot fdm_placement fdm_fleet fdm_fuzz
 
 bench-channel: $(VENV)/.dev  ## Run the benchmarks of the channel.
 	$(BIN)/python -m benchmarks channel

@@ -29,7 +29,7 @@ from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
 from fdm.clock.fleet_clock import ClockStatus
 from fdm.exchange.exchange import AircraftSpec, Exchange, default_port
-from fdm.exchange.settings import Coupling
+from fdm.exchange.settings import Coupling, Placement
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.wire.servo_packet import unpack_servo_packet
@@ -124,6 +124,7 @@ def factor_with_physics(
     speed: float = math.inf,
     workers: int = 1,
     coupling: Coupling = "serial",
+    placement: Placement = "auto",
 ) -> tuple[float, float]:
     """Real-time factor of the fleet that comes to the UDP `ports`, and the cores that the exchange takes for it."""
     airframe = load_airframe("f450")
@@ -143,6 +144,7 @@ def factor_with_physics(
         [AircraftSpec(index, airframe, HOME, port) for index, port in enumerate(ports)],
         workers=workers,
         coupling=coupling,
+        placement=placement,
         speed=speed,
         stall_timeout_s=10.0,
         on_truth=lambda _: None,

@@ -16,7 +16,7 @@ from fdm.clock.events import UaEvent
 from fdm.clock.status import check_speed
 from fdm.errors import FdmError, PortInUseError, WorkerError
 from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
-from fdm.exchange.settings import Coupling, Workers
+from fdm.exchange.settings import Coupling, Placement, Workers
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.sensor_noise import load_sensor_noise
@@ -101,6 +101,7 @@ class Options:
     seed: int
     workers: Workers
     coupling: Coupling
+    placement: Placement
 
 
 def specs_of(options: Options) -> list[AircraftSpec]:
@@ -199,6 +200,14 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     help="serial: the autopilot waits while physics flies a frame. parallel: both compute at the same time, which is "
     "faster, and servo outputs take effect one frame later (--ports json only).",
 )
+@click.option(
+    "--placement",
+    type=click.Choice(get_args(Placement)),
+    default="auto",
+    show_default=True,
+    help="With --speed max, shared: keep autopilots and physics on one core. spread: leave that to the system. auto: "
+    "try both for a lone UA in serial coupling, and keep the faster one.",
+)
 def main(**arguments: Any) -> None:
     """Serve the flight dynamics of one UA, or of several, to ArduPilots started by hand (UDP, JSON scheme)."""
     options = Options(**arguments)
@@ -214,6 +223,7 @@ def main(**arguments: Any) -> None:
             specs,
             workers=options.workers,
             coupling=options.coupling,
+            placement=options.placement,
             host=options.host,
             speed=options.speed,
             on_event=_print_event,

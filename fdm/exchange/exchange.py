@@ -17,10 +17,11 @@ from fdm.clock.status import nanoseconds
 from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
+from fdm.exchange.placement import Placer
 from fdm.exchange.poller import Poller
 from fdm.exchange.seat import BuildModel, Seat, bind
 from fdm.exchange.service import DATAGRAM_MAX_BYTES, Service
-from fdm.exchange.settings import Coupling, check_coupling
+from fdm.exchange.settings import Coupling, Placement, check_coupling, check_placement
 from fdm.model.jsbsim_model import JsbsimModel
 from fdm.model.truth import TrueState
 
@@ -40,6 +41,10 @@ class Exchange:
             boot beforehand and is from then on one frame ahead, so that both compute at the same time: servo outputs
             take effect one frame later. (In co-simulation these are couplings of Gauss-Seidel and Jacobi type; Gomes
             et al., "Co-simulation: a survey", ACM Computing Surveys 51(3), 2018.) Legacy peers are served serially.
+        placement: at full speed, shared = keep the loop's thread and the autopilots of this machine on one core, where
+            waking each other costs least; spread = leave that to the system; auto = for a lone UA in serial coupling
+            try both alternately in the first seconds, and keep the faster one. Only Linux can, with cores to choose
+            from.
         speed: sim time per wall time; inf = as fast as possible.
         window_ns: how far a UA may run ahead of the slowest; None = one frame at the slowest rate.
         stall_timeout_s: wall time after which a UA that does not answer is let go.
@@ -66,6 +71,7 @@ class Exchange:
         *,
         host: str = "127.0.0.1",
         coupling: Coupling = "serial",
+        placement: Placement = "auto",
         speed: float = 1.0,
         window_ns: int | None = None,
         stall_timeout_s: float = 1.0,
@@ -90,13 +96,16 @@ class Exchange:
             start_timeout_ns=nanoseconds("start_timeout_s", start_timeout_s),
         )
         check_coupling(coupling)
+        check_placement(placement)
         self._coupling, self._peers = coupling, peers
         ids = [spec.ua_id for spec in aircraft]
         if len(set(ids)) != len(ids):
             raise ValueError(f"ua_id twice in {ids}")
         self._clock = FleetClock(ids, settings, time.monotonic_ns(), peers)
         self._commands = CommandQueue()
-        self._service = Service(self._clock, self._commands, on_truth, on_tick, on_event)
+        self._on_tick = on_tick
+        self._placer = Placer(placement, alone=peers is None)
+        self._service = Service(self._clock, self._commands, on_truth, self._at_tick, on_event)
         self._seats = self._service.seats
         self._lone: Seat | None = None
         self._stopping = False
@@ -130,8 +139,11 @@ class Exchange:
     def run(self) -> None:
         """Serve until `stop` is called. Errors of the callbacks end it and come out of it."""
         turn = self.turn
-        while not self._stopping:
-            turn()
+        try:
+            while not self._stopping:
+                turn()
+        finally:
+            self._placer.give_back()
 
     def turn(self) -> None:
         """Once round the loop: wait until something is there to do, and do it. What `run` repeats."""
@@ -142,6 +154,11 @@ class Exchange:
             return
         self._service.progress()
         self._service.let_go_the_stalled()
+
+    def _at_tick(self, status: ClockStatus) -> None:
+        self._placer.at_tick(self._seats.values(), self._clock.speed, status.sim_time_ns, time.monotonic_ns())
+        if self._on_tick is not None:
+            self._on_tick(status)
 
     def _choose_reader(self, lone: Seat, speed: float) -> None:
         self._receive = reader_of(
@@ -188,6 +205,7 @@ class Exchange:
     def close(self) -> None:
         """Close all sockets. Not while `run` runs. What other threads command from now on has no effect."""
         self._stopping = True
+        self._placer.give_back()
         for seat in self._seats.values():
             seat.sock.close()
         self._poller.close()

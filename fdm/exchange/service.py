@@ -43,7 +43,7 @@ class Service:
         clock: FleetClock,
         commands: CommandQueue,
         on_truth: Callable[[TrueState], object] | None,
-        on_tick: Callable[[ClockStatus], object] | None,
+        on_tick: Callable[[ClockStatus], object],
         on_event: Callable[[UaEvent], object] | None,
     ) -> None:
         self.seats: dict[int, Seat] = {}
@@ -202,10 +202,9 @@ class Service:
                     self._on_truth(by_member[member].truth())
             status = clock.status(tick_ns, self._restarts())
             clock.tick_emitted()
-            if self._on_tick is not None:
-                self._on_tick(status)
-                # However long that took: what is answered next is answered now, not before it.
-                clock.update_deaf(time.monotonic_ns())
+            self._on_tick(status)
+            # However long that took: what is answered next is answered now, not before it.
+            clock.update_deaf(time.monotonic_ns())
             self._commands.obey()
 
     def _restarts(self) -> dict[int, int]:

@@ -15,12 +15,16 @@ Workers = int | Literal["auto"]
 Coupling = Literal["serial", "parallel"]
 """Who computes when, autopilot and physics in turns or at the same time; see fdm.exchange.exchange.Exchange."""
 
+Placement = Literal["auto", "spread", "shared"]
+"""On which cores exchange and autopilots run; see fdm.exchange.exchange.Exchange."""
+
 
 class ExchangeSettings(TypedDict, total=False):
     """The settings that both kinds of exchange take; see fdm.exchange.exchange.Exchange."""
 
     host: str
     coupling: Coupling
+    placement: Placement
     speed: float
     window_ns: int | None
     stall_timeout_s: float
@@ -36,6 +40,7 @@ class ExchangeSettings(TypedDict, total=False):
 DEFAULTS: ExchangeSettings = {
     "host": "127.0.0.1",
     "coupling": "serial",
+    "placement": "auto",
     "speed": 1.0,
     "window_ns": None,
     "stall_timeout_s": 1.0,
@@ -50,6 +55,7 @@ DEFAULTS: ExchangeSettings = {
 FOR_WORKERS = frozenset(
     {
         "coupling",
+        "placement",
         "speed",
         "window_ns",
         "stall_timeout_s",
@@ -75,6 +81,16 @@ def check_coupling(coupling: str) -> None:
         raise ValueError(f"coupling = {coupling!r}: must be one of {', '.join(get_args(Coupling))}")
 
 
+def check_placement(placement: str) -> None:
+    """See that `placement` is one.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if placement not in get_args(Placement):
+        raise ValueError(f"placement = {placement!r}: must be one of {', '.join(get_args(Placement))}")
+
+
 def check_settings(ids: Sequence[int], workers: int, options: ExchangeSettings) -> None:
     """See that the settings of a fleet of the UA `ids` are in their ranges.
 
@@ -86,6 +102,7 @@ def check_settings(ids: Sequence[int], workers: int, options: ExchangeSettings) 
     if len(set(ids)) != len(ids):
         raise ValueError(f"ua_id twice in {ids}")
     check_coupling(options["coupling"])
+    check_placement(options["placement"])
     if not 1 <= workers <= len(ids):
         raise ValueError(f"workers = {workers}: must be from 1 to {len(ids)}, the number of UA")
     ClockSettings(

@@ -255,9 +255,9 @@ def test_held_ticks_wait_for_their_release(start):
 
 def test_a_release_from_within_on_tick_is_enough(start):
     running = start(hold_ticks=True, tick_period_ns=2_500_000)
-    service = running.exchange._service
-    note = service._on_tick
-    service._on_tick = lambda s: (note(s), running.exchange.release_tick(s.sim_time_ns))
+    exchange = running.exchange
+    note = exchange._on_tick
+    exchange._on_tick = lambda s: (note(s), exchange.release_tick(s.sim_time_ns))
     for _ in range(20):
         running.clients[0].exchange()
     assert len(running.ticks) >= 20
