@@ -63,6 +63,7 @@ class Physics:
             speed=scenario.speed_factor,
             tick_period_ns=scenario.exchange_period_ns,
             hold_ticks=True,
+            placement=scenario.fdm.placement,
             stall_timeout_s=scenario.fdm.stall_timeout_s,
             start_timeout_s=START_S,
             on_truth=lambda truth: self._truths.append(truth),

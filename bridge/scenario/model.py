@@ -18,7 +18,7 @@ from pydantic import (
 from bridge.timeouts import STALL_S
 from fdm.air.weather import WeatherConfig
 from fdm.clock.status import SPEED_RANGE
-from fdm.exchange.settings import Coupling, Workers
+from fdm.exchange.settings import Coupling, Placement, Workers
 from fdm.model.sensor_noise import SensorNoise
 from fdm.wire.legacy import legacy_ports
 
@@ -147,6 +147,7 @@ class FlightDynamics(_Part):
         scheme: what the autopilots speak: ArduPilot's json, or the legacy scheme of external ones.
         legacy_rate_hz: frames per second of sim time in the legacy scheme, which does not tell.
         sensor_noise: errors of the sensors beyond those of the autopilot's simulation.
+        placement: whether autopilots and physics share a core at full speed; auto = measured at start.
         stall_timeout_s: wall time after which a UA whose autopilot owes a packet is let go.
     """
 
@@ -156,6 +157,7 @@ class FlightDynamics(_Part):
     legacy_rate_hz: Annotated[int, Field(strict=True, ge=10, le=65535)] = 400
     sensor_noise: SensorNoise = SensorNoise()
     stall_timeout_s: Positive = STALL_S
+    placement: Placement = "auto"
 
 
 class Aircraft(_Part):

@@ -116,16 +116,16 @@ def listen(run: Run) -> None:
     while run.process.poll() is None and (client.recv_match(blocking=True, timeout=1.0) or heard == 0):
         heard += 1
     client.close()
-    assert heard > 100
+    assert heard > 50
 
 
 @pytest.mark.parametrize("client", [flood, stall, listen])
 def test_a_client_that_says_nothing_to_the_autopilot_changes_nothing(
     start_run: StartRun, client: Callable[[Run], None]
 ) -> None:
-    alone = start_run(scenario=HOLD, duration_s=20.0)
+    alone = start_run(scenario=HOLD, duration_s=8.0)
     assert alone.finish() == 0, alone.output.decode()
-    watched = start_run(scenario=HOLD, duration_s=20.0, speed="6")
+    watched = start_run(scenario=HOLD, duration_s=8.0, speed="4")
     watched.wait_for("sim time")
     client(watched)
     assert watched.finish() == 0, watched.output.decode()

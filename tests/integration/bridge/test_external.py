@@ -1,0 +1,74 @@
+"""`autopilot: external`: somebody else starts the autopilots, before the run or long after."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import pytest
+
+from tests.integration.bridge.conftest import STILL, Run, StartRun
+
+HOME = ("40.1331,-105.2404,1690,0", "40.136783119,-105.2404,1690,0")
+EXTERNAL = STILL.replace("radio:", "autopilot: external\nradio:").replace(
+    "{{type: still}}", "{{type: hold, altitude_m: 10}}"
+)
+StartAutopilots = Callable[[int], list["subprocess.Popen[bytes]"]]
+
+
+@pytest.fixture
+def start_autopilots() -> Iterator[StartAutopilots]:
+    """Start two stand-ins by hand, as somebody outside would."""
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(slot: int) -> list[subprocess.Popen[bytes]]:
+        for index, home in enumerate(HOME):
+            command = [sys.executable, "-m", "bridge.standin", "--sysid", str(index + 1), "--home", home]
+            command += ["--fdm-port", str(9002 + 10 * (slot + index))]
+            command += ["--mavlink-port", str(5760 + 10 * (slot + index))]
+            command += ["--parameter", "FRAME_CLASS=1", "--parameter", "FRAME_TYPE=1"]
+            started.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        return started
+
+    yield start
+    for process in started:
+        with suppress(ProcessLookupError):
+            process.kill()
+        process.wait()
+
+
+def assert_flew(run: Run) -> None:
+    assert run.finish() == 0, run.output.decode()
+    summary = run.summary
+    assert (summary["ending"], summary["unfinished"]) == ("duration", [])
+    assert summary["may_not_repeat"] == []
+    assert all(link["sent"] == 25 * 20 + 1 for link in summary["links"])
+
+
+def test_autopilots_that_run_already_are_flown_from_the_first_tick(
+    start_run: StartRun, start_autopilots: StartAutopilots, free_slot: Callable[[int], int]
+) -> None:
+    slot = free_slot(2)
+    start_autopilots(slot)
+    run = start_run("--first-slot", str(slot), scenario=EXTERNAL, duration_s=25.0)
+    assert_flew(run)
+
+
+def test_autopilots_may_come_after_the_run(start_run: StartRun, start_autopilots: StartAutopilots) -> None:
+    run = start_run(scenario=EXTERNAL, duration_s=25.0)
+    run.wait_for("waits for the autopilots")
+    start_autopilots(run.slot)
+    assert_flew(run)
+
+
+def test_external_autopilots_repeat_too(start_run: StartRun, start_autopilots: StartAutopilots) -> None:
+    digests = []
+    for _ in range(2):
+        run = start_run(scenario=EXTERNAL, duration_s=10.0)
+        for autopilot in start_autopilots(run.slot)[-2:]:
+            assert autopilot.poll() is None
+        assert run.finish() == 0, run.output.decode()
+        digests.append(run.summary["digests"])
+    assert digests[0] == digests[1]
