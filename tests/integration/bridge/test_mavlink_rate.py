@@ -1,0 +1,47 @@
+"""MAVLink between ticks: a ground station at real time feels no lag, and the run repeats all the same."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+
+import pytest
+from pymavlink import mavutil
+
+from bridge.bus.messages import Truth, decode
+from bridge.record import names
+from bridge.record.streams import read_stream
+from tests.integration.bridge.conftest import STILL, StartRun
+from tests.integration.bridge.mission import mission_items, upload
+
+QUICK = STILL.replace("radio:", "mavlink_rate_hz: 100\nradio:")
+
+
+def test_200_mission_items_are_uploaded_within_5_s_at_real_time(start_run: StartRun) -> None:
+    run = start_run(scenario=QUICK, speed="1")
+    run.wait_for("sim time")
+    client = mavutil.mavlink_connection(f"tcp:127.0.0.1:{6760 + 10 * (run.slot + 1)}")
+    client.recv_match(type="HEARTBEAT", condition="HEARTBEAT.type==2", blocking=True, timeout=20)
+    begin = time.monotonic()
+    upload(client, mission_items(200))
+    took_s = time.monotonic() - begin
+    client.close()
+    assert took_s < 5.0
+    lines = [json.loads(line) for line in (run.directory / "inputs" / "1.jsonl").read_text().splitlines()]
+    assert any(line["tick_ns"] % 50_000_000 for line in lines)
+
+
+@pytest.mark.parametrize("rate_hz", [20, 100])
+def test_ticks_are_those_of_the_tick_rate_at_any_mavlink_rate(start_run: StartRun, rate_hz: int) -> None:
+    run = start_run(scenario=QUICK.replace("100", str(rate_hz), 1), duration_s=3.0)
+    assert run.finish() == 0, run.output.decode()
+    truths = list(read_stream(names.truth("0").path(run.directory)))
+    assert [entry.tick_ns for entry in truths] == [50_000_000 * n for n in range(61)]
+    assert decode(truths[-1].payload, Truth).header.stamp.ns - 3_000_000_000 in range(2_500_000)
+    exchanges = Counter(
+        entry.tick_ns % (1_000_000_000 // rate_hz)
+        for entry in read_stream(names.from_autopilot("0").path(run.directory))
+    )
+    assert set(exchanges) == {0}
+    assert run.summary["links"][0]["sent"] == 61
