@@ -112,3 +112,20 @@ async def end_all(children: Sequence[Child], grace_s: float) -> list[str]:
         child.kill()
     await asyncio.gather(*waiting)
     return [child.spec.name for child in late]
+
+
+async def end_with_news(child: Child, news: asyncio.Event, patience_s: float) -> list[str]:
+    """Ask a process to end that has much to do first: it has time as long as ``news`` comes within ``patience_s``.
+
+    Returns:
+        Its name if it had to be killed.
+    """
+    child.ask_to_end()
+    while not child.ended.done():
+        news.clear()
+        waiting = asyncio.create_task(news.wait())
+        await asyncio.wait({child.ended, waiting}, timeout=patience_s, return_when=asyncio.FIRST_COMPLETED)
+        waiting.cancel()
+        if not child.ended.done() and not news.is_set():
+            return await end_all([child], 0.0)
+    return []

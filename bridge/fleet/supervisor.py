@@ -18,7 +18,7 @@ from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Link, M
 from bridge.bus.session import Sample, Session, SessionError, free_port, open_client
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.autopilots.launchers import LAUNCHERS
-from bridge.fleet.child import Child, ProcessSpec, end_all
+from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.hosts import host_groups, host_of
 from bridge.fleet.ports import HOST, conflicts, ports_of
 from bridge.record.provenance import collect, write_provenance
@@ -222,23 +222,9 @@ class Fleet:
         self.killed += await end_all(hosts, AGENT_GRACE_S)
         self.killed += await end_all(others, FLIGHT_GRACE_S)
         if self._router is not None:
-            self.killed += await self._end_router(self._router)
+            self.killed += await end_with_news(self._router, self._news, ROUTER_GRACE_S)
         if self._session is not None:
             self._session.close()
-
-    async def _end_router(self, router: Child) -> list[str]:
-        """Let the router write its record: it is killed only when it says nothing of its progress any more."""
-        router.ask_to_end()
-        while not router.ended.done():
-            self._news.clear()
-            news = asyncio.create_task(self._news.wait())
-            await asyncio.wait(
-                {router.ended, news}, timeout=ROUTER_GRACE_S, return_when=asyncio.FIRST_COMPLETED
-            )
-            news.cancel()
-            if not router.ended.done() and not self._news.is_set():
-                return await end_all([router], 0.0)
-        return []
 
     # --- what the processes tell
 

@@ -35,6 +35,7 @@ from bridge.bus.messages import (
 from bridge.bus.session import AGENT, Query, Sample, Session, Stamp, open_client
 from bridge.host.node import AgentOutlet, Node, OnReply, Packet
 from bridge.host.node_record import NodeRecord
+from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import Arguments, current_node, parse_arguments, run_until_stopped
 from bridge.scenario.model import Aircraft, Scenario
@@ -43,6 +44,9 @@ from bridge.timeouts import AGENT_GRACE_S
 ASKED_MAX = 1000
 """Operators' commands that may wait for a tick."""
 log = logging.getLogger("host")
+
+_Heard = tuple[Callable[[Sample], None], Sample]
+"""Who handles what came."""
 
 
 class ZenohOutlets:
@@ -220,18 +224,21 @@ class HostedNode:
 async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: asyncio.Event) -> None:
     """Serve until ``stop`` is set."""
     scenario, keys = run.scenario, run.keys
+    report = Report(run.path, name)
     with open_client(run.info.endpoint) as session:
         async with AsyncExitStack() as stack:
             hosted = [HostedNode(session, run, scenario, scenario.aircraft(node)) for node in nodes]
             for node, one in zip(nodes, hosted, strict=True):
                 await _in_its_context(node, stack, one)
-            _listen(session, keys, hosted)
+            inbox = _listen(session, keys, hosted, report)
             session.declare_alive(keys.alive(name))
             for one in hosted:
                 log.info("MAVLink of UA %s at tcp:127.0.0.1:%d", one.node.node, one.daemon.listen_port)
             await stop.wait()
             for one in hosted:
                 one.stop()
+            report.count("samples_whose_handling_failed", inbox.failed)
+            report.close()
 
 
 async def _in_its_context(node: str, stack: AsyncExitStack, one: HostedNode) -> None:
@@ -244,14 +251,15 @@ async def _in_its_context(node: str, stack: AsyncExitStack, one: HostedNode) -> 
         current_node.reset(token)
 
 
-def _listen(session: Session, keys: Keys, hosted: list[HostedNode]) -> None:
+def _listen(session: Session, keys: Keys, hosted: list[HostedNode], report: Report) -> Inbox[_Heard]:
     """Hand what comes on Zenoh to the event loop, in one order over all nodes and keys."""
 
-    def dispatch(item: tuple[Callable[[Sample], None], Sample]) -> None:
+    def dispatch(item: _Heard) -> None:
         handler, sample = item
         try:
             handler(sample)
         except DecodeError as error:
+            report.count("malformed_samples")
             log.warning("%s: %s", sample.key_expr, error)
 
     def clock_came(sample: Sample) -> None:
@@ -265,9 +273,7 @@ def _listen(session: Session, keys: Keys, hosted: list[HostedNode]) -> None:
             one.clock_came(sim_time_ns, is_tick=False)
 
     # Without a limit: what comes between two ticks is bounded by the ring, and a packet that was delivered stays so.
-    inbox: Inbox[tuple[Callable[[Sample], None], Sample]] = Inbox(
-        asyncio.get_running_loop(), dispatch, limit=None
-    )
+    inbox: Inbox[_Heard] = Inbox(asyncio.get_running_loop(), dispatch, limit=None)
 
     def push(handler: Callable[[Sample], None], sample: Sample) -> None:
         inbox.push((handler, sample))
@@ -276,6 +282,7 @@ def _listen(session: Session, keys: Keys, hosted: list[HostedNode]) -> None:
         one.serve(push)
     session.subscribe(keys.clock, partial(push, clock_came))
     session.subscribe(keys.clock_exchange, partial(push, exchange_came))
+    return inbox
 
 
 def main() -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -146,8 +147,6 @@ async def test_an_operators_command_is_repeated(
 def test_an_interrupted_run_is_flown_again_to_its_last_whole_tick(
     start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
-    import signal
-
     run = start_run(speed="5")
     run.wait_for("sim time")
     run.wait_for("sim time   1")

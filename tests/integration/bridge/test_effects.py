@@ -1,0 +1,115 @@
+"""What a scenario asks for is seen in the record of its run."""
+
+from __future__ import annotations
+
+import signal
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from bridge.bus.keys import Keys
+from bridge.bus.session import open_client
+from bridge.radio.deliveries import DeliveryRow, read_deliveries
+from channel.presets import radio_from_mapping
+from channel.radio import Radio
+from tests.integration.bridge.conftest import STILL, Run, StartRun
+
+FADING = {
+    "preset": "corrected",
+    "frequency_hz": 100.0e6,
+    "shadowing": {"model": "none"},
+    "fading": {"model": "rayleigh", "coherence": "doppler"},
+}
+MOVING = STILL.replace(
+    "radio: moon2020",
+    "radio: {{preset: corrected, frequency_hz: 100.0e+6, shadowing: {{model: none}}, "
+    "fading: {{model: rayleigh, coherence: doppler}}}}",
+).replace(
+    "home: {{north_m: 410}}, agent: {{type: still}}",
+    "home: {{north_m: 50}}, agent: {{type: out_and_back, altitude_m: 20, distance_m: 120, speed_mps: 12}}",
+)
+
+
+def rows_of(run: Run) -> list[DeliveryRow]:
+    return [row for row in read_deliveries(run.directory / "deliveries.csv") if row.tx == "0"]
+
+
+def test_fading_changes_faster_when_the_ua_move(start_run: StartRun) -> None:
+    """The oracle is the free-space-like mean power at the written distance: what is left is fading alone."""
+    run = start_run(scenario=MOVING, duration_s=60.0)
+    assert run.finish() == 0, run.output.decode()
+    radio = Radio(radio_from_mapping(FADING))
+    rows = rows_of(run)
+    fading_db = [
+        row.received_power_dbm - float(radio.link(row.distance_m).received_power_dbm) for row in rows
+    ]
+    new = {"standing": [0, 0], "moving": [0, 0]}
+    for (before, after), (was_db, is_db) in zip(pairwise(rows), pairwise(fading_db), strict=True):
+        speed_mps = abs(after.distance_m - before.distance_m) / 0.05
+        kind = "standing" if speed_mps < 0.05 else "moving" if speed_mps > 6.0 else None
+        if kind is not None:
+            new[kind][0] += abs(is_db - was_db) > 0.01
+            new[kind][1] += 1
+    standing, moving = (changed / total for changed, total in new.values())
+    assert new["moving"][1] > 100
+    assert standing < 0.2  # half-second blocks: one packet in ten sees a new one
+    assert moving > 0.6  # a block is an eighth of a second or less
+
+
+BABBLER = """\
+from bridge.agents import Agent
+
+class Babbler(Agent):
+    async def fly(self):
+        for n in range(20):
+            self.ua.transmit("team", b"no data package")
+            await self.sleep(0.1)
+"""
+
+
+def test_what_could_not_be_read_is_told_in_the_summary(start_run: StartRun, tmp_path: Path) -> None:
+    (tmp_path / "babbler.py").write_text(BABBLER)
+    own = f"{{{{type: own, class: {tmp_path}/babbler.py:Babbler}}}}"
+    head, _, tail = STILL.rpartition("{{type: still}}")
+    run = start_run(scenario=f"{head}{own}{tail}".replace("moon2020", "perfect"), duration_s=10.0, speed="4")
+    run.wait_for("sim time")
+    with open_client(run.endpoint) as session:
+        keys = Keys(run.directory.name)
+        session.put_bytes(keys.rx("0", "1", "team"), b"without a stamp", must_arrive=True)
+        session.put_bytes(keys.comm_status("0"), b"garbage", must_arrive=True)
+        assert run.finish() == 0, run.output.decode()
+    counters = run.summary["counters"]
+    assert counters["ua-0"]["packets_the_agent_could_not_read"] == 20
+    assert counters["ua-0"]["packets_without_stamp"] == 1
+    assert sum(c.get("malformed_samples", 0) for c in counters.values()) == 1
+
+
+def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repeat(
+    start_run: StartRun,
+) -> None:
+    scenario = STILL.replace("radio:", "fdm: {{stall_timeout_s: 1}}\nradio:")
+    run = start_run(scenario=scenario, duration_s=25.0, speed="2")
+    run.wait_for("sim time")
+    autopilot = run.child("bridge.standin --sysid 2")
+    autopilot.send_signal(signal.SIGSTOP)
+    run.wait_for("stalled: UA 1")
+    autopilot.send_signal(signal.SIGCONT)
+    assert run.finish() == 0, run.output.decode()
+    summary = run.summary
+    kinds = [event["kind"] for event in summary["events"] if event["node"] == "1"]
+    assert kinds[:3] == ["joined", "stalled", "returned"]
+    assert any("UA 1 was let go" in reason for reason in summary["may_not_repeat"])
+    assert b"may not repeat: UA 1 was let go" in run.output
+
+
+@pytest.mark.parametrize("hosts", ["1", "per-ua"])
+def test_logs_tell_whose_they_are(start_run: StartRun, hosts: str) -> None:
+    run = start_run(scenario=STILL.replace("radio:", f"hosts: {hosts}\nradio:"), duration_s=1.0)
+    assert run.finish() == 0, run.output.decode()
+    logs = {file.stem: file.read_text() for file in (run.directory / "logs").glob("host-*.log")}
+    assert len(logs) == (1 if hosts == "1" else 2)
+    text = "\n".join(logs.values())
+    for node in ("0", "1"):
+        assert f"INFO UA {node} agent: done at" in text
+        assert f"INFO UA {node} aps.core: autopilot of system {int(node) + 1} heard" in text

@@ -1,0 +1,51 @@
+"""State at the ticks: stamped with the tick, and published at its rate at any tick rate."""
+
+from __future__ import annotations
+
+import pytest
+
+from aps.config import DaemonConfig
+from aps.held import HeldDaemon
+from bridge.aircraft.aircraft_bridge import AircraftBridge
+from bridge.bus.messages import CommandEvent, CommandGoal
+
+
+@pytest.fixture
+def aircraft() -> AircraftBridge:
+    return AircraftBridge(HeldDaemon(DaemonConfig(autopilot="tcp:127.0.0.1:1", sysid=1)), "0")
+
+
+@pytest.mark.parametrize(
+    ("tick_rate_hz", "per_s"), [(4, 4), (10, 10), (16, 10), (20, 10), (25, 10), (100, 10)]
+)
+def test_state_is_published_at_its_rate_at_any_tick_rate(
+    aircraft: AircraftBridge, tick_rate_hz: int, per_s: int
+) -> None:
+    published = 0
+    for tick in range(20 * tick_rate_hz):
+        now_ns = tick * 1_000_000_000 // tick_rate_hz
+        aircraft.begin(now_ns)
+        assert aircraft.state().header.stamp.ns == now_ns
+        published += aircraft.state_is_due()
+        aircraft.end()
+    assert published == 20 * per_s
+
+
+@pytest.mark.parametrize(
+    ("verb", "goal", "says"),
+    [
+        ("arm", CommandGoal(), "has not been heard"),
+        ("goto", CommandGoal(latitude_deg=100.0), "has not been heard"),
+        ("dance", CommandGoal(), "dance"),
+    ],
+)
+def test_what_cannot_be_done_is_told_at_once(
+    aircraft: AircraftBridge, verb: str, goal: CommandGoal, says: str
+) -> None:
+    events: list[CommandEvent] = []
+    aircraft.begin(0)
+    aircraft.start(verb, goal, events.append)
+    aircraft.end()
+    [event] = events
+    assert (event.phase, event.success) == (CommandEvent.RESULT, False)
+    assert says in event.text
