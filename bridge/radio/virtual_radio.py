@@ -212,9 +212,10 @@ class VirtualRadio:
         self._released_ns = done_ns
         if done_ns % self._tick_period_ns:
             return [Publish(self._keys.clock_release, Header.at(done_ns, ""), must_arrive=True)]
-        reports = [*self.settle(), *self._statuses(done_ns), *self._link_reports(done_ns)]
         key = self._keys.clock_end if done_ns >= self._end_ns else self._keys.clock_release
-        return [*reports, Publish(key, Header.at(done_ns, ""), must_arrive=True)]
+        release = Publish(key, Header.at(done_ns, ""), must_arrive=True)
+        # What the nodes get at their next tick goes out before the release; observers can wait.
+        return [*self.settle(), *self._statuses(done_ns), release, *self._link_reports(done_ns)]
 
     def on_tick(self, sim_time_ns: int) -> None:
         """Take a tick of the fleet clock."""
