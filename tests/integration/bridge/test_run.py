@@ -69,6 +69,7 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
         "ledger.json",
         "logs",
         "probability_of_delivery.png",
+        "provenance.json",
         "reports",
         "run.json",
         "scenario.yaml",

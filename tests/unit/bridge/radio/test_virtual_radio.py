@@ -125,14 +125,14 @@ def test_clock_is_released_when_all_have_answered() -> None:
 def test_release_comes_after_what_the_tick_delivered() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    send(core, "0", b"x", None, by_agent(0, 0))
+    core.on_packet("0", "team", b"x", None, by_agent(0, 0))
     core.on_answer("0", 0)
     actions = core.on_answer("1", 0)
     (status,) = published(actions, CommunicationStatus)
     assert status.message == CommunicationStatus(status.message.header, ("0",), (True,))  # type: ignore[attr-defined]
     (link,) = published(actions, Link)
     assert (link.message.sent, link.message.delivered) == (1, 1)  # type: ignore[attr-defined]
-    order = [action.key for action in actions]
+    order = keys_of(actions)
     release = order.index(KEYS.clock_release)
     assert {order.index(KEYS.rx("1", "0", "team")), order.index(KEYS.comm_status("1"))} < set(range(release))
     assert order.index(KEYS.link("0", "1")) > release  # observers can wait
