@@ -16,6 +16,8 @@ START_S = 60.0
 """For all processes to be ready, and again for the autopilots to send their first packet."""
 NEWS_PERIOD_S = 2.0
 """Nothing that a person waits for is silent for longer."""
+FLUSH_PERIOD_S = 1.0
+"""What was recorded is on disk after that, so that a killed run leaves all but its last second."""
 STALL_S = 5.0
 """A UA whose autopilot owes a packet for so long is let go: the others fly on, and the run may not repeat."""
 SILENCE_S = 90.0

@@ -108,7 +108,7 @@ class Agent:
         except TimeoutError:
             raise CommandFailed(
                 f"UA {self.ua.node}: the autopilot was not ready to arm within {READY_TIMEOUT_S:g} s of sim time; "
-                f"the log of aircraft-{self.ua.node} has what it said"
+                "the log of its host has what it said"
             ) from None
         self.ua.report(f"takes off to {altitude_rel_m:g} m")
         await self.ua.set_mode("GUIDED")

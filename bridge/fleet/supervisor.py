@@ -21,6 +21,7 @@ from bridge.fleet.autopilots.launchers import LAUNCHERS
 from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.hosts import host_groups, host_of
 from bridge.fleet.ports import HOST, conflicts, ports_of
+from bridge.record.events import Report
 from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import OwnAgent, Scenario
@@ -225,6 +226,14 @@ class Fleet:
             self.killed += await end_with_news(self._router, self._news, ROUTER_GRACE_S)
         if self._session is not None:
             self._session.close()
+            self._tell_what_was_missed()
+
+    def _tell_what_was_missed(self) -> None:
+        """What came for the supervisor and was not handled, or not shown."""
+        report = Report(self._run.path, "supervisor")
+        report.count("link_reports_not_shown", self._shown.dropped)
+        report.count("samples_whose_handling_failed", self._control.failed + self._shown.failed)
+        report.close()
 
     # --- what the processes tell
 
@@ -243,7 +252,7 @@ class Fleet:
         subscribe(keys.link("*", "*"), Link, shown)
         ending: Inbox[Sample] = Inbox(loop, self._on_ending)
         session.subscribe(keys.ending, ending.push)
-        self._shown = shown
+        self._control, self._shown = control, shown
 
     def _on_ending(self, sample: Sample) -> None:
         """The router tells how far its record is: whoever waits for it waits on."""

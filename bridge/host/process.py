@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
-from collections.abc import Callable
-from contextlib import AsyncExitStack
+from collections.abc import Callable, Iterator
+from contextlib import AsyncExitStack, contextmanager
 from functools import partial
 
 import zenoh
@@ -37,9 +37,10 @@ from bridge.host.node import AgentOutlet, Node, OnReply, Packet
 from bridge.host.node_record import NodeRecord
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
 from bridge.run.process import Arguments, current_node, parse_arguments, run_until_stopped
 from bridge.scenario.model import Aircraft, Scenario
-from bridge.timeouts import AGENT_GRACE_S
+from bridge.timeouts import AGENT_GRACE_S, FLUSH_PERIOD_S
 
 ASKED_MAX = 1000
 """Operators' commands that may wait for a tick."""
@@ -103,6 +104,7 @@ class HostedNode:
         self.daemon.on_wall_time = self._record.may_not_repeat
         self.daemon.on_link_down = self._link_down
         self._connecting: asyncio.Task[None] | None = None
+        self._flush = Every(FLUSH_PERIOD_S)
         self._malformed = 0
 
     async def start(self) -> None:
@@ -144,30 +146,45 @@ class HostedNode:
         self._live(sim_time_ns, is_tick)
 
     async def _connect_first(self) -> None:
-        await self.daemon.connect()
+        with self._named():
+            await self.daemon.connect()
         self._live(0, True)
 
+    async def _reconnect(self) -> None:
+        with self._named():
+            await self.daemon.connect()
+
     def _live(self, sim_time_ns: int, is_tick: bool) -> None:
-        token = current_node.set(self._ua.node)
-        try:
+        with self._named():
             if is_tick:
                 self.node.tick(sim_time_ns)
             else:
                 self.node.exchange(sim_time_ns)
-        finally:
-            current_node.reset(token)
 
     def _agent_is_idle(self) -> None:
+        with self._named():
+            self.node.finish()
+            if self._flush.is_due():
+                self._record.flush()
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """What is logged within is of this node; what is raised ends the run, whose tick would stay open for ever."""
         token = current_node.set(self._ua.node)
         try:
-            self.node.finish()
+            yield
+        except Exception as error:
+            log.exception("the aircraft of UA %s cannot go on", self._ua.node)
+            header = Header.at(self._record.now_ns, self._ua.node)
+            text = f"its aircraft bridge cannot go on: {error}"
+            self._outlets.report(AgentStatus(header, text, failed=True))
         finally:
             current_node.reset(token)
 
     def _link_down(self) -> None:
         """The autopilot closed its MAVLink (it reboots, or is gone): connect again as soon as it listens."""
         self._record.may_not_repeat(f"the autopilot of UA {self._ua.node} closed its MAVLink connection")
-        self._connecting = asyncio.create_task(self.daemon.connect())
+        self._connecting = asyncio.create_task(self._reconnect())
 
     # What comes for the node.
 

@@ -17,10 +17,11 @@ from bridge.record import names
 from bridge.record.events import Report
 from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
-from bridge.timeouts import START_S
+from bridge.timeouts import FLUSH_PERIOD_S, START_S
 from fdm.air.weather import in_weather
 from fdm.clock.events import EventKind, UaEvent
 from fdm.clock.status import ClockStatus
@@ -33,6 +34,7 @@ from fdm.workers.fleet_exchange import FleetExchange, open_exchange
 log = logging.getLogger("physics")
 
 _BY_WALL_TIME = {
+    EventKind.ABSENT: "was not waited for any longer: its autopilot sent no packet in time",
     EventKind.STALLED: "was let go: its autopilot did not answer in time",
     EventKind.RESTARTED: "booted anew: when its autopilot was there again is a matter of wall time",
     EventKind.RETURNED: "was taken back: when its autopilot answered again is a matter of wall time",
@@ -48,6 +50,7 @@ class Physics:
         self._report = report
         self._truth = {node: StreamWriter(names.truth(node).path(run.path)) for node in self._scenario.nodes}
         self._truths: list[TrueState] = []
+        self._flush = Every(FLUSH_PERIOD_S)
         self._started = threading.Event()
         self._stopped = False
         self.exchange = self._open()
@@ -111,6 +114,10 @@ class Physics:
             return
         for truth in truths:
             self._publish(status.sim_time_ns, truth)
+        if self._flush.is_due():
+            for writer in self._truth.values():
+                writer.flush()
+            self._report.flush()
         self._session.put(self._keys.clock, clock_message(status), must_arrive=True)
 
     def _publish(self, tick_ns: int, truth: TrueState) -> None:
@@ -124,10 +131,11 @@ class Physics:
     def _on_event(self, event: UaEvent) -> None:
         node = str(event.ua_id)
         self._report.event(event.sim_time_ns, node, event.kind.value, event.detail)
-        if event.kind in _BY_WALL_TIME:
-            self._report.may_not_repeat(
-                f"UA {node} {_BY_WALL_TIME[event.kind]} (at {event.sim_time_ns / 1e9:.2f} s)"
-            )
+        why = _BY_WALL_TIME.get(event.kind)
+        if event.kind is EventKind.JOINED and event.sim_time_ns > 0:
+            why = "came late: when its autopilot was there is a matter of wall time"
+        if why is not None:
+            self._report.may_not_repeat(f"UA {node} {why} (at {event.sim_time_ns / 1e9:.2f} s)")
 
     def _on_release(self, sample: Sample) -> None:
         try:

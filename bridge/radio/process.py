@@ -7,7 +7,6 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Iterable
-from time import monotonic
 
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, Clock, Header, Truth, decode
@@ -19,11 +18,12 @@ from bridge.record.events import Report
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radio_of
+from bridge.timeouts import FLUSH_PERIOD_S
 from channel.medium import Medium
 
-FLUSH_PERIOD_S = 1.0
 IDLE_S = 5.0
 REFUSALS_LOGGED_MAX = 20
 QUEUE_MAX = 200_000
@@ -99,7 +99,7 @@ class RouterProcess:
         self._session.put(self._keys.ending, header, must_arrive=True)
 
     def _serve(self) -> None:
-        next_flush, idle_s = monotonic() + FLUSH_PERIOD_S, 0.0
+        flush, idle_s = Every(FLUSH_PERIOD_S), 0.0
         while True:
             try:
                 item = self._queue.get(timeout=FLUSH_PERIOD_S)
@@ -108,12 +108,11 @@ class RouterProcess:
                 self._handle(*item)
                 idle_s = 0.0
             except queue.Empty:
-                next_flush, idle_s = 0.0, idle_s + FLUSH_PERIOD_S
+                idle_s += FLUSH_PERIOD_S
                 if idle_s == IDLE_S:
                     self._tell_what_is_waited_for()
-            if monotonic() >= next_flush:
+            if flush.is_due():
                 self._flush()
-                next_flush = monotonic() + FLUSH_PERIOD_S
 
     def _flush(self) -> None:
         self._writer.flush()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import pytest
 from bridge.bus.keys import Keys
 from bridge.bus.session import open_client
 from bridge.radio.deliveries import DeliveryRow, read_deliveries
+from bridge.record import names
+from bridge.record.streams import read_stream
 from channel.presets import radio_from_mapping
 from channel.radio import Radio
 from tests.integration.bridge.conftest import STILL, Run, StartRun
@@ -113,3 +116,25 @@ def test_logs_tell_whose_they_are(start_run: StartRun, hosts: str) -> None:
     for node in ("0", "1"):
         assert f"INFO UA {node} agent: done at" in text
         assert f"INFO UA {node} aps.core: autopilot of system {int(node) + 1} heard" in text
+
+
+def test_an_aircraft_bridge_that_cannot_go_on_ends_the_run_by_name(start_run: StartRun) -> None:
+    run = start_run(speed="2")
+    run.wait_for("sim time")
+    (run.directory / "inputs").write_text("a file where inputs are to be written")
+    with socket.create_connection(("127.0.0.1", 6760 + 10 * (run.slot + 1))):
+        assert run.finish() == 1
+    assert "UA 1 failed: its aircraft bridge cannot go on" in run.output.decode()
+    assert run.summary["ending"] == "failed"
+
+
+def test_a_killed_run_leaves_all_but_its_last_second(start_run: StartRun) -> None:
+    run = start_run(speed="2")
+    run.wait_for("sim time   1")  # 10 s to 19 s
+    processes = run.children()
+    run.process.kill()
+    for process in processes:
+        process.wait(10.0)
+    for name in (names.truth("0"), names.from_autopilot("1"), names.packets("0")):
+        entries = list(read_stream(name.path(run.directory)))
+        assert entries[-1].tick_ns > 8_000_000_000

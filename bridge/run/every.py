@@ -1,0 +1,25 @@
+"""What a process does now and then, by wall time: writing to disk, telling how far it is."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+
+class Every:
+    """Due once per period.
+
+    Args:
+        period_s: wall time.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._due = monotonic() + period_s
+
+    def is_due(self) -> bool:
+        """Whether the period has passed; the next one then begins."""
+        now = monotonic()
+        if now < self._due:
+            return False
+        self._due = now + self._period_s
+        return True
