@@ -24,14 +24,14 @@ WAITING_MAX = 10_000
 """Samples that may wait for a slow reader of our output; later ones are dropped, and said to be."""
 
 
-@click.command(short_help="Print decoded samples of a run that goes on.")
+@click.command(short_help="Print decoded samples of a running simulation.")
 @click.argument("key")
 @click.option("--connect", metavar="ENDPOINT", help="Zenoh router, such as tcp/127.0.0.1:7447.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("runs"),
-    help="Where runs are kept: the newest that goes on is joined, unless --connect is given.",
+    help="Where runs are kept: joins the newest that is running, unless --connect is given.",
 )
 @click.option("--count", type=click.IntRange(min=1), help="End after so many samples.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per line.")

@@ -19,14 +19,14 @@ from channel.cli import main as channel_commands
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(metadata.version("lostlink"), prog_name="lostlink")
 def lostlink() -> None:
-    """Fly real ArduPilot stacks on JSBSim airframes, and lose their traffic exactly as the radio would.
+    """Fly real ArduPilot stacks on JSBSim airframes; drop packets between them as a channel model predicts.
 
     \b
     Examples:
       lostlink run                                 two copters, one radio: where does the link break?
       lostlink run my.yaml --speed 1               your scenario, in real time
       lostlink link --radio moon2020 --distance 400
-      lostlink echo 'lostlink/**/ua/*/rx/**'       what the radio delivers, while a run goes
+      lostlink echo 'lostlink/**/ua/*/rx/**'       what the radio delivers, during a run
       lostlink doctor                              what is installed, found and free
     """
 

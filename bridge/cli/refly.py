@@ -87,7 +87,7 @@ def refly(
             _flight(),
             ardupilot_dir=ardupilot_dir,
             quiet=silent,
-            on_progress=CompareProgress(),
+            on_progress=None if silent else CompareProgress(),
         )
     except Interrupted:
         click.echo(f"lostlink: interrupted; nothing was compared; the new run is {directory.path}", err=True)

@@ -45,10 +45,10 @@ class SpeedType(click.ParamType[float | str]):
 @click.option(
     "--coupling",
     type=click.Choice(get_args(Coupling)),
-    help="Autopilot and physics compute in turns, or at the same time: faster with few UA, servos one frame later.",
+    help="Autopilot and physics compute alternately, or at the same time: faster with few UA, servos one frame later.",
 )
 @click.option("--duration", type=float, metavar="SECONDS", help="Longest sim time.")
-@click.option("--seed", type=int, help="Another seed draws other packet losses.")
+@click.option("--seed", type=int, help="Seed of all random draws: channel, wind, sensor noise, agents.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
@@ -77,10 +77,10 @@ def run(
 ) -> None:
     """Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
 
-    Writes OUT/<time>-<scenario>/ with summary.json, deliveries.csv, a figure, the scenario as resolved and a log
-    per process. Ends with status 0 if the measured deliveries agree with the channel's model (also when
-    --duration ends the run before its tasks: summary.json names the unfinished ones), 1 if not or if the run
-    broke off, 2 if it could not start.
+    Writes OUT/<time>-<scenario>/ with summary.json, deliveries.csv, a figure, the scenario as resolved, what
+    happened at each tick (streams/, inputs/) and a log per process. Ends with status 0 if the measured deliveries
+    agree with the channel's model (also when --duration ends the run before its tasks: summary.json names the
+    unfinished ones), 1 if not or if the run broke off, 2 if it could not start.
 
     \b
     Examples:
@@ -88,6 +88,7 @@ def run(
       lostlink run --autopilot ardupilot --ardupilot-dir ~/ardupilot
       lostlink run my.yaml --speed 1 --seed 7
       lostlink run --duration 60 --json | jq .verdict
+      lostlink run --quiet --digest                  run it twice: the digest is the same
     """
     changes = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
     changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}

@@ -183,7 +183,7 @@ class HostedNode:
 
     def _link_down(self) -> None:
         """The autopilot closed its MAVLink (it reboots, or is gone): connect again as soon as it listens."""
-        self._record.may_not_repeat(f"the autopilot of UA {self._ua.node} closed its MAVLink connection")
+        self._record.may_not_repeat("its autopilot closed its MAVLink connection")
         self._connecting = asyncio.create_task(self._reconnect())
 
     # What comes for the node.

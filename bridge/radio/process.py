@@ -90,6 +90,7 @@ class RouterProcess:
                     writer.close()
             if self._overload:
                 self._core.refused[Refused.OVERLOAD] += self._overload
+                self._report.may_not_repeat(f"{self._overload} packets came faster than the radio took them")
             self._report.close()
             write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
 
@@ -123,9 +124,9 @@ class RouterProcess:
     def _tell_what_is_waited_for(self) -> None:
         nodes = self._core.waiting_for
         if nodes:
-            log.warning("the agents of UA %s have not answered the latest tick", ", ".join(nodes))
+            log.warning("nodes %s have not answered the latest tick", ", ".join(nodes))
         else:
-            log.warning("all agents have answered the latest tick: the flight dynamics wait for an autopilot")
+            log.warning("all nodes have answered the latest tick: the flight dynamics wait for an autopilot")
 
     def _handle(self, handler: Handler, sample: Sample) -> None:
         try:
