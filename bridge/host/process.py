@@ -139,11 +139,14 @@ class HostedNode:
     def clock_came(self, sim_time_ns: int, *, is_tick: bool) -> None:
         """The fleet stands at ``sim_time_ns``: a tick, or an exchange of MAVLink between two ticks."""
         self._record.now_ns = sim_time_ns
-        if sim_time_ns == 0 and not self.daemon.link_up:
-            # The first frame of a UA is answered when its MAVLink is connected: so are its first bytes in the ring.
+        if sim_time_ns > 0 or self.daemon.link_up:
+            self._live(sim_time_ns, is_tick)
+        elif self._scenario.fdm.scheme == "legacy":  # such a peer need not speak MAVLink at all
+            self._connecting = asyncio.create_task(self._reconnect())
+            self._live(sim_time_ns, is_tick)
+        else:
+            # The first frame of a UA is answered when its MAVLink is connected: its first bytes are in the ring, too.
             self._connecting = asyncio.create_task(self._connect_first())
-            return
-        self._live(sim_time_ns, is_tick)
 
     async def _connect_first(self) -> None:
         with self._named():
@@ -153,6 +156,7 @@ class HostedNode:
     async def _reconnect(self) -> None:
         with self._named():
             await self.daemon.connect()
+            self._record.may_not_repeat("its MAVLink was connected during the run, when wall time let it")
 
     def _live(self, sim_time_ns: int, is_tick: bool) -> None:
         with self._named():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import struct
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -9,6 +11,7 @@ from contextlib import suppress
 
 import pytest
 
+from fdm.wire.legacy import legacy_ports
 from tests.integration.bridge.conftest import STILL, Run, StartRun
 
 HOME = ("40.1331,-105.2404,1690,0", "40.136783119,-105.2404,1690,0")
@@ -72,3 +75,41 @@ def test_external_autopilots_repeat_too(start_run: StartRun, start_autopilots: S
         assert run.finish() == 0, run.output.decode()
         digests.append(run.summary["digests"])
     assert digests[0] == digests[1]
+
+
+LEGACY = """\
+schema: 1
+name: legacy
+speed: max
+autopilot: external
+duration_s: {duration_s}
+origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690.0}}
+radio: perfect
+fdm: {{scheme: legacy}}
+ports: {{zenoh: 0, first_slot: {slot}}}
+ua:
+  - {{id: 0, agent: {{type: still}}}}
+"""
+
+
+def fly_legacy(run: Run) -> int:
+    """A peer of the paper's binary scheme, which speaks no MAVLink; returns how often it was answered."""
+    state_port, servo_port = legacy_ports(run.slot)
+    answers = 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", state_port))
+        peer.settimeout(0.5)
+        while run.process.poll() is None:
+            peer.sendto(struct.pack("<14H", *(1100,) * 4, *(0,) * 10), ("127.0.0.1", servo_port))
+            with suppress(TimeoutError):
+                peer.recv(256)
+                answers += 1
+    return answers
+
+
+def test_a_legacy_peer_needs_no_mavlink(start_run: StartRun) -> None:
+    run = start_run(scenario=LEGACY, duration_s=3.0)
+    run.wait_for("waits for the autopilots")
+    assert fly_legacy(run) >= 3 * 400
+    assert run.finish() == 0, run.output.decode()
+    assert run.summary["ending"] == "duration"
