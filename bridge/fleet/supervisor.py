@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,6 +19,7 @@ from bridge.bus.session import Sample, Session, SessionError, free_port, open_cl
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.autopilots.launchers import LAUNCHERS
 from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
+from bridge.fleet.environment import environment_of
 from bridge.fleet.hosts import host_groups, host_of
 from bridge.fleet.ports import HOST, conflicts, ports_of
 from bridge.record.events import Report
@@ -36,16 +37,12 @@ from bridge.timeouts import (
 )
 from fdm.errors import WindError
 
-ENVIRONMENT = {"PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
-"""Of our processes: sets of texts have one order in every run, and no arithmetic depends on the number of cores."""
-
 MODULES = {
     "router": "bridge.radio.process",
     "physics": "bridge.physics.process",
     "host": "bridge.host.process",
 }
 """What runs as which process."""
-
 SHOWN_MAX = 10_000
 """Link reports that may wait to be shown; the oldest give way."""
 
@@ -100,6 +97,7 @@ class Fleet:
         self._run = run
         self._observer = observer
         self._replay = replay
+        self._environment = environment_of(os.environ)
         self._launcher = launcher_of(scenario, ardupilot_dir)
         self._children: list[Child] = []
         self._router: Child | None = None
@@ -171,14 +169,14 @@ class Fleet:
             except AutopilotError as error:
                 raise FleetError(str(error)) from error
             if autopilot is not None:
-                await self._start(autopilot)
+                await self._start(replace(autopilot, environment=self._environment))
         self._observer.on_phase("waits for the autopilots")
 
     def _python(self, module: str, name: str = "", nodes: Sequence[str] = ()) -> ProcessSpec:
         name = name or module
         command = [sys.executable, "-m", MODULES[module], "--run-dir", str(self._run.path), "--name", name]
         command += ["--nodes", ",".join(nodes)] if nodes else []
-        return ProcessSpec(name, command, self._run.log_path(name), environment={**os.environ, **ENVIRONMENT})
+        return ProcessSpec(name, command, self._run.log_path(name), environment=self._environment)
 
     async def _start(self, spec: ProcessSpec) -> Child:
         try:

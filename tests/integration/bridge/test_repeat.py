@@ -52,6 +52,26 @@ def test_another_seed_gives_another_record_and_no_other_flight(start_run: StartR
     assert {name for name in first if first[name] != other[name]} == {"record"}
 
 
+OTHER_MACHINE = {
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX,-AVX512F",
+}
+"""Variables that make this machine compute as one without vector instructions."""
+
+
+def test_a_machine_without_vector_instructions_flies_the_same(
+    start_run: StartRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    digests = []
+    for variables in ({}, OTHER_MACHINE):
+        for name, value in variables.items():
+            monkeypatch.setenv(name, value)
+        run = start_run(scenario=HOLD, duration_s=15.0)
+        assert run.finish() == 0, run.output.decode()
+        digests.append(run.summary["digests"])
+    assert digests[0] == digests[1]
+
+
 def test_digest_is_one_line_for_ci(start_run: StartRun) -> None:
     run = start_run("--digest", "--quiet", duration_s=1.0, only_stdout=True)
     assert run.finish() == 0

@@ -1,0 +1,33 @@
+"""The environment of a run's processes: what makes them compute and order things alike on every machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+HWCAPS = "glibc.cpu.hwcaps"
+NO_FUSED_MATHS = ",".join(
+    f"-{name}{usable}" for name in ("AVX2", "FMA", "FMA4", "AVX", "AVX512F") for usable in ("", "_Usable")
+)
+"""The C library's sin, exp, pow and others differ in their last bits between CPUs with and without fused multiply-add;
+flights part from there within seconds. Without these features they are the plain ones, which every x86-64 CPU has. (The
+names that end in _Usable are those of C libraries before 2.33; a library passes over names that it does not know.)"""
+
+
+def environment_of(ours: Mapping[str, str]) -> dict[str, str]:
+    """The environment of our own processes and of the autopilots, from that of the supervisor.
+
+    - ``PYTHONHASHSEED``: sets of texts have one order in every run.
+    - ``OPENBLAS_NUM_THREADS``: no sum depends on the number of cores.
+    - ``GLIBC_TUNABLES``: no number depends on the CPU's vector instructions; what else it tunes is kept.
+    """
+    return {
+        **ours,
+        "PYTHONHASHSEED": "0",
+        "OPENBLAS_NUM_THREADS": "1",
+        "GLIBC_TUNABLES": _tunables(ours.get("GLIBC_TUNABLES", "")),
+    }
+
+
+def _tunables(given: str) -> str:
+    kept = [item for item in given.split(":") if item and not item.startswith(f"{HWCAPS}=")]
+    return ":".join([*kept, f"{HWCAPS}={NO_FUSED_MATHS}"])
