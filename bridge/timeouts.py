@@ -22,8 +22,12 @@ STALL_S = 5.0
 """A UA whose autopilot owes a packet for so long is let go: the others fly on, and the run may not repeat."""
 SILENCE_S = 90.0
 """Without a tick for so long, the run is given up. Longer than START_S, and than any stall."""
-AGENT_GRACE_S = 1.0
-"""For the hosts to end after they were told to."""
+AGENT_END_S = 0.5
+"""For all agents of a host to end after they were told to; their records are written in any case."""
+AGENT_GRACE_S = 2.0
+"""For the hosts to end: longer than their agents may take."""
+FAILURE_GRACE_S = 2.0
+"""For a tick in which an agent failed to be closed, so that the run ends with a whole tick."""
 FLIGHT_GRACE_S = 1.5
 """For autopilots and physics."""
 ROUTER_GRACE_S = 10.0

@@ -68,6 +68,8 @@ class UaClient:
         self.state: AircraftState | None = None
         self.comm_status: CommunicationStatus | None = None
         self.sim_time_ns = 0
+        self.is_over = False
+        """The run is over: what is still transmitted or commanded has no effect, as nobody could hear it."""
         self.sent = 0
         self.received = 0
         self._outlet = outlet
@@ -118,6 +120,8 @@ class UaClient:
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else None
         raw = encode(payload) if isinstance(payload, Message) else payload
         seq = self.sent
+        if self.is_over:
+            return seq
         self._outlet.transmit(channel, raw, encoding, Stamp(seq, self.sim_time_ns))
         self.sent += 1
         return seq
@@ -140,6 +144,8 @@ class UaClient:
         Raises:
             CommandFailed: if the aircraft refuses or fails, or nobody serves the command.
         """
+        if self.is_over:
+            raise CommandFailed(f"UA {self.node}: {verb}: the run is over")
         events: asyncio.Queue[CommandEvent | None] = asyncio.Queue()
         self._outlet.command(verb, goal or CommandGoal(), events.put_nowait)
         while (event := await events.get()) is not None:

@@ -22,6 +22,8 @@ from bridge.bus.messages import DecodeError
 
 log = logging.getLogger("agent")
 
+OUTCOMES = (CommandFailed, TimeoutError)
+"""What a task of an agent may end with though nothing is wrong with the code."""
 Arrival = Callable[[UaClient], object]
 """Something that came for the agent: called with its client, in its event loop."""
 
@@ -68,21 +70,28 @@ class AgentRunner:
         """Have the agent live through the tick ``sim_time_ns``; `on_idle` tells when it has."""
         self._inbox.put(_Tick(sim_time_ns, arrivals))
 
-    def stop(self, timeout_s: float) -> bool:
-        """End the agent (wall time); returns whether it ended in time."""
+    def ask_to_stop(self) -> None:
+        """Have the agent end; what it still transmits or commands on its way out has no effect."""
+        self.ua.is_over = True
         self._inbox.put(None)
-        self._thread.join(timeout_s)
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait for the agent's end (wall time); returns whether it has come."""
+        self._thread.join(max(0.0, timeout_s))
         return not self._thread.is_alive()
 
     # In the agent's thread.
 
     def _run(self) -> None:
-        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
-            try:
+        try:
+            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
                 runner.run(self._live())
-            except RuntimeError:  # the loop was stopped while the agent still waited for something
-                if not self._stopping:
-                    raise
+        except BaseException as error:  # SystemExit, too: whatever ends this thread leaves a tick open
+            if not self._stopping:
+                self._fail("in its thread", error)
+        finally:
+            if self._busy:
+                self._on_idle()
 
     async def _live(self) -> None:
         self._stopped = asyncio.Event()
@@ -106,6 +115,10 @@ class AgentRunner:
             log.error("%s", error)
             self._failed = True
             self.ua.report(str(error), failed=True)
+        except asyncio.CancelledError as error:
+            if not self.ua.is_over:
+                self._fail("in flight", error, "it awaited what had been cancelled")
+            raise
         except Exception as error:  # an agent is somebody's own code: whatever it raises ends the run by name
             self._fail("in flight", error)
         else:
@@ -115,6 +128,7 @@ class AgentRunner:
     def _wait(self) -> None:
         """Nothing in the loop is ready: the tick is done. Returns with the next one."""
         if self._busy:
+            self._look_at_tasks()
             self._busy = False
             self._on_idle()
         item = self._inbox.get()
@@ -124,6 +138,18 @@ class AgentRunner:
         self._busy = True
         self._loop.advance(item.sim_time_ns)
         self._loop.call_soon(self._take, item)
+
+    def _look_at_tasks(self) -> None:
+        """Fail for a task that has raised while nobody awaited it: in this tick, not when asyncio comes to collect it.
+
+        Outcomes that code may want to look at later are kept until `fly` has returned.
+        """
+        over = self._flight is None or self._flight.done()
+        for task in self._loop.take_raised():
+            if isinstance(task._exception, OUTCOMES) and not over:
+                self._loop.keep_raised(task)
+            else:
+                self._fail("in a task of its own", task.exception())
 
     def _end(self) -> None:
         if self._stopping or not self._built.done():

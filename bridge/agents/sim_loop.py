@@ -74,6 +74,7 @@ class SimLoop(asyncio.BaseEventLoop):
         super().__init__()
         self._sim_time_ns = 0
         self._numbers = itertools.count()
+        self._raised: list[asyncio.Task[Any]] = []
         self._selector = _IdleSelector(wait)
         self._clock_resolution = RESOLUTION_S
         self.set_task_factory(self._numbered_task)  # type: ignore[arg-type]
@@ -98,7 +99,25 @@ class SimLoop(asyncio.BaseEventLoop):
     def _numbered_task(
         self, loop: asyncio.AbstractEventLoop, coro: Coroutine[Any, Any, Any], **options: Any
     ) -> _NumberedTask:
-        return _NumberedTask(coro, number=next(self._numbers), loop=loop, **options)
+        task = _NumberedTask(coro, number=next(self._numbers), loop=loop, **options)
+        task.add_done_callback(self._task_done)
+        return task
+
+    def _task_done(self, task: asyncio.Task[Any]) -> None:
+        if not task.cancelled() and task._log_traceback:
+            self._raised.append(task)
+
+    def take_raised(self) -> list[asyncio.Task[Any]]:
+        """Tasks that have raised and whose exception nobody has looked at.
+
+        asyncio tells of them when they are collected, whenever that is; so they are kept until they are taken.
+        """
+        raised, self._raised = self._raised, []
+        return [task for task in raised if task._log_traceback]
+
+    def keep_raised(self, task: asyncio.Task[Any]) -> None:
+        """Look at it again later."""
+        self._raised.append(task)
 
     # What BaseEventLoop leaves to its kinds.
 

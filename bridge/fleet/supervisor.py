@@ -29,6 +29,7 @@ from bridge.scenario.model import OwnAgent, Scenario
 from bridge.scenario.resolve import airframe_of, home_of, wind_of
 from bridge.timeouts import (
     AGENT_GRACE_S,
+    FAILURE_GRACE_S,
     FLIGHT_GRACE_S,
     NEWS_PERIOD_S,
     ROUTER_GRACE_S,
@@ -97,6 +98,7 @@ class Fleet:
         self._run = run
         self._observer = observer
         self._replay = replay
+        self._failure: FleetError | None = None
         self._environment = environment_of(os.environ)
         self._launcher = launcher_of(scenario, ardupilot_dir)
         self._children: list[Child] = []
@@ -273,7 +275,7 @@ class Fleet:
             self._on_agent(message)
         elif isinstance(message, Header):
             all_done = self._scenario.nodes_with_a_task and not self._unfinished
-            self._settle(Ending.DONE if all_done else Ending.DURATION)
+            self._settle(self._failure or (Ending.DONE if all_done else Ending.DURATION))
         self._observer.on_message(message)
 
     @property
@@ -299,9 +301,17 @@ class Fleet:
         node = status.header.frame_id
         if status.failed:
             log = self._run.log_path(host_of(self._scenario, node))
-            self._settle(FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}"))
+            self._fail_with_the_tick(
+                FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}")
+            )
         if status.done:
             self.not_done.discard(node)
+
+    def _fail_with_the_tick(self, error: FleetError) -> None:
+        """Break off when the tick is closed (the radio ends the run with it), or soon if it cannot be."""
+        if self._failure is None:
+            self._failure = error
+            asyncio.get_running_loop().call_later(FAILURE_GRACE_S, self._settle, error)
 
     async def _all_alive(self, session: Session, keys: Keys, names: set[str]) -> None:
         everybody = asyncio.Event()

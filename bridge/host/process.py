@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AsyncExitStack, contextmanager
 from functools import partial
+from time import monotonic
 
 import zenoh
 
@@ -40,7 +41,7 @@ from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import Arguments, current_node, parse_arguments, run_until_stopped
 from bridge.scenario.model import Aircraft, Scenario
-from bridge.timeouts import AGENT_GRACE_S, FLUSH_PERIOD_S
+from bridge.timeouts import AGENT_END_S, FLUSH_PERIOD_S
 
 ASKED_MAX = 1000
 """Operators' commands that may wait for a tick."""
@@ -106,21 +107,22 @@ class HostedNode:
         self._connecting: asyncio.Task[None] | None = None
         self._flush = Every(FLUSH_PERIOD_S)
         self._malformed = 0
+        self._closed = False
 
     async def start(self) -> None:
         """Build the agent, and subscribe."""
         node, outlet = self._ua.node, AgentOutlet(self._outlets)
         ua = UaClient(node, outlet, self._scenario.seed)
         make = agent_class(self._ua.agent)
-        self._runner = AgentRunner(
+        self.runner = AgentRunner(
             ua,
             lambda client: make(client, self._ua, self._scenario.transmit),
             lambda: self._loop.call_soon_threadsafe(self._agent_is_idle),
         )
-        self.node.join(self._runner, outlet)
+        self.node.join(self.runner, outlet)
         if self._record.replay is not None:
             self.node.repeat(self._record.replay)
-        await asyncio.wrap_future(self._runner.start())
+        await asyncio.wrap_future(self.runner.start())
 
     def serve(self, push: Callable[[Callable[[Sample], None], Sample], None]) -> None:
         """Hear of what comes for this node; ``push`` hands it to the event loop, in order."""
@@ -136,12 +138,15 @@ class HostedNode:
 
     # Ticks.
 
-    def clock_came(self, sim_time_ns: int, *, is_tick: bool) -> None:
-        """The fleet stands at ``sim_time_ns``: a tick, or an exchange of MAVLink between two ticks."""
+    def clock_came(self, sim_time_ns: int, *, is_tick: bool, absent: bool = False) -> None:
+        """The fleet stands at ``sim_time_ns``: a tick, or an exchange of MAVLink between two ticks.
+
+        ``absent``: physics does not wait for this UA's autopilot, which did not come in time.
+        """
         self._record.now_ns = sim_time_ns
         if sim_time_ns > 0 or self.daemon.link_up:
             self._live(sim_time_ns, is_tick)
-        elif self._scenario.fdm.scheme == "legacy":  # such a peer need not speak MAVLink at all
+        elif absent or self._scenario.fdm.scheme == "legacy":  # such a peer need not speak MAVLink at all
             self._connecting = asyncio.create_task(self._reconnect())
             self._live(sim_time_ns, is_tick)
         else:
@@ -159,6 +164,8 @@ class HostedNode:
             self._record.may_not_repeat("its MAVLink was connected during the run, when wall time let it")
 
     def _live(self, sim_time_ns: int, is_tick: bool) -> None:
+        if self._closed:
+            return
         with self._named():
             if is_tick:
                 self.node.tick(sim_time_ns)
@@ -166,6 +173,8 @@ class HostedNode:
                 self.node.exchange(sim_time_ns)
 
     def _agent_is_idle(self) -> None:
+        if self._closed:
+            return
         with self._named():
             self.node.finish()
             if self._flush.is_due():
@@ -228,15 +237,14 @@ class HostedNode:
 
     # The end.
 
-    def stop(self) -> None:
-        """End the agent, and write what is left."""
+    def close(self) -> None:
+        """Write what is left of the record."""
+        self._closed = True
         if self._connecting is not None:
             self._connecting.cancel()
-        if not self._runner.stop(AGENT_GRACE_S / 2):
-            log.warning("the agent of UA %s did not end", self._ua.node)
         counters = {
             "packets_without_stamp": self._malformed,
-            "packets_the_agent_could_not_read": self._runner.malformed,
+            "packets_the_agent_could_not_read": self.runner.malformed,
         }
         counters["commands_dropped"] = self._asked.dropped
         self._record.close(self.daemon.statistics(), counters)
@@ -256,10 +264,21 @@ async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: a
             for one in hosted:
                 log.info("MAVLink of UA %s at tcp:127.0.0.1:%d", one.node.node, one.daemon.listen_port)
             await stop.wait()
-            for one in hosted:
-                one.stop()
+            stop_all(hosted)
             report.count("samples_whose_handling_failed", inbox.failed)
             report.close()
+
+
+def stop_all(hosted: Sequence[HostedNode]) -> None:
+    """End all agents together, and write what is left of every record, whatever an agent does on its way out."""
+    for one in hosted:
+        one.runner.ask_to_stop()
+    until = monotonic() + AGENT_END_S
+    for one in hosted:
+        if not one.runner.join(until - monotonic()):
+            log.warning("the agent of UA %s did not end", one.node.node)
+    for one in hosted:
+        one.close()
 
 
 async def _in_its_context(node: str, stack: AsyncExitStack, one: HostedNode) -> None:
@@ -284,9 +303,9 @@ def _listen(session: Session, keys: Keys, hosted: list[HostedNode], report: Repo
             log.warning("%s: %s", sample.key_expr, error)
 
     def clock_came(sample: Sample) -> None:
-        sim_time_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
+        clock = decode(sample.payload.to_bytes(), Clock)
         for one in hosted:
-            one.clock_came(sim_time_ns, is_tick=True)
+            one.clock_came(clock.header.stamp.ns, is_tick=True, absent=one.node.node in clock.stalled)
 
     def exchange_came(sample: Sample) -> None:
         sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns

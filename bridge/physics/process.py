@@ -155,11 +155,11 @@ def serve(run: RunDirectory) -> None:
         try:
             physics.run()
         finally:
-            physics.close()
             for ua in run.scenario.ua:
                 report.set_counters(
                     {f"ua {ua.id} {name}": n for name, n in physics.exchange.counters(ua.id).items()}
                 )
+            physics.close()
             report.close()
 
 

@@ -91,6 +91,8 @@ class RouterProcess:
             if self._overload:
                 self._core.refused[Refused.OVERLOAD] += self._overload
                 self._report.may_not_repeat(f"{self._overload} packets came faster than the radio took them")
+            if self._core.refused[Refused.OVERLOAD] and not self._overload:
+                self._report.may_not_repeat("a node transmitted more packets in a tick than the radio takes")
             self._report.close()
             write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
 
@@ -190,6 +192,8 @@ class RouterProcess:
     def _on_agent(self, key: str, sample: Sample) -> list[Action]:
         status = decode(sample.payload.to_bytes(), AgentStatus)
         self._core.on_sent_total(self._keys.node_of(key), status.sent)
+        if status.failed:
+            self._core.on_failed()
         if status.done:
             self._core.on_done(self._keys.node_of(key))
         return []

@@ -120,6 +120,7 @@ class VirtualRadio:
         self._tick_ns = 0
         self._next_seq = dict.fromkeys(nodes, 0)
         self._taken: list[TxPacket] = []
+        self._settled_by_truth: list[Action] = []
         self._waiting: dict[tuple[str, int], tuple[TxPacket, int]] = {}
         self._others = {node: tuple(other for other in nodes if other != node) for node in nodes}
         self._latest: dict[tuple[str, str], Reception] = {}
@@ -153,7 +154,11 @@ class VirtualRadio:
             self.refused[Refused.MALFORMED] += 1
             return []
         self._latest_ns = max(self._latest_ns, sim_time_ns)
-        return self._settle(self._medium.observe(node, sim_time_ns, position_ned_m, attitude_wxyz))
+        # Packets that waited for this truth go out with the tick, as those of the tick do: not beside its clock.
+        self._settled_by_truth += self._settle(
+            self._medium.observe(node, sim_time_ns, position_ned_m, attitude_wxyz)
+        )
+        return []
 
     def on_packet(self, tx: str, channel: str, payload: bytes, encoding: object, stamp: Stamp | None) -> None:
         """Take a packet with its agent's stamp; `settle` decides its fate."""
@@ -215,7 +220,8 @@ class VirtualRadio:
         key = self._keys.clock_end if done_ns >= self._end_ns else self._keys.clock_release
         release = Publish(key, Header.at(done_ns, ""), must_arrive=True)
         # What the nodes get at their next tick goes out before the release; observers can wait.
-        return [*self.settle(), *self._statuses(done_ns), release, *self._link_reports(done_ns)]
+        late, self._settled_by_truth = self._settled_by_truth, []
+        return [*late, *self.settle(), *self._statuses(done_ns), release, *self._link_reports(done_ns)]
 
     def on_tick(self, sim_time_ns: int) -> None:
         """Take a tick of the fleet clock."""
@@ -231,6 +237,10 @@ class VirtualRadio:
             if not self._tasks:
                 self._end_ns = min(self._end_ns, self._released_ns + 1)
 
+    def on_failed(self) -> None:
+        """Take an agent's word that it has failed: the run ends with this tick."""
+        self._end_ns = min(self._end_ns, self._released_ns + 1)
+
     def on_sent_total(self, tx: str, sent: int) -> None:
         """Take an agent's own count of what it gave to the radio; what never came here is booked."""
         if tx not in self._next_seq or not 0 <= sent <= self._next_seq[tx] + MAX_GAP:
@@ -244,7 +254,7 @@ class VirtualRadio:
         Raises:
             LedgerError: sent is not delivered plus lost: a defect of ours.
         """
-        actions = [*self.settle(), *self._settle(self._medium.flush())]
+        actions = [*self._settled_by_truth, *self.settle(), *self._settle(self._medium.flush())]
         self.ledger.check(in_flight=0)
         return actions + self._link_reports(self._reported_ns + LINK_PERIOD_NS)
 

@@ -22,7 +22,7 @@ from bridge.scenario.model import (
     Scenario,
     Transmit,
 )
-from bridge.scenario.own_class import mistake_in
+from bridge.scenario.own_class import clash_of, mistake_in
 from bridge.scenario.resolve import airframe_of, wind_of
 from bridge.scenario.resolve_radio import radio_of
 from channel.presets import PresetError, seen_from
@@ -182,6 +182,9 @@ def _with_known_names(source: _Source, folder: Path, scenario: Scenario) -> Scen
         if isinstance(ua.agent, OwnAgent) and (mistake := mistake_in(ua.agent.place, ua.agent.class_name)):
             line = source.line_of(("ua", index, "agent", "class"))
             mistakes.append(f"{source.name}:{line}: ua.{index}.agent.class: {mistake}")
+    clash = clash_of([ua.agent.place for ua in scenario.ua if isinstance(ua.agent, OwnAgent)])
+    if clash:
+        mistakes.append(f"{source.name}:{source.line_of(('ua',))}: ua: {clash}")
     if mistakes:
         raise ScenarioError("\n".join(mistakes))
     return scenario

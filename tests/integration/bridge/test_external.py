@@ -113,3 +113,19 @@ def test_a_legacy_peer_needs_no_mavlink(start_run: StartRun) -> None:
     assert fly_legacy(run) >= 3 * 400
     assert run.finish() == 0, run.output.decode()
     assert run.summary["ending"] == "duration"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(180)
+def test_the_others_fly_without_one_that_does_not_come(
+    start_run: StartRun, start_autopilots: StartAutopilots
+) -> None:
+    run = start_run(scenario=EXTERNAL, duration_s=25.0)
+    run.wait_for("waits for the autopilots")
+    absent = start_autopilots(run.slot)[1]
+    absent.kill()
+    absent.wait()
+    assert run.finish(120.0) == 0, run.output.decode()
+    assert run.summary["ending"] == "duration"
+    assert any("UA 1 was not waited for" in reason for reason in run.summary["may_not_repeat"])
+    assert b"stalled: UA 1" in run.output

@@ -133,3 +133,17 @@ def test_file_is_looked_at_without_running_it(tmp_path: Path, text: str, says: s
     (tmp_path / "mine.py").write_text(f"{text}\nraise SystemExit('it ran')\n")
     mistake = mistake_in(str(tmp_path / "mine.py"), "Own")
     assert says in mistake if says else mistake == ""
+
+
+def test_modules_of_one_name_beside_agents_of_two_folders_are_refused(tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.py").write_text("class Mine: pass\n")
+        (tmp_path / folder / "util.py").write_text("")
+    agents = [f"{{type: own, class: {tmp_path}/{folder}/mine.py:Mine}}" for folder in ("a", "b")]
+    text = TEXT.replace("{type: hold, altitude_m: 40}", agents[0])
+    text = text[: text.rindex("agent:")] + f"agent: {agents[1]}\n"
+    with pytest.raises(ScenarioError, match="have one name, and UA may share a process"):
+        parse_scenario(text, "my.yaml")
+    (tmp_path / "b" / "util.py").rename(tmp_path / "b" / "other.py")
+    assert len(parse_scenario(text, "my.yaml").ua) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -80,7 +81,8 @@ def flown() -> Iterator[list[Flown]]:
     agents: list[Flown] = []
     yield agents
     for agent in agents:
-        assert agent.runner.stop(5.0)
+        agent.runner.ask_to_stop()
+        assert agent.runner.join(5.0)
 
 
 class Napper(Agent):
@@ -190,7 +192,7 @@ def test_packets_that_are_none_are_counted_and_the_rest_goes_on(flown: list[Flow
     assert not any(status.failed for status in agent.outlet.reports)
 
 
-@pytest.mark.parametrize("where", ["fly", "tick", "task"])
+@pytest.mark.parametrize("where", ["fly", "tick", "task", "dropped task"])
 def test_what_the_agent_raises_is_reported_once_with_its_place(flown: list[Flown], where: str) -> None:
     class Faulty(Agent):
         async def fly(self) -> None:
@@ -198,7 +200,10 @@ def test_what_the_agent_raises_is_reported_once_with_its_place(flown: list[Flown
                 raise ArithmeticError("mine")
             if where == "task":
                 self.task = asyncio.create_task(self.mistake())
-                self.task = None  # type: ignore[assignment]
+                await asyncio.Event().wait()
+            if where == "dropped task":
+                asyncio.create_task(self.mistake())  # noqa: RUF006 - what many write
+                await asyncio.Event().wait()
 
         async def mistake(self) -> None:
             raise ArithmeticError("mine")
@@ -210,7 +215,7 @@ def test_what_the_agent_raises_is_reported_once_with_its_place(flown: list[Flown
     flown.append(Flown(Faulty))
     flown[0].ticks(4)
     failed = [status.activity for status in flown[0].outlet.reports if status.failed]
-    place = {"fly": "in flight", "tick": "at a tick", "task": "in a task of its own"}[where]
+    place = {"fly": "in flight", "tick": "at a tick"}.get(where, "in a task of its own")
     assert failed == [f"ArithmeticError {place}: mine"]
 
 
@@ -233,5 +238,63 @@ def test_an_end_that_waits_for_sim_time_does_not_hang() -> None:
 
     agent = Flown(Stubborn)
     agent.ticks(2)
-    assert agent.runner.stop(5.0)
+    agent.runner.ask_to_stop()
+    assert agent.runner.join(5.0)
     assert agent.outlet.reports[-1].activity == "is stopped"
+
+
+@pytest.mark.parametrize("how", ["exit", "cancelled"])
+def test_a_thread_that_ends_says_so_and_leaves_no_tick_open(how: str) -> None:
+    class Gone(Agent):
+        async def fly(self) -> None:
+            await self.sleep(0.1)
+            if how == "exit":
+                sys.exit("enough")
+            task = asyncio.create_task(self.sleep(1.0))
+            task.cancel()
+            await task
+
+    agent = Flown(Gone)
+    agent.ticks(3)
+    [failed] = [status.activity for status in agent.outlet.reports if status.failed]
+    assert failed.startswith(
+        {"exit": "SystemExit in its thread", "cancelled": "CancelledError in flight"}[how]
+    )
+    agent.runner.ask_to_stop()
+    assert agent.runner.join(5.0)
+
+
+def test_an_outcome_that_is_looked_at_later_is_no_mistake(flown: list[Flown]) -> None:
+    class Patient(Agent):
+        async def fly(self) -> None:
+            waiting = asyncio.create_task(self.ua.wait_for(lambda state: state.armed, timeout_s=0.1))
+            await self.sleep(0.5)
+            try:
+                await waiting
+            except TimeoutError:
+                self.ua.transmit("late", b"")
+            self.forgotten = asyncio.create_task(self.ua.wait_for(lambda state: state.armed, timeout_s=0.1))
+
+    flown.append(Flown(Patient))
+    flown[0].ticks(12)
+    assert ("late", 10) in flown[0].sent
+    assert not any(status.failed for status in flown[0].outlet.reports)
+    flown[0].ticks(6)
+    [failed] = [status.activity for status in flown[0].outlet.reports if status.failed]
+    assert failed.startswith("TimeoutError in a task of its own")
+
+
+def test_what_is_transmitted_on_the_way_out_has_no_effect(flown: list[Flown]) -> None:
+    class Polite(Agent):
+        async def fly(self) -> None:
+            try:
+                await asyncio.Event().wait()
+            finally:
+                self.ua.transmit("bye", b"")
+
+    flown.append(Flown(Polite))
+    flown[0].ticks(2)
+    flown[0].runner.ask_to_stop()
+    assert flown[0].runner.join(5.0)
+    assert ("bye", 1) not in flown[0].sent
+    assert flown[0].outlet.reports[-1].sent == len(flown[0].sent)

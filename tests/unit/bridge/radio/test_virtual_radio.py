@@ -65,7 +65,9 @@ def test_packet_waits_for_the_truth_of_its_instant() -> None:
     place(core, 0, n0=0.0, n1=100.0)
     assert not forwards(send(core, "0", b"x", None, by_agent(0, TICK_NS)))
     assert not forwards(place(core, TICK_NS, n0=0.0))
-    assert forwards(place(core, TICK_NS, n1=100.0))
+    assert not forwards(place(core, TICK_NS, n1=100.0))  # not beside the clock: with the tick
+    core.on_answer("0", TICK_NS)
+    assert forwards(core.on_answer("1", TICK_NS))
 
 
 def test_out_of_range_is_lost_and_booked() -> None:
