@@ -132,6 +132,7 @@ async def test_an_operators_command_is_repeated(
     run = start_run(speed="6", duration_s=30.0)
     run.wait_for("sim time")
     async with connect_ua(run.endpoint, run.directory.name, "1") as ua:
+        await ua.wait_for(lambda state: state.mode != "", timeout_s=20)
         await ua.set_mode("GUIDED")
         await ua.wait_for(lambda state: state.ready_to_arm, timeout_s=60)
         await ua.arm()
