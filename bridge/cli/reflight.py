@@ -21,7 +21,7 @@ from bridge.scenario.model import Scenario
 FROM_THERE = "a difference may come from there"
 
 
-class Flight(Protocol):
+class Fly(Protocol):
     """Flies a scenario into a run directory that is there and empty, and returns its summary."""
 
     def __call__(
@@ -117,7 +117,7 @@ def _is_live(run: Path) -> bool:
 def fly_again(
     planned: Plan,
     directory: RunDirectory,
-    fly: Flight,
+    fly: Fly,
     *,
     ardupilot_dir: Path | None = None,
     quiet: bool = True,

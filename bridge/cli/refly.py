@@ -16,7 +16,7 @@ from bridge.record.difference import seconds
 from bridge.run.directory import RunDirectory
 
 if TYPE_CHECKING:
-    from bridge.cli.reflight import Flight, Outcome, Plan
+    from bridge.cli.reflight import Fly, Outcome, Plan
 
 EXIT_DIFFERENT = 1
 EXIT_USAGE = 2
@@ -97,7 +97,7 @@ def refly(
     _report(planned, outcome, as_json=as_json)
 
 
-def _flight() -> Flight:
+def _flight() -> Fly:
     from bridge.cli.flight import fly
 
     return fly

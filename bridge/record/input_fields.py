@@ -12,6 +12,7 @@ from bridge.bus.messages.types import CommandGoal
 Kind = Literal["open", "frame", "close", "command"]
 KINDS: Final = get_args(Kind)
 VERBS: Final = ("arm", "disarm", "mode", "takeoff", "goto", "rtl", "land")
+"""What can be commanded: those of `aps.commander`, named here so that readers do without aps."""
 TICK_MAX_NS: Final = (1 << 63) - 1
 LINK_MAX: Final = (1 << 31) - 1
 _GOAL_FIELDS: Final = tuple(field.name for field in dataclasses.fields(CommandGoal))
