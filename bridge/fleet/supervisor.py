@@ -331,7 +331,7 @@ class Fleet:
         """Wait for the end of the run; give it up when time stands still."""
         loop = asyncio.get_running_loop()
         self._last_tick = loop.time()
-        patience_s = SILENCE_S if self._scenario.autopilot != "external" else float("inf")
+        patience_s = patience_of(self._scenario)
         while True:
             await asyncio.sleep(1.0)
             silence_s = loop.time() - self._last_tick
@@ -357,6 +357,13 @@ async def _connect(endpoint: str) -> Session:
         except SessionError as error:
             if asyncio.get_running_loop().time() > deadline:
                 raise FleetError(str(error)) from error
+
+
+def patience_of(scenario: Scenario) -> float:
+    """How long, in wall time, sim time may stand still: longer than an autopilot may owe its packet."""
+    if scenario.autopilot == "external":
+        return float("inf")
+    return max(SILENCE_S, 2 * scenario.fdm.stall_timeout_s)
 
 
 def launcher_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launcher:
