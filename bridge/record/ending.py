@@ -34,7 +34,7 @@ def extent_of(run: Path) -> Extent:
     """How much of the run in ``run`` can be flown again.
 
     Raises:
-        ValueError: it was interrupted before its first whole tick, or a stream is damaged.
+        ValueError: it was interrupted before any sim time was whole, or a stream is damaged.
         OSError: a stream cannot be read.
     """
     ending = _ending(run)
@@ -43,6 +43,10 @@ def extent_of(run: Path) -> Extent:
     stop_ns = last_whole_tick(run)
     if stop_ns is None:
         raise ValueError(f"{run}: the run ended before its first whole tick: there is nothing to fly again")
+    if stop_ns == 0:
+        raise ValueError(
+            f"{run}: the run ended in its first ticks, before sim time passed: nothing to fly again"
+        )
     return Extent(stop_ns, was_cut=ending not in IN_ORDER)
 
 

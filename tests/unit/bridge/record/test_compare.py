@@ -289,6 +289,9 @@ def test_extent_of_a_run(tmp_path: Path) -> None:
         assert extent_of(run) == extent
     with pytest.raises(ValueError, match="before its first whole tick"):
         extent_of(make_run(tmp_path / "b", ticks=1))
+    with pytest.raises(ValueError, match="in its first ticks, before sim time passed: nothing to fly again"):
+        extent_of(make_run(tmp_path / "c", ticks=2))
+    assert extent_of(make_run(tmp_path / "d", ticks=3)).stop_ns == TICK_NS
 
 
 @pytest.mark.parametrize(
