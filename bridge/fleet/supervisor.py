@@ -26,6 +26,7 @@ from bridge.record.events import Report
 from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import OwnAgent, Scenario
+from bridge.scenario.named_files import named_files
 from bridge.scenario.resolve import airframe_of, home_of, wind_of
 from bridge.timeouts import (
     AGENT_GRACE_S,
@@ -131,7 +132,7 @@ class Fleet:
 
     def _write_provenance(self) -> None:
         origins = {ua.node: self._launcher.origin(ua) for ua in self._scenario.ua}
-        write_provenance(collect(origins), self._run.path)
+        write_provenance(collect(origins, named_files(self._scenario)), self._run.path)
 
     async def _fly(self) -> Ending:
         try:
