@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from bridge.record.events import KILLED, read_reports
 from bridge.record.names import Kind, streams_of
 from bridge.record.streams import read_stream
 from bridge.run.directory import SUMMARY_FILE
@@ -14,7 +15,7 @@ from bridge.run.directory import SUMMARY_FILE
 WHOLE = ("done", "duration")
 """Endings of `summary.json` that the run came to by itself."""
 IN_ORDER = (*WHOLE, "interrupted")
-"""Endings after which every process closed its files."""
+"""Endings after which every process closed its files, unless one had to be killed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +24,7 @@ class Extent:
 
     Attributes:
         stop_ns: its last whole tick; None if the run came to its end by itself.
-        was_cut: a process may have been killed: files may end at different ticks.
+        was_cut: a process was, or may have been, killed: files may end at different ticks.
     """
 
     stop_ns: int | None
@@ -38,8 +39,9 @@ def extent_of(run: Path) -> Extent:
         OSError: a stream cannot be read.
     """
     ending = _ending(run)
+    was_cut = ending not in IN_ORDER or any(event.kind == KILLED for event in read_reports(run).events)
     if ending in WHOLE:
-        return Extent(None, was_cut=False)
+        return Extent(None, was_cut)
     stop_ns = last_whole_tick(run)
     if stop_ns is None:
         raise ValueError(f"{run}: the run ended before its first whole tick: there is nothing to fly again")
@@ -47,7 +49,7 @@ def extent_of(run: Path) -> Extent:
         raise ValueError(
             f"{run}: the run ended in its first ticks, before sim time passed: nothing to fly again"
         )
-    return Extent(stop_ns, was_cut=ending not in IN_ORDER)
+    return Extent(stop_ns, was_cut)
 
 
 def last_whole_tick(run: Path) -> int | None:
