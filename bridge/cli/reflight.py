@@ -65,11 +65,20 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The run that was flown again, its summary, and how it compares; remarks say what else is other."""
+    """The run that was flown again.
+
+    Attributes:
+        directory: where it is.
+        summary: what it gave.
+        comparison: how the two compare.
+        other_ending: how their endings differ, in words; "" if they do not.
+        remarks: what else is other.
+    """
 
     directory: RunDirectory
     summary: dict[str, Any]
     comparison: Comparison
+    other_ending: str
     remarks: tuple[str, ...]
 
 
@@ -144,7 +153,15 @@ def fly_again(
     comparison = examine(
         planned.run, directory.path, extent.stop_ns, a_was_cut=extent.was_cut, on_progress=on_progress
     )
-    return Outcome(directory, summary, comparison, remarks)
+    return Outcome(directory, summary, comparison, _other_ending(extent, summary), remarks)
+
+
+def _other_ending(extent: Extent, summary: Mapping[str, Any]) -> str:
+    now = str(summary.get("ending"))
+    if not extent.other_ending(now):
+        return ""
+    before = f"ended as {extent.ending!r}" if extent.ending else "has no ending in its summary"
+    return f"the endings differ: the recorded run {before}, the new one as {now!r}"
 
 
 def _what_is_other(run: Path, reflown: Path) -> list[str]:

@@ -25,10 +25,21 @@ class Extent:
     Attributes:
         stop_ns: its last whole tick; None if the run came to its end by itself.
         was_cut: a process was, or may have been, killed: files may end at different ticks.
+        ending: as its summary has it; None if it has none.
     """
 
     stop_ns: int | None
     was_cut: bool
+    ending: str | None = None
+
+    def other_ending(self, now: str) -> bool:
+        """Whether the run, flown again as far as this goes, should not have had the ending ``now``.
+
+        One that is ended at a tick of ours ends well there; that it broke off is the same only if it did before.
+        """
+        if self.stop_ns is None:
+            return now != self.ending
+        return now not in WHOLE and now != self.ending
 
 
 def extent_of(run: Path) -> Extent:
@@ -41,7 +52,7 @@ def extent_of(run: Path) -> Extent:
     ending = _ending(run)
     was_cut = ending not in IN_ORDER or any(event.kind == KILLED for event in read_reports(run).events)
     if ending in WHOLE:
-        return Extent(None, was_cut)
+        return Extent(None, was_cut, ending)
     stop_ns = last_whole_tick(run)
     if stop_ns is None:
         raise ValueError(f"{run}: the run ended before its first whole tick: there is nothing to fly again")
@@ -49,7 +60,7 @@ def extent_of(run: Path) -> Extent:
         raise ValueError(
             f"{run}: the run ended in its first ticks, before sim time passed: nothing to fly again"
         )
-    return Extent(stop_ns, was_cut)
+    return Extent(stop_ns, was_cut, ending)
 
 
 def last_whole_tick(run: Path) -> int | None:

@@ -279,10 +279,10 @@ def test_extent_of_a_run(tmp_path: Path) -> None:
     run = make_run(tmp_path / "a", lambda run: run.streams[truth("1")].pop())
     assert last_whole_tick(run) == 18 * TICK_NS
     for summary, extent in (
-        ('{"ending": "done"}', Extent(None, False)),
-        ('{"ending": "duration"}', Extent(None, False)),
-        ('{"ending": "interrupted"}', Extent(18 * TICK_NS, False)),
-        ('{"ending": "failed"}', Extent(18 * TICK_NS, True)),
+        ('{"ending": "done"}', Extent(None, False, "done")),
+        ('{"ending": "duration"}', Extent(None, False, "duration")),
+        ('{"ending": "interrupted"}', Extent(18 * TICK_NS, False, "interrupted")),
+        ('{"ending": "failed"}', Extent(18 * TICK_NS, True, "failed")),
         ("not JSON", Extent(18 * TICK_NS, True)),
         ("[]", Extent(18 * TICK_NS, True)),
     ):
@@ -293,7 +293,7 @@ def test_extent_of_a_run(tmp_path: Path) -> None:
     report.close()
     for ending, stop_ns in (("done", None), ("duration", None), ("interrupted", 18 * TICK_NS)):
         (run / "summary.json").write_text(f'{{"ending": "{ending}"}}')
-        assert extent_of(run) == Extent(stop_ns, was_cut=True)
+        assert extent_of(run) == Extent(stop_ns, True, ending)
     with pytest.raises(ValueError, match="before its first whole tick"):
         extent_of(make_run(tmp_path / "b", ticks=1))
     with pytest.raises(ValueError, match="in its first ticks, before sim time passed: nothing to fly again"):
