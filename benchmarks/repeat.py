@@ -1,8 +1,8 @@
 """Does a run repeat? Flies each line of a table again and again, and compares all digests.
 
 Each line is a scenario, flown once as the reference and then ``--repeats`` times in some way that must not matter:
-under load, at another speed, with another split over processes. A line holds if every digest of every repeat is
-equal.
+under load, at another speed, with another split over processes, on other cores or ports. A line holds if every digest
+of every repeat is equal, and every run came to its end.
 
     python -m benchmarks.repeat                       # the stand-in's lines; with ARDUPILOT_HOME also the real ones
     python -m benchmarks.repeat --short --repeats 1   # a few seconds of sim time each: what the test suite runs
@@ -26,6 +26,7 @@ from typing import Any
 import yaml
 
 from bridge.record.compare import compare
+from bridge.record.ending import WHOLE
 from bridge.scenario.file import SCENARIOS
 
 ROOT = Path(__file__).parents[1]
@@ -44,6 +45,7 @@ class Line:
         scenario: the file.
         base: what the reference has that the file has not, by dotted key.
         other: what the repeats have besides.
+        moved: by how many slots the ports of the repeats are others.
         loaded: whether both cores are kept busy during the repeats.
         real: whether it needs real ArduPilot.
     """
@@ -52,8 +54,13 @@ class Line:
     scenario: Path
     base: Mapping[str, Any] = field(default_factory=dict)
     other: Mapping[str, Any] = field(default_factory=dict)
+    moved: int = 0
     loaded: bool = False
     real: bool = False
+
+
+class BrokenRun(RuntimeError):
+    """A run did not come to its end: what it recorded shows nothing, however equal."""
 
 
 def lines() -> list[Line]:
@@ -65,6 +72,8 @@ def lines() -> list[Line]:
         Line("standin speed 1", separation, {"duration_s": 60}, {"speed": 1}),
         Line("standin workers 2", separation, {"fdm.workers": 1}, {"fdm.workers": 2}),
         Line("standin hosts 1", separation, {"hosts": "per-ua"}, {"hosts": 1}),
+        Line("standin shared", separation, {"fdm.placement": "spread"}, {"fdm.placement": "shared"}),
+        Line("standin ports", separation, moved=2),
         Line("standin parallel", separation, {"fdm.coupling": "parallel"}, {"fdm.workers": 2}),
         Line("standin mavlink 100 Hz", separation, {"mavlink_rate_hz": 100}, loaded=True),
         Line("standin gusty", separation, GUSTY, {"fdm.workers": 2}, loaded=True),
@@ -83,7 +92,11 @@ def lines() -> list[Line]:
 
 
 def fly(line: Line, changes: Mapping[str, Any], out: Path, slot: int) -> tuple[Path, dict[str, Any]]:
-    """Fly once; returns the run's directory and its summary."""
+    """Fly once; returns the run's directory and its summary.
+
+    Raises:
+        BrokenRun: the run did not come to its end.
+    """
     content = yaml.safe_load(line.scenario.read_text(encoding="utf-8"))
     for key, value in {**changes, "ports.zenoh": 0, "ports.first_slot": slot}.items():
         *path, last = key.split(".")
@@ -101,9 +114,12 @@ def fly(line: Line, changes: Mapping[str, Any], out: Path, slot: int) -> tuple[P
         [*command, "--out", str(out / "runs")], capture_output=True, text=True, cwd=ROOT, check=False
     )
     if done.returncode not in (0, 1) or not done.stdout:
-        raise RuntimeError(f"{line.name}: the run ended with status {done.returncode}: {done.stderr}")
+        raise BrokenRun(f"the run ended with status {done.returncode}: {done.stderr}")
+    summary = json.loads(done.stdout)
+    if summary["ending"] not in WHOLE:
+        raise BrokenRun(f"the run ended as {summary['ending']!r}: {summary['error']}")
     (directory,) = (out / "runs").iterdir()
-    return directory, json.loads(done.stdout)
+    return directory, summary
 
 
 @contextlib.contextmanager
@@ -124,19 +140,32 @@ def check(line: Line, repeats: int, short: bool, out: Path, slot: int) -> dict[s
     base = dict(line.base)
     if short:
         base["duration_s"] = SHORT_S
-    reference, summary = fly(line, base, out / "reference", slot)
     row: dict[str, Any] = {
         "line": line.name,
-        "sim_s": summary["sim_duration_s"],
-        "streams": len(summary["digests"]),
-        "real_time_factors": [round(summary["real_time_factor"], 2)],
+        "sim_s": 0.0,
+        "streams": 0,
+        "real_time_factors": [],
         "identical": 0,
         "repeats": repeats,
-        "remarks": list(summary["may_not_repeat"]),
+        "remarks": [],
     }
+    try:
+        reference, summary = fly(line, base, out / "reference", slot)
+    except BrokenRun as error:
+        row["remarks"].append(f"reference: {error}")
+        return row
+    row["sim_s"], row["streams"] = summary["sim_duration_s"], len(summary["digests"])
+    row["real_time_factors"].append(round(summary["real_time_factor"], 2))
+    row["remarks"] += summary["may_not_repeat"]
     for number in range(repeats):
-        with load(line.loaded):
-            directory, again = fly(line, base | dict(line.other), out / f"repeat-{number}", slot)
+        try:
+            with load(line.loaded):
+                directory, again = fly(
+                    line, base | dict(line.other), out / f"repeat-{number}", slot + line.moved
+                )
+        except BrokenRun as error:
+            row["remarks"].append(f"repeat {number}: {error}")
+            continue
         row["real_time_factors"].append(round(again["real_time_factor"], 2))
         row["remarks"] += again["may_not_repeat"]
         if again["digests"] == summary["digests"]:

@@ -21,7 +21,8 @@ FLUSH_PERIOD_S = 1.0
 STALL_S = 5.0
 """A UA whose autopilot owes a packet for so long is let go: the others fly on, and the run may not repeat."""
 SILENCE_S = 90.0
-"""Without a tick for so long, the run is given up. Longer than START_S, and than any stall."""
+"""Without a tick for so long, the run is given up. Longer than START_S, and than STALL_S; with a longer stall in a
+scenario (fdm.stall_timeout_s), twice that."""
 AGENT_END_S = 0.5
 """For all agents of a host to end after they were told to; their records are written in any case."""
 AGENT_GRACE_S = 2.0

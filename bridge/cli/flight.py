@@ -39,7 +39,7 @@ def fly(
     stop_ns: int | None,
     quiet: bool,
 ) -> dict[str, Any]:
-    """Fly for another command (`bridge.cli.reflight.Flight`); a scenario may be cut short at the tick ``stop_ns``.
+    """Fly for another command (`bridge.cli.reflight.Fly`); a scenario may be cut short at the tick ``stop_ns``.
 
     Raises:
         ValueError: there is no summary.

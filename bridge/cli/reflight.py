@@ -21,7 +21,7 @@ from bridge.scenario.model import Scenario
 FROM_THERE = "a difference may come from there"
 
 
-class Flight(Protocol):
+class Fly(Protocol):
     """Flies a scenario into a run directory that is there and empty, and returns its summary."""
 
     def __call__(
@@ -65,11 +65,20 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The run that was flown again, its summary, and how it compares; remarks say what else is other."""
+    """The run that was flown again.
+
+    Attributes:
+        directory: where it is.
+        summary: what it gave.
+        comparison: how the two compare.
+        other_ending: how their endings differ, in words; "" if they do not.
+        remarks: what else is other.
+    """
 
     directory: RunDirectory
     summary: dict[str, Any]
     comparison: Comparison
+    other_ending: str
     remarks: tuple[str, ...]
 
 
@@ -117,7 +126,7 @@ def _is_live(run: Path) -> bool:
 def fly_again(
     planned: Plan,
     directory: RunDirectory,
-    fly: Flight,
+    fly: Fly,
     *,
     ardupilot_dir: Path | None = None,
     quiet: bool = True,
@@ -144,7 +153,15 @@ def fly_again(
     comparison = examine(
         planned.run, directory.path, extent.stop_ns, a_was_cut=extent.was_cut, on_progress=on_progress
     )
-    return Outcome(directory, summary, comparison, remarks)
+    return Outcome(directory, summary, comparison, _other_ending(extent, summary), remarks)
+
+
+def _other_ending(extent: Extent, summary: Mapping[str, Any]) -> str:
+    now = str(summary.get("ending"))
+    if not extent.other_ending(now):
+        return ""
+    before = f"ended as {extent.ending!r}" if extent.ending else "has no ending in its summary"
+    return f"the endings differ: the recorded run {before}, the new one as {now!r}"
 
 
 def _what_is_other(run: Path, reflown: Path) -> list[str]:

@@ -16,7 +16,7 @@ from bridge.record.difference import seconds
 from bridge.run.directory import RunDirectory
 
 if TYPE_CHECKING:
-    from bridge.cli.reflight import Flight, Outcome, Plan
+    from bridge.cli.reflight import Fly, Outcome, Plan
 
 EXIT_DIFFERENT = 1
 EXIT_USAGE = 2
@@ -61,7 +61,8 @@ def refly(
 
     RUN/inputs/ has what a ground station or an operator sent, and when; edit a copy of RUN to see what another
     input would have done. A run that was interrupted is flown up to its last whole tick. The new run goes to
-    OUT/<time>-<scenario>/. Ends with status 0 if the two are identical, 1 if not, 2 if RUN cannot be flown.
+    OUT/<time>-<scenario>/. Ends with status 0 if the two are identical, 1 if they or their endings differ (one broke
+    off and the other did not, say), 2 if RUN cannot be flown.
 
     \b
     Examples:
@@ -97,7 +98,7 @@ def refly(
     _report(planned, outcome, as_json=as_json)
 
 
-def _flight() -> Flight:
+def _flight() -> Fly:
     from bridge.cli.flight import fly
 
     return fly
@@ -124,20 +125,22 @@ def _until(planned: Plan) -> str:
 def _report(planned: Plan, outcome: Outcome, *, as_json: bool) -> NoReturn:
     for remark in outcome.remarks:
         click.echo(f"lostlink: {remark}", err=True)
-    is_different = outcome.comparison.difference is not None
+    is_different = outcome.comparison.difference is not None or bool(outcome.other_ending)
     if as_json:
         click.echo(json.dumps(_plain(planned, outcome)))
     else:
-        until = "" if is_different else _until(planned)
+        until = "" if outcome.comparison.difference is not None else _until(planned)
         click.echo(as_text(outcome.comparison, planned.run, outcome.directory.path) + until)
-    failed = is_different or outcome.summary.get("ending") == "failed"
-    sys.exit(EXIT_DIFFERENT if failed else 0)
+        if outcome.other_ending:
+            click.echo(outcome.other_ending)
+    sys.exit(EXIT_DIFFERENT if is_different else 0)
 
 
 def _plain(planned: Plan, outcome: Outcome) -> dict[str, Any]:
     return as_plain(outcome.comparison) | {
         "run": str(planned.run),
         "reflown": str(outcome.directory.path),
+        "other_ending": outcome.other_ending or None,
         "compared_until_ns": planned.extent.stop_ns,
         "remarks": [*planned.remarks, *outcome.remarks],
         "summary": outcome.summary,

@@ -57,8 +57,14 @@ class SpeedType(click.ParamType[float | str]):
 )
 @click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
-@click.option("--digest", is_flag=True, help="Print one line last: the digest of all that repeats.")
-@click.option("--json", "as_json", is_flag=True, help="Print summary.json instead of text.")
+@click.option(
+    "--digest",
+    is_flag=True,
+    help="Print one line last: the digest of all that repeats. Not with --json, which has it under digest.",
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print summary.json instead of text: nothing else is on stdout."
+)
 @click.option("--quiet", is_flag=True, help="Print the verdict only.")
 def run(
     scenario: str,
@@ -90,6 +96,10 @@ def run(
       lostlink run --duration 60 --json | jq .verdict
       lostlink run --quiet --digest                  run it twice: the digest is the same
     """
+    if as_json and digest:
+        raise click.UsageError(
+            "--digest and --json: choose one; the JSON has the digest under its key digest"
+        )
     changes = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
     changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
     try:

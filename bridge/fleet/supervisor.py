@@ -22,10 +22,11 @@ from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.environment import environment_of
 from bridge.fleet.hosts import host_groups, host_of
 from bridge.fleet.ports import HOST, conflicts, ports_of
-from bridge.record.events import Report
+from bridge.record.events import DIED, KILLED, Report
 from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import OwnAgent, Scenario
+from bridge.scenario.named_files import named_files
 from bridge.scenario.resolve import airframe_of, home_of, wind_of
 from bridge.timeouts import (
     AGENT_GRACE_S,
@@ -104,15 +105,20 @@ class Fleet:
         self._children: list[Child] = []
         self._router: Child | None = None
         self._session: Session | None = None
-        self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
+        loop = asyncio.get_running_loop()
+        self._outcome: asyncio.Future[Ending] = loop.create_future()
+        # What decides the run is never dropped; of what is only looked at the newest is enough.
+        self._control: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=None)
+        self._shown: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=SHOWN_MAX)
         self.not_done = {
             ua.node for ua in scenario.ua if ua.agent.has_task or not isinstance(ua.agent, OwnAgent)
         }
         """Nodes whose agents have not flown what they were to fly: also one that was only to hold."""
         self.killed: list[str] = []
         """Processes that did not end when they were asked to."""
+        self._report = Report(run.path, "supervisor")
         self._ended: set[str] = set()
-        self._last_tick = asyncio.get_running_loop().time()
+        self._last_tick = loop.time()
         self._news = asyncio.Event()
         self.sim_time_ns = 0
 
@@ -133,7 +139,7 @@ class Fleet:
 
     def _write_provenance(self) -> None:
         origins = {ua.node: self._launcher.origin(ua) for ua in self._scenario.ua}
-        write_provenance(collect(origins), self._run.path)
+        write_provenance(collect(origins, named_files(self._scenario)), self._run.path)
 
     async def _fly(self) -> Ending:
         try:
@@ -190,7 +196,11 @@ class Fleet:
         return child
 
     def _child_ended(self, child: Child) -> None:
-        text = f"{child.spec.name} {child.how_it_ended}; its log is {child.spec.log_path}"
+        what = f"{child.spec.name} {child.how_it_ended}"
+        text = f"{what}; its log is {child.spec.log_path}"
+        if not self._outcome.done():
+            self._report.event(self.sim_time_ns, "", DIED, text)
+            self._report.may_not_repeat(f"{what} at {self.sim_time_ns / 1e9:.2f} s, before the run ended")
         tail = child.log_tail()
         self._settle(FleetError(f"{text}\n{tail}" if tail else text))
 
@@ -226,22 +236,25 @@ class Fleet:
             self.killed += await end_with_news(self._router, self._news, ROUTER_GRACE_S)
         if self._session is not None:
             self._session.close()
-            self._tell_what_was_missed()
+        self._tell_what_was_missed()
 
     def _tell_what_was_missed(self) -> None:
-        """What came for the supervisor and was not handled, or not shown."""
-        report = Report(self._run.path, "supervisor")
-        report.count("link_reports_not_shown", self._shown.dropped)
-        report.count("samples_whose_handling_failed", self._control.failed + self._shown.failed)
-        report.close()
+        """What came for the supervisor and was not handled, or not shown; and whom it had to kill."""
+        self._report.count("link_reports_not_shown", self._shown.dropped)
+        self._report.count("samples_whose_handling_failed", self._control.failed + self._shown.failed)
+        for name in self.killed:
+            what = f"{name} did not end in time and was killed"
+            log = self._run.log_path(name)
+            self._report.event(self.sim_time_ns, "", KILLED, f"{what}; its log is {log}")
+            self._report.may_not_repeat(
+                f"{what} after {self.sim_time_ns / 1e9:.2f} s: its files may lack their end"
+            )
+        self._report.close()
 
     # --- what the processes tell
 
     def _listen(self, session: Session, keys: Keys) -> None:
-        loop = asyncio.get_running_loop()
-        # What decides the run is never dropped; of what is only looked at the newest is enough.
-        control: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=None)
-        shown: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=SHOWN_MAX)
+        control, shown = self._control, self._shown
 
         def subscribe(key_expr: str, cls: type[Message], inbox: Inbox[tuple[type[Message], Sample]]) -> None:
             session.subscribe(key_expr, lambda sample: inbox.push((cls, sample)))
@@ -250,9 +263,8 @@ class Fleet:
         subscribe(keys.clock_end, Header, control)
         subscribe(keys.agent("*"), AgentStatus, control)
         subscribe(keys.link("*", "*"), Link, shown)
-        ending: Inbox[Sample] = Inbox(loop, self._on_ending)
+        ending: Inbox[Sample] = Inbox(asyncio.get_running_loop(), self._on_ending)
         session.subscribe(keys.ending, ending.push)
-        self._control, self._shown = control, shown
 
     def _on_ending(self, sample: Sample) -> None:
         """The router tells how far its record is: whoever waits for it waits on."""
@@ -341,7 +353,7 @@ class Fleet:
         """Wait for the end of the run; give it up when time stands still."""
         loop = asyncio.get_running_loop()
         self._last_tick = loop.time()
-        patience_s = SILENCE_S if self._scenario.autopilot != "external" else float("inf")
+        patience_s = patience_of(self._scenario)
         while True:
             await asyncio.sleep(1.0)
             silence_s = loop.time() - self._last_tick
@@ -367,6 +379,13 @@ async def _connect(endpoint: str) -> Session:
         except SessionError as error:
             if asyncio.get_running_loop().time() > deadline:
                 raise FleetError(str(error)) from error
+
+
+def patience_of(scenario: Scenario) -> float:
+    """How long, in wall time, sim time may stand still: longer than an autopilot may owe its packet."""
+    if scenario.autopilot == "external":
+        return float("inf")
+    return max(SILENCE_S, 2 * scenario.fdm.stall_timeout_s)
 
 
 def launcher_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launcher:

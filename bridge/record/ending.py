@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from bridge.record.events import KILLED, read_reports
 from bridge.record.names import Kind, streams_of
 from bridge.record.streams import read_stream
 from bridge.run.directory import SUMMARY_FILE
@@ -14,7 +15,7 @@ from bridge.run.directory import SUMMARY_FILE
 WHOLE = ("done", "duration")
 """Endings of `summary.json` that the run came to by itself."""
 IN_ORDER = (*WHOLE, "interrupted")
-"""Endings after which every process closed its files."""
+"""Endings after which every process closed its files, unless one had to be killed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,27 +24,43 @@ class Extent:
 
     Attributes:
         stop_ns: its last whole tick; None if the run came to its end by itself.
-        was_cut: a process may have been killed: files may end at different ticks.
+        was_cut: a process was, or may have been, killed: files may end at different ticks.
+        ending: as its summary has it; None if it has none.
     """
 
     stop_ns: int | None
     was_cut: bool
+    ending: str | None = None
+
+    def other_ending(self, now: str) -> bool:
+        """Whether the run, flown again as far as this goes, should not have had the ending ``now``.
+
+        One that is ended at a tick of ours ends well there; that it broke off is the same only if it did before.
+        """
+        if self.stop_ns is None:
+            return now != self.ending
+        return now not in WHOLE and now != self.ending
 
 
 def extent_of(run: Path) -> Extent:
     """How much of the run in ``run`` can be flown again.
 
     Raises:
-        ValueError: it was interrupted before its first whole tick, or a stream is damaged.
+        ValueError: it was interrupted before any sim time was whole, or a stream is damaged.
         OSError: a stream cannot be read.
     """
     ending = _ending(run)
+    was_cut = ending not in IN_ORDER or any(event.kind == KILLED for event in read_reports(run).events)
     if ending in WHOLE:
-        return Extent(None, was_cut=False)
+        return Extent(None, was_cut, ending)
     stop_ns = last_whole_tick(run)
     if stop_ns is None:
         raise ValueError(f"{run}: the run ended before its first whole tick: there is nothing to fly again")
-    return Extent(stop_ns, was_cut=ending not in IN_ORDER)
+    if stop_ns == 0:
+        raise ValueError(
+            f"{run}: the run ended in its first ticks, before sim time passed: nothing to fly again"
+        )
+    return Extent(stop_ns, was_cut, ending)
 
 
 def last_whole_tick(run: Path) -> int | None:

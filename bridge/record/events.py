@@ -21,6 +21,10 @@ EVENTS_MAX = 1000
 NOT_KEPT = "events_not_kept"
 UNREADABLE = "unreadable_report"
 """Kind of the event that stands for a report which cannot be read."""
+DIED = "died"
+"""Kind of the event that a process of the run ended by itself before the run did."""
+KILLED = "killed"
+"""Kind of the event that a process was killed because it did not end in time: what it wrote may lack its end."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from bridge.bus.messages.types import CommandGoal
 Kind = Literal["open", "frame", "close", "command"]
 KINDS: Final = get_args(Kind)
 VERBS: Final = ("arm", "disarm", "mode", "takeoff", "goto", "rtl", "land")
+"""What can be commanded: those of `aps.commander`, named here so that readers do without aps."""
 TICK_MAX_NS: Final = (1 << 63) - 1
 LINK_MAX: Final = (1 << 31) - 1
 _GOAL_FIELDS: Final = tuple(field.name for field in dataclasses.fields(CommandGoal))
@@ -123,7 +124,7 @@ def from_fields(fields: dict[str, Any]) -> RecordedInput:
     tick_ns = fields["tick_ns"]
     if kind == "command":
         return RecordedInput(tick_ns, kind, verb=fields["verb"], goal=_goal(fields))
-    data = _bytes(fields["hex"]) if kind == "frame" else b""
+    data = _frame(fields["hex"]) if kind == "frame" else b""
     return RecordedInput(tick_ns, kind, fields["link"], data)
 
 
@@ -169,9 +170,23 @@ def _bytes(value: object) -> bytes:
         data = bytes.fromhex(text)
     except ValueError as error:
         raise InputError(f"key 'hex': {text[:40]!r} is not an even number of digits 0-9 a-f") from error
+    return data
+
+
+def _frame(value: object) -> bytes:
+    """The bytes of one whole frame: anything else would be found out in flight only, or never."""
+    from aps.framer import Framer  # as in frame_name
+
+    data = _bytes(value)
+    framer = Framer()
+    if [frame.raw for frame in framer.receive(data)] == [data]:
+        return data
     if not data:
         raise InputError("key 'hex': a frame has at least one byte")
-    return data
+    text = (
+        "its checksum is wrong" if framer.counters.bad_crc else f"its {len(data)} bytes are none, or not one"
+    )
+    raise InputError(f"key 'hex': one whole MAVLink frame is expected: {text}")
 
 
 def _plain(value: str | float) -> str | float:

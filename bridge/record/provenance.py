@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -34,6 +35,7 @@ CPU_FLAGS: Final = (
 )
 UNKNOWN: Final = "(unknown)"
 GIT_TIMEOUT_S: Final = 2.0
+DIRTY: Final = "-dirty"
 _ROOT: Final = Path(__file__).resolve().parents[2]
 
 
@@ -62,13 +64,15 @@ class Provenance:
 
     Attributes:
         lostlink: version.
-        git_commit: if it is a checkout, with "-dirty" if it has changes.
+        git_commit: if it is a checkout; with changes followed by "-dirty-" and the beginning of the SHA-256 of
+            `git diff HEAD`.
         python: version.
         packages: version by name, "" if not installed.
         machine: operating system, C library and architecture.
         cpu: model and the features that numbers may depend on.
         environment: variables that change which code computes numbers, if set.
         autopilots: by node id.
+        files: SHA-256 of what the scenario names, by path.
     """
 
     lostlink: str = ""
@@ -79,13 +83,15 @@ class Provenance:
     cpu: str = ""
     environment: dict[str, str] = field(default_factory=dict)
     autopilots: dict[str, AutopilotOrigin] = field(default_factory=dict)
+    files: dict[str, str] = field(default_factory=dict)
 
 
-def collect(autopilots: Mapping[str, AutopilotOrigin]) -> Provenance:
+def collect(autopilots: Mapping[str, AutopilotOrigin], files: Iterable[Path] = ()) -> Provenance:
     """What this process runs with.
 
     Args:
         autopilots: by node id; see `ardupilot_origin` and `standin_origin`.
+        files: what the scenario names.
     """
     return Provenance(
         lostlink=_version("lostlink"),
@@ -96,6 +102,7 @@ def collect(autopilots: Mapping[str, AutopilotOrigin]) -> Provenance:
         cpu=_cpu(),
         environment={name: os.environ[name] for name in VARIABLES if name in os.environ},
         autopilots=dict(autopilots),
+        files={str(path): _digest_of(path) for path in files},
     )
 
 
@@ -148,6 +155,7 @@ def _from_plain(content: Any) -> Provenance:
         cpu=str(content.get("cpu", "")),
         environment=_table(content.get("environment", {})),
         autopilots={node: _origin(values) for node, values in content.get("autopilots", {}).items()},
+        files=_table(content.get("files", {})),
     )
 
 
@@ -176,6 +184,9 @@ def _changes(old: Provenance, new: Provenance) -> Iterator[tuple[Literal["warnin
         before, now = (str(side.autopilots.get(node, "")) for side in (old, new))
         if before != now or _sha256(old, node) != _sha256(new, node):
             yield "warning", _made(f"UA {node}:", before, now)
+    for path in sorted(old.files.keys() & new.files.keys()):
+        if old.files[path] != new.files[path]:
+            yield "warning", f"{path} is another than that of the record"
     for name in sorted(old.packages.keys() | new.packages.keys()):
         before, now = old.packages.get(name, ""), new.packages.get(name, "")
         if before != now:
@@ -207,16 +218,32 @@ def _version(package: str) -> str:
         return ""
 
 
+def _digest_of(path: Path) -> str:
+    try:
+        return file_digest(path)
+    except OSError:
+        return ""
+
+
 def _git_commit(root: Path) -> str:
-    """The commit of a checkout; "" if it is none, or git is not there or slow."""
+    """The commit of a checkout, and which changes it has; "" if it is none, or git is not there or slow."""
     if not (root / ".git").exists():
         return ""
-    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"]
+    commit = _git(root, "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40").decode().strip()
+    if not commit.endswith(DIRTY):
+        return commit
+    changes = _git(root, "diff", "HEAD", "--binary", "--no-color", "--no-ext-diff", "--no-textconv")
+    return f"{commit}-{hashlib.sha256(changes).hexdigest()[:12]}" if changes else commit
+
+
+def _git(root: Path, *arguments: str) -> bytes:
+    """What git says; nothing if it fails or is slow."""
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=GIT_TIMEOUT_S, check=True)
+        return subprocess.run(
+            ["git", "-C", str(root), *arguments], capture_output=True, timeout=GIT_TIMEOUT_S, check=True
+        ).stdout
     except (OSError, subprocess.SubprocessError):
-        return ""
-    return done.stdout.strip()
+        return b""
 
 
 def _cpu() -> str:

@@ -1,4 +1,4 @@
-"""What a scenario says: typed, checked once and frozen. `scenario_file` reads it."""
+"""What a scenario says: typed, checked once and frozen. `bridge.scenario.file` reads it."""
 
 from __future__ import annotations
 
@@ -319,7 +319,7 @@ class Scenario(_Part):
 
     @classmethod
     def from_yaml(cls, text: str) -> Self:
-        """Read back what `to_yaml` wrote. What it names is not looked for: that is `scenario_file`'s part.
+        """Read back what `to_yaml` wrote. What it names is not looked for: that is `bridge.scenario.file`'s part.
 
         Raises:
             ValueError: a key or value is wrong.

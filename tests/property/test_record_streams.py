@@ -9,6 +9,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
+from aps.dialect import Encoder, mavlink
 from bridge.bus.messages import CommandGoal
 from bridge.record.input_fields import VERBS
 from bridge.record.inputs import InputError, InputWriter, RecordedInput, read_inputs
@@ -82,7 +83,19 @@ COMMANDS = st.builds(
     st.sampled_from(VERBS),
     st.builds(CommandGoal, TEXT, FLOATS, FLOATS, FLOATS, FLOATS),
 )
-FRAMES = st.builds(lambda tick_ns, data: RecordedInput.frame(tick_ns, 1, data), TICKS, st.binary(min_size=1))
+MESSAGES = st.one_of(
+    st.builds(
+        mavlink.MAVLink_set_mode_message, st.integers(0, 255), st.integers(0, 255), st.integers(0, 2**32 - 1)
+    ),
+    st.builds(
+        mavlink.MAVLink_play_tune_message, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=30)
+    ),
+)
+FRAMES = st.builds(
+    lambda tick_ns, message: RecordedInput.frame(tick_ns, 1, Encoder(255, 190).encode(message)),
+    TICKS,
+    MESSAGES,
+)
 
 
 @given(st.lists(st.one_of(COMMANDS, FRAMES), max_size=10))

@@ -172,9 +172,24 @@ def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim
     assert "Traceback" not in text
     assert run.summary["ending"] == "failed"
     assert run.summary["error"] in text
+    assert [event["text"].split(";")[0] for event in run.summary["events"] if event["kind"] == "died"] == [
+        f"{name} was ended by SIGKILL"
+    ]
+    assert any(f"{name} was ended by SIGKILL at" in reason for reason in run.summary["may_not_repeat"])
     if name == "router":
         assert run.summary["verdict"].startswith("broke off: no link was recorded")
     assert_nothing_is_left(children, ports_of(run))
+
+
+def test_a_process_that_does_not_end_is_killed_and_the_summary_tells_it(start_run: StartRun) -> None:
+    run = start_run()
+    run.wait_for("sim time")
+    run.child("bridge.host.process").send_signal(signal.SIGSTOP)
+    run.stop(signal.SIGINT)
+    assert run.summary["ending"] == "interrupted"
+    events = [event["text"] for event in run.summary["events"] if event["kind"] == "killed"]
+    assert any(text.startswith("host-0 did not end in time and was killed; its log is") for text in events)
+    assert any(reason.startswith("host-0 did not end in time") for reason in run.summary["may_not_repeat"])
 
 
 def test_run_that_fails_before_sim_time_begins_leaves_a_summary(start_run: StartRun, tmp_path: Path) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+import bridge.aircraft.aircraft_bridge
+import bridge.record.input_fields
+from aps.commander import VERBS
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from bridge.aircraft.aircraft_bridge import AircraftBridge
@@ -49,3 +52,8 @@ def test_what_cannot_be_done_is_told_at_once(
     [event] = events
     assert (event.phase, event.success) == (CommandEvent.RESULT, False)
     assert says in event.text
+
+
+def test_what_can_be_commanded_over_zenoh_is_what_aps_can_and_is_said_once() -> None:
+    assert tuple(VERBS) == bridge.record.input_fields.VERBS
+    assert bridge.aircraft.aircraft_bridge.VERBS is bridge.record.input_fields.VERBS

@@ -167,6 +167,36 @@ def test_flight_that_broke_off_is_no_success(tmp_path: Path, fly: FakeFlight) ->
     done = refly(tmp_path, recorded(tmp_path))
     assert done.exit_code == 1
     assert "the new run broke off: physics ended" in done.stderr
+    assert done.stdout.splitlines()[-1] == (
+        "the endings differ: the recorded run ended as 'done', the new one as 'failed'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "text"),
+    [
+        ("failed", "failed", ""),
+        ("failed", "duration", ""),
+        ("interrupted", "duration", ""),
+        ("interrupted", "done", ""),
+        (None, "duration", ""),
+        ("duration", "duration", ""),
+        ("done", "duration", "the recorded run ended as 'done', the new one as 'duration'"),
+        ("interrupted", "failed", "the recorded run ended as 'interrupted', the new one as 'failed'"),
+        (None, "failed", "the recorded run has no ending in its summary, the new one as 'failed'"),
+    ],
+)
+def test_status_1_is_for_a_difference_or_another_ending_only(
+    tmp_path: Path, fly: FakeFlight, before: str | None, now: str, text: str
+) -> None:
+    fly.summary = {"ending": now}
+    done = refly(tmp_path, recorded(tmp_path, before), "--quiet")
+    assert done.exit_code == bool(text), done.output
+    assert done.stdout.startswith("identical")
+    assert ("the endings differ: " in done.stdout) == bool(text)
+    assert text in done.stdout
+    content = json.loads(refly(tmp_path, tmp_path / "recorded", "--json").stdout)
+    assert (content["identical"], bool(content["other_ending"])) == (True, bool(text))
 
 
 def test_interrupted_flight_is_not_compared(tmp_path: Path, fly: FakeFlight) -> None:

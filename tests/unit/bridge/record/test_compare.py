@@ -11,6 +11,7 @@ from bridge.bus.messages import encode
 from bridge.record.compare import NotARun, compare, examine
 from bridge.record.difference import Difference, seconds
 from bridge.record.ending import Extent, extent_of, last_whole_tick
+from bridge.record.events import KILLED, Report
 from bridge.record.names import RECORD_FILE, from_autopilot, packets, to_autopilot, truth
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry, StreamError
@@ -278,17 +279,26 @@ def test_extent_of_a_run(tmp_path: Path) -> None:
     run = make_run(tmp_path / "a", lambda run: run.streams[truth("1")].pop())
     assert last_whole_tick(run) == 18 * TICK_NS
     for summary, extent in (
-        ('{"ending": "done"}', Extent(None, False)),
-        ('{"ending": "duration"}', Extent(None, False)),
-        ('{"ending": "interrupted"}', Extent(18 * TICK_NS, False)),
-        ('{"ending": "failed"}', Extent(18 * TICK_NS, True)),
+        ('{"ending": "done"}', Extent(None, False, "done")),
+        ('{"ending": "duration"}', Extent(None, False, "duration")),
+        ('{"ending": "interrupted"}', Extent(18 * TICK_NS, False, "interrupted")),
+        ('{"ending": "failed"}', Extent(18 * TICK_NS, True, "failed")),
         ("not JSON", Extent(18 * TICK_NS, True)),
         ("[]", Extent(18 * TICK_NS, True)),
     ):
         (run / "summary.json").write_text(summary)
         assert extent_of(run) == extent
+    report = Report(run, "supervisor")
+    report.event(9, "", KILLED, "host-0 did not end in time and was killed")
+    report.close()
+    for ending, stop_ns in (("done", None), ("duration", None), ("interrupted", 18 * TICK_NS)):
+        (run / "summary.json").write_text(f'{{"ending": "{ending}"}}')
+        assert extent_of(run) == Extent(stop_ns, True, ending)
     with pytest.raises(ValueError, match="before its first whole tick"):
         extent_of(make_run(tmp_path / "b", ticks=1))
+    with pytest.raises(ValueError, match="in its first ticks, before sim time passed: nothing to fly again"):
+        extent_of(make_run(tmp_path / "c", ticks=2))
+    assert extent_of(make_run(tmp_path / "d", ticks=3)).stop_ns == TICK_NS
 
 
 @pytest.mark.parametrize(

@@ -78,11 +78,11 @@ def test_names_are_for_people_and_hex_is_what_counts(tmp_path: Path) -> None:
     path = tmp_path / "0.jsonl"
     path.write_text(
         '{"tick_ns":0,"kind":"open","link":0}\n\n'
-        '{"kind":"frame","tick_ns":0,"link":0,"hex":"FE 09 00","name":["anything"]}\n'
+        f'{{"kind":"frame","tick_ns":0,"link":0,"hex":"{FRAME.hex(" ").upper()}","name":["anything"]}}\n'
         '{"tick_ns":1,"kind":"command","verb":"takeoff","altitude_rel_m":20}\n'
     )
     assert read_inputs(path)[1:] == [
-        RecordedInput.frame(0, 0, b"\xfe\x09\x00"),
+        RecordedInput.frame(0, 0, FRAME),
         RecordedInput.command(1, "takeoff", CommandGoal(altitude_rel_m=20.0)),
     ]
 
@@ -108,6 +108,16 @@ MISTAKES = [
     (
         '{"tick_ns": 5, "kind": "frame", "link": 3, "hex": "fd0"}',
         "'hex': 'fd0' is not an even number of digits",
+    ),
+    *(
+        (json.dumps({"tick_ns": 5, "kind": "frame", "link": 3, "hex": data.hex()}), f"key 'hex': {text}")
+        for data, text in (
+            (FRAME[:-1], f"one whole MAVLink frame is expected: its {len(FRAME) - 1} bytes are none"),
+            (FRAME + FRAME, "one whole MAVLink frame is expected: its"),
+            (FRAME + b"\x00", "one whole MAVLink frame is expected: its"),
+            (b"hello", "one whole MAVLink frame is expected: its 5 bytes are none"),
+            (FRAME[:10] + b"\x05" + FRAME[11:], "one whole MAVLink frame is expected: its checksum is wrong"),
+        )
     ),
     ('{"tick_ns": 5, "kind": "frame", "link": 3, "hex": ""}', "'hex': a frame has at least one byte"),
     ('{"tick_ns": 5, "kind": "frame", "link": 3, "hex": 9}', "'hex': 9 is not text"),

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from bridge.record import provenance
 from bridge.record.provenance import (
     AutopilotOrigin,
     Provenance,
@@ -31,13 +32,16 @@ MADE = Provenance(
     cpu="Some CPU avx2 fma",
     environment={},
     autopilots={"0": AutopilotOrigin("ardupilot", "arducopter 4.6", "ab" * 32)},
+    files={"/a/wander.py": "12" * 32},
 )
 
 
 def test_what_runs_here_is_told(tmp_path: Path) -> None:
     binary = tmp_path / "arducopter"
     binary.write_bytes(b"\x7fELF")
-    found = collect({"0": standin_origin(), "1": ardupilot_origin(binary, "4.7")})
+    files = [binary, tmp_path / "gone"]
+    found = collect({"0": standin_origin(), "1": ardupilot_origin(binary, "4.7")}, files)
+    assert found.files == {str(binary): hashlib.sha256(b"\x7fELF").hexdigest(), str(files[1]): ""}
     assert found.lostlink == metadata.version("lostlink")
     assert found.packages["numpy"] == metadata.version("numpy")
     assert all(found.packages.values())
@@ -72,6 +76,10 @@ def test_environment_that_changes_numbers_is_told(monkeypatch: pytest.MonkeyPatc
         (
             replace(MADE, packages={"numpy": "2.4.0", "jsbsim": "1.2.0"}),
             "note: numpy 2.3.0 made the record, this is 2.4.0",
+        ),
+        (
+            replace(MADE, files={"/a/wander.py": "34" * 32, "/a/novel.yaml": "56" * 32}),
+            "warning: /a/wander.py is another than that of the record",
         ),
         (replace(MADE, python="3.12.1"), "note: Python 3.11.7 made the record, this is 3.12.1"),
         (
@@ -109,7 +117,7 @@ def test_files_of_other_versions_are_read_and_garbage_is_refused(tmp_path: Path)
             read_provenance(tmp_path)
 
 
-def test_commit_of_a_checkout_and_none_elsewhere(tmp_path: Path) -> None:
+def test_commit_of_a_checkout_and_none_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert _git_commit(tmp_path) == ""
     git = ["git", "-C", str(tmp_path), "-c", "user.name=n", "-c", "user.email=e@example.org"]
     subprocess.run([*git, "init", "-q"], check=True)
@@ -122,4 +130,14 @@ def test_commit_of_a_checkout_and_none_elsewhere(tmp_path: Path) -> None:
     ).stdout.strip()
     assert _git_commit(tmp_path) == commit
     (tmp_path / "f").write_text("2")
-    assert _git_commit(tmp_path) == f"{commit}-dirty"
+    first = _git_commit(tmp_path)
+    (tmp_path / "f").write_text("3")
+    second = _git_commit(tmp_path)
+    assert all(text.startswith(f"{commit}-dirty-") for text in (first, second))
+    assert first != second
+    (tmp_path / "f").write_text("2")
+    assert _git_commit(tmp_path) == first
+    monkeypatch.setattr(
+        provenance, "_git", lambda _, what, *__: f"{commit}-dirty".encode() * (what != "diff")
+    )
+    assert _git_commit(tmp_path) == f"{commit}-dirty"  # slow

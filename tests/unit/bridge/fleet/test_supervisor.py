@@ -1,0 +1,96 @@
+"""The supervisor gives a run up when it has to, and tells what became of its processes."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import sys
+from pathlib import Path
+
+import pytest
+
+from bridge.bus.messages import Clock, Header
+from bridge.fleet import supervisor
+from bridge.fleet.child import ProcessSpec
+from bridge.fleet.supervisor import Ending, Fleet, FleetError, Observer, patience_of
+from bridge.record.events import Reports, RunEvent, read_reports
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import read_scenario, with_changes
+from bridge.timeouts import SILENCE_S
+
+
+@pytest.mark.parametrize(
+    ("changes", "patience_s"),
+    [
+        ({}, SILENCE_S),
+        ({"fdm.stall_timeout_s": 45.0}, SILENCE_S),
+        ({"fdm.stall_timeout_s": 300.0}, 600.0),
+        ({"fdm.stall_timeout_s": 300.0, "autopilot": "external"}, math.inf),
+    ],
+)
+def test_time_may_stand_still_for_longer_than_an_autopilot_may_be_silent(
+    changes: dict[str, object], patience_s: float
+) -> None:
+    assert patience_of(with_changes(read_scenario("separation"), changes)) == patience_s
+
+
+STUBBORN = "import signal, time; signal.signal(15, lambda *_: None); print('up', flush=True); time.sleep(60)"
+OBSERVER = Observer(lambda _: None, lambda _: None)
+
+
+class OneProcess(Fleet):
+    """A fleet of one process that runs ``script``; 12.5 s of sim time pass, then the run ends unless it broke off."""
+
+    script = STUBBORN
+    name = "host-0"
+
+    async def _fly(self) -> Ending:
+        log = self._run.log_path(self.name)
+        child = await self._start(ProcessSpec(self.name, [sys.executable, "-c", self.script], log))
+        while "up" not in log.read_text() and not child.ended.done():  # noqa: ASYNC110 - a file has no event
+            await asyncio.sleep(0.01)
+        self._on_clock(Clock(Header.at(12_500_000_000, "")))
+        if self.script is STUBBORN:
+            return Ending.DONE
+        await asyncio.wait_for(self._outcome, 20.0)
+        raise AssertionError("the process did not end")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> RunDirectory:
+    return RunDirectory.create(tmp_path, "one")
+
+
+def told(run: RunDirectory) -> tuple[Reports, RunEvent]:
+    reports = read_reports(run.path)
+    [event] = reports.events
+    return reports, event
+
+
+async def test_a_process_that_had_to_be_killed_is_an_event_and_a_reason(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "AGENT_GRACE_S", 0.2)
+    fleet = OneProcess(read_scenario("separation"), run, OBSERVER)
+    assert await fleet.fly() is Ending.DONE
+    assert fleet.killed == ["host-0"]
+    reports, event = told(run)
+    assert (event.sim_time_ns, event.node, event.kind) == (12_500_000_000, "", "killed")
+    assert event.text == f"host-0 did not end in time and was killed; its log is {run.log_path('host-0')}"
+    assert reports.may_not_repeat == (
+        "host-0 did not end in time and was killed after 12.50 s: its files may lack their end",
+    )
+
+
+async def test_a_process_that_died_is_an_event_and_a_reason(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        OneProcess, "script", "import time; print('up', flush=True); time.sleep(0.5); raise SystemExit(3)"
+    )
+    with pytest.raises(FleetError, match="host-0 ended with status 3"):
+        await OneProcess(read_scenario("separation"), run, OBSERVER).fly()
+    reports, event = told(run)
+    assert (event.sim_time_ns, event.node, event.kind) == (12_500_000_000, "", "died")
+    assert event.text == f"host-0 ended with status 3; its log is {run.log_path('host-0')}"
+    assert reports.may_not_repeat == ("host-0 ended with status 3 at 12.50 s, before the run ended",)

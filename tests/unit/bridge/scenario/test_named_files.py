@@ -1,0 +1,55 @@
+"""All files are found that a scenario names, also through others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bridge.scenario.file import SCENARIOS, read_scenario
+from bridge.scenario.named_files import named_files
+
+SITL = Path(str(SCENARIOS)).parent
+SCENARIO = """\
+schema: 1
+name: own
+duration_s: 5
+origin: {lat_deg: 47.4, lon_deg: 8.5, alt_amsl_m: 420.0}
+radio: radio.yaml
+wind: wind.yaml
+ua:
+  - {id: 0, airframe: own.yaml, agent: {type: own, class: "agent.py:Own"}}
+  - {id: 1, agent: {type: own, class: "os.path:join"}}
+"""
+
+
+def made(folder: Path) -> Path:
+    (folder / "own.yaml").write_text((SITL / "airframes" / "hexa550.yaml").read_text())
+    model = folder / "jsbsim" / "aircraft" / "hexa550"
+    (model / "Engines").mkdir(parents=True)
+    (model / "hexa550.xml").write_text("<fdm_config/>")
+    (model / "Engines" / "motor.xml").write_text("<electric_engine/>")
+    (folder / "agent.py").write_text("class Own: ...\n")
+    (folder / "wind.yaml").write_text("map: {file: maps/shear.nc}\n")
+    (folder / "maps").mkdir()
+    (folder / "maps" / "shear.nc").write_bytes((SITL / "wind" / "shear.nc").read_bytes())
+    (folder / "radio.yaml").write_text("preset: base.yaml\n")
+    (folder / "base.yaml").write_text("preset: moon2020\n")
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    return folder / "scenario.yaml"
+
+
+def test_files_of_a_scenario_and_those_that_they_name(tmp_path: Path) -> None:
+    found = named_files(read_scenario(str(made(tmp_path))))
+    assert [str(path.relative_to(tmp_path)) for path in found] == [
+        "agent.py",
+        "base.yaml",
+        "jsbsim/aircraft/hexa550/Engines/motor.xml",
+        "jsbsim/aircraft/hexa550/hexa550.xml",
+        "maps/shear.nc",
+        "own.yaml",
+        "radio.yaml",
+        "wind.yaml",
+    ]
+
+
+def test_what_ships_goes_by_name() -> None:
+    assert named_files(read_scenario("separation")) == []
