@@ -2,7 +2,7 @@
 
 A UA that wants to step from t to its target may do so if all of these hold:
 
-- the fleet has started (every UA has joined, or the start timeout passed);
+- the fleet has started (every UA has joined, or the start timeout passed since `begin`);
 - ``t < tick bound``: no UA steps beyond a tick before every live UA is quiet there, the tick was emitted and, if
   ticks are held, released. Ticks are the instants k * tick_period_ns of fleet sim time. A UA is quiet at a tick when
   it has reached it and its autopilot is blocked: it has read all answers and asked for its next step, so that nothing
@@ -94,7 +94,7 @@ class FleetClock:
     Args:
         ua_ids: the fleet, each once, at least one.
         settings: how to run.
-        wall_ns: the present instant.
+        wall_ns: the present instant; see `begin`.
         peers: the rest of the fleet, in other processes; None = there is none. The ticks are then those of this
             process, to be held until all processes have reached them.
 
@@ -116,7 +116,6 @@ class FleetClock:
         self.started = not settings.start_together
         self.limits_version = 0
         self._live: list[Member] = []
-        self._absent: list[Member] = []
         self._slowest_ns = 0  # of the whole fleet; the next two are of this process
         self._own_slowest_ns = 0
         self._at_slowest = 0
@@ -133,6 +132,11 @@ class FleetClock:
         self._restart_pace()
         if self.started:
             self._set_slowest()
+
+    def begin(self, wall_ns: int) -> None:
+        """The exchange begins to serve: time-outs, pace and rate count from here, not from when it was made ready."""
+        self.wall_ns = self._begin_ns = wall_ns
+        self._count_from_here()
 
     # The hot path
 
@@ -176,13 +180,10 @@ class FleetClock:
                 self._find_slowest()
 
     def update(self, wall_ns: int) -> None:
-        """Let wall time reach `wall_ns`: the pace moves on; the start and stall timeouts are looked at."""
+        """Let wall time reach `wall_ns`: the pace moves on."""
         gap_ns = wall_ns - self.wall_ns
         self.wall_ns = wall_ns
         if not self.started:
-            if wall_ns - self._begin_ns >= self._settings.start_timeout_ns:
-                self._absent = [member for member in self.members.values() if not member.joined]
-                self._start()
             return
         if not self.paused and self.speed != inf:
             self._move_pace(wall_ns)
@@ -223,9 +224,14 @@ class FleetClock:
         self._find_slowest()
 
     def take_absent(self) -> list[Member]:
-        """The members that had not joined when the start timeout passed; once."""
-        absent, self._absent = self._absent, []
-        return absent
+        """If the start timeout has just passed, start, and give the members that have not joined.
+
+        Call it when all packets that are there were heard.
+        """
+        if self.started or self.wall_ns - self._begin_ns < self._settings.start_timeout_ns:
+            return []
+        self._start()
+        return [member for member in self.members.values() if not member.joined]
 
     def take_stalled(self) -> list[Member]:
         """The members that have just stalled, if any. Call it when all packets that are there were heard.
@@ -338,7 +344,7 @@ class FleetClock:
             self.limits_version += 1
 
     def wake_at_ns(self) -> int:
-        """Wall instant at which `update` or `take_stalled` has work though nothing was received."""
+        """Wall instant at which `update`, `take_absent` or `take_stalled` has work though nothing was received."""
         if not self.started:
             return self._begin_ns + self._settings.start_timeout_ns
         wake_ns = self._stall_check_ns + self._settings.stall_timeout_ns // 10 + 1
@@ -356,8 +362,11 @@ class FleetClock:
 
     def _start(self) -> None:
         self.started = True
-        self._stall_check_ns = self.wall_ns
         self._find_slowest()
+        self._count_from_here()
+
+    def _count_from_here(self) -> None:
+        self._stall_check_ns = self.wall_ns
         self._rate = RateMeter(self.wall_ns)
         self._restart_pace()
 

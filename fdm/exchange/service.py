@@ -71,8 +71,8 @@ class Service:
         self._serve((seat,))
         return clock.limits_version == self._seen_version
 
-    def tell_absent(self) -> None:
-        """Tell who had not come when the start timeout passed."""
+    def start_without_the_absent(self) -> None:
+        """Start if the start timeout has passed, and tell who has not come; all that is there was heard before."""
         for member in self._clock.take_absent():
             self._tell(EventKind.ABSENT, member, "the fleet starts without it: its autopilot sent no packet")
 
