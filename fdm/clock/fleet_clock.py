@@ -286,11 +286,6 @@ class FleetClock:
             self._next_tick_ns = sim_time_ns + self._settings.tick_period_ns
             self._set_tick_bound()
 
-    @property
-    def live_count(self) -> int:
-        """How many members others wait for."""
-        return len(self._live)
-
     def live_members(self) -> list[Member]:
         """The members that others wait for, by UA id."""
         return sorted(self._live, key=lambda member: member.ua_id)
