@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from math import inf
 
 from fdm.clock.events import UaEvent
-from fdm.clock.fleet_clock import ClockSettings, ClockStatus, FleetClock, Peers, check_speed
-from fdm.clock.status import nanoseconds
+from fdm.clock.fleet_clock import FleetClock, Peers
+from fdm.clock.status import ClockSettings, ClockStatus, check_speed, nanoseconds
 from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
@@ -158,7 +158,9 @@ class Exchange:
         self._service.let_go_the_stalled()
 
     def _at_tick(self, status: ClockStatus) -> None:
-        self._placer.at_tick(self._seats.values(), self._clock.speed, status.sim_time_ns, time.monotonic_ns())
+        self._placer.at_tick(
+            self._seats.values(), self._clock.pace.speed, status.sim_time_ns, time.monotonic_ns()
+        )
         if self._on_tick is not None:
             self._on_tick(status)
 

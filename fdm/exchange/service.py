@@ -8,7 +8,9 @@ import time
 from collections.abc import Callable, Sequence
 
 from fdm.clock.events import EventKind, UaEvent
-from fdm.clock.fleet_clock import ClockStatus, FleetClock, Member
+from fdm.clock.fleet_clock import FleetClock
+from fdm.clock.member import Member
+from fdm.clock.status import ClockStatus
 from fdm.errors import ModelDivergedError
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.seat import Seat

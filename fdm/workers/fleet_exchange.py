@@ -21,8 +21,8 @@ from typing import Unpack
 
 from fdm.clock.board import Board, create_board
 from fdm.clock.events import UaEvent
-from fdm.clock.fleet_clock import NEVER_NS
 from fdm.clock.fleet_ticks import FleetTicks
+from fdm.clock.pace import NEVER_NS
 from fdm.clock.status import check_speed
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.command_queue import CommandQueue

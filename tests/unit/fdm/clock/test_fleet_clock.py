@@ -2,7 +2,9 @@ from math import inf
 
 import pytest
 
-from fdm.clock.fleet_clock import MAX_GAP_NS, NEVER_NS, ClockSettings, FleetClock
+from fdm.clock.fleet_clock import MAX_GAP_NS, FleetClock
+from fdm.clock.pace import NEVER_NS
+from fdm.clock.status import ClockSettings
 
 MS = 1_000_000
 SECOND = 1_000_000_000
