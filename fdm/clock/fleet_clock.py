@@ -2,14 +2,14 @@
 
 A UA that wants to step from t to its target may do so if all of these hold:
 
-- the fleet has started (every UA has joined, or the start timeout passed);
+- the fleet has started (every UA has joined, or the start timeout passed since `begin`);
 - ``t < tick bound``: no UA steps beyond a tick before every live UA is quiet there, the tick was emitted and, if
   ticks are held, released. Ticks are the instants k * tick_period_ns of fleet sim time. A UA is quiet at a tick when
   it has reached it and its autopilot is blocked: it has read all answers and asked for its next step, so that nothing
   comes from it before the next answer;
 - ``target <= slowest + window``: no UA runs ahead of the slowest live one by more than the window;
 - ``target <= pace``: sim time runs at most `speed` times as fast as wall time; a fleet that falls behind by
-  more than MAX_LAG_NS of wall time does not try to make up for it.
+  more than fdm.clock.pace.MAX_LAG_NS of wall time does not try to make up for it.
 
 A live UA that is not quiet owes a packet. When it owes one for longer than the stall timeout it is stalled: nobody
 waits for it any more. When it sends again it joins again, as after a boot, at the next tick.
@@ -18,16 +18,14 @@ waits for it any more. When it sends again it joins again, as after a boot, at t
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from math import inf
 from typing import Protocol
 
-from fdm.clock.status import ClockSettings, ClockStatus, RateMeter, check_speed
+from fdm.clock.member import Member
+from fdm.clock.pace import NEVER_NS, Pace
+from fdm.clock.status import ClockSettings, ClockStatus, RateMeter
 
-__all__ = ["ClockSettings", "ClockStatus", "FleetClock", "Member", "Peers", "check_speed"]
+__all__ = ["ClockStatus", "FleetClock", "Peers"]
 
-NEVER_NS = 1 << 62
-MAX_LAG_NS = 100_000_000
-"""Wall time that a fleet running late may make up for by running faster."""
 MAX_GAP_NS = 200_000_000
 """Longest time between two updates that counts towards a stall: a sleeping process hears nobody."""
 WAKE_CHECK_NS = 20_000_000
@@ -50,55 +48,18 @@ class Peers(Protocol):
         """Have this process woken when `slowest_ns` changes."""
 
 
-class Member:
-    """One UA as the clock sees it. Only the clock writes to it.
-
-    Attributes:
-        ua_id: which UA.
-        sim_time_ns: its fleet sim time.
-        target_ns: where its next step leads; meaningful while `waiting`.
-        live: others wait for it.
-        waiting: it has asked for a step.
-        quiet: so it has, and its autopilot is blocked until it is answered (so it cannot stall).
-        joined: it has joined at least once.
-        ended: it is out for good.
-    """
-
-    __slots__ = (
-        "ended",
-        "idle_ns",
-        "joined",
-        "live",
-        "quiet",
-        "sim_time_ns",
-        "target_ns",
-        "ua_id",
-        "waiting",
-    )
-
-    def __init__(self, ua_id: int) -> None:
-        self.ua_id = ua_id
-        self.sim_time_ns = 0
-        self.target_ns = 0
-        self.live = False
-        self.waiting = False
-        self.quiet = False
-        self.joined = False
-        self.ended = False
-        self.idle_ns = 0
-
-
 class FleetClock:
     """Sim time of a fleet.
 
     Args:
         ua_ids: the fleet, each once, at least one.
         settings: how to run.
-        wall_ns: the present instant.
+        wall_ns: the present instant; see `begin`.
         peers: the rest of the fleet, in other processes; None = there is none. The ticks are then those of this
             process, to be held until all processes have reached them.
 
     Attributes:
+        pace: how far sim time may go by wall time; set it by the clock's own methods.
         wall_ns: instant of the latest `update`.
         limits_version: changes whenever a UA that was refused a step might be granted it now, or a tick is due.
     """
@@ -111,12 +72,10 @@ class FleetClock:
             raise ValueError("a fleet clock needs at least one UA")
         self._settings = settings
         self._peers = peers
-        self.speed = settings.speed
-        self.paused = False
+        self.pace = Pace(settings.speed)
         self.started = not settings.start_together
         self.limits_version = 0
         self._live: list[Member] = []
-        self._absent: list[Member] = []
         self._slowest_ns = 0  # of the whole fleet; the next two are of this process
         self._own_slowest_ns = 0
         self._at_slowest = 0
@@ -125,14 +84,15 @@ class FleetClock:
         self._next_tick_ns = 0
         self._released_ns = -1
         self._tick_bound_ns = 0
-        self.wall_ns = self._begin_ns = self._pace_wall_ns = self._stall_check_ns = wall_ns
-        self._pace_sim_ns = 0
-        self._pace_limit_ns = 0
-        self._rate = RateMeter(wall_ns)
-        self._step_limit_ns = 0
-        self._restart_pace()
+        self.wall_ns = self._begin_ns = wall_ns
+        self._count_from_here()
         if self.started:
             self._set_slowest()
+
+    def begin(self, wall_ns: int) -> None:
+        """The exchange begins to serve: time-outs, pace and rate count from here, not from when it was made ready."""
+        self.wall_ns = self._begin_ns = wall_ns
+        self._count_from_here()
 
     # The hot path
 
@@ -157,7 +117,7 @@ class FleetClock:
         return (
             now_ns < self._tick_bound_ns
             and (target_ns <= self._window_limit_ns or now_ns == self._slowest_ns)
-            and target_ns <= self._pace_limit_ns
+            and target_ns <= self.pace.limit_ns
         )
 
     def stepped(self, member: Member) -> None:
@@ -176,16 +136,13 @@ class FleetClock:
                 self._find_slowest()
 
     def update(self, wall_ns: int) -> None:
-        """Let wall time reach `wall_ns`: the pace moves on; the start and stall timeouts are looked at."""
+        """Let wall time reach `wall_ns`: the pace moves on."""
         gap_ns = wall_ns - self.wall_ns
         self.wall_ns = wall_ns
         if not self.started:
-            if wall_ns - self._begin_ns >= self._settings.start_timeout_ns:
-                self._absent = [member for member in self.members.values() if not member.joined]
-                self._start()
             return
-        if not self.paused and self.speed != inf:
-            self._move_pace(wall_ns)
+        if self.pace.moves and self.pace.move(self._slowest_ns, wall_ns):
+            self.limits_version += 1
         if self._peers is not None and self._peers.slowest_ns() != self._slowest_ns:
             self._set_slowest()
         if gap_ns > MAX_GAP_NS:
@@ -223,9 +180,14 @@ class FleetClock:
         self._find_slowest()
 
     def take_absent(self) -> list[Member]:
-        """The members that had not joined when the start timeout passed; once."""
-        absent, self._absent = self._absent, []
-        return absent
+        """If the start timeout has just passed, start, and give the members that have not joined.
+
+        Call it when all packets that are there were heard.
+        """
+        if self.started or self.wall_ns - self._begin_ns < self._settings.start_timeout_ns:
+            return []
+        self._start()
+        return [member for member in self.members.values() if not member.joined]
 
     def take_stalled(self) -> list[Member]:
         """The members that have just stalled, if any. Call it when all packets that are there were heard.
@@ -280,11 +242,6 @@ class FleetClock:
             self._next_tick_ns = sim_time_ns + self._settings.tick_period_ns
             self._set_tick_bound()
 
-    @property
-    def live_count(self) -> int:
-        """How many members others wait for."""
-        return len(self._live)
-
     def live_members(self) -> list[Member]:
         """The members that others wait for, by UA id."""
         return sorted(self._live, key=lambda member: member.ua_id)
@@ -294,9 +251,9 @@ class FleetClock:
         members = sorted(self.members.values(), key=lambda member: member.ua_id)
         return ClockStatus(
             sim_time_ns=sim_time_ns,
-            speed=self.speed,
+            speed=self.pace.speed,
             real_time_factor=self._rate.measure(sim_time_ns, self.wall_ns),
-            paused=self.paused,
+            paused=self.pace.paused,
             stalled_ua=tuple(m.ua_id for m in members if not m.live and not m.ended) if self.started else (),
             restarts=dict(restarts),
             ended_ua=tuple(m.ua_id for m in members if m.ended),
@@ -310,19 +267,17 @@ class FleetClock:
         Raises:
             ValueError: a speed out of its range (fdm.clock.status.SPEED_RANGE).
         """
-        check_speed(speed)
-        self.speed = speed
+        self.pace.set_speed(speed)
         self._restart_pace()
 
     def pause(self) -> None:
         """Hold sim time where it is."""
-        self.paused = True
-        self._pace_limit_ns = self._step_limit_ns = self._slowest_ns
+        self.pace.pause(self._slowest_ns)
 
     def resume(self) -> None:
         """End a pause."""
-        self.paused = False
-        self._restart_pace()
+        self.pace.resume(self._slowest_ns, self.wall_ns)
+        self.limits_version += 1
 
     def step(self, sim_ns: int) -> None:
         """While paused: let sim time go on by `sim_ns`, then hold again.
@@ -330,34 +285,32 @@ class FleetClock:
         Raises:
             ValueError: `sim_ns` is not above 0.
         """
-        if sim_ns <= 0:
-            raise ValueError(f"step of {sim_ns} ns: must be above 0")
-        if self.paused:
-            self._step_limit_ns += sim_ns
-            self._pace_limit_ns = self._step_limit_ns
-            self.limits_version += 1
+        self.pace.step(sim_ns)
+        self.limits_version += 1
 
     def wake_at_ns(self) -> int:
-        """Wall instant at which `update` or `take_stalled` has work though nothing was received."""
+        """Wall instant at which `update`, `take_absent` or `take_stalled` has work though nothing was received."""
         if not self.started:
             return self._begin_ns + self._settings.start_timeout_ns
         wake_ns = self._stall_check_ns + self._settings.stall_timeout_ns // 10 + 1
         if self._peers is not None:
             wake_ns = min(wake_ns, self._wake_with_peers_ns(self._peers))
-        if self.paused or self.speed == inf:
+        if not self.pace.moves:
             return wake_ns
         for member in self._live:
-            if member.waiting and member.target_ns > self._pace_limit_ns:
-                behind_ns = member.target_ns - self._pace_sim_ns
-                wake_ns = min(wake_ns, self._pace_wall_ns + int(behind_ns / self.speed) + 1)
+            if member.waiting and member.target_ns > self.pace.limit_ns:
+                wake_ns = min(wake_ns, self.pace.allows_at_ns(member.target_ns))
         return wake_ns
 
     # Inner workings
 
     def _start(self) -> None:
         self.started = True
-        self._stall_check_ns = self.wall_ns
         self._find_slowest()
+        self._count_from_here()
+
+    def _count_from_here(self) -> None:
+        self._stall_check_ns = self.wall_ns
         self._rate = RateMeter(self.wall_ns)
         self._restart_pace()
 
@@ -408,18 +361,5 @@ class FleetClock:
         return self._settings.hold_ticks and self._released_ns < last_tick_ns
 
     def _restart_pace(self) -> None:
-        self._pace_sim_ns, self._pace_wall_ns = self._slowest_ns, self.wall_ns
-        if self.paused:
-            return
-        self._pace_limit_ns = NEVER_NS if self.speed == inf else self._slowest_ns
+        self.pace.restart(self._slowest_ns, self.wall_ns)
         self.limits_version += 1
-
-    def _move_pace(self, wall_ns: int) -> None:
-        limit_ns = self._pace_sim_ns + int((wall_ns - self._pace_wall_ns) * self.speed)
-        lead_ns = int(MAX_LAG_NS * self.speed)
-        if limit_ns > self._slowest_ns + lead_ns:
-            limit_ns = self._slowest_ns + lead_ns
-            self._pace_sim_ns, self._pace_wall_ns = limit_ns, wall_ns
-        if limit_ns != self._pace_limit_ns:
-            self._pace_limit_ns = limit_ns
-            self.limits_version += 1

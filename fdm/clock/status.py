@@ -23,7 +23,7 @@ class ClockSettings:
         hold_ticks: a tick must be released before a UA steps beyond it.
         stall_timeout_ns: wall time without a packet after which a UA is let go.
         start_together: nobody steps before every UA has joined.
-        start_timeout_ns: wall time after which the fleet starts with those that have joined.
+        start_timeout_ns: wall time after `FleetClock.begin` at which the fleet starts with those that have joined.
     """
 
     speed: float = 1.0

@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from math import inf
 
 from fdm.clock.events import UaEvent
-from fdm.clock.fleet_clock import ClockSettings, ClockStatus, FleetClock, Peers, check_speed
-from fdm.clock.status import nanoseconds
+from fdm.clock.fleet_clock import FleetClock, Peers
+from fdm.clock.status import ClockSettings, ClockStatus, check_speed, nanoseconds
 from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
@@ -51,7 +51,8 @@ class Exchange:
         tick_period_ns: sim time between ticks.
         hold_ticks: wait for `release_tick` at every tick.
         start_together: fly nobody before every UA has sent its first packet.
-        start_timeout_s: wall time after which those that have come start without the others.
+        start_timeout_s: wall time from the beginning of `run` after which those that have come start without the
+            others.
         on_truth: called with the truth of every live UA at every tick, in the loop's thread.
         on_tick: called after that with the clock's status.
         on_event: called when a UA joins, restarts, stalls, returns or diverges.
@@ -139,6 +140,7 @@ class Exchange:
     def run(self) -> None:
         """Serve until `stop` is called. Errors of the callbacks end it and come out of it."""
         turn = self.turn
+        self._clock.begin(time.monotonic_ns())
         try:
             while not self._stopping:
                 turn()
@@ -156,7 +158,9 @@ class Exchange:
         self._service.let_go_the_stalled()
 
     def _at_tick(self, status: ClockStatus) -> None:
-        self._placer.at_tick(self._seats.values(), self._clock.speed, status.sim_time_ns, time.monotonic_ns())
+        self._placer.at_tick(
+            self._seats.values(), self._clock.pace.speed, status.sim_time_ns, time.monotonic_ns()
+        )
         if self._on_tick is not None:
             self._on_tick(status)
 
@@ -188,7 +192,6 @@ class Exchange:
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
         ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
         clock.update(time.monotonic_ns())
-        self._service.tell_absent()
         seats = self._seats
         for fd, _ in ready:
             seat = seats.get(fd)
@@ -196,6 +199,7 @@ class Exchange:
                 self._listeners[fd]()
             else:
                 self._service.hear(seat)
+        self._service.start_without_the_absent()
 
     def stop(self) -> None:
         """Let `run` return soon."""

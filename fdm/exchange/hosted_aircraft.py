@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Protocol
 
-from fdm.clock.fleet_clock import NEVER_NS, Member
+from fdm.clock.member import Member
+from fdm.clock.pace import NEVER_NS
 from fdm.errors import ModelDivergedError, WindError
 from fdm.model.air_point import AirPoint, Wind
 from fdm.model.truth import TrueState, Vector

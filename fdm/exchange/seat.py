@@ -8,7 +8,7 @@ import struct
 import sys
 from collections.abc import Callable
 
-from fdm.clock.fleet_clock import Member
+from fdm.clock.member import Member
 from fdm.errors import PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.hosted_aircraft import FlightModel, HostedAircraft

@@ -8,7 +8,9 @@ import time
 from collections.abc import Callable, Sequence
 
 from fdm.clock.events import EventKind, UaEvent
-from fdm.clock.fleet_clock import ClockStatus, FleetClock, Member
+from fdm.clock.fleet_clock import FleetClock
+from fdm.clock.member import Member
+from fdm.clock.status import ClockStatus
 from fdm.errors import ModelDivergedError
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.seat import Seat
@@ -71,8 +73,8 @@ class Service:
         self._serve((seat,))
         return clock.limits_version == self._seen_version
 
-    def tell_absent(self) -> None:
-        """Tell who had not come when the start timeout passed."""
+    def start_without_the_absent(self) -> None:
+        """Start if the start timeout has passed, and tell who has not come; all that is there was heard before."""
         for member in self._clock.take_absent():
             self._tell(EventKind.ABSENT, member, "the fleet starts without it: its autopilot sent no packet")
 

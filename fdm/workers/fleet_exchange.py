@@ -21,15 +21,15 @@ from typing import Unpack
 
 from fdm.clock.board import Board, create_board
 from fdm.clock.events import UaEvent
-from fdm.clock.fleet_clock import NEVER_NS
 from fdm.clock.fleet_ticks import FleetTicks
+from fdm.clock.pace import NEVER_NS
 from fdm.clock.status import check_speed
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.exchange import Exchange
 from fdm.exchange.seat import bind
 from fdm.exchange.settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Workers, check_settings, core_count
-from fdm.workers.worker_messages import Ended, Happened, Plan, Reached
+from fdm.workers.worker_messages import RUN, Ended, Happened, Plan, Reached
 from fdm.workers.worker_process import WorkerProcess, end_all
 
 IDLE_CHECK_S = 0.1
@@ -105,6 +105,7 @@ class FleetExchange:
         Raises:
             WorkerError: a worker ended.
         """
+        self._tell_all(*RUN)
         try:
             while not self._stopping:
                 for key, _ in self._selector.select(IDLE_CHECK_S):

@@ -1,6 +1,7 @@
 """A worker process: hosts part of a fleet for fdm.workers.fleet_exchange, which starts it and is its only user.
 
-It gets a `Plan` over its control connection, then commands, and answers with messages (fdm.workers.worker_messages).
+It gets a `Plan` over its control connection, then commands, and answers with messages (fdm.workers.worker_messages). It
+serves from the command RUN on: until then what autopilots send waits in their sockets, as in one process.
 Its ticks are held until the whole fleet has reached them. It ends when it is told to, or when the other end of the
 connection is gone.
 """
@@ -20,7 +21,7 @@ from fdm.clock.status import ClockStatus
 from fdm.errors import FdmError
 from fdm.exchange.exchange import Exchange
 from fdm.model.truth import TrueState
-from fdm.workers.worker_messages import COMMANDS, Ended, Failed, Happened, Plan, Reached, Ready
+from fdm.workers.worker_messages import COMMANDS, RUN, Ended, Failed, Happened, Plan, Reached, Ready
 
 
 @dataclass(slots=True)
@@ -46,7 +47,8 @@ class _Worker:
         self.exchange.listen(plan.wake_fd, lambda: os.read(plan.wake_fd, 4096))
         self.control.send(Ready())
         try:
-            self.exchange.run()
+            if self.control.recv() == RUN:
+                self.exchange.run()
             self.control.send(Ended(self._counters()))
         finally:
             self.exchange.close()

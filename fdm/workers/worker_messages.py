@@ -13,6 +13,9 @@ from fdm.model.truth import TrueState
 COMMANDS = frozenset({"release_tick", "pass_ticks", "set_speed", "pause", "resume", "step", "stop"})
 """Methods of fdm.exchange.exchange.Exchange that are called by name: a command is ``(name, *arguments)``."""
 
+RUN = ("run",)
+"""The first command, unless it is to stop: begin to serve."""
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:

@@ -5,7 +5,8 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdm.clock.fleet_clock import ClockSettings, FleetClock
+from fdm.clock.fleet_clock import FleetClock
+from fdm.clock.status import ClockSettings
 
 MS = 1_000_000
 steps = st.lists(

@@ -87,7 +87,7 @@ def test_an_error_of_a_callback_gives_the_cores_back(fly):
 def test_a_change_to_real_time_gives_them_back_and_full_speed_takes_them_again(fly):
     every = os.sched_getaffinity(0)
     seen = fly(
-        lambda exchange, tick: exchange.set_speed({3: 2.0, 6: math.inf}.get(tick, exchange._clock.speed))
+        lambda exchange, tick: exchange.set_speed({3: 2.0, 6: math.inf}.get(tick, exchange._clock.pace.speed))
     )
     assert [len(own) for own, _ in seen] == [1] * 4 + [len(every)] * 3 + [1] * 4 + [len(every)]
 

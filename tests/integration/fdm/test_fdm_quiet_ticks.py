@@ -98,7 +98,14 @@ def fly():
     with contextlib.ExitStack() as stack:
 
         def fly(
-            specs, pilots_of, *, workers=1, at_tick=lambda *_: None, last_tick_ns=LAST_TICK_NS, **settings
+            specs,
+            pilots_of,
+            *,
+            workers=1,
+            at_tick=lambda *_: None,
+            last_tick_ns=LAST_TICK_NS,
+            wait_s=0.0,
+            **settings,
         ):
             events, truths = [], []
 
@@ -122,6 +129,7 @@ def fly():
             for pilot in pilots:
                 stack.callback(pilot.close)
                 pilot.start()
+            time.sleep(wait_s)
             exchange.run()
             counters = [exchange.counters(ua_id) for ua_id in exchange.ports]
             return pilots, events, truths, counters
@@ -314,3 +322,34 @@ def test_a_start_without_somebody_is_told_before_the_first_tick(fly, workers):
         (EventKind.ABSENT, 0, 0),
     ]
     assert order == [0, 10 * MS, 20 * MS]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_time_in_which_the_exchange_did_not_run_yet_makes_nobody_absent(fly, workers):
+    def late(ports):
+        time.sleep(1.2)  # longer than the start timeout
+        return [Pilot(port, 400) for port in ports.values()]
+
+    _, events, _, _ = fly(specs_of(2), late, workers=workers, start_timeout_s=1.0, last_tick_ns=20 * MS)
+    assert_both_joined_at_0(events)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("coupling", ["serial", "parallel"])
+def test_whose_packet_is_there_when_the_start_timeout_passes_is_not_absent(fly, workers, coupling):
+    _, events, _, _ = fly(
+        specs_of(2),
+        lambda ports: [Pilot(port, 400) for port in ports.values()],
+        workers=workers,
+        coupling=coupling,
+        wait_s=0.3,
+        start_timeout_s=1e-9,
+        last_tick_ns=20 * MS,
+    )
+    assert_both_joined_at_0(events)
+
+
+def assert_both_joined_at_0(events):
+    assert len(events) == 2
+    joined = {(ua_id, EventKind.JOINED, 0) for ua_id in (0, 1)}
+    assert {(event.ua_id, event.kind, event.sim_time_ns) for event in events} == joined

@@ -4,7 +4,7 @@ import select
 import pytest
 
 from fdm.clock.board import Board, create_board
-from fdm.clock.fleet_clock import NEVER_NS
+from fdm.clock.pace import NEVER_NS
 
 
 @pytest.fixture

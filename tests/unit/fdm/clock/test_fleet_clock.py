@@ -2,7 +2,9 @@ from math import inf
 
 import pytest
 
-from fdm.clock.fleet_clock import MAX_GAP_NS, NEVER_NS, ClockSettings, FleetClock
+from fdm.clock.fleet_clock import MAX_GAP_NS, FleetClock
+from fdm.clock.pace import NEVER_NS
+from fdm.clock.status import ClockSettings
 
 MS = 1_000_000
 SECOND = 1_000_000_000
@@ -70,11 +72,49 @@ def test_after_the_start_timeout_the_missing_count_as_stalled():
     fleet.join(0)
     for _ in range(4):
         assert fleet.turn() == []
+        assert fleet.clock.take_absent() == []
+    assert fleet.turn() == []
+    assert fleet.clock.take_absent() == [fleet[1]]
     assert fleet.clock.take_absent() == []
     assert fleet.turn() == [0]
     assert fleet.clock.status(0, {}).stalled_ua == (1,)
-    assert fleet.clock.take_absent() == [fleet[1]]
+
+
+def test_the_start_timeout_counts_from_the_beginning_and_not_from_construction():
+    fleet = Fleet({0: MS, 1: MS}, joined=False, start_timeout_ns=5 * MS)
+    fleet.wall_ns = 60 * SECOND
+    fleet.clock.begin(fleet.wall_ns)
+    assert fleet.clock.wake_at_ns() == fleet.wall_ns + 5 * MS
+    fleet.join(0)
+    for _ in range(4):
+        assert fleet.turn() == []
+        assert fleet.clock.take_absent() == []
+    fleet.join(1)
+    assert fleet.turn() == [0, 1]
     assert fleet.clock.take_absent() == []
+    assert fleet.ticks == [(0, {0: 0, 1: 0})]
+
+
+def test_whose_packet_is_heard_when_the_start_timeout_passes_is_not_absent():
+    fleet = Fleet({0: MS, 1: MS, 2: MS}, joined=False, start_timeout_ns=5 * MS)
+    fleet.turn(5 * MS)
+    fleet.join(2)
+    assert fleet.clock.take_absent() == [fleet[0], fleet[1]]
+    assert fleet[2].sim_time_ns == 0
+    assert fleet.turn() == [2]
+    assert fleet.ticks == [(0, {2: 0})]
+
+
+def test_getting_ready_counts_towards_no_pace_and_no_stall():
+    fleet = Fleet({0: MS, 1: MS}, joined=False, start_together=False, speed=1.0)
+    fleet.wall_ns = 60 * SECOND
+    fleet.clock.begin(fleet.wall_ns)
+    fleet.join(0)
+    assert fleet.turn(0) == []
+    assert fleet.clock.take_stalled() == []
+    assert fleet.turn() == [0]
+    assert fleet.turn(0) == []
+    assert fleet.clock.status(MS, {}).real_time_factor == 1.0
 
 
 def test_without_start_together_the_first_goes_on_alone():
