@@ -212,7 +212,8 @@ async def host() -> AsyncIterator[Host]:
         autopilot.accept()
         host.runner.start().result(WAIT_S)
         yield host
-        assert host.runner.stop(WAIT_S)
+        host.runner.ask_to_stop()
+        assert host.runner.join(WAIT_S)
     autopilot.close()
 
 
