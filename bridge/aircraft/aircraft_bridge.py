@@ -15,9 +15,8 @@ from aps.held import HeldDaemon
 from aps.telemetry import AircraftState
 from bridge.bus import messages
 from bridge.bus.messages import CommandEvent, CommandGoal, Header, Vector3
-from bridge.record.input_fields import VERBS
 
-__all__ = ["VERBS", "AircraftBridge", "state_message"]
+__all__ = ["AircraftBridge", "state_message"]
 
 STATE_RATE_HZ = 10
 """How often the state is published, sim time; the node's agent sees it at every tick."""

@@ -35,6 +35,7 @@ class NodeRecord:
         self.replay: list[RecordedInput] | None = inputs_of(Path(replay), node) if replay else None
         self._report = Report(run.path, f"ua-{node}")
         self._node = node
+        self._reasons: set[str] = set()
         self._inputs = InputWriter(names.inputs_path(run.path, node))
         self._mavlink = {
             "from_autopilot": StreamWriter(names.from_autopilot(node).path(run.path)),
@@ -50,7 +51,10 @@ class NodeRecord:
         self._inputs.write(item)
 
     def may_not_repeat(self, reason: str) -> None:
-        """Wall time decided something."""
+        """Wall time decided something; each reason counts once, with the instant of the first time."""
+        if reason in self._reasons:
+            return
+        self._reasons.add(reason)
         text = f"UA {self._node}: {reason}"
         self._report.event(self.now_ns, self._node, "wall_time", text)
         self._report.may_not_repeat(f"{text} (at {self.now_ns / 1e9:.2f} s)")

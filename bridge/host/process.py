@@ -17,7 +17,7 @@ from aps.held import HeldDaemon
 from bridge.agents import agent_class
 from bridge.agents.client import UaClient
 from bridge.agents.runner import AgentRunner
-from bridge.aircraft.aircraft_bridge import VERBS, AircraftBridge
+from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
 from bridge.bus.messages import (
@@ -37,6 +37,7 @@ from bridge.bus.session import AGENT, Query, Sample, Session, Stamp, open_client
 from bridge.host.node import AgentOutlet, Node, OnReply, Packet
 from bridge.host.node_record import NodeRecord
 from bridge.record.events import Report
+from bridge.record.input_fields import VERBS
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import Arguments, current_node, parse_arguments, run_until_stopped

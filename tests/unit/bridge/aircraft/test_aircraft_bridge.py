@@ -56,4 +56,3 @@ def test_what_cannot_be_done_is_told_at_once(
 
 def test_what_can_be_commanded_over_zenoh_is_what_aps_can_and_is_said_once() -> None:
     assert tuple(VERBS) == bridge.record.input_fields.VERBS
-    assert bridge.aircraft.aircraft_bridge.VERBS is bridge.record.input_fields.VERBS
