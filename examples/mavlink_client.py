@@ -1,4 +1,4 @@
-"""Print the state of UA 1 of a run, from its APS daemon, with pymavlink. Ctrl-C ends it."""
+"""Print the state of UA 1 of a run, from its APS daemon, with pymavlink. Ctrl-C or the end of the run ends it."""
 
 import contextlib
 import sys
@@ -9,6 +9,9 @@ VEHICLES = {1, 2, 13, 14}  # MAV_TYPE: fixed wing, quadrotor, hexarotor, octorot
 
 endpoint = sys.argv[1] if len(sys.argv) > 1 else "tcp:127.0.0.1:6770"
 connection = mavutil.mavlink_connection(endpoint, source_system=255)
+connection.handle_eof = lambda: sys.exit(
+    "the run is over"
+)  # pymavlink would go on reading a closed connection
 with contextlib.suppress(KeyboardInterrupt, BrokenPipeError):
     system = None
     while True:

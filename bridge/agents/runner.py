@@ -112,9 +112,9 @@ class AgentRunner:
         try:
             await self._agent.fly()
         except CommandFailed as error:
-            log.error("%s", error)
+            log.error("in flight, at %.3f s", self.ua.sim_time_ns / 1e9, exc_info=error)
             self._failed = True
-            self.ua.report(str(error), failed=True)
+            self.ua.report(str(error).removeprefix(f"UA {self.ua.node}: "), failed=True)
         except asyncio.CancelledError as error:
             if not self.ua.is_over:
                 self._fail("in flight", error, "it awaited what had been cancelled")

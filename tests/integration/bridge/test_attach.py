@@ -79,3 +79,14 @@ def test_echo_without_a_run_says_so(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "no run goes on" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_example_client_ends_with_the_run(start_run: StartRun) -> None:
+    run = start_run("--speed", "2", duration_s=12.0)
+    run.wait_for("sim time")
+    port = 6760 + 10 * (run.slot + 1)
+    client = [sys.executable, str(EXAMPLES / "mavlink_client.py"), f"tcp:127.0.0.1:{port}"]
+    done = subprocess.run(client, capture_output=True, text=True, timeout=60)
+    assert run.finish() == 0
+    assert "system 2 is there" in done.stdout
+    assert done.stderr.strip() == "the run is over"

@@ -27,9 +27,7 @@ def table(*arguments: str) -> list[dict[str, object]]:
     return rows
 
 
-@pytest.mark.parametrize(
-    "line", ["standin loaded", "standin gusty", "standin shared", "standin ports", "wander"]
-)
+@pytest.mark.parametrize("line", ["standin loaded", "wander"])
 def test_a_line_of_the_benchmark_is_identical(line: str, free_slot: Callable[[int], int]) -> None:
     [row] = table("--only", line, "--slot", str(free_slot(4)))
     assert (row["identical"], row["remarks"]) == (1, []), row
@@ -68,7 +66,7 @@ def test_a_machine_without_vector_instructions_flies_the_same(
     for variables in ({}, OTHER_MACHINE):
         for name, value in variables.items():
             monkeypatch.setenv(name, value)
-        run = start_run(scenario=HOLD, duration_s=15.0)
+        run = start_run(scenario=HOLD, duration_s=8.0)
         assert run.finish() == 0, run.output.decode()
         digests.append(run.summary["digests"])
     assert digests[0] == digests[1]
