@@ -246,8 +246,8 @@ class HostedNode:
         counters = {
             "packets_without_stamp": self._malformed,
             "packets_the_agent_could_not_read": self.runner.malformed,
+            "commands_dropped": self._asked.dropped,
         }
-        counters["commands_dropped"] = self._asked.dropped
         self._record.close(self.daemon.statistics(), counters)
 
 

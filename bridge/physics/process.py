@@ -155,10 +155,9 @@ def serve(run: RunDirectory) -> None:
         try:
             physics.run()
         finally:
-            for ua in run.scenario.ua:
-                report.set_counters(
-                    {f"ua {ua.id} {name}": n for name, n in physics.exchange.counters(ua.id).items()}
-                )
+            for ua_id in physics.exchange.ports:
+                counters = physics.exchange.counters(ua_id)
+                report.set_counters({f"ua {ua_id} {name}": n for name, n in counters.items()})
             physics.close()
             report.close()
 
