@@ -169,15 +169,16 @@ class Fleet:
         await self._unless_over(self._all_alive(session, keys, everybody))
         session.put(keys.clock_start, Header(), must_arrive=True)
         self._observer.on_phase(f"starts autopilots ({self._scenario.autopilot})")
-        for ua in self._scenario.ua:
-            home = home_of(ua, self._scenario.origin)
-            plan = LaunchPlan(self._run, self._scenario, ua, airframe_of(ua), home)
-            try:
-                autopilot = self._launcher.process(plan)
-            except AutopilotError as error:
-                raise FleetError(str(error)) from error
-            if autopilot is not None:
+        scenario = self._scenario
+        plans = [
+            LaunchPlan(self._run, scenario, ua, airframe_of(ua), home_of(ua, scenario.origin))
+            for ua in scenario.ua
+        ]
+        try:
+            for autopilot in self._launcher.processes(plans):
                 await self._start(replace(autopilot, environment=self._environment))
+        except AutopilotError as error:
+            raise FleetError(str(error)) from error
         self._observer.on_phase("waits for the autopilots")
 
     def _python(self, module: str, name: str = "", nodes: Sequence[str] = ()) -> ProcessSpec:
