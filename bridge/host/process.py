@@ -79,9 +79,7 @@ class ZenohOutlets:
 
     def answer(self, sim_time_ns: int) -> None:
         """Tell the radio that this node is done with a tick."""
-        self._session.put(
-            self._keys.clock_answer(self._node), Header.at(sim_time_ns, self._node), must_arrive=True
-        )
+        self._session.put(self._keys.answer(self._node), Header.at(sim_time_ns, self._node), must_arrive=True)
 
 
 class HostedNode:
