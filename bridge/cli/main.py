@@ -13,7 +13,7 @@ from bridge.cli.echo import echo
 from bridge.cli.fit import fit
 from bridge.cli.refly import refly
 from bridge.cli.run import run
-from channel.cli import main as channel_commands
+from channel.cli.commands import main as channel_commands
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})

@@ -22,7 +22,7 @@ from bridge.run.every import Every
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radio_of
 from bridge.timeouts import FLUSH_PERIOD_S
-from channel.medium import Medium
+from channel.medium.medium import Medium
 
 IDLE_S = 5.0
 REFUSALS_LOGGED_MAX = 20

@@ -14,8 +14,8 @@ from bridge.bus.session import open_client
 from bridge.radio.deliveries import DeliveryRow, read_deliveries
 from bridge.record import names
 from bridge.record.streams import read_stream
+from channel.link.radio import Radio
 from channel.presets import radio_from_mapping
-from channel.radio import Radio
 from tests.integration.bridge.conftest import STILL, Run, StartRun
 
 FADING = {

@@ -10,9 +10,9 @@ from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link
 from bridge.bus.session import AGENT, Stamp
 from bridge.radio.virtual_radio import TRANSPORT, Action, Forward, Publish, Refused, VirtualRadio
-from channel.medium import Medium
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
 from channel.presets import load_radio
-from channel.radio import Radio
 
 KEYS = Keys("r")
 TICK_NS = 50_000_000
