@@ -115,7 +115,7 @@ def test_logs_tell_whose_they_are(start_run: StartRun, hosts: str) -> None:
     text = "\n".join(logs.values())
     for node in ("0", "1"):
         assert f"INFO UA {node} agent: done at" in text
-        assert f"INFO UA {node} aps.core: autopilot of system {int(node) + 1} heard" in text
+        assert f"INFO UA {node} aps.vehicle.vehicle: autopilot of system {int(node) + 1} heard" in text
 
 
 def test_an_aircraft_bridge_that_cannot_go_on_ends_the_run_by_name(start_run: StartRun) -> None:
