@@ -26,7 +26,6 @@ from bridge.bus.messages import (
     Clock,
     CommandEvent,
     CommandGoal,
-    CommunicationStatus,
     DecodeError,
     Header,
     decode,
@@ -209,7 +208,7 @@ class HostedNode:
         self.node.packet_came(Packet(sender, channel, sample.payload.to_bytes(), stamp))
 
     def _comm_status_came(self, sample: Sample) -> None:
-        self.node.comm_status_came(decode(sample.payload.to_bytes(), CommunicationStatus))
+        self.node.comm_status_came(sample.payload.to_bytes())
 
     def _asked_for(self, item: tuple[str, Query]) -> None:
         verb, query = item
@@ -243,7 +242,7 @@ class HostedNode:
             self._connecting.cancel()
         counters = {
             "packets_without_stamp": self._malformed,
-            "packets_the_agent_could_not_read": self.runner.malformed,
+            "packets_the_agent_could_not_read": self.runner.ua.malformed,
             "commands_dropped": self._asked.dropped,
         }
         self._record.close(self.daemon.statistics(), counters)
