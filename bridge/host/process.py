@@ -41,7 +41,7 @@ from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import Arguments, current_node, parse_arguments, run_until_stopped
 from bridge.scenario.model import Aircraft, Scenario
-from bridge.timeouts import AGENT_END_S, FLUSH_PERIOD_S
+from bridge.timeouts import AGENT_END_S, FLUSH_PERIOD_S, START_S
 
 ASKED_MAX = 1000
 """Operators' commands that may wait for a tick."""
@@ -252,7 +252,7 @@ async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: a
     """Serve until ``stop`` is set."""
     scenario, keys = run.scenario, run.keys
     report = Report(run.path, name)
-    with open_client(run.info.endpoint) as session:
+    with open_client(run.info.endpoint, timeout_s=START_S) as session:
         async with AsyncExitStack() as stack:
             hosted = [HostedNode(session, run, scenario, scenario.aircraft(node)) for node in nodes]
             for node, one in zip(nodes, hosted, strict=True):

@@ -16,6 +16,8 @@ from bridge.standin.waiter import Waiter
 
 RESEND_AFTER_S = 1.1
 """Silence of the physics after which the last servo packet is sent again."""
+KNOCK_AGAIN_S = 0.05
+"""The same if there is no physics: whoever starts both at once need not wait for long."""
 
 
 class AutopilotError(Exception):
@@ -69,9 +71,11 @@ class Process:
             due = self._waiter.wait(max(0.0, resend_s - now_s))
             for one in due:
                 try:
-                    one.turn()
+                    listens = one.turn()
                 except Exception as error:
                     raise AutopilotError(one, error) from error
+                if not listens:
+                    resend_s = min(resend_s, now_s + KNOCK_AGAIN_S)
             now_s = monotonic()
             if now_s >= resend_s:
                 resend_s = self._send_again(now_s)

@@ -27,6 +27,7 @@ DATAGRAM_MAX_BYTES = 65536
 READ_MAX_BYTES = 65536
 """Of the client's bytes in one frame; what is more waits for the next."""
 BACKLOG = 5
+NEVER_S = float("-inf")
 
 
 class PortInUseError(OSError):
@@ -59,7 +60,7 @@ class AutopilotSockets:
         self.errors: Counter[str] = Counter()
         """Socket errors survived, by kind."""
         self.sent_s = 0.0
-        """When the latest servo packet was sent, monotonic wall time."""
+        """When the latest servo packet was sent, monotonic wall time; NEVER_S if nobody was there to get it."""
         self._client_spoke = True
         self._listener = _listen(mavlink_address)
         try:
@@ -80,15 +81,20 @@ class AutopilotSockets:
         waiter.add_physics(self._udp, self)
         waiter.add_client(self._listener, self._hear_client)
 
-    def turn(self) -> None:
-        """Take the datagram that is there; if it is a new frame, make the autopilot's turn."""
+    def turn(self) -> bool:
+        """Take the datagram that is there; if it is a new frame, make the autopilot's turn.
+
+        Returns:
+            Whether the physics listens: False if it is not there (yet).
+        """
         try:
             datagram = self._udp.recv(DATAGRAM_MAX_BYTES)
         except BlockingIOError:
-            return
-        except OSError:  # nobody listens there (yet)
+            return True
+        except OSError:
             self.errors["physics_unreachable"] += 1
-            return
+            self.sent_s = NEVER_S
+            return False
         autopilot = self.autopilot
         if autopilot.take_frame(datagram):
             if self._client_spoke:
@@ -97,6 +103,7 @@ class AutopilotSockets:
             if autopilot.mavlink.has_data:
                 self._write_client(autopilot.mavlink.data_to_send())
             self.send_packet()
+        return True
 
     def send_packet(self) -> None:
         """Send the latest servo packet."""

@@ -21,6 +21,8 @@ FRAME_PARAMETERS = ("FRAME_CLASS", "FRAME_TYPE")
 class StandIn(Launcher):
     """Our own small autopilot, several in a process."""
 
+    waits_for_physics = True
+
     def check(self, scenario: Scenario, ua: Aircraft) -> None:  # noqa: ARG002
         """See that it can fly the airframe.
 

@@ -47,7 +47,12 @@ class Launcher(ABC):
     Args:
         environment: environment variables, for finding programs.
         ardupilot_dir: where real binaries were said to be, if anywhere.
+
+    Attributes:
+        waits_for_physics: whether its autopilots may be started before there is physics.
     """
+
+    waits_for_physics = False
 
     def __init__(self, environment: Mapping[str, str], ardupilot_dir: Path | None = None) -> None:
         self.environment = environment

@@ -439,6 +439,20 @@ def test_silent_physics_gets_the_same_frame_again_and_mavlink_waits_for_the_next
         client.close()
 
 
+def test_physics_that_comes_later_is_found_at_once() -> None:
+    with physics() as udp:
+        address = udp.getsockname()
+    with autopilot(address[1]), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+        udp.bind(address)
+        udp.settimeout(10.0)
+        since = time.monotonic()
+        udp.recv(256)
+        assert time.monotonic() - since < 1.0  # not after 1.1 s, as in silence
+        udp.settimeout(0.5)
+        with pytest.raises(TimeoutError):
+            udp.recv(256)
+
+
 def test_garbage_on_both_sockets_is_survived() -> None:
     with physics() as udp, autopilot(udp.getsockname()[1]) as (child, port):
         exchange_frames(udp, 0, 10)

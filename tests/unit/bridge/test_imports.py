@@ -12,7 +12,10 @@ import pytest
     ("module", "not_needed"),
     [
         ("bridge.host.process", "scipy matplotlib jsbsim channel.link.radio bridge.scenario.file"),
-        ("bridge.physics.process", "scipy matplotlib channel.link.radio bridge.scenario.file"),
+        ("bridge.physics.process", "scipy asyncio channel.link.radio bridge.scenario.file"),
+        ("bridge.radio.process", "asyncio scipy matplotlib"),
+        ("bridge.cli.main", "pydantic asyncio numpy rich"),
+        ("bridge.cli.run", "scipy matplotlib pymavlink jsbsim psutil"),
         ("bridge.record.streams", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.events", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.inputs", "pymavlink pydantic zenoh"),
