@@ -114,6 +114,7 @@ class RadioConfig(Settings):
     interference: Interference = Field(default_factory=Interference)
     error: Error = Field(default_factory=UncodedAwgn)
     length: Length = Field(default_factory=PayloadLength)
+    mtu_bytes: int = Field(default=65535, ge=1, le=1 << 20, description="longest payload that it takes")
     nominal_payload_bytes: int = Field(default=40, ge=0, le=65535, description="where no length is given")
     base_loss: float = Field(
         default=0.0,

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TextIO, TypeVar
 
+from bridge.radio.virtual_radio import Settled
 from bridge.record.names import RECORD_FILE
 from channel.medium.ledger import Ledger
+from channel.medium.reception import FATES
 
 DELIVERIES = RECORD_FILE
 LEDGER = "ledger.json"
@@ -43,6 +45,24 @@ class DeliveryRow:
     snr_db: float
     per: float
     fate: str
+
+
+def rows_of(settled: Settled, nodes: Sequence[str]) -> Iterator[DeliveryRow]:
+    """The rows of what was settled."""
+    r, p = settled.receptions, settled.receptions.packets
+    for k, i in enumerate(r.packet.tolist()):
+        yield DeliveryRow(
+            int(p.sim_time_ns[i]),
+            nodes[p.tx[i]],
+            nodes[r.rx[k]],
+            int(p.seq[i]),
+            int(p.length_bytes[i]),
+            float(r.distance_m[k]),
+            float(r.received_power_dbm[k]),
+            float(r.snr_db[k]),
+            float(r.per[k]),
+            FATES[r.fate[k]].value,
+        )
 
 
 class DeliveriesWriter:

@@ -8,7 +8,8 @@ from typing import Any
 
 import yaml
 
-from bridge.scenario.model import OwnAgent, Scenario
+from bridge.scenario.agents import OwnAgent
+from bridge.scenario.model import Scenario
 
 TREES = (".yaml", ".yml")
 TABLES = (".csv", ".nc")
@@ -20,13 +21,14 @@ def named_files(scenario: Scenario) -> list[Path]:
     What ships goes by name and belongs to lostlink; modules that are installed are not looked for.
     """
     named = [scenario.wind, *(ua.airframe for ua in scenario.ua)]
-    named += [scenario.radio] if isinstance(scenario.radio, str) else _texts(scenario.radio)
+    for radio in (scenario.radio, *(node.radio for node in scenario.nodes)):
+        named += [radio] if isinstance(radio, str) else _texts(radio)
     found: set[Path] = set()
     for name in named:
         _add(Path(name), found)
-    for ua in scenario.ua:
-        if isinstance(ua.agent, OwnAgent) and ua.agent.place.endswith(".py"):
-            found.add(Path(ua.agent.place).absolute())
+    for node in scenario.nodes:
+        if isinstance(node.agent, OwnAgent) and node.agent.place.endswith(".py"):
+            found.add(Path(node.agent.place).absolute())
     return sorted(found)
 
 

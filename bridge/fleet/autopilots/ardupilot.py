@@ -13,7 +13,8 @@ from pathlib import Path
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, ardupilot_origin
-from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Aircraft
 from bridge.scenario.resolve import airframe_of
 
 HOME_VARIABLE = "ARDUPILOT_HOME"

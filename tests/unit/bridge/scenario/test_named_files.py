@@ -15,7 +15,7 @@ duration_s: 5
 origin: {lat_deg: 47.4, lon_deg: 8.5, alt_amsl_m: 420.0}
 radio: radio.yaml
 wind: wind.yaml
-ua:
+nodes:
   - {id: 0, airframe: own.yaml, agent: {type: own, class: "agent.py:Own"}}
   - {id: 1, agent: {type: own, class: "os.path:join"}}
 """
