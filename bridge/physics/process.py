@@ -10,12 +10,11 @@ import logging
 import sys
 import threading
 
-from bridge.bus.messages import DecodeError, Header, decode, encode, encoding_of
+from bridge.bus.messages import DecodeError, Header, decode
 from bridge.bus.session import Sample, Session, open_client
 from bridge.physics.truth_message import clock_message, truth_message
-from bridge.record import names
+from bridge.physics.truth_table import TruthColumns
 from bridge.record.events import Report
-from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
@@ -48,7 +47,7 @@ class Physics:
         self._scenario, self._session, self._keys = run.scenario, session, run.keys
         self._origin = origin_of(self._scenario.origin)
         self._report = report
-        self._truth = {node: StreamWriter(names.truth(node).path(run.path)) for node in self._scenario.nodes}
+        self._table = TruthColumns(run.path, self._scenario.nodes)
         self._truths: list[TrueState] = []
         self._flush = Every(FLUSH_PERIOD_S)
         self._started = threading.Event()
@@ -103,8 +102,7 @@ class Physics:
     def close(self) -> None:
         """Close sockets and files."""
         self.exchange.close()
-        for writer in self._truth.values():
-            writer.close()
+        self._table.close()
 
     def _on_tick(self, status: ClockStatus) -> None:
         truths, self._truths = self._truths, []
@@ -112,21 +110,14 @@ class Physics:
             header = Header.at(status.sim_time_ns, "")
             self._session.put(self._keys.clock_exchange, header, must_arrive=True)
             return
-        for truth in truths:
-            self._publish(status.sim_time_ns, truth)
+        states = [truth_message(truth, self._origin) for truth in truths]
+        for state in states:
+            self._session.put(self._keys.truth(state.header.frame_id), state, must_arrive=True)
+        self._table.append(status.sim_time_ns, states)
         if self._flush.is_due():
-            for writer in self._truth.values():
-                writer.flush()
+            self._table.flush()
             self._report.flush()
         self._session.put(self._keys.clock, clock_message(status), must_arrive=True)
-
-    def _publish(self, tick_ns: int, truth: TrueState) -> None:
-        node, message = str(truth.ua_id), truth_message(truth, self._origin)
-        payload = encode(message)
-        self._truth[node].write(tick_ns, payload)
-        self._session.put_bytes(
-            self._keys.truth(node), payload, encoding=encoding_of(type(message)), must_arrive=True
-        )
 
     def _on_event(self, event: UaEvent) -> None:
         node = str(event.ua_id)

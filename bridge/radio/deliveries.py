@@ -1,32 +1,28 @@
-"""The record of a run: `deliveries.csv`, a row per packet and intended receiver, and the books in `ledger.json`."""
+"""The record of the radio: `deliveries`, a row per packet and intended receiver, and the counters in `ledger.json`."""
 
 from __future__ import annotations
 
-import csv
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TextIO, TypeVar
+from typing import TypeVar
 
-from bridge.record.names import RECORD_FILE
+from numpy.typing import ArrayLike
+
+from bridge.record.tables.journal import TableWriter
+from bridge.record.tables.schema import DELIVERIES
 from channel.medium.ledger import Ledger
+from channel.medium.reception import Fate
 
-DELIVERIES = RECORD_FILE
 LEDGER = "ledger.json"
-COLUMNS = (
-    "sim_time_ns",
-    "tx",
-    "rx",
-    "seq",
-    "length_bytes",
-    "distance_m",
-    "received_power_dbm",
-    "snr_db",
-    "per",
-    "fate",
-)
+TRANSPORT = "transport"
+"""Cause of loss: the packet left its agent and never came to the router. The host lost it, not the radio."""
+TOO_LONG = "too_long"
+"""Cause of loss: no radio of ours takes a packet of more than its largest length."""
+FATES = (*(fate.value for fate in Fate), TRANSPORT, TOO_LONG)
+"""What became of a packet at one receiver; rows have places in this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,28 +41,77 @@ class DeliveryRow:
     fate: str
 
 
-class DeliveriesWriter:
-    """Writes rows as they are settled; what was written is on disk after `flush`."""
+class DeliveryColumns:
+    """Writes what became of packets, a row per packet and intended receiver.
 
-    def __init__(self, path: Path) -> None:
-        self._file: TextIO = path.open("w", newline="", encoding="ascii")
-        self._file.write(",".join(COLUMNS) + "\n")
+    Args:
+        run: the run directory.
+        nodes: ids of all nodes.
+    """
 
-    def write(self, rows: Iterable[DeliveryRow]) -> None:
-        """Append rows: powers to 0.001 dB, distances to 1 mm, PER to seven digits."""
-        for r in rows:
-            self._file.write(
-                f"{r.sim_time_ns},{r.tx},{r.rx},{r.seq},{r.length_bytes},{r.distance_m:.3f},"
-                f"{r.received_power_dbm:.3f},{r.snr_db:.3f},{r.per:.7g},{r.fate}\n"
-            )
+    def __init__(self, run: Path, nodes: Sequence[str]) -> None:
+        self._nodes = {node: place for place, node in enumerate(nodes)}
+        self._fates = {fate: place for place, fate in enumerate(FATES)}
+        self._writer = TableWriter(run, DELIVERIES, {"tx": nodes, "rx": nodes, "fate": FATES})
+        self.flush, self.close = self._writer.flush, self._writer.close
 
-    def flush(self) -> None:
-        """Hand everything to the operating system."""
-        self._file.flush()
+    def append(
+        self,
+        rows: int,
+        *,
+        sim_time_ns: ArrayLike,
+        tx: ArrayLike,
+        rx: ArrayLike,
+        seq: ArrayLike,
+        length_bytes: ArrayLike,
+        distance_m: ArrayLike,
+        received_power_dbm: ArrayLike,
+        snr_db: ArrayLike,
+        per: ArrayLike,
+        fate: ArrayLike,
+    ) -> None:
+        """Append rows: arrays of that length, or one value for all of them.
 
-    def close(self) -> None:
-        """Flush and close."""
-        self._file.close()
+        Args:
+            rows: how many.
+            sim_time_ns: of transmission.
+            tx: places in ``nodes``.
+            rx: places in ``nodes``.
+            seq: the senders' sequence numbers.
+            length_bytes: as the error model counts it.
+            distance_m: rounded to 1 mm; nan where the channel computed nothing, as in the next three.
+            received_power_dbm: rounded to 0.001 dB.
+            snr_db: rounded to 0.001 dB.
+            per: rounded to 1e-7.
+            fate: places in FATES.
+
+        Raises:
+            ValueError: an array has another length.
+            TypeError: an array has numbers of another kind.
+        """
+        self._writer.append(
+            rows,
+            sim_time_ns=sim_time_ns,
+            tx=tx,
+            rx=rx,
+            seq=seq,
+            length_bytes=length_bytes,
+            distance_m=distance_m,
+            received_power_dbm=received_power_dbm,
+            snr_db=snr_db,
+            per=per,
+            fate=fate,
+        )
+
+    def write(self, rows: Sequence[DeliveryRow]) -> None:
+        """Append rows that are not yet columns."""
+        if not rows:
+            return
+        columns = {name: [getattr(row, name) for row in rows] for name in DeliveryRow.__slots__}
+        columns["tx"] = [self._nodes[node] for node in columns["tx"]]
+        columns["rx"] = [self._nodes[node] for node in columns["rx"]]
+        columns["fate"] = [self._fates[fate] for fate in columns["fate"]]
+        self._writer.append(len(rows), **columns)
 
 
 Refusal = TypeVar("Refusal", bound=StrEnum)
@@ -110,26 +155,3 @@ def write_ledger(
         encoding="ascii",
     )
     partial.replace(path)
-
-
-def read_deliveries(path: Path) -> Iterator[DeliveryRow]:
-    """The rows of a `deliveries.csv`.
-
-    Raises:
-        ValueError: if the columns are not ours or a row is broken, with its line.
-    """
-    with path.open(newline="", encoding="ascii") as file:
-        reader = csv.reader(file)
-        if tuple(next(reader, ())) != COLUMNS:
-            raise ValueError(f"{path}:1: columns have to be {','.join(COLUMNS)}")
-        for row in reader:
-            try:
-                yield _delivery(row)
-            except (ValueError, IndexError) as error:
-                raise ValueError(f"{path}:{reader.line_num}: not a delivery: {error}") from error
-
-
-def _delivery(row: list[str]) -> DeliveryRow:
-    distance_m, received_power_dbm, snr_db, per = (float(value) for value in row[5:9])
-    sent = (int(row[0]), row[1], row[2], int(row[3]), int(row[4]))
-    return DeliveryRow(*sent, distance_m, received_power_dbm, snr_db, per, row[9])

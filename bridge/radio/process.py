@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, Clock, Header, Truth, decode
 from bridge.bus.session import Sample, Session, Stamp, open_router
-from bridge.radio.deliveries import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
+from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.virtual_radio import Action, Forward, Refused, VirtualRadio
 from bridge.record import names
 from bridge.record.events import Report
@@ -51,7 +51,7 @@ class RouterProcess:
         )
         self._report = Report(run.path, "router")
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.nodes}
-        self._writer = DeliveriesWriter(run.path / DELIVERIES)
+        self._writer = DeliveryColumns(run.path, scenario.nodes)
         self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
         self._overload = 0
         self._overload_lock = threading.Lock()

@@ -19,14 +19,10 @@ from enum import StrEnum
 from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link, Message
 from bridge.bus.session import AGENT, Stamp
-from bridge.radio.deliveries import DeliveryRow
+from bridge.radio.deliveries import TOO_LONG, TRANSPORT, DeliveryRow
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Fate, Medium, Reception
 
-TRANSPORT = "transport"
-"""Cause of loss: the packet left its agent and never came to the router. The host lost it, not the radio."""
-TOO_LONG = "too_long"
-"""Cause of loss: no radio of ours takes a packet of more than MAX_LENGTH_BYTES."""
 LINK_PERIOD_NS = 200_000_000
 MAX_LENGTH_BYTES = 1 << 20
 MAX_GAP = 100_000
