@@ -22,6 +22,7 @@ MAGIC: Final = b"LLTABLE\0"
 BUFFER_ROWS: Final = 8192
 HEADER_MAX_BYTES: Final = 1 << 24
 READ_ROWS: Final = 1 << 16
+LABELS_MAX: Final = 1 << 15
 _LENGTH: Final = struct.Struct("<I")
 Labels = dict[str, tuple[str, ...]]
 
@@ -36,12 +37,15 @@ class TableWriter:
 
     Raises:
         OSError: the file cannot be made or written.
-        ValueError: ``labels`` are not those of the table.
+        ValueError: ``labels`` are not those of the table, or a column has more than LABELS_MAX.
     """
 
     def __init__(self, run: Path, table: Table, labels: Mapping[str, Sequence[str]]) -> None:
         if set(labels) != set(table.labels):
             raise ValueError(f"labels for {sorted(labels)}; {table.name} has {sorted(table.labels)}")
+        most = max(map(len, labels.values()), default=0)
+        if most > LABELS_MAX:
+            raise ValueError(f"{table.name}: {most} names for a column; up to {LABELS_MAX} are allowed")
         self._table = table
         self._rows = np.empty(BUFFER_ROWS, dtype=table.dtype)
         self._columns = {column.name: self._rows[column.name] for column in table.columns}

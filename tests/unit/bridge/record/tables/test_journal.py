@@ -93,6 +93,8 @@ def test_a_callers_mistake_is_raised(
         writer.append(2, **row)
     with pytest.raises(ValueError, match=r"labels for \['tx'\]"):
         TableWriter(tmp_path, DELIVERIES, {"tx": "01"})
+    with pytest.raises(ValueError, match="32769 names for a column; up to 32768 are allowed"):
+        TableWriter(tmp_path, DELIVERIES, labels | {"rx": [str(node) for node in range(32769)]})
     writer.close()
 
 
