@@ -10,6 +10,7 @@ import click
 from bridge.cli.compare import compare
 from bridge.cli.doctor import doctor
 from bridge.cli.echo import echo
+from bridge.cli.export import export
 from bridge.cli.fit import fit
 from bridge.cli.refly import refly
 from bridge.cli.run import run
@@ -31,7 +32,7 @@ def lostlink() -> None:
     """
 
 
-for command in (run, refly, compare, doctor, echo, *channel_commands.commands.values(), fit):
+for command in (run, refly, compare, export, doctor, echo, *channel_commands.commands.values(), fit):
     lostlink.add_command(command)
 
 

@@ -20,7 +20,7 @@ from bridge.scenario.model import Scenario
 from channel.intervals import binomial_interval, proportion_interval
 from channel.link.radio import Radio
 
-SCHEMA = 1
+SCHEMA = 2
 FIGURE_FILE = "probability_of_delivery.png"
 BIN_SENT_MIN = 50
 """Bins with fewer packets are shown but not judged."""

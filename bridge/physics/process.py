@@ -11,12 +11,11 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from bridge.bus.messages import DecodeError, Header, Truth, Truths, decode, encode, encoding_of
+from bridge.bus.messages import DecodeError, Header, Truths, decode
 from bridge.bus.session import Sample, Session, open_client
 from bridge.physics.truth_message import clock_message, ground_truth_message, truth_message
-from bridge.record import names
+from bridge.physics.truth_table import TruthColumns
 from bridge.record.events import Report
-from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
@@ -51,7 +50,7 @@ class Physics:
         self._origin = origin_of(self._scenario.origin)
         self._report = report
         stations = self._scenario.stations
-        self._truth = {node: StreamWriter(names.truth(node).path(run.path)) for node in stations}
+        self._table = TruthColumns(run.path, stations)
         self._wanted = {node: session.interest(self._keys.truth(node)) for node in stations}
         self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in self._scenario.ground]
         self._truths: list[TrueState] = []
@@ -108,8 +107,7 @@ class Physics:
     def close(self) -> None:
         """Close sockets and files."""
         self.exchange.close()
-        for writer in self._truth.values():
-            writer.close()
+        self._table.close()
 
     def _on_tick(self, status: ClockStatus) -> None:
         truths, self._truths = self._truths, []
@@ -119,8 +117,7 @@ class Physics:
             return
         self._publish(status.sim_time_ns, truths)
         if self._flush.is_due():
-            for writer in self._truth.values():
-                writer.flush()
+            self._table.flush()
             self._report.flush()
         self._session.put(self._keys.clock, clock_message(status), must_arrive=True)
 
@@ -128,12 +125,11 @@ class Physics:
         """Record and publish the true states of all nodes; those on the ground are where the scenario says."""
         messages = [truth_message(truth, self._origin) for truth in truths]
         messages += [ground_truth_message(node, track.at(tick_ns), tick_ns) for node, track in self._ground]
+        self._table.append(tick_ns, messages)
         for message in messages:
-            node, payload = message.header.frame_id, encode(message)
-            self._truth[node].write(tick_ns, payload)
+            node = message.header.frame_id
             if self._wanted[node]():
-                key, encoding = self._keys.truth(node), encoding_of(Truth)
-                self._session.put_bytes(key, payload, encoding=encoding)
+                self._session.put(self._keys.truth(node), message)
         batch = Truths(Header.at(tick_ns, ""), tuple(messages))
         self._session.put(self._keys.tick("truths"), batch, must_arrive=True)
 

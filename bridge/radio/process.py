@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, Clock, Header, Truths, decode
 from bridge.bus.session import Sample, Session, Stamp, open_router
-from bridge.radio.deliveries import DELIVERIES, LEDGER, DeliveriesWriter, rows_of, write_ledger
+from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.ring import Ring
 from bridge.radio.senders import Refused
@@ -58,7 +58,7 @@ class RouterProcess:
         self._free = {node.node for node in scenario.nodes if not node.has_agent}
         self._report = Report(run.path, "router")
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.stations}
-        self._writer = DeliveriesWriter(run.path / DELIVERIES)
+        self._writer = DeliveryColumns(run.path, scenario.stations)
         self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
         self._queued_bytes = 0
         self._overload = 0
@@ -201,7 +201,7 @@ class RouterProcess:
     # The record.
 
     def _write(self, settled: Settled) -> None:
-        self._writer.write(rows_of(settled, self._core.nodes))
+        self._writer.write(settled)
         for packet in self._core.transmitted:
             sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)
             self._packets[self._core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(sent))

@@ -14,7 +14,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from channel.medium.packets import Packets, Receptions
 
 from bridge.bus.keys import ALL, MAIN, Address
 from bridge.bus.messages import Truth
@@ -23,6 +22,7 @@ from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import EVERYBODY, Gap, Refused, Senders, TxPacket
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
+from channel.medium.packets import Packets, Receptions
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""

@@ -171,9 +171,9 @@ def fit(log: Path, **options: Any) -> None:
       lostlink fit flight.csv --radio corrected --out mine.yaml --plot fit.png
       lostlink fit flight.csv --radio corrected --set noise.noise_figure_db=4 --hold shadowing.sigma_db --json
     """
-    from channel.fit.flight_log import read_csv_log
+    from channel.fit.columns import read_log
 
-    run_fit(FitRequest(**options), log.stem, lambda base: read_csv_log(log, base))
+    run_fit(FitRequest(**options), log.stem, lambda base: read_log(log, base))
 
 
 @click.group()

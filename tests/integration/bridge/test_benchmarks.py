@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from benchmarks import bench_messages
+from benchmarks import bench_messages, bench_record
 
 
 def test_messages_are_coded_quicker_than_by_rosbags(capsys: pytest.CaptureFixture[str]) -> None:
@@ -13,3 +13,11 @@ def test_messages_are_coded_quicker_than_by_rosbags(capsys: pytest.CaptureFixtur
     assert {"DataPackage", "AircraftState", "Truth", "Clock", "CommandEvent"} <= rows.keys()
     for name, row in rows.items():
         assert row["encode"] < row["encode_rosbags"], name
+
+
+def test_the_record_costs_less_than_rows_of_text(capsys: pytest.CaptureFixture[str]) -> None:
+    assert bench_record.main(["--nodes", "20", "--rows", "40000", "--rounds", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["rows"] == 39_900
+    assert found["append_ns"] < 0.3 * found["csv_ns"]
+    assert found["parquet_bytes"] < 20.0

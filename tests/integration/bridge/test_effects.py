@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import signal
 import socket
+import subprocess
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from bridge.bus.keys import Keys
 from bridge.bus.session import open_client
-from bridge.radio.deliveries import DeliveryRow, read_deliveries
 from bridge.record import names
 from bridge.record.streams import read_stream
+from bridge.record.tables.parquet import read_table
+from bridge.record.tables.schema import DELIVERIES, TRUTH
 from channel.link.radio import Radio
 from channel.presets import radio_from_mapping
-from tests.integration.bridge.conftest import STILL, Run, StartRun
+from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
 FADING = {
     "preset": "corrected",
@@ -34,8 +39,19 @@ MOVING = STILL.replace(
 )
 
 
-def rows_of(run: Run) -> list[DeliveryRow]:
-    return [row for row in read_deliveries(run.directory / "deliveries.csv") if row.tx == "0"]
+class Row(NamedTuple):
+    distance_m: float
+    received_power_dbm: float
+
+
+def rows_of(run: Run) -> list[Row]:
+    columns = ("tx", *Row._fields)
+    return [
+        Row(*numbers)
+        for batch in read_table(run.directory, DELIVERIES, columns)
+        for tx, *numbers in zip(*(batch[name].tolist() for name in columns), strict=True)
+        if tx == "0"
+    ]
 
 
 def test_fading_changes_faster_when_the_ua_move(start_run: StartRun) -> None:
@@ -147,8 +163,31 @@ def test_a_killed_run_leaves_all_but_its_last_second(start_run: StartRun) -> Non
     run.wait_for("sim time   1")  # 10 s to 19 s
     processes = run.children()
     run.process.kill()
+    run.process.wait(10.0)  # else it is there still, as a zombie
     for process in processes:
         process.wait(10.0)
-    for name in (names.truth("0"), names.from_autopilot("1"), names.packets("0")):
+    for name in (names.from_autopilot("1"), names.packets("0")):
         entries = list(read_stream(name.path(run.directory)))
         assert entries[-1].tick_ns > 8_000_000_000
+    ticks = np.concatenate([batch["tick_ns"] for batch in read_table(run.directory, TRUTH, ("tick_ns",))])
+    assert ticks[::2].tolist() == [50_000_000 * n for n in range(len(ticks[::2]))]
+    assert ticks[-1] > 8_000_000_000
+    assert not TRUTH.parquet_path(run.directory).exists()
+    command = [*LOSTLINK, "export", str(run.directory), "--csv", "--parquet"]
+    subprocess.run(command, check=True, timeout=60)
+    lines = (run.directory / "deliveries.csv").read_text().splitlines()
+    assert int(lines[-1].split(",")[0]) > 8_000_000_000
+    assert pq.read_metadata(DELIVERIES.parquet_path(run.directory)).num_rows == len(lines) - 1
+
+
+def test_tables_that_cannot_be_finished_break_the_run_off_and_its_summary_says_so(
+    start_run: StartRun,
+) -> None:
+    run = start_run(duration_s=4.0, speed="2")
+    run.wait_for("sim time")
+    (run.directory / "truth.partial").mkdir()
+    assert run.finish() == 1
+    assert run.summary["ending"] == "failed"
+    assert "its tables could not be written as Parquet" in run.summary["error"]
+    assert "deliveries" not in run.summary["digests"]
+    assert TRUTH.journal_path(run.directory).exists()

@@ -60,7 +60,7 @@ def place(node, tick, scale_m):
 
 
 def record(radio, scale_m):
-    """The lines of a record, in the format of a run's `deliveries.csv`, and after each all bits of its numbers."""
+    """The lines of a record, with the columns of a run's deliveries, and after each all bits of its numbers."""
     medium = Medium(radio, seed=7, nodes=NODES)
     for tick in range(TICKS + 1):
         for i, node in enumerate(NODES):
