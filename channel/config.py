@@ -22,8 +22,9 @@ from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss, TwoRay
+from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
 from channel.propagation.terrain import Terrain
+from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.variant import Settings, Variant
 
 Propagation = Annotated[
@@ -31,6 +32,7 @@ Propagation = Annotated[
     | LogDistance
     | NoPathLoss
     | TwoRay
+    | TwoSlope
     | OkumuraHata
     | Cost231Hata
     | AlHourani
@@ -107,6 +109,9 @@ class RadioConfig(Settings):
     max_range_m: float | None = Field(default=None, gt=0.0, description="nothing is received beyond it")
     offset_db: float = Field(default=0.0, description="added to the received power (the paper's delta)")
     propagation: Propagation = Field(default_factory=FreeSpace)
+    earth_radius_factor: float | None = Field(
+        default=4.0 / 3.0, gt=0.0, le=100.0, description="by which the air bends rays; null: a flat Earth"
+    )
     atmosphere: Atmosphere = Field(default_factory=NoAtmosphere, description="gases and rain")
     shadowing: Shadowing = Field(default_factory=NoShadowing)
     fading: Fading = Field(default_factory=NoFading)

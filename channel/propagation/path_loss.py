@@ -108,20 +108,3 @@ class NoPathLoss(Variant):
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return zeros in the shape of the distance."""
         return np.zeros_like(path.distance_m)
-
-
-class TwoRay(Variant):
-    """Direct and ground-reflected ray: free space up to the crossover, h1^2 h2^2 / d^4 beyond it.
-
-    Crossover at d = 4 pi h1 h2 / lambda (Rappaport, eq. 4.52 and 4.53). Both parts and the crossover take the
-    slant distance, as ns-3 does. At the crossover itself the law steps by nothing.
-    """
-
-    model: Literal["two-ray"] = "two-ray"
-
-    def path_loss_db(self, path: Path) -> FloatArray:
-        """Return the loss, dB."""
-        product = np.multiply(path.height_tx_m, path.height_rx_m)
-        crossover_m = 4.0 * math.pi * product * np.divide(path.frequency_hz, SPEED_OF_LIGHT_MPS)
-        beyond = 40.0 * np.log10(path.distance_m) - 20.0 * np.log10(product)
-        return np.where(path.distance_m <= crossover_m, friis_db(path.distance_m, path.frequency_hz), beyond)
