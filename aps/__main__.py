@@ -13,9 +13,9 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
-from aps.autopilot_link import parse_autopilot, parse_host_port
 from aps.daemon import Daemon, DaemonConfig
-from aps.telemetry import AircraftState
+from aps.links.autopilot_link import parse_autopilot, parse_host_port
+from aps.vehicle.telemetry import AircraftState
 
 EXAMPLES = """\
 examples:

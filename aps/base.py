@@ -11,12 +11,12 @@ from typing import Any, Protocol, Self
 
 from aps.config import DaemonConfig
 from aps.core import AUTOPILOT_LINK, Core
-from aps.endpoints import Client, ClientServer
-from aps.outbox import FrameQueue
-from aps.status_text import StatusText
-from aps.subscription import Subscription
-from aps.telemetry import AircraftState
+from aps.links.endpoints import Client, ClientServer
+from aps.links.outbox import FrameQueue
 from aps.timeouts import SILENCE_TIMEOUT_S
+from aps.vehicle.status_text import StatusText
+from aps.vehicle.subscription import Subscription
+from aps.vehicle.telemetry import AircraftState
 
 __all__ = ["DaemonBase", "Link"]
 
@@ -69,14 +69,15 @@ class DaemonBase(ABC):
             limit_bytes=config.queue_limit_bytes,
             max_clients=config.max_clients,
         )
-        self.commands = self.core.commands
+        self.vehicle = self.core.vehicle
+        self.commands = self.vehicle.commands
         self.framer, self.router = self.core.framer, self.core.router
-        self.streams, self.telemetry = self.core.streams, self.core.telemetry
+        self.streams, self.telemetry = self.vehicle.streams, self.vehicle.telemetry
         self.failure: BaseException | None = None
         """What ended the daemon's own work, if something did."""
         self._link, self._clock = link, clock
         self._heard_event = asyncio.Event()
-        self.core.on_heard = self._heard_event.set
+        self.vehicle.on_heard = self._heard_event.set
 
     @property
     def state(self) -> AircraftState:
@@ -96,11 +97,11 @@ class DaemonBase(ABC):
     @property
     def texts(self) -> Callable[[StatusText], None] | None:
         """Called with each text of the autopilot, if set."""
-        return self.core.texts
+        return self.vehicle.texts
 
     @texts.setter
     def texts(self, callback: Callable[[StatusText], None] | None) -> None:
-        self.core.texts = callback
+        self.vehicle.texts = callback
 
     def subscribe(
         self, callback: Callable[[AircraftState], None], rate_hz: float | None = None
@@ -111,7 +112,7 @@ class DaemonBase(ABC):
             callback: runs in the event loop (in held mode: within ``begin_exchange``); must not block.
             rate_hz: at most so often, in the autopilot's own time; ``None``: after every batch of telemetry.
         """
-        return self.core.subscriptions.add(callback, rate_hz)
+        return self.vehicle.subscriptions.add(callback, rate_hz)
 
     async def wait_heard(self) -> None:
         """Wait until the autopilot's heartbeat has been heard on this connection.

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from aps.outbox import DEFAULT_LIMIT_BYTES
-from aps.streams import DEFAULT_RATES_HZ
+from aps.links.outbox import DEFAULT_LIMIT_BYTES
 from aps.timeouts import ROUTE_EXPIRY_S
+from aps.vehicle.streams import DEFAULT_RATES_HZ
 
 __all__ = ["DaemonConfig"]
 

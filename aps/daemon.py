@@ -18,10 +18,10 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from aps.autopilot_link import AutopilotLink, parse_autopilot
 from aps.base import DaemonBase
 from aps.config import NS_PER_S, DaemonConfig
-from aps.endpoints import Client
+from aps.links.autopilot_link import AutopilotLink, parse_autopilot
+from aps.links.endpoints import Client
 
 __all__ = ["Daemon", "DaemonConfig"]
 
@@ -82,7 +82,7 @@ class Daemon(DaemonBase):
         _log.error("the daemon of system %d failed", self.config.sysid, exc_info=error)
         self.failure = error
         self._heard_event.set()  # nobody shall wait for ever
-        self.core.callbacks.call("the callback for failures", self.on_failure, error)
+        self.vehicle.callbacks.call("the callback for failures", self.on_failure, error)
         self.commands.interrupt_all(f"the daemon failed: {error!r}")
 
     # What happens.

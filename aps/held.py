@@ -24,15 +24,15 @@ from dataclasses import asdict, dataclass
 from types import TracebackType
 from typing import Any
 
-from aps.autopilot_link import parse_autopilot
 from aps.base import DaemonBase
 from aps.config import DaemonConfig
-from aps.endpoints import Client
-from aps.framer import Frame
-from aps.held_link import HeldLink
 from aps.inputs import Input, InputQueue
-from aps.outbox import FrameQueue
+from aps.links.autopilot_link import parse_autopilot
+from aps.links.endpoints import Client
+from aps.links.held_link import HeldLink
+from aps.links.outbox import FrameQueue
 from aps.timeouts import HELD_SILENCE_TIMEOUT_S
+from aps.wire.framer import Frame
 
 __all__ = ["ExchangeCounters", "HeldDaemon"]
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from aps.framer import Frame, Framer
+from aps.wire.framer import Frame, Framer
 
 __all__ = ["PENDING_LIMIT_BYTES", "Input", "InputQueue"]
 

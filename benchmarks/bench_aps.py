@@ -26,8 +26,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.framer import Framer
-from aps.telemetry import Telemetry
+from aps.vehicle.telemetry import Telemetry
+from aps.wire.framer import Framer
 
 RECORDING = Path(__file__).parent.parent / "tests" / "data" / "mavlink_arducopter.bin"
 SYSID = 4

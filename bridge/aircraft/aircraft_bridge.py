@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from aps.commands import CommandProgress, CommandResult
 from aps.held import HeldDaemon
-from aps.telemetry import AircraftState
+from aps.vehicle.commands import CommandProgress, CommandResult
+from aps.vehicle.telemetry import AircraftState
 from bridge.bus import messages
 from bridge.bus.messages import CommandEvent, CommandGoal, Header, Vector3
 

@@ -12,7 +12,7 @@ from channel.cli.options import BadInput
 from channel.config import RadioConfig
 
 if TYPE_CHECKING:
-    from aps.flight_log import Place
+    from aps.logs.flight_log import Place
     from channel.fit.flight_log import FlightLog
 
 AUTOPILOT_LOGS = frozenset({".tlog", ".bin"})
@@ -75,7 +75,7 @@ def _from_logs(
 ) -> FlightLog:
     import numpy as np
 
-    from aps import flight_log as aps_log
+    from aps.logs import flight_log as aps_log
     from channel.fit.flight_log import FlightLog
 
     try:
@@ -88,7 +88,7 @@ def _from_logs(
 
 
 def _place(text: str) -> Place:
-    from aps.flight_log import Place
+    from aps.logs.flight_log import Place
 
     try:
         lat, lon, alt = (float(part) for part in text.split(","))

@@ -26,7 +26,7 @@ def lostlink() -> None:
       lostlink run                                 two copters, one radio: where does the link break?
       lostlink run my.yaml --speed 1               your scenario, in real time
       lostlink link --radio moon2020 --distance 400
-      lostlink echo 'lostlink/**/ua/*/rx/**'       what the radio delivers, during a run
+      lostlink echo 'lostlink/**/node/*/rx/**'       what the radio delivers, during a run
       lostlink doctor                              what is installed, found and free
     """
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from itertools import zip_longest
 from typing import Any, Final, NamedTuple
 
-from aps.dialect import message_fields, message_name
-from aps.framer import Frame, Framer
+from aps.wire.dialect import message_fields, message_name
+from aps.wire.framer import Frame, Framer
 from bridge.bus.messages import DecodeError, Truth, decode
 from bridge.record.names import Kind
 from bridge.record.packets import SentPacket, decode_packet

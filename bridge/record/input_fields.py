@@ -12,7 +12,7 @@ from bridge.bus.messages.types import CommandGoal
 Kind = Literal["open", "frame", "close", "command"]
 KINDS: Final = get_args(Kind)
 VERBS: Final = ("arm", "disarm", "mode", "takeoff", "goto", "rtl", "land")
-"""What can be commanded: those of `aps.commander`, named here so that readers do without aps."""
+"""What can be commanded: those of `aps.vehicle.commander`, named here so that readers do without aps."""
 TICK_MAX_NS: Final = (1 << 63) - 1
 LINK_MAX: Final = (1 << 31) - 1
 _GOAL_FIELDS: Final = tuple(field.name for field in dataclasses.fields(CommandGoal))
@@ -130,7 +130,7 @@ def from_fields(fields: dict[str, Any]) -> RecordedInput:
 
 def frame_name(data: bytes) -> str:
     """Name of the message in a MAVLink frame; empty if it is none."""
-    from aps.dialect import message_name  # pymavlink takes its time, and readers do without
+    from aps.wire.dialect import message_name  # pymavlink takes its time, and readers do without
 
     if data[:1] == b"\xfd" and len(data) >= 10:
         return message_name(int.from_bytes(data[7:10], "little"))
@@ -175,7 +175,7 @@ def _bytes(value: object) -> bytes:
 
 def _frame(value: object) -> bytes:
     """The bytes of one whole frame: anything else would be found out in flight only, or never."""
-    from aps.framer import Framer  # as in frame_name
+    from aps.wire.framer import Framer  # as in frame_name
 
     data = _bytes(value)
     framer = Framer()

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from aps.commands import Outcome
 from aps.daemon import Daemon, DaemonConfig
-from aps.plans import PLANE_RADIUS_M
+from aps.vehicle.commands import Outcome
+from aps.vehicle.plans import PLANE_RADIUS_M
 
 pytestmark = pytest.mark.ardupilot
 

@@ -8,9 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.config import DaemonConfig
 from aps.core import Core
-from aps.framer import MAX_FRAME_BYTES, Framer
-from aps.streams import StreamArbiter
-from aps.telemetry import _DECODERS, Telemetry
+from aps.vehicle.streams import StreamArbiter
+from aps.vehicle.telemetry import _DECODERS, Telemetry
+from aps.wire.framer import MAX_FRAME_BYTES, Framer
 
 ALL_MESSAGES = tuple(sorted(mavlink.mavlink_map))
 
@@ -161,8 +161,8 @@ def test_the_logic_takes_any_messages_at_any_time(turns, said, sent, command):
     core.client_opened(1, Bin())
     heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 0xD9, 4, 4, 3)
     core.autopilot_data(bytes(heartbeat.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1))), 0)
-    core.subscriptions.add(lambda state: None, rate_hz=5.0)
-    core.commands.start(*command, on_done=ends.append)
+    core.vehicle.subscriptions.add(lambda state: None, rate_hz=5.0)
+    core.vehicle.commands.start(*command, on_done=ends.append)
     from_autopilot, from_client = itertools.cycle(said), itertools.cycle(frames_of(sent)[0])
     for autopilot, wait_ns in turns:
         now_ns += wait_ns
@@ -172,9 +172,9 @@ def test_the_logic_takes_any_messages_at_any_time(turns, said, sent, command):
             for frame in itertools.islice(from_client, 1):
                 core.client_frame(frame, 1, now_ns)
         core.on_time(now_ns)
-    core.commands.interrupt_all("the end")
+    core.vehicle.commands.interrupt_all("the end")
     assert len(ends) == 1
-    assert core.callbacks.errors == 0
+    assert core.vehicle.callbacks.errors == 0
 
 
 @given(st.lists(messages(), max_size=6))

@@ -3,8 +3,8 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aps.framer import Frame
-from aps.routing import Outcome, Router
+from aps.hub.routing import Outcome, Router
+from aps.wire.framer import Frame
 
 OWN, US, LINKS = 5, 191, range(5)
 AUTOPILOT = 0

@@ -9,7 +9,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aps.dialect import Encoder, mavlink
+from aps.wire.dialect import Encoder, mavlink
 from bridge.bus.messages import CommandGoal
 from bridge.record.input_fields import VERBS
 from bridge.record.inputs import InputError, InputWriter, RecordedInput, read_inputs

@@ -6,8 +6,8 @@ import itertools
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.commands import Outcome
 from aps.daemon import Daemon, DaemonConfig
+from aps.vehicle.commands import Outcome
 
 
 def config(autopilot, **kwargs):

@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
-from aps.held_link import MAX_WRITE_BYTES
 from aps.inputs import PENDING_LIMIT_BYTES, Input
+from aps.links.held_link import MAX_WRITE_BYTES
 
 TICK_NS = 50_000_000
 ATTITUDE_EVERY_20_MS = mavlink.MAVLink_command_long_message(2, 1, 511, 0, 30, 20_000, 0, 0, 0, 0, 0)

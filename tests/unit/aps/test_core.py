@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.config import DaemonConfig
 from aps.core import Core
-from aps.framer import Framer
+from aps.wire.framer import Framer
 
 S = 1_000_000_000
 ARM, SET_MESSAGE_INTERVAL = 400, 511
@@ -47,7 +47,7 @@ class Bench:
         self.core.on_time(self.now_ns)
 
     def start(self, *arguments, **options):
-        return self.core.commands.start(
+        return self.core.vehicle.commands.start(
             *arguments, on_done=lambda result: self.ends.append(str(result)), **options
         )
 
@@ -83,7 +83,7 @@ def test_late_acknowledgement_of_a_retry_does_not_end_the_next_command_of_its_ki
     bench.ack(ARM, FAILED)
     bench.wait(0.5)
     assert disarming.result.outcome.value == "refused"
-    assert bench.core.acks.counters.late == 1
+    assert bench.core.vehicle.acks.counters.late == 1
 
 
 def test_acknowledgement_of_an_interrupted_command_is_not_its_successors(bench):
@@ -125,10 +125,10 @@ def test_late_acknowledgement_of_a_stream_request_does_not_shift_the_others():
     assert bench.commands(SET_MESSAGE_INTERVAL)[-1].param1 == VFR_HUD
     for _ in range(2):
         bench.ack(SET_MESSAGE_INTERVAL, ACCEPTED)  # of the other two tries
-    assert not bench.core.streams.idle
+    assert not bench.core.vehicle.streams.idle
     bench.ack(SET_MESSAGE_INTERVAL, FAILED)
-    assert bench.core.streams.idle
-    assert bench.core.streams.refused == {VFR_HUD}
+    assert bench.core.vehicle.streams.idle
+    assert bench.core.vehicle.streams.refused == {VFR_HUD}
 
 
 def test_answers_after_a_pause_go_to_the_requests_they_are_for():
@@ -143,7 +143,7 @@ def test_answers_after_a_pause_go_to_the_requests_they_are_for():
         bench.ack(SET_MESSAGE_INTERVAL, FAILED if msg_id == VFR_HUD else ACCEPTED)
     for message in bench.commands(SET_MESSAGE_INTERVAL)[len(asked) :]:
         bench.ack(SET_MESSAGE_INTERVAL, FAILED if message.param1 == VFR_HUD else ACCEPTED)
-    assert bench.core.streams.refused == {VFR_HUD}
+    assert bench.core.vehicle.streams.refused == {VFR_HUD}
 
 
 @pytest.mark.parametrize("target", [(255, 190), (0, 0)])
@@ -157,10 +157,10 @@ def test_answer_to_a_clients_own_request_is_not_ours(target):
     bench.wait(0.0)
     assert bench.commands(SET_MESSAGE_INTERVAL)[-1].param2 == 20_000  # ours, for the data stream
     bench.ack(SET_MESSAGE_INTERVAL, FAILED, target)
-    assert not bench.core.streams.idle
+    assert not bench.core.vehicle.streams.idle
     bench.ack(SET_MESSAGE_INTERVAL, ACCEPTED, (0, 0))
-    assert bench.core.streams.idle
-    assert bench.core.streams.refused == set()
+    assert bench.core.vehicle.streams.idle
+    assert bench.core.vehicle.streams.refused == set()
 
 
 def flying(**core_options):

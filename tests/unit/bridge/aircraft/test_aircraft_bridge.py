@@ -6,9 +6,9 @@ import pytest
 
 import bridge.aircraft.aircraft_bridge
 import bridge.record.input_fields
-from aps.commander import VERBS
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
+from aps.vehicle.commander import VERBS
 from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.bus.messages import CommandEvent, CommandGoal
 

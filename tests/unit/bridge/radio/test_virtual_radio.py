@@ -55,7 +55,7 @@ def test_packet_goes_on_with_its_bytes_stamp_and_encoding() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=100.0)
     (forward,) = forwards(send(core, "0", b"\x00payload", "text/plain", by_agent(0, 0)))
-    assert forward.key == "lostlink/r/ua/1/rx/0/team"
+    assert forward.key == "lostlink/r/node/1/rx/0/team"
     assert (forward.packet.payload, forward.packet.encoding) == (b"\x00payload", "text/plain")
     assert len(forward.attachment) == 33
 

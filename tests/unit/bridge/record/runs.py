@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from aps.dialect import Encoder, mavlink
+from aps.wire.dialect import Encoder, mavlink
 from bridge.bus.messages import Header, Truth, Vector3, encode
 from bridge.radio.deliveries import DELIVERIES, DeliveriesWriter, DeliveryRow
 from bridge.record.names import Stream, from_autopilot, packets, to_autopilot, truth

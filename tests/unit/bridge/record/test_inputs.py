@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from aps.dialect import Encoder, mavlink
+from aps.wire.dialect import Encoder, mavlink
 from bridge.bus.messages import CommandGoal
 from bridge.record.inputs import InputError, InputWriter, RecordedInput, all_inputs, inputs_of, read_inputs
 from bridge.record.names import inputs_path

@@ -1,0 +1,1 @@
+"""The hub: which frames go to which links."""

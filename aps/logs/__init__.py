@@ -1,0 +1,1 @@
+"""Logs of flights: tlog and DataFlash."""

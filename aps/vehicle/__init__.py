@@ -1,0 +1,1 @@
+"""The vehicle: its state, its streams, and commands to it."""

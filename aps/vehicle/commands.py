@@ -1,0 +1,320 @@
+"""One command to the autopilot from request to result: acknowledgement, retry, feedback. No I/O, no clock.
+
+A ``Plan`` (see ``plans``) says what to send and when the goal is reached; a ``CommandExecution`` carries it
+through. Its owner calls ``poll`` whenever something has happened or the deadline has passed, sends the
+messages that come back and looks at ``events`` and ``result``.
+
+Two clocks: acknowledgements and retries run on the daemon's (``now_ns``: wall time, or sim time in held
+mode), since the link does; the time a flight may take runs on the autopilot's own
+(``AircraftState.time_boot_ms``), since a simulation may be paused, slow or fast. How long that one may stand
+still is again a matter of the daemon's: see ``timeouts``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, Final
+
+from aps.timeouts import (
+    ACK_TIMEOUTS_S,
+    ARMED_GRACE_MS,
+    FEEDBACK_PERIOD_MS,
+    IN_PROGRESS_TIMEOUT_S,
+    LINK_LOSS_TIMEOUT_S,
+    REASON_GRACE_S,
+    SILENCE_TIMEOUT_S,
+)
+from aps.vehicle.status_text import StatusText
+from aps.vehicle.telemetry import AircraftState
+from aps.wire.dialect import enum_label, mavlink
+
+__all__ = ["CommandExecution", "CommandProgress", "CommandResult", "Outcome", "Plan", "Step"]
+
+NS_PER_S: Final = 1_000_000_000
+PARAMETER_TOLERANCE: Final = 1.0
+MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
+
+_ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
+_IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
+
+
+class Outcome(Enum):
+    """How a command ended."""
+
+    REACHED = "reached"
+    REFUSED = "refused"
+    TIMED_OUT = "timed_out"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True, slots=True)
+class CommandResult:
+    """How a command ended, and why."""
+
+    verb: str
+    outcome: Outcome
+    reason: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the goal was reached."""
+        return self.outcome is Outcome.REACHED
+
+    def __str__(self) -> str:
+        reason = f": {self.reason}" if self.reason else ""
+        return f"{self.verb} {self.outcome.value.replace('_', ' ')}{reason}"
+
+
+@dataclass(frozen=True, slots=True)
+class CommandProgress:
+    """What happens before the result: ``accepted`` once, ``feedback`` every half second of flight."""
+
+    verb: str
+    phase: str
+    text: str
+    remaining_m: float | None = None
+    """Distance or height still to go, where there is one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One message that the autopilot has to acknowledge."""
+
+    message: Callable[[int], Any]
+    """Builds the pymavlink message from the confirmation count (0, then 1, 2, ... on retries)."""
+    command: int | None = None
+    """MAV_CMD whose COMMAND_ACK answers it."""
+    parameter: str | None = None
+    """Parameter whose PARAM_VALUE answers it ..."""
+    value: float = 0.0
+    """... if it tells this value (to 1, since some parameters are whole numbers), not the one of before."""
+    optional: bool = False
+    """A refusal is told as feedback but does not end the command."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a command sends and when it is done."""
+
+    verb: str
+    steps: tuple[Step, ...]
+    reached: Callable[[AircraftState], bool]
+    timeout_s: float
+    """Autopilot time allowed between acceptance and the goal."""
+    remaining_m: Callable[[AircraftState], float | None] = lambda _: None
+    mode: str | None = None
+    """Flight mode that the command needs: leaving it interrupts the command."""
+    needs_armed: bool = False
+    """Being disarmed on the way interrupts it."""
+    refusal_hint: str = ""
+    """Added to a refusal that came without the autopilot's words."""
+    flight: bool = True
+    """Whether it steers the UA: such a command takes over from the one before."""
+
+
+@dataclass(slots=True)
+class _Waiting:
+    """For the acknowledgement of one step."""
+
+    tries: int = 0
+    deadline_ns: int = 0
+    answer: int | None = None
+    """MAV_RESULT, once it is there."""
+    in_progress: bool = False
+    refused_ns: int | None = None
+    texts: list[str] = field(default_factory=list)
+
+
+class CommandExecution:
+    """Carries out one plan.
+
+    Args:
+        plan: what to do.
+        silence_s: for how long, by the daemon's clock, the autopilot's may stand still after acceptance.
+    """
+
+    def __init__(self, plan: Plan, silence_s: float = SILENCE_TIMEOUT_S) -> None:
+        self.plan = plan
+        self.events: list[CommandProgress] = []
+        """Progress not yet taken by the owner."""
+        self.result: CommandResult | None = None
+        self._step = 0
+        self._waiting = _Waiting()
+        self._accepted_ms: int | None = None
+        self._feedback_ms = 0
+        self._mode_seen = False
+        self._armed_seen = False
+        self._link_lost_ns: int | None = None
+        self._silence_ns = round(silence_s * NS_PER_S)
+        self._clock_ms = 0
+        self._clock_ns = 0
+        """When the autopilot's clock was first seen to be what it is now."""
+
+    @property
+    def request(self) -> object | None:
+        """What waits for an acknowledgement: the same object for all tries of one step."""
+        return self._waiting if self._accepted_ms is None else None
+
+    # What happens.
+
+    def on_ack(self, command: int, result: int, progress: int = 0xFF) -> None:
+        """COMMAND_ACK addressed to us. One that answers nothing we wait for is ignored."""
+        if self._waits() and self.plan.steps[self._step].command == command:
+            if result == _IN_PROGRESS:
+                self._waiting.in_progress = True
+                share = "" if progress == 0xFF else f", {progress} %"
+                self._event("feedback", f"in progress{share}")
+            else:
+                self._waiting.answer = result
+
+    def on_parameter(self, name: str, value: float) -> None:
+        """PARAM_VALUE of the autopilot; also one that somebody else has asked for."""
+        if self._waits():
+            step = self.plan.steps[self._step]
+            if step.parameter == name and abs(value - step.value) <= PARAMETER_TOLERANCE:
+                self._waiting.answer = _ACCEPTED
+
+    def _waits(self) -> bool:
+        return self.result is None and self._accepted_ms is None and self._waiting.answer is None
+
+    def on_text(self, text: StatusText) -> None:
+        """STATUSTEXT of the autopilot: a refusal's reason."""
+        if text.severity <= MAX_REASON_SEVERITY and text.text not in self._waiting.texts:
+            self._waiting.texts.append(text.text)
+
+    def on_link(self, connected: bool, now_ns: int) -> None:
+        """The link to the autopilot went down or came back."""
+        self._link_lost_ns = None if connected else now_ns
+
+    def refuse(self, reason: str) -> None:
+        """It cannot even be sent."""
+        self._end(Outcome.REFUSED, reason)
+
+    def interrupt(self, reason: str) -> None:
+        """Another command takes over, the autopilot rebooted, the daemon stops."""
+        self._end(Outcome.INTERRUPTED, reason)
+
+    def poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+        """Go as far as possible; returns the pymavlink messages to send now."""
+        if self.result is not None:
+            return []
+        if self._link_lost_ns is not None and now_ns - self._link_lost_ns >= LINK_LOSS_TIMEOUT_S * NS_PER_S:
+            self._end(Outcome.TIMED_OUT, f"no link to the autopilot for {LINK_LOSS_TIMEOUT_S:g} s")
+            return []
+        if self._accepted_ms is None:
+            return self._poll_steps(state, now_ns)
+        self._poll_goal(state, now_ns)
+        return []
+
+    def deadline_ns(self) -> int | None:
+        """Instant of the daemon's clock at which to poll even if nothing happens; ``None`` when there is none."""
+        if self.result is not None:
+            return None
+        candidates = []
+        if self._link_lost_ns is not None:
+            candidates.append(self._link_lost_ns + round(LINK_LOSS_TIMEOUT_S * NS_PER_S))
+        if self._accepted_ms is None:
+            waiting = self._waiting
+            candidates.append(waiting.deadline_ns if waiting.refused_ns is None else self._reason_due_ns())
+        else:
+            candidates.append(self._clock_ns + self._silence_ns)
+        return min(candidates, default=None)
+
+    # Steps and their acknowledgements.
+
+    def _poll_steps(self, state: AircraftState, now_ns: int) -> list[Any]:
+        while self._waiting.answer == _ACCEPTED:
+            if not self._next_step(state, now_ns):
+                return []
+        if self._waiting.answer is not None:
+            self._refused(self._waiting.answer, now_ns)
+            return self._poll_steps(state, now_ns) if self._waiting.answer == _ACCEPTED else []
+        if now_ns < self._waiting.deadline_ns:
+            if self._waiting.in_progress:
+                self._waiting.deadline_ns = now_ns + round(IN_PROGRESS_TIMEOUT_S * NS_PER_S)
+                self._waiting.tries = len(ACK_TIMEOUTS_S)
+                self._waiting.in_progress = False
+            return []
+        return self._send_step(now_ns)
+
+    def _next_step(self, state: AircraftState, now_ns: int) -> bool:
+        """Go on to the next step; False when there is none and the flight towards the goal begins."""
+        self._step += 1
+        self._waiting = _Waiting()
+        if self._step < len(self.plan.steps):
+            return True
+        self._accepted_ms = self._feedback_ms = state.time_boot_ms
+        self._event("accepted", "accepted by the autopilot")
+        self._clock_ns = now_ns
+        self._poll_goal(state, now_ns)
+        return False
+
+    def _send_step(self, now_ns: int) -> list[Any]:
+        waiting = self._waiting
+        if waiting.tries >= len(ACK_TIMEOUTS_S):
+            self._end(Outcome.TIMED_OUT, f"no acknowledgement after {waiting.tries} tries")
+            return []
+        message = self.plan.steps[self._step].message(waiting.tries)
+        waiting.deadline_ns = now_ns + round(ACK_TIMEOUTS_S[waiting.tries] * NS_PER_S)
+        waiting.tries += 1
+        return [message]
+
+    def _refused(self, result: int, now_ns: int) -> None:
+        waiting, step = self._waiting, self.plan.steps[self._step]
+        if waiting.refused_ns is None:
+            waiting.refused_ns = now_ns
+        if not waiting.texts and now_ns < self._reason_due_ns():
+            return
+        words = "; ".join(waiting.texts)
+        label = enum_label("MAV_RESULT", result)
+        reason = f"{label}: {words}" if words else label
+        if step.optional:
+            name = enum_label("MAV_CMD", step.command or 0)
+            self._event("feedback", f"{name} refused: {reason}")
+            waiting.answer = _ACCEPTED
+            return
+        hint = self.plan.refusal_hint
+        self._end(Outcome.REFUSED, f"{reason} ({hint})" if hint and not words else reason)
+
+    def _reason_due_ns(self) -> int:
+        return (self._waiting.refused_ns or 0) + round(REASON_GRACE_S * NS_PER_S)
+
+    # The flight towards the goal.
+
+    def _poll_goal(self, state: AircraftState, now_ns: int) -> None:
+        plan = self.plan
+        if state.time_boot_ms != self._clock_ms:
+            self._clock_ms, self._clock_ns = state.time_boot_ms, now_ns
+        flown_ms = state.time_boot_ms - (self._accepted_ms or 0)
+        self._mode_seen |= state.mode == plan.mode
+        self._armed_seen |= state.armed
+        if plan.reached(state):
+            self._end(Outcome.REACHED, "")
+        elif plan.needs_armed and not state.armed and (self._armed_seen or flown_ms > ARMED_GRACE_MS):
+            self._end(Outcome.INTERRUPTED, "the UA is not armed" + self._words())
+        elif self._mode_seen and plan.mode is not None and state.mode != plan.mode:
+            self._end(Outcome.INTERRUPTED, f"mode changed to {state.mode}" + self._words())
+        elif flown_ms > plan.timeout_s * 1000.0:
+            self._end(
+                Outcome.TIMED_OUT, f"not there after {plan.timeout_s:g} s of autopilot time" + self._words()
+            )
+        elif now_ns - self._clock_ns >= self._silence_ns:
+            still_s = self._silence_ns / NS_PER_S
+            self._end(Outcome.TIMED_OUT, f"the autopilot's clock has stood still for {still_s:g} s")
+        elif state.time_boot_ms - self._feedback_ms >= FEEDBACK_PERIOD_MS:
+            self._feedback_ms = state.time_boot_ms
+            remaining_m = plan.remaining_m(state)
+            to_go = "" if remaining_m is None else f", {remaining_m:.1f} m to go"
+            self._event("feedback", f"{state.mode}, {state.alt_rel_m:.1f} m above home{to_go}", remaining_m)
+
+    def _words(self) -> str:
+        return f" ({self._waiting.texts[-1]})" if self._waiting.texts else ""
+
+    def _event(self, phase: str, text: str, remaining_m: float | None = None) -> None:
+        self.events.append(CommandProgress(self.plan.verb, phase, text, remaining_m))
+
+    def _end(self, outcome: Outcome, reason: str) -> None:
+        if self.result is None:
+            self.result = CommandResult(self.plan.verb, outcome, reason)

@@ -1,0 +1,343 @@
+"""State of one UA from its autopilot's telemetry (Table I of the paper), without I/O and clocks.
+
+``Telemetry.update`` decodes the few message types that feed the state straight from the frame's bytes;
+``Telemetry.state`` makes the frozen record. Units are in the names; what has not been heard yet is NaN,
+``None`` or False.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Final
+
+from aps.timeouts import CONNECTED_S, REBOOT_STEP_MS
+from aps.wire.dialect import enum_label, mavlink, mode_numbers
+from aps.wire.framer import Frame
+
+__all__ = ["AircraftState", "LandedState", "Telemetry"]
+
+NS_PER_S: Final = 1_000_000_000
+NAN: Final = math.nan
+
+Vector3 = tuple[float, float, float]
+_NO_VECTOR: Final[Vector3] = (NAN, NAN, NAN)
+LandedState = str
+"""``undefined``, ``on_ground``, ``in_air``, ``takeoff`` or ``landing``."""
+_LANDED: Final = ("undefined", "on_ground", "in_air", "takeoff", "landing")
+
+_ARMED: Final = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+_PREARM: Final = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+_EKF_POSITION: Final = int(mavlink.ESTIMATOR_POS_HORIZ_ABS)
+
+
+@dataclass(frozen=True, slots=True)
+class AircraftState:
+    """Table I of the paper, with a few more fields that commands need.
+
+    Angles are radians of the body (FRD) in NED, positions geodetic (WGS 84) or NED metres from the
+    autopilot's local origin, velocities NED over ground.
+    """
+
+    sysid: int
+    vehicle_type: int = 0
+    """MAV_TYPE of the autopilot's heartbeat."""
+    time_boot_ms: int = 0
+    """The autopilot's own clock (sim time of this boot), from its newest message."""
+    roll_rad: float = NAN
+    pitch_rad: float = NAN
+    yaw_rad: float = NAN
+    lat_deg: float = NAN
+    lon_deg: float = NAN
+    alt_amsl_m: float = NAN
+    alt_rel_m: float = NAN
+    """Above home."""
+    position_ned_m: Vector3 = _NO_VECTOR
+    velocity_ned_mps: Vector3 = _NO_VECTOR
+    indicated_airspeed_mps: float = NAN
+    groundspeed_mps: float = NAN
+    airspeed_mps: float = NAN
+    """True airspeed: velocity over ground minus wind, as long as the autopilot estimates wind; else the
+    indicated airspeed."""
+    wind_ned_mps: Vector3 = _NO_VECTOR
+    """The air's velocity over ground (where it blows to)."""
+    mode: str = ""
+    base_mode: str = ""
+    """MAV_MODE_FLAG labels joined by ``|``."""
+    armed: bool = False
+    ready_to_arm: bool = False
+    """The autopilot's own pre-arm verdict, for the mode it is in (ArduCopter asks for a position only in
+    modes that need one). True while armed."""
+    position_ok: bool = False
+    """The autopilot's estimator has an absolute horizontal position (EKF_STATUS_REPORT)."""
+    system_status: str = ""
+    """MAV_STATE label: BOOT, STANDBY, ACTIVE, CRITICAL, ..."""
+    landed_state: LandedState = "undefined"
+    heartbeat_age_s: float = math.inf
+    """Seconds of the daemon's clock (wall time, or sim time in held mode) since the autopilot's last heartbeat."""
+    flight_time_s: float = 0.0
+    """Time in the air in this (else the latest) flight, by the autopilot's clock."""
+    voltage_v: float = NAN
+    current_a: float = NAN
+    battery_remaining_percent: float = NAN
+    throttle_percent: float = NAN
+    climb_mps: float = NAN
+    gps_fix_type: int = 0
+    satellites_visible: int = 0
+    mission_current: int = -1
+    waypoint_distance_m: float = NAN
+    """Horizontal distance to the autopilot's active target (NAV_CONTROLLER_OUTPUT)."""
+    home_lat_deg: float = NAN
+    home_lon_deg: float = NAN
+    home_alt_amsl_m: float = NAN
+
+    @property
+    def wind_body_mps(self) -> Vector3:
+        """Table I's wx, wy, wz: the wind in body axes (FRD)."""
+        return _body_from_ned(self.wind_ned_mps, self.roll_rad, self.pitch_rad, self.yaw_rad)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the autopilot has been heard within CONNECTED_S."""
+        return self.heartbeat_age_s < CONNECTED_S
+
+
+def _body_from_ned(vector: Vector3, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vector3:
+    """Rotate NED to body axes by the aerospace yaw-pitch-roll sequence."""
+    north, east, down = vector
+    cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
+    cos_pitch, sin_pitch = math.cos(pitch_rad), math.sin(pitch_rad)
+    cos_roll, sin_roll = math.cos(roll_rad), math.sin(roll_rad)
+    ahead, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
+    low = sin_pitch * ahead + cos_pitch * down
+    return (
+        cos_pitch * ahead - sin_pitch * down,
+        cos_roll * right + sin_roll * low,
+        cos_roll * low - sin_roll * right,
+    )
+
+
+@lru_cache(maxsize=256)
+def _mode_name(vehicle_type: int, custom_mode: int) -> str:
+    names = {number: name for name, number in mode_numbers(vehicle_type).items()}
+    return names.get(custom_mode, f"MODE_{custom_mode}")
+
+
+@lru_cache(maxsize=256)
+def _base_mode_label(base_mode: int) -> str:
+    return "|".join(enum_label("MAV_MODE_FLAG", 1 << bit) for bit in range(8) if base_mode & 1 << bit)
+
+
+class Telemetry:
+    """Collects one autopilot's telemetry. Feed it frames of that autopilot only."""
+
+    def __init__(self, sysid: int) -> None:
+        self.sysid = sysid
+        self.reboots = 0
+        """How often the autopilot's clock has gone back."""
+        self.decode_errors = 0
+        """Frames of a known type whose values made no sense: a latitude of 300 degrees, an infinite number. NaN is
+        no error: autopilots send it for what they do not know."""
+        self._values: dict[str, Any] = {"sysid": sysid}
+        self._heartbeat_ns: int | None = None
+        self._armed_and_up = False
+        self._flight_start_ms = 0
+        self._flight_ms = 0
+        self._has_local = False
+        self._landed_known = False
+
+    @property
+    def clock_ms(self) -> int:
+        """The autopilot's clock, from its newest message."""
+        clock_ms: int = self._values.get("time_boot_ms", 0)
+        return clock_ms
+
+    def state(self, now_ns: int) -> AircraftState:
+        """The state as known at ``now_ns`` (same monotonic clock as ``update``)."""
+        age_s = math.inf if self._heartbeat_ns is None else (now_ns - self._heartbeat_ns) / NS_PER_S
+        return AircraftState(
+            **self._values,
+            heartbeat_age_s=age_s,
+            airspeed_mps=self._airspeed_mps(),
+            flight_time_s=self._flight_ms / 1000.0,
+        )
+
+    def update(self, frame: Frame, now_ns: int) -> bool:
+        """Take one frame; returns whether it was of a type that feeds the state."""
+        decoder = _DECODERS.get(frame.msg_id)
+        if decoder is None:
+            return False
+        layout, handler, has_floats = decoder
+        raw, start = frame.raw, frame.payload_start
+        if frame.payload_bytes >= layout.size:
+            fields = layout.unpack_from(raw, start)
+        else:
+            fields = layout.unpack(frame.payload.ljust(layout.size, b"\0"))
+        if has_floats and (math.inf in fields or -math.inf in fields):
+            self.decode_errors += 1
+            return True
+        if frame.msg_id == 0:
+            self._heartbeat_ns = now_ns
+        handler(self, fields)
+        return True
+
+    def forget(self) -> None:
+        """Forget everything (a new boot of the autopilot): nothing of the old boot is shown as current."""
+        self._values = {"sysid": self.sysid}
+        self._armed_and_up = self._has_local = self._landed_known = False
+        self._flight_ms = 0
+
+    # One method per message type; ``fields`` in wire order.
+
+    def _heartbeat(self, fields: tuple[Any, ...]) -> None:
+        custom_mode, vehicle_type, _, base_mode, system_status = fields
+        values = self._values
+        values["vehicle_type"] = vehicle_type
+        values["mode"] = _mode_name(vehicle_type, custom_mode)
+        values["base_mode"] = _base_mode_label(base_mode)
+        values["armed"] = armed = bool(base_mode & _ARMED)
+        values["system_status"] = enum_label("MAV_STATE", system_status)
+        if not self._landed_known:
+            self._set_airborne(armed and self._values.get("alt_rel_m", 0.0) > 1.0)
+        elif not armed:
+            self._set_airborne(False)
+
+    def _sys_status(self, fields: tuple[Any, ...]) -> None:
+        _, enabled, health, _, voltage_mv, current_ca, _, _, _, _, _, _, remaining = fields
+        values = self._values
+        values["ready_to_arm"] = not enabled & _PREARM or bool(health & _PREARM)
+        values["voltage_v"] = NAN if voltage_mv in (0, 0xFFFF) else voltage_mv / 1000.0
+        values["current_a"] = NAN if current_ca < 0 else current_ca / 100.0
+        values["battery_remaining_percent"] = NAN if remaining < 0 else float(remaining)
+
+    def _system_time(self, fields: tuple[Any, ...]) -> None:
+        self._clock(fields[1])
+
+    def _gps_raw_int(self, fields: tuple[Any, ...]) -> None:
+        self._values["gps_fix_type"] = fields[8]
+        self._values["satellites_visible"] = 0 if fields[9] == 0xFF else fields[9]
+
+    def _attitude(self, fields: tuple[Any, ...]) -> None:
+        self._clock(fields[0])
+        values = self._values
+        _, values["roll_rad"], values["pitch_rad"], values["yaw_rad"], _, _, _ = fields
+
+    def _local_position_ned(self, fields: tuple[Any, ...]) -> None:
+        self._clock(fields[0])
+        self._has_local = True
+        self._values["position_ned_m"] = fields[1:4]
+        self._values["velocity_ned_mps"] = fields[4:7]
+
+    def _global_position_int(self, fields: tuple[Any, ...]) -> None:
+        time_boot_ms, lat, lon, alt_mm, alt_rel_mm, north_cmps, east_cmps, down_cmps, _ = fields
+        self._clock(time_boot_ms)
+        if not self._on_earth(lat, lon):
+            return
+        values = self._values
+        values["lat_deg"], values["lon_deg"] = lat * 1e-7, lon * 1e-7
+        values["alt_amsl_m"], values["alt_rel_m"] = alt_mm * 1e-3, alt_rel_mm * 1e-3
+        if not self._has_local:
+            values["velocity_ned_mps"] = (north_cmps * 0.01, east_cmps * 0.01, down_cmps * 0.01)
+
+    def _mission_current(self, fields: tuple[Any, ...]) -> None:
+        self._values["mission_current"] = fields[0]
+
+    def _nav_controller_output(self, fields: tuple[Any, ...]) -> None:
+        self._values["waypoint_distance_m"] = float(fields[7])
+
+    def _vfr_hud(self, fields: tuple[Any, ...]) -> None:
+        values = self._values
+        values["indicated_airspeed_mps"], values["groundspeed_mps"] = fields[0], fields[1]
+        values["climb_mps"], values["throttle_percent"] = fields[3], float(fields[5])
+
+    def _battery_status(self, fields: tuple[Any, ...]) -> None:
+        # Of battery 0 only; SYS_STATUS has its voltage and a coarser current.
+        if fields[14] == 0 and fields[13] >= 0:
+            self._values["current_a"] = fields[13] / 100.0
+
+    def _wind(self, fields: tuple[Any, ...]) -> None:
+        # ArduPilot: direction the wind comes FROM in degrees, length of the 3-D vector, down component.
+        direction_deg, speed_mps, down_mps = fields
+        horizontal_mps = math.sqrt(max(0.0, speed_mps * speed_mps - down_mps * down_mps))
+        direction_rad = math.radians(direction_deg)
+        self._values["wind_ned_mps"] = (
+            -horizontal_mps * math.cos(direction_rad),
+            -horizontal_mps * math.sin(direction_rad),
+            down_mps,
+        )
+
+    def _ekf_status(self, fields: tuple[Any, ...]) -> None:
+        self._values["position_ok"] = bool(fields[5] & _EKF_POSITION)
+
+    def _on_earth(self, lat: int, lon: int) -> bool:
+        """Whether a position in 1e-7 degrees is one; counted if not."""
+        good = abs(lat) <= 900_000_000 and abs(lon) <= 1_800_000_000
+        self.decode_errors += not good
+        return good
+
+    def _home_position(self, fields: tuple[Any, ...]) -> None:
+        if not self._on_earth(fields[0], fields[1]):
+            return
+        values = self._values
+        values["home_lat_deg"], values["home_lon_deg"] = fields[0] * 1e-7, fields[1] * 1e-7
+        values["home_alt_amsl_m"] = fields[2] * 1e-3
+
+    def _extended_sys_state(self, fields: tuple[Any, ...]) -> None:
+        landed = _LANDED[fields[1]] if fields[1] < len(_LANDED) else "undefined"
+        self._values["landed_state"] = landed
+        if landed != "undefined":
+            self._landed_known = True
+            self._set_airborne(landed != "on_ground" and self._values.get("armed", False))
+
+    def _clock(self, time_boot_ms: int) -> None:
+        known_ms = self._values.get("time_boot_ms", 0)
+        if time_boot_ms < known_ms - REBOOT_STEP_MS:
+            self.reboots += 1
+            self.forget()
+        elif time_boot_ms < known_ms:
+            return
+        self._values["time_boot_ms"] = time_boot_ms
+        if self._armed_and_up:
+            self._flight_ms = time_boot_ms - self._flight_start_ms
+
+    def _set_airborne(self, airborne: bool) -> None:
+        if airborne and not self._armed_and_up:
+            self._flight_start_ms = self._values.get("time_boot_ms", 0)
+            self._flight_ms = 0
+        self._armed_and_up = airborne
+
+    def _airspeed_mps(self) -> float:
+        velocity: Vector3 = self._values.get("velocity_ned_mps", _NO_VECTOR)
+        wind: Vector3 = self._values.get("wind_ned_mps", _NO_VECTOR)
+        airspeed_mps = math.dist(velocity, wind)
+        if math.isnan(airspeed_mps):
+            airspeed_mps = self._values.get("indicated_airspeed_mps", NAN)
+        return airspeed_mps
+
+
+_Handler = Callable[[Telemetry, tuple[Any, ...]], None]
+_DECODERS: Final[dict[int, tuple[struct.Struct, _Handler, bool]]] = {
+    msg_id: (struct.Struct(layout), handler, "f" in layout)
+    for msg_id, layout, handler in (
+        # The leading fields that we use, in wire order (common.xml, ardupilotmega.xml).
+        (0, "<IBBBB", Telemetry._heartbeat),
+        (1, "<IIIHHhHHHHHHb", Telemetry._sys_status),
+        (2, "<QI", Telemetry._system_time),
+        (24, "<QiiiHHHHBB", Telemetry._gps_raw_int),
+        (30, "<Iffffff", Telemetry._attitude),
+        (32, "<Iffffff", Telemetry._local_position_ned),
+        (33, "<IiiiihhhH", Telemetry._global_position_int),
+        (42, "<H", Telemetry._mission_current),
+        (62, "<fffffhhH", Telemetry._nav_controller_output),
+        (74, "<ffffhH", Telemetry._vfr_hud),
+        (147, "<iih10HhBBBb", Telemetry._battery_status),
+        (168, "<fff", Telemetry._wind),
+        (193, "<fffffH", Telemetry._ekf_status),
+        (242, "<iii", Telemetry._home_position),
+        (245, "<BB", Telemetry._extended_sys_state),
+    )
+}
+"""Message id -> (layout, handler, whether it has floats) of everything that feeds the state."""

@@ -1,0 +1,266 @@
+"""One vehicle as the daemon sees it: state, streams and commands. No I/O, no asyncio, no clock.
+
+Frames of its autopilot and instants go in; what is to be said to it is handed to ``put``. The hub, which
+forwards frames, is not known here.
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any, Final
+
+from aps.callbacks import Callbacks
+from aps.timeouts import SILENCE_TIMEOUT_S, SILENT_HEARTBEATS
+from aps.vehicle.acks import FOREIGN, AckLedger
+from aps.vehicle.commander import Commander
+from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
+from aps.vehicle.streams import StreamArbiter, command_of
+from aps.vehicle.subscription import Subscriptions
+from aps.vehicle.telemetry import Telemetry
+from aps.wire.dialect import (
+    AUTOPILOT_COMPID,
+    ONBOARD_COMPUTER_COMPID,
+    Encoder,
+    mavlink,
+    onboard_computer_heartbeat,
+    set_message_interval,
+)
+from aps.wire.framer import Frame
+
+__all__ = ["Vehicle"]
+
+_HEARTBEAT: Final = 0
+_PARAM_VALUE: Final = 22
+_COMMAND_ACK: Final = 77
+_PARAM_VALUE_START: Final = struct.Struct("<fHH16s")
+_ACK: Final = struct.Struct("<HBBiBB")
+_ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
+_IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
+
+_log = logging.getLogger(__name__)
+
+
+class Vehicle:
+    """State, streams and commands of one vehicle.
+
+    Args:
+        sysid: its system id, which is ours as well.
+        stream_rates_hz: message id -> rate that we ask for ourselves.
+        put: sends the bytes of one frame to the autopilot.
+        clock: what time it is, ns, for what users start and ask between two events.
+        wake: called when a command has queued messages or changed deadlines.
+        silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
+        name: what the autopilot is called in the log.
+
+    Every event takes ``now_ns``, an instant of the same clock; instants never go back.
+    """
+
+    def __init__(
+        self,
+        sysid: int,
+        stream_rates_hz: Mapping[int, float],
+        put: Callable[[bytes], None],
+        clock: Callable[[], int],
+        wake: Callable[[], None],
+        silence_s: float = SILENCE_TIMEOUT_S,
+        name: str = "",
+    ) -> None:
+        self.sysid = sysid
+        self.telemetry = Telemetry(sysid)
+        self.streams = StreamArbiter(stream_rates_hz)
+        self.acks = AckLedger()
+        self.callbacks = Callbacks()
+        self.subscriptions = Subscriptions(self.callbacks)
+        self.commands = Commander(
+            lambda: self.telemetry.state(clock()), self._send, clock, wake, self.callbacks, silence_s
+        )
+        self.texts: Callable[[StatusText], None] | None = None
+        """Called with each text of the autopilot, if set."""
+        self.on_heard: Callable[[], None] | None = None
+        """Called with the first heartbeat of each connection, if set."""
+        self.heard = False
+        """Whether the autopilot's heartbeat has been heard on this connection."""
+        self._name = name
+        self._put = put
+        self._encoder = Encoder(sysid, ONBOARD_COMPUTER_COMPID)
+        self._assembler = StatusTextAssembler()
+        self._foreign: set[int] = set()
+        self._silent_heartbeats = 0
+        self._clock_ms = 0
+
+    def statistics(self) -> dict[str, Any]:
+        """Counters, as plain data."""
+        return {
+            "decode_errors": self.telemetry.decode_errors,
+            "streams": asdict(self.streams.counters),
+            "acknowledgements": asdict(self.acks.counters),
+            "callback_errors": self.callbacks.errors,
+        }
+
+    # What happens.
+
+    def link_up(self) -> None:
+        """There is a connection to the autopilot."""
+        self.acks.forget()
+        self.heard = False
+        self.commands.on_link(True)
+
+    def link_down(self) -> None:
+        """The connection is gone."""
+        self.heard = False
+        self.streams.disconnected()
+        self.commands.on_link(False)
+
+    def receive(self, frame: Frame, now_ns: int) -> bool:
+        """A frame from the autopilot's link; returns whether the state may have changed (see ``state_changed``)."""
+        changed = False
+        if frame.compid == AUTOPILOT_COMPID:
+            if frame.sysid == self.sysid:
+                changed = self._from_autopilot(frame, now_ns)
+                if self.subscriptions.due(self.telemetry.clock_ms):
+                    self.subscriptions.offer_due(self.telemetry.state(now_ns))
+            else:
+                self._from_foreign(frame)
+        return changed
+
+    def state_changed(self, now_ns: int) -> None:
+        """Tell the subscribers and commands, after all frames that came at once."""
+        if self.subscriptions:
+            self.subscriptions.offer(self.telemetry.state(now_ns))
+        if self.commands.busy:
+            self.commands.poll()
+
+    def client_frame(self, frame: Frame, link: int) -> bytes | None:
+        """A client's frame on its way to the autopilot: the bytes to pass on, or ``None``."""
+        self._note_command(frame)
+        return self.streams.client_frame(frame, link)
+
+    def client_left(self, link: int) -> None:
+        """A client is gone, and its wishes with it (see ``on_time`` for what follows from that)."""
+        self.streams.client_left(link)
+
+    def heartbeat(self) -> None:
+        """Send ours to the autopilot."""
+        self._send([onboard_computer_heartbeat()], None)
+
+    def deadline_ns(self) -> int | None:
+        """When ``on_time`` is due even if nothing happens."""
+        deadlines = (self.streams.deadline_ns(), self.commands.deadline_ns())
+        return min((deadline for deadline in deadlines if deadline is not None), default=None)
+
+    def on_time(self, now_ns: int) -> None:
+        """Do what is due: stream requests, commands."""
+        self._pump_streams(now_ns)
+        if self.commands.busy:
+            self.commands.poll()
+
+    # The autopilot's messages.
+
+    def _from_autopilot(self, frame: Frame, now_ns: int) -> bool:
+        """Feed state, streams and commands; returns whether the state may have changed."""
+        reboots = self.telemetry.reboots
+        if self.telemetry.update(frame, now_ns):
+            if self.telemetry.reboots != reboots:
+                self._autopilot_rebooted(now_ns)
+            if frame.msg_id == _HEARTBEAT:
+                self._autopilot_heartbeat(now_ns)
+            return True
+        if frame.msg_id == _COMMAND_ACK:
+            self._command_ack(frame, now_ns)
+        elif frame.msg_id == STATUSTEXT_ID:
+            self._status_text(frame)
+        elif frame.msg_id == _PARAM_VALUE:
+            self._parameter(frame)
+            return True
+        return False
+
+    def _parameter(self, frame: Frame) -> None:
+        payload = frame.payload.ljust(_PARAM_VALUE_START.size, b"\0")
+        value, _, _, name = _PARAM_VALUE_START.unpack_from(payload)
+        self.commands.on_parameter(name.split(b"\0", 1)[0].decode("ascii", "replace"), value)
+
+    def _from_foreign(self, frame: Frame) -> None:
+        if frame.msg_id == _HEARTBEAT and frame.sysid not in self._foreign:
+            self._foreign.add(frame.sysid)
+            _log.warning(
+                "the autopilot at %s calls itself system %d, expected %d (--sysid)",
+                self._name,
+                frame.sysid,
+                self.sysid,
+            )
+
+    def _autopilot_heartbeat(self, now_ns: int) -> None:
+        self.acks.heartbeat()
+        clock_ms = self.telemetry.clock_ms
+        self._silent_heartbeats = 0 if clock_ms != self._clock_ms else self._silent_heartbeats + 1
+        self._clock_ms = clock_ms
+        if not self.heard:
+            self.heard = True
+            _log.info("autopilot of system %d heard: %s", self.sysid, self.telemetry.state(now_ns).mode)
+            self.callbacks.call("the callback for the first heartbeat", self.on_heard)
+        elif self._silent_heartbeats < SILENT_HEARTBEATS or not self.streams.idle:
+            return
+        else:
+            _log.info("nothing but heartbeats from the autopilot: asking for its streams anew")
+        self._silent_heartbeats = 0
+        self._ask_for_streams(now_ns)
+
+    def _autopilot_rebooted(self, now_ns: int) -> None:
+        _log.warning("the autopilot's clock went back: it has rebooted")
+        self.acks.forget()
+        self.commands.interrupt_all("the autopilot rebooted")
+        self._ask_for_streams(now_ns)
+
+    def _ask_for_streams(self, now_ns: int) -> None:
+        self.streams.connected()
+        self._pump_streams(now_ns)
+
+    def _command_ack(self, frame: Frame, now_ns: int) -> None:
+        payload = frame.payload.ljust(_ACK.size, b"\0")
+        command, result, progress, _, system, component = _ACK.unpack_from(payload)
+        request = self.acks.answered(command, system, component, final=result != _IN_PROGRESS)
+        if request is FOREIGN:
+            return
+        counters = self.acks.counters
+        if request is None:
+            counters.stray += 1
+        elif request is self.streams.request:
+            counters.matched += 1
+            self.streams.acknowledged(result == _ACCEPTED)
+            self._pump_streams(now_ns)
+        elif self.commands.on_ack(request, command, result, progress):
+            counters.matched += 1
+        else:
+            counters.late += 1
+
+    def _status_text(self, frame: Frame) -> None:
+        text = self._assembler.take(frame)
+        if text is not None:
+            _log.info("autopilot: %s", text.text)
+            self.commands.on_text(text)
+            self.callbacks.call("the callback for texts", self.texts, text)
+
+    # Our own messages.
+
+    def _note_command(self, frame: Frame) -> None:
+        """Remember a client's command to the autopilot: its answer must not be taken for one of ours."""
+        command = command_of(frame)
+        ours = frame.target_system in (0, self.sysid)
+        if command is not None and ours and frame.target_component in (0, AUTOPILOT_COMPID):
+            self.acks.sent(command, frame.sysid, frame.compid, FOREIGN)
+
+    def _send(self, messages: list[Any], request: object) -> None:
+        """Queue messages; ``request`` waits for the acknowledgement of those that are commands."""
+        for message in messages:
+            self._put(self._encoder.encode(message))
+            command = getattr(message, "command", None)
+            if command is not None:
+                self.acks.sent(command, self.sysid, ONBOARD_COMPUTER_COMPID, request)
+
+    def _pump_streams(self, now_ns: int) -> None:
+        request = self.streams.poll(now_ns)
+        if request is not None:
+            self._send([set_message_interval(self.sysid, *request)], self.streams.request)

@@ -1,0 +1,95 @@
+import math
+from dataclasses import replace
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.vehicle import plans
+from aps.vehicle.commands import CommandExecution
+from aps.vehicle.telemetry import AircraftState
+
+COPTER = AircraftState(
+    sysid=1, vehicle_type=mavlink.MAV_TYPE_QUADROTOR, lat_deg=47.0, lon_deg=8.0, alt_rel_m=20.0, armed=True
+)
+PLANE = replace(COPTER, vehicle_type=mavlink.MAV_TYPE_FIXED_WING)
+VTOL = replace(COPTER, vehicle_type=20)
+
+
+def first_messages(plan):
+    return [step.message(0) for step in plan.steps]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: plans.set_mode(COPTER, "FBWA"), "mode 'FBWA' is none of STABILIZE, ACRO"),
+        (lambda: plans.set_mode(AircraftState(sysid=1), "GUIDED"), "no modes are known for MAV_TYPE 0"),
+        (lambda: plans.takeoff(COPTER, 0.0), r"alt_rel_m must be in 0\.5\.\.10000, not 0\.0"),
+        (lambda: plans.takeoff(COPTER, math.nan), "alt_rel_m must be in .*, not nan"),
+        (lambda: plans.goto(COPTER, 91.0, 8.0, 20.0), r"lat_deg must be in -90\.\.90, not 91\.0"),
+        (lambda: plans.goto(COPTER, 47.0, 181.0, 20.0), r"lon_deg must be in -180\.\.180, not 181\.0"),
+        (lambda: plans.goto(COPTER, 47.0, 8.0, 20.0, 0.0), r"speed_mps must be in 0\.1\.\.200, not 0\.0"),
+    ],
+)
+def test_mistakes_of_the_caller_raise(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_mode_names_in_any_case():
+    (message,) = first_messages(plans.set_mode(PLANE, "fbwa"))
+    assert (message.command, message.param1, message.param2) == (176, 1, 5)
+
+
+def test_fixed_wing_takes_off_in_its_own_mode():
+    plan = plans.takeoff(PLANE, 60.0)
+    parameter, mode = first_messages(plan)
+    assert (parameter.get_type(), parameter.param_id, parameter.param_value) == (
+        "PARAM_SET",
+        "TKOFF_ALT",
+        60.0,
+    )
+    assert (mode.command, mode.param2) == (176, 13)
+    execution = CommandExecution(plan)
+    execution.poll(PLANE, 0)
+    execution.on_parameter("TKOFF_DIST", 60.0)
+    assert execution.poll(PLANE, 1) == []
+    execution.on_parameter("TKOFF_ALT", 50.0)  # the old value, asked for by somebody else
+    assert execution.poll(PLANE, 1) == []
+    execution.on_parameter("TKOFF_ALT", 60.0)
+    (sent,) = execution.poll(PLANE, 2)
+    assert sent.get_type() == "COMMAND_LONG"
+
+
+def test_vtol_takes_off_in_guided_and_lands_in_qland():
+    assert [message.command for message in first_messages(plans.takeoff(VTOL, 30.0))] == [176, 22]
+    (land,) = first_messages(plans.land(VTOL))
+    assert land.param2 == 20
+
+
+def test_fixed_wing_is_there_when_it_circles():
+    goto = plans.goto(PLANE, 47.0, 8.0, 20.0)
+    circling = replace(PLANE, lat_deg=47.0013)  # 145 m: the Aerosonde circles at 120 m
+    assert goto.reached(circling)
+    assert not goto.reached(replace(PLANE, lat_deg=47.0020))  # 223 m
+    rtl = plans.rtl(replace(PLANE, home_lat_deg=47.0, home_lon_deg=8.0))
+    assert rtl.reached(replace(circling, home_lat_deg=47.0, home_lon_deg=8.0))
+
+
+def test_goal_beyond_the_date_line_is_near():
+    state = replace(COPTER, lat_deg=0.0, lon_deg=179.99999)
+    assert plans.horizontal_distance_m(state, 0.0, -179.99999) == pytest.approx(2.226, abs=0.01)
+
+
+def test_distance_of_one_degree_of_latitude():
+    assert plans.horizontal_distance_m(COPTER, 46.0, 8.0) == pytest.approx(111_319.5, abs=0.1)
+
+
+def test_forced_disarm_carries_the_magic_number():
+    assert first_messages(plans.disarm(COPTER))[0].param2 == 0
+    assert first_messages(plans.disarm(COPTER, force=True))[0].param2 == 21196
+
+
+def test_unknown_home_is_no_distance():
+    assert plans.rtl(COPTER).remaining_m(COPTER) is None
+    assert math.isfinite(plans.rtl(COPTER).timeout_s)

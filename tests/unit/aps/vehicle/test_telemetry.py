@@ -1,0 +1,287 @@
+import math
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.vehicle.telemetry import Telemetry
+from aps.wire.framer import Framer
+
+S = 1_000_000_000
+RECORDING = Path(__file__).parents[3] / "data" / "mavlink_arducopter.bin"
+"""ArduCopter 4.7-dev SITL (--model quad), system 4: arm, takeoff to 10 m, GUIDED leg, LAND; 50 s at 4 Hz."""
+
+
+class Feed:
+    def __init__(self, sysid=4):
+        self.telemetry = Telemetry(sysid)
+        self.mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=1)
+
+    def __call__(self, message, now_ns=0):
+        (frame,) = Framer().receive(bytes(message.pack(self.mav)))
+        assert self.telemetry.update(frame, now_ns)
+        return self.telemetry.state(now_ns)
+
+
+@pytest.fixture
+def feed():
+    return Feed()
+
+
+def heartbeat(mode=4, armed=False, vehicle=mavlink.MAV_TYPE_QUADROTOR, status=3):
+    base = 0x51 | (0x80 if armed else 0)
+    return mavlink.MAVLink_heartbeat_message(vehicle, 3, base, mode, status, 3)
+
+
+def test_nothing_heard_yet():
+    state = Telemetry(9).state(5 * S)
+    assert (state.sysid, state.mode, state.armed, state.ready_to_arm) == (9, "", False, False)
+    assert state.heartbeat_age_s == math.inf
+    assert not state.connected
+    assert math.isnan(state.lat_deg)
+    assert math.isnan(state.airspeed_mps)
+    assert all(math.isnan(component) for component in state.wind_body_mps)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "number", "name"),
+    [
+        (mavlink.MAV_TYPE_QUADROTOR, 4, "GUIDED"),
+        (mavlink.MAV_TYPE_HEXAROTOR, 6, "RTL"),
+        (mavlink.MAV_TYPE_FIXED_WING, 5, "FBWA"),
+        (mavlink.MAV_TYPE_FIXED_WING, 15, "GUIDED"),
+        (20, 19, "QLOITER"),
+        (mavlink.MAV_TYPE_GROUND_ROVER, 15, "GUIDED"),
+        (mavlink.MAV_TYPE_QUADROTOR, 99, "MODE_99"),
+    ],
+)
+def test_mode_by_vehicle_type(feed, vehicle, number, name):
+    assert feed(heartbeat(number, vehicle=vehicle)).mode == name
+
+
+def test_heartbeat(feed):
+    state = feed(heartbeat(armed=True, status=4), 3 * S)
+    assert state.armed
+    assert state.base_mode == "CUSTOM_MODE_ENABLED|STABILIZE_ENABLED|MANUAL_INPUT_ENABLED|SAFETY_ARMED"
+    assert state.system_status == "ACTIVE"
+    later = feed.telemetry.state(10 * S)
+    assert later.heartbeat_age_s == 7.0
+    assert not later.connected
+
+
+def test_position_attitude_velocity(feed):
+    feed(mavlink.MAVLink_attitude_message(2000, 0.1, -0.2, 3.0, 0, 0, 0))
+    feed(
+        mavlink.MAVLink_global_position_int_message(
+            2001, -353632620, 1491652370, 624_500, 40_500, 100, -200, 30, 0
+        )
+    )
+    state = feed(mavlink.MAVLink_local_position_ned_message(2002, 1.5, -2.5, -40.5, 1.25, -2.25, 0.5))
+    assert (state.roll_rad, state.pitch_rad, state.yaw_rad) == pytest.approx((0.1, -0.2, 3.0))
+    assert (state.lat_deg, state.lon_deg) == pytest.approx((-35.363262, 149.165237), abs=1e-9)
+    assert (state.alt_amsl_m, state.alt_rel_m) == (624.5, 40.5)
+    assert state.position_ned_m == (1.5, -2.5, -40.5)
+    assert state.velocity_ned_mps == (1.25, -2.25, 0.5)
+    assert state.time_boot_ms == 2002
+
+
+def test_velocity_from_the_global_position_while_there_is_no_local_one(feed):
+    state = feed(mavlink.MAVLink_global_position_int_message(1, 0, 0, 0, 0, 100, -200, 30, 0))
+    assert state.velocity_ned_mps == (1.0, -2.0, 0.3)
+
+
+def test_speeds_and_true_airspeed_against_the_wind(feed):
+    state = feed(mavlink.MAVLink_vfr_hud_message(11.0, 10.0, 90, 45, 600.0, 1.5))
+    assert (state.indicated_airspeed_mps, state.groundspeed_mps) == (11.0, 10.0)
+    assert (state.throttle_percent, state.climb_mps) == (45.0, 1.5)
+    assert state.airspeed_mps == 11.0
+    feed(mavlink.MAVLink_local_position_ned_message(1, 0, 0, 0, 10.0, 0.0, 0.0))
+    # 3 m/s from the north: flying north at 10 m/s over ground means 13 m/s through the air.
+    state = feed(mavlink.MAVLink_wind_message(0.0, 3.0, 0.0))
+    assert state.wind_ned_mps == pytest.approx((-3.0, 0.0, 0.0))
+    assert state.airspeed_mps == pytest.approx(13.0)
+
+
+def test_wind_in_body_axes(feed):
+    feed(mavlink.MAVLink_attitude_message(1, 0.0, 0.0, math.pi / 2, 0, 0, 0))
+    # From the east while heading east: a head wind.
+    state = feed(mavlink.MAVLink_wind_message(90.0, 5.0, 3.0))
+    assert state.wind_ned_mps == pytest.approx((0.0, -4.0, 3.0), abs=1e-6)
+    assert state.wind_body_mps == pytest.approx((-4.0, 0.0, 3.0), abs=1e-5)
+    feed(mavlink.MAVLink_attitude_message(2, 0.0, math.pi / 2, 0.0, 0, 0, 0))
+    # Nose straight up: down is towards the tail.
+    state = feed(mavlink.MAVLink_wind_message(0.0, 5.0, 5.0))
+    assert state.wind_body_mps == pytest.approx((-5.0, 0.0, 0.0), abs=1e-5)
+
+
+PREARM = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+
+
+@pytest.mark.parametrize(
+    ("enabled", "health", "ready"), [(PREARM, 0, False), (PREARM, PREARM, True), (0, 0, True)]
+)
+def test_ready_to_arm_is_the_autopilots_verdict(feed, enabled, health, ready):
+    message = mavlink.MAVLink_sys_status_message(
+        PREARM, enabled, health, 0, 12_600, 1850, 87, 0, 0, 0, 0, 0, 0
+    )
+    state = feed(message)
+    assert state.ready_to_arm is ready
+    assert (state.voltage_v, state.current_a, state.battery_remaining_percent) == (12.6, 18.5, 87.0)
+
+
+def test_unmeasured_battery_is_nan(feed):
+    state = feed(mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0xFFFF, -1, -1, 0, 0, 0, 0, 0, 0))
+    assert math.isnan(state.voltage_v)
+    assert math.isnan(state.current_a)
+    assert math.isnan(state.battery_remaining_percent)
+
+
+def test_other_sources(feed):
+    feed(mavlink.MAVLink_gps_raw_int_message(1, 3, 0, 0, 0, 0, 0, 0, 0, 14))
+    feed(mavlink.MAVLink_mission_current_message(3))
+    feed(mavlink.MAVLink_nav_controller_output_message(0, 0, 0, 0, 250, 0, 0, 0))
+    feed(mavlink.MAVLink_ekf_status_report_message(831, 0, 0, 0, 0, 0))
+    feed(mavlink.MAVLink_battery_status_message(0, 0, 0, 0, [12000] * 10, 2150, 0, 0, 80))
+    state = feed(
+        mavlink.MAVLink_home_position_message(-353632620, 1491652370, 584_000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+    )
+    assert (state.gps_fix_type, state.satellites_visible, state.mission_current) == (3, 14, 3)
+    assert (state.waypoint_distance_m, state.position_ok, state.current_a) == (250.0, True, 21.5)
+    assert (state.home_lat_deg, state.home_lon_deg) == pytest.approx((-35.363262, 149.165237), abs=1e-9)
+    assert state.home_alt_amsl_m == 584.0
+
+
+def test_second_battery_is_not_taken_for_the_first(feed):
+    state = feed(mavlink.MAVLink_battery_status_message(1, 0, 0, 0, [12000] * 10, 2150, 0, 0, 80))
+    assert math.isnan(state.current_a)
+
+
+def test_nonsense_latitude_is_counted_and_dropped(feed):
+    state = feed(mavlink.MAVLink_global_position_int_message(1, 2_000_000_000, 0, 0, 0, 0, 0, 0, 0))
+    assert math.isnan(state.lat_deg)
+    assert feed.telemetry.decode_errors == 1
+
+
+def clock(ms):
+    return mavlink.MAVLink_system_time_message(0, ms)
+
+
+def test_flight_time_runs_by_the_autopilots_clock_from_lift_off_to_touch_down(feed):
+    def landed(state):
+        return mavlink.MAVLink_extended_sys_state_message(0, state)
+
+    feed(clock(10_000))
+    feed(heartbeat(armed=True))
+    assert feed(landed(1)).landed_state == "on_ground"
+    assert feed(clock(12_000)).flight_time_s == 0.0
+    assert feed(landed(3)).landed_state == "takeoff"
+    feed(landed(2))
+    assert feed(clock(30_000)).flight_time_s == 18.0
+    feed(landed(1))
+    assert feed(clock(40_000)).flight_time_s == 18.0
+    feed(landed(2))
+    assert feed(clock(41_000)).flight_time_s == 1.0
+
+
+def test_reboot_forgets_the_old_boot(feed):
+    feed(heartbeat(armed=True))
+    feed(mavlink.MAVLink_extended_sys_state_message(0, 2))
+    feed(clock(500_000))
+    state = feed(clock(499_000))  # late, not a reboot
+    assert (state.time_boot_ms, feed.telemetry.reboots) == (500_000, 0)
+    state = feed(clock(3_000))
+    assert feed.telemetry.reboots == 1
+    assert (state.time_boot_ms, state.armed, state.landed_state, state.flight_time_s) == (
+        3_000,
+        False,
+        "undefined",
+        0.0,
+    )
+
+
+def test_trimmed_and_mavlink1_payloads(feed):
+    message = mavlink.MAVLink_attitude_message(0, 0.0, 0.0, 0.0, 0, 0, 0)
+    assert feed(message).yaw_rad == 0.0
+    raw = bytes(
+        mavlink.MAVLink_attitude_message(7, 0.5, 0.0, 0.25, 0, 0, 0).pack(feed.mav, force_mavlink1=True)
+    )
+    (frame,) = Framer().receive(raw)
+    feed.telemetry.update(frame, 0)
+    assert (feed.telemetry.state(0).roll_rad, feed.telemetry.state(0).yaw_rad) == (0.5, 0.25)
+
+
+def test_a_message_without_state_is_none_of_ours(feed):
+    (frame,) = Framer().receive(bytes(mavlink.MAVLink_ping_message(1, 2, 0, 0).pack(feed.mav)))
+    assert feed.telemetry.update(frame, 0) is False
+
+
+def test_recorded_flight_frames_as_pymavlink_reads_them():
+    data = RECORDING.read_bytes()
+    framer = Framer()
+    ours = [frame for at in range(0, len(data), 97) for frame in framer.receive(data[at : at + 97])]
+    parser = mavlink.MAVLink(None)
+    theirs = [message for message in parser.parse_buffer(data) or [] if message.get_type() != "BAD_DATA"]
+    assert [frame.raw for frame in ours] == [bytes(message.get_msgbuf()) for message in theirs]
+    assert framer.counters.skipped_bytes == framer.counters.bad_crc == 0
+    assert len(ours) > 1000
+
+
+def test_recorded_flight_replays_to_the_states_that_pymavlink_decodes():
+    telemetry = Telemetry(4)
+    parser = mavlink.MAVLink(None)
+    newest: dict[str, object] = {}
+    heights, modes = [], []
+    for frame in Framer().receive(RECORDING.read_bytes()):
+        (message,) = parser.parse_buffer(frame.raw)
+        newest[message.get_type()] = message
+        telemetry.update(frame, 0)
+        state = telemetry.state(0)
+        heights.append(state.alt_rel_m)
+        if not modes or modes[-1] != state.mode:
+            modes.append(state.mode)
+    assert [mode for mode in modes if mode] == ["GUIDED", "LAND"]
+    assert max(height for height in heights if not math.isnan(height)) == pytest.approx(12.0, abs=0.3)
+    attitude, position = newest["ATTITUDE"], newest["GLOBAL_POSITION_INT"]
+    local, hud, status = newest["LOCAL_POSITION_NED"], newest["VFR_HUD"], newest["SYS_STATUS"]
+    assert (state.roll_rad, state.pitch_rad, state.yaw_rad) == (attitude.roll, attitude.pitch, attitude.yaw)
+    assert (state.lat_deg, state.lon_deg) == (position.lat * 1e-7, position.lon * 1e-7)
+    assert state.alt_rel_m == position.relative_alt * 1e-3
+    assert state.position_ned_m == (local.x, local.y, local.z)
+    assert state.velocity_ned_mps == (local.vx, local.vy, local.vz)
+    assert (state.groundspeed_mps, state.throttle_percent) == (hud.groundspeed, hud.throttle)
+    assert state.voltage_v == status.voltage_battery / 1000
+    assert (state.armed, state.landed_state, state.position_ok) == (False, "on_ground", True)
+    assert state.flight_time_s == pytest.approx(36.0, abs=2.0)
+    assert telemetry.reboots == telemetry.decode_errors == 0
+
+
+@pytest.mark.parametrize("infinite", [math.inf, -math.inf])
+def test_infinite_values_are_an_error_and_change_nothing(feed, infinite):
+    feed(mavlink.MAVLink_wind_message(90.0, 5.0, 3.0))
+    before = feed(mavlink.MAVLink_attitude_message(1000, 0.1, 0.2, 0.3, 0, 0, 0))
+    for message in (
+        mavlink.MAVLink_wind_message(infinite, 5.0, 3.0),
+        mavlink.MAVLink_attitude_message(2000, infinite, 0.0, 0.0, 0, 0, 0),
+        mavlink.MAVLink_local_position_ned_message(2000, 1.0, infinite, 0.0, 0, 0, 0),
+    ):
+        feed(message)
+    after = feed.telemetry.state(0)
+    assert (after.wind_ned_mps, after.roll_rad, after.time_boot_ms) == (
+        before.wind_ned_mps,
+        before.roll_rad,
+        1000,
+    )
+    assert all(math.isfinite(component) for component in after.wind_body_mps)
+    assert feed.telemetry.decode_errors == 3
+
+
+def test_values_that_are_not_a_number_are_unknown(feed):
+    state = feed(mavlink.MAVLink_wind_message(math.nan, 5.0, 3.0))
+    assert math.isnan(state.wind_ned_mps[0])
+    assert feed.telemetry.decode_errors == 0
+
+
+def test_home_that_is_not_on_earth_is_an_error(feed):
+    message = mavlink.MAVLink_home_position_message(2_000_000_000, 0, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+    assert math.isnan(feed(message).home_lat_deg)
+    assert feed.telemetry.decode_errors == 1
