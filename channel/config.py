@@ -107,7 +107,12 @@ class RadioConfig(Settings):
     default_height_m: float = Field(default=40.0, gt=0.0, description="of both ends, where none is given")
     min_distance_m: float = Field(default=1.0, gt=0.0, description="shorter distances count as this")
     max_range_m: float | None = Field(default=None, gt=0.0, description="nothing is received beyond it")
-    offset_db: float = Field(default=0.0, description="added to the received power (the paper's delta)")
+    offset_db: float = Field(
+        default=0.0, description="added to what is received, wanted or not (the paper's delta)"
+    )
+    cable_loss_db: float = Field(
+        default=0.0, ge=0.0, le=100.0, description="between radio and antenna, at each end"
+    )
     propagation: Propagation = Field(default_factory=FreeSpace)
     earth_radius_factor: float | None = Field(
         default=4.0 / 3.0, gt=0.0, le=100.0, description="by which the air bends rays; null: a flat Earth"

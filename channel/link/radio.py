@@ -207,6 +207,9 @@ class Radio:
             terms.append(
                 BudgetTerm("polarisation_db", -config.polarisation.loss_db(attitude_tx, attitude_rx, way))
             )
+        if config.cable_loss_db:
+            terms.append(BudgetTerm("transmit_cable_db", -config.cable_loss_db))
+            terms.append(BudgetTerm("receive_cable_db", -config.cable_loss_db))
         return (*terms, BudgetTerm("offset_db", config.offset_db))
 
     def budget(self, path: Path) -> tuple[BudgetTerm, ...]:
@@ -278,7 +281,8 @@ class Radio:
         gain_db = self.config.receiving_antenna.towards_db(to_body(attitude, -way.way_ned))
         offset_hz = 0.0 if interferer.frequency_hz is None else carrier - self.config.frequency_hz
         way = with_reflection(way, self.config.propagation, None, self.config.receiving_antenna)
-        kept_db = gain_db - self.config.interference.rejection_db(offset_hz)
+        received_db = gain_db + self.config.offset_db - self.config.cable_loss_db
+        kept_db = received_db - self.config.interference.rejection_db(offset_hz)
         return np.asarray(interferer.power_dbm + kept_db - self._loss_db(way))
 
     def per(self, snr_db: ArrayLike, length_bytes: ArrayLike) -> FloatArray:
