@@ -14,6 +14,7 @@ from channel.fading.shadowing import (
     NoShadowing,
     OneSidedNormalShadowing,
 )
+from channel.own import own_models
 from channel.phy.bursts import GilbertElliott, NoBursts
 from channel.phy.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
@@ -40,19 +41,29 @@ Propagation = Annotated[
     | RmaAv
     | Terrain,
     Field(discriminator="model"),
+    *own_models("propagation", "path_loss_db"),
 ]
 Shadowing = Annotated[
     NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,
     Field(discriminator="model"),
 ]
-Fading = Annotated[NoFading | Rayleigh | Rician | Nakagami, Field(discriminator="model")]
-Antenna = Annotated[Isotropic | HalfWaveDipole | Sector | Pattern, Field(discriminator="model")]
+Fading = Annotated[
+    NoFading | Rayleigh | Rician | Nakagami,
+    Field(discriminator="model"),
+    *own_models("fading", "gain_db", "rule"),
+]
+Antenna = Annotated[
+    Isotropic | HalfWaveDipole | Sector | Pattern,
+    Field(discriminator="model"),
+    *own_models("antenna", "needs_direction", "towards_db"),
+]
 Atmosphere = Annotated[NoAtmosphere | ItuAtmosphere, Field(discriminator="model")]
 Bursts = Annotated[NoBursts | GilbertElliott, Field(discriminator="model")]
 Noise = Annotated[FixedNoise | ThermalNoise, Field(discriminator="model")]
 Error = Annotated[
     ErfcBytes | UncodedAwgn | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
     Field(discriminator="model"),
+    *own_models("error", "breaks_db", "ber", "per"),
 ]
 
 

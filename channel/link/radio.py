@@ -22,8 +22,6 @@ from channel.propagation.atmosphere import ItuAtmosphere
 from channel.propagation.diffraction import bulge_loss_db
 
 States = tuple[bool, ...]
-NEEDS_PLACES = frozenset({"terrain"})
-"""Propagation models that ask where the ends are, not only how far apart and how high."""
 MAX_WAY_M = 1e12
 """Farther than any radio, and near enough that squares do not overflow."""
 MAX_FREQUENCY_HZ = 1e12
@@ -61,7 +59,7 @@ class Radio:
         self.needs_places = (
             self.needs_attitude
             or bool(config.interference.interferers)
-            or config.propagation.model in NEEDS_PLACES
+            or getattr(config.propagation, "needs_places", False)
         )
 
     def length_bytes(self, payload_bytes: int) -> int:

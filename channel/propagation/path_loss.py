@@ -19,7 +19,12 @@ _FRIIS_CONSTANT_DB = 20.0 * math.log10(4.0 * math.pi / SPEED_OF_LIGHT_MPS)
 
 
 class PathLossModel(Protocol):
-    """A propagation law: geometry and frequency in, loss out."""
+    """A propagation law: geometry and frequency in, loss out.
+
+    Class attributes, all False where a law has none: `needs_places`, if it asks where the ends are and not only how far
+    apart and how high; `by_rays`, if it wants `Path.reflected_gain_db`; `has_earth`, if it has the ground itself and so
+    needs no horizon.
+    """
 
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the loss in dB, positive when power is lost, in the broadcast shape of `path`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ class Terrain(Variant):
     Heights are read between grid points bilinearly; outside the grid the ground is as at its border.
     """
 
+    needs_places: ClassVar[bool] = True
     model: Literal["terrain"] = "terrain"
     origin_north_m: float = Field(default=0.0, description="of the first row")
     origin_east_m: float = Field(default=0.0, description="of the first column")
