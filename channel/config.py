@@ -22,6 +22,7 @@ from channel.phy.noise import FixedNoise, ThermalNoise
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
+from channel.propagation.gain_map import GainMap
 from channel.propagation.hata import Cost231Hata, OkumuraHata
 from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
 from channel.propagation.terrain import Terrain
@@ -39,7 +40,8 @@ Propagation = Annotated[
     | AlHourani
     | UmaAv
     | RmaAv
-    | Terrain,
+    | Terrain
+    | GainMap,
     Field(discriminator="model"),
     *own_models("propagation", "path_loss_db"),
 ]

@@ -190,6 +190,8 @@ def _with_tables(tree: Mapping[str, Any], beside: Path, prefix: str = "") -> Tre
             out[key.removesuffix("_file")] = _csv_rows(beside / str(value), f"{prefix}{key}")
         elif key == CLASS_KEY:
             out[key] = class_path(str(value), beside)
+        elif key == "file":
+            out[key] = str((beside / str(value)).absolute())
         else:
             out[str(key)] = value
     return out
