@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from bridge.scenario.model import Scenario
 from channel.link.radio import Radio
-from channel.presets import load_radio, radio_from_mapping
+from channel.presets import at_origin, load_radio, radio_from_mapping
 
 
 def radio_of(scenario: Scenario) -> Radio:
@@ -16,5 +16,6 @@ def radio_of(scenario: Scenario) -> Radio:
     Raises:
         PresetError: there is no such preset, or a key or value is wrong.
     """
-    setting = scenario.radio
-    return Radio(load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting))
+    setting, origin = scenario.radio, scenario.origin
+    config = load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting)
+    return Radio(at_origin(config, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m))
