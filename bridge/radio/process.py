@@ -26,6 +26,7 @@ from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radios_of
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.medium.medium import Medium
+from channel.validity import OutsideValidityError
 
 IDLE_S = 5.0
 REFUSALS_LOGGED_MAX = 20
@@ -90,18 +91,28 @@ class RouterProcess:
 
     def run(self) -> None:
         """Serve until `stop`, then write what is left of the record, however long that takes."""
+        finish = self._finish
         try:
             self._serve()
+        except OutsideValidityError:  # the packet has no fate: the books cannot be closed
+            finish = self._close_files
+            raise
         finally:
-            try:
-                self._write(self._core.finish())
-            finally:
-                self._writer.close()
-                for writer in self._packets.values():
-                    writer.close()
-            self._tell_overload()
-            self._report.close()
-            write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
+            finish()
+
+    def _finish(self) -> None:
+        try:
+            self._write(self._core.finish())
+        finally:
+            self._close_files()
+        self._tell_overload()
+        self._report.close()
+        write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
+
+    def _close_files(self) -> None:
+        self._writer.close()
+        for writer in self._packets.values():
+            writer.close()
 
     def _tell_overload(self) -> None:
         if self._overload:
@@ -147,6 +158,8 @@ class RouterProcess:
     def _handle(self, handler: Handler, sample: Sample) -> None:
         try:
             handler(str(sample.key_expr), sample)
+        except OutsideValidityError:  # the radio's own: the run ends
+            raise
         except ValueError as error:  # bytes that are no message, or numbers that no radio can work with
             self._core.refused[Refused.MALFORMED] += 1
             self._tell_refusal(f"{sample.key_expr}: {error}")

@@ -190,7 +190,7 @@ def _with_known_radios(source: _Source, folder: Path, scenario: Scenario, mistak
     def read(setting: str | dict[str, Any], place: tuple[str | int, ...]) -> str | dict[str, Any]:
         try:
             seen = setting if isinstance(setting, str) else seen_from(folder, setting)
-            radio_from(seen)
+            radio_from(seen, scenario.origin)
         except PresetError as error:
             line = source.line_of((*place, *error.key.split(".")))
             mistakes.append(f"{source.name}:{line}: {'.'.join(map(str, place))}: {error}")

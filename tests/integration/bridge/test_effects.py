@@ -16,6 +16,7 @@ import pytest
 from bridge.bus.keys import Keys
 from bridge.bus.session import open_client
 from bridge.record import names
+from bridge.record.provenance import read_provenance
 from bridge.record.streams import read_stream
 from bridge.record.tables.parquet import read_table
 from bridge.record.tables.schema import DELIVERIES, TRUTH
@@ -191,3 +192,71 @@ def test_tables_that_cannot_be_finished_break_the_run_off_and_its_summary_says_s
     assert "its tables could not be written as Parquet" in run.summary["error"]
     assert "deliveries" not in run.summary["digests"]
     assert TRUTH.journal_path(run.directory).exists()
+
+
+def test_a_model_outside_its_validity_ends_the_run_by_name(start_run: StartRun) -> None:
+    hata = "{{preset: corrected, propagation: {{model: okumura-hata}}}}"
+    run = start_run(scenario=STILL.replace("radio: moon2020", f"radio: {hata}"), duration_s=5.0)
+    assert run.finish() != 0
+    said = run.output.decode()
+    assert (
+        "frequency_hz = 2412000000.0: allowed is 1.5e+08 to 1.5e+09, the validity range of okumura-hata"
+        in said
+    )
+    assert "Traceback" not in said
+
+
+ANTENNA = """\
+from channel.antenna import Isotropic
+
+
+class Whip(Isotropic):
+    gain_db: float = 1.25
+"""
+HEADING = "tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db"
+
+
+@pytest.mark.slow
+def test_a_gain_map_and_an_own_antenna_are_in_the_record(start_run: StartRun, tmp_path: Path) -> None:
+    """The map falls by 0.05 dB per metre to the north: 60 + 20.5 dB at 410 m."""
+    (tmp_path / "mine.py").write_text(ANTENNA)
+    grid = [
+        f"0,0,0,{n},{e},{h},{-60.0 - 0.05 * n}" for n in (0, 300, 600) for e in (-100, 100) for h in (-5, 5)
+    ]
+    (tmp_path / "map.csv").write_text("\n".join([HEADING, *grid]))
+    radio = (
+        "{{preset: corrected, shadowing: {{model: none}}, antenna: {{class: 'mine.py:Whip'}}, "
+        "propagation: {{model: gain-map, file: map.csv}}}}"
+    )
+    run = start_run(scenario=STILL.replace("radio: moon2020", f"radio: {radio}"), duration_s=3.0)
+    assert run.finish() == 0, run.output.decode()
+    rows = rows_of(run)
+    assert rows
+    for row in rows:
+        assert row.received_power_dbm == pytest.approx(18.0 + 2 * 1.25 - 80.5, abs=0.05)
+    assert {Path(path).name for path in read_provenance(run.directory).files} >= {"map.csv", "mine.py"}
+
+
+@pytest.mark.slow
+def test_terrain_from_a_file_lies_under_the_scenarios_origin(start_run: StartRun, tmp_path: Path) -> None:
+    """A UA on the crest of the tile's ridge, 410 m north, and one in the plain: the same link by hand."""
+    pytest.importorskip("rasterio", reason="needs rasterio: pip install 'lostlink[terrain]' (36 MB)")
+    tile = Path(__file__).parents[2] / "data" / "ridge.tif"
+    (tmp_path / "tile.tif").write_bytes(tile.read_bytes())
+    law = "{{model: terrain, file: tile.tif, extent_m: 1000}}"
+    radio = f"{{{{preset: corrected, shadowing: {{{{model: none}}}}, propagation: {law}}}}}"
+    run = start_run(scenario=STILL.replace("radio: moon2020", f"radio: {radio}"), duration_s=3.0)
+    assert run.finish() == 0, run.output.decode()
+    place = {"origin_lat_deg": 40.1331, "origin_lon_deg": -105.2404, "origin_alt_amsl_m": 1690.0}
+    terrain = {"model": "terrain", "file": str(tile), "extent_m": 1000.0} | place
+    by_hand = Radio(
+        radio_from_mapping({"preset": "corrected", "shadowing": {"model": "none"}, "propagation": terrain})
+    )
+    ends = {"position_tx_ned_m": (0.0, 0.0, 0.0), "position_rx_ned_m": (410.0, 0.0, 0.0)}
+    expected = float(by_hand.link(**ends).received_power_dbm)
+    free = {"preset": "corrected", "propagation": {"model": "free-space"}}
+    in_the_open = float(Radio(radio_from_mapping(free)).link(410.0).received_power_dbm)
+    assert expected < in_the_open - 5.0
+    rows = rows_of(run)
+    assert rows
+    assert [row.received_power_dbm for row in rows] == pytest.approx([expected] * len(rows), abs=0.5)
