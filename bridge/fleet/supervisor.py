@@ -152,36 +152,45 @@ class Fleet:
             raise FleetError(str(error)) from error
         endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
         info = self._run.write(self._scenario, endpoint, self._replay, self._hosts)
-        self._observer.on_phase("starts the radio router")
-        self._router = await self._start(self._python("router"))
         try:
+            everybody = await self._start_ours()
+            keys = Keys(info.run)
             self._session = await self._unless_over(_connect(endpoint))
-            self._listen(self._session, Keys(info.run))
-            await self._start_all(self._session, Keys(info.run))
+            self._listen(self._session, keys)
+            await self._unless_over(self._all_alive(self._session, keys, everybody))
+            self._session.put(keys.clock_start, Header(), must_arrive=True)
+            if not self._launcher.waits_for_physics:
+                await self._start_autopilots()
+            self._observer.on_phase("waits for the autopilots")
             return await self._unless_over(self._watch_clock())
         except _Over:
             return self._outcome.result()
 
-    async def _start_all(self, session: Session, keys: Keys) -> None:
+    async def _start_ours(self) -> set[str]:
+        """Start our own processes, all at once; return the names of those that say when they are ready."""
+        self._observer.on_phase("starts the radio router")
+        self._router = await self._start(self._python("router"))
         self._observer.on_phase("starts flight dynamics, MAVLink daemons and agents")
         specs = [self._python("physics")]
         specs += [self._python("host", name, nodes) for name, nodes in self._hosts.items()]
         for spec in specs:
             await self._start(spec)
-        everybody = {"router", *(spec.name for spec in specs)}
-        await self._unless_over(self._all_alive(session, keys, everybody))
-        session.put(keys.clock_start, Header(), must_arrive=True)
-        self._observer.on_phase(f"starts autopilots ({self._scenario.autopilot})")
-        for ua in self._scenario.ua:
-            home = home_of(ua, self._scenario.origin)
-            plan = LaunchPlan(self._run, self._scenario, ua, airframe_of(ua), home)
-            try:
-                autopilot = self._launcher.process(plan)
-            except AutopilotError as error:
-                raise FleetError(str(error)) from error
-            if autopilot is not None:
+        if self._launcher.waits_for_physics:
+            await self._start_autopilots()
+        return {"router", *(spec.name for spec in specs)}
+
+    async def _start_autopilots(self) -> None:
+        scenario = self._scenario
+        self._observer.on_phase(f"starts autopilots ({scenario.autopilot})")
+        plans = [
+            LaunchPlan(self._run, scenario, ua, airframe_of(ua), home_of(ua, scenario.origin))
+            for ua in scenario.ua
+        ]
+        try:
+            for autopilot in self._launcher.processes(plans):
                 await self._start(replace(autopilot, environment=self._environment))
-        self._observer.on_phase("waits for the autopilots")
+        except AutopilotError as error:
+            raise FleetError(str(error)) from error
 
     def _python(self, module: str, name: str = "", nodes: Sequence[str] = ()) -> ProcessSpec:
         name = name or module

@@ -21,7 +21,7 @@ from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import Arguments, parse_arguments, run_until_stopped
 from bridge.scenario.nodes import Aircraft
-from bridge.timeouts import AGENT_END_S
+from bridge.timeouts import AGENT_END_S, START_S
 
 log = logging.getLogger("host")
 _Came = tuple[Callable[[Sample], None], Sample]
@@ -31,7 +31,7 @@ _Came = tuple[Callable[[Sample], None], Sample]
 async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: asyncio.Event) -> None:
     """Serve until ``stop`` is set."""
     report = Report(run.path, name)
-    with open_client(run.info.endpoint) as session:
+    with open_client(run.info.endpoint, timeout_s=START_S) as session:
         async with AsyncExitStack() as stack:
             hosted = [_hosted(session, run, node) for node in nodes]
             for one in hosted:

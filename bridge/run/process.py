@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import logging
 import signal
 import sys
@@ -11,10 +10,13 @@ from collections.abc import Callable, Coroutine
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bridge.bus.session import SessionError
 from bridge.run.directory import RunDirectory
+
+if TYPE_CHECKING:
+    import asyncio
 
 current_node: ContextVar[str] = ContextVar("current_node", default="")
 """The node that is being worked for, for the log of a process that has several."""
@@ -94,6 +96,7 @@ def exit_status(body: Callable[[], object]) -> int:
 
 def run_until_stopped(body: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> int:
     """Run ``body(stop)`` in an asyncio loop, where SIGTERM and SIGINT set ``stop``. Returns the exit status."""
+    import asyncio  # late: physics and router do without
 
     async def main() -> None:
         stop = asyncio.Event()

@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import ndtri
 
+from channel import special
 from channel.checks import FloatArray
 from channel.draws import WORDS_PER_COUNT, Draws, uniform_from_words
 
@@ -62,7 +62,7 @@ class ShadowField:
         if pair not in self._waves:
             words = self._draws.words((*pair, "shadow field"), 0, _COUNTS)
             uniform = uniform_from_words(words.ravel()).reshape(WAVES, -1)
-            normal = ndtri(uniform[:, :-1]).reshape(WAVES, 2, _NORMALS_PER_END)
+            normal = special.ndtri(uniform[:, :-1]).reshape(WAVES, 2, _NORMALS_PER_END)
             waves = normal[:, :, :3] / np.abs(normal[:, :, 3:]) / self._decorrelation_m
             self._waves[pair] = waves, 2.0 * math.pi * uniform[:, -1]
         waves, phases = self._waves[pair]

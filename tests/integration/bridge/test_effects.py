@@ -122,7 +122,7 @@ def test_what_could_not_be_read_is_told_in_the_summary(start_run: StartRun, tmp_
 def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repeat(
     start_run: StartRun,
 ) -> None:
-    scenario = STILL.replace("radio:", "fdm: {{stall_timeout_s: 1}}\nradio:")
+    scenario = STILL.replace("radio:", "hosts: per-ua\nfdm: {{stall_timeout_s: 1}}\nradio:")
     run = start_run(scenario=scenario, duration_s=25.0, speed="2")
     run.wait_for("sim time")
     autopilot = run.child("bridge.standin --sysid 2")
@@ -147,6 +147,9 @@ def test_logs_tell_whose_they_are(start_run: StartRun, hosts: str) -> None:
     for node in ("0", "1"):
         assert f"INFO UA {node} agent: done at" in text
         assert f"INFO UA {node} aps.vehicle.vehicle: autopilot of system {int(node) + 1} heard" in text
+        ready = (run.directory / "logs" / f"autopilot-{node}.log").read_text()
+        assert ready.startswith(f"ready: sysid {int(node) + 1}, ")
+    assert (run.directory / "logs" / "autopilots-0.log").exists() == (hosts == "1")
 
 
 def test_an_aircraft_bridge_that_cannot_go_on_ends_the_run_by_name(start_run: StartRun) -> None:

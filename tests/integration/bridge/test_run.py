@@ -154,15 +154,18 @@ def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.S
 
 
 @pytest.mark.parametrize(
-    ("victim", "name"),
+    ("victim", "name", "hosts"),
     [
-        ("bridge.standin --sysid 2", "autopilot-1"),
-        ("bridge.radio.process", "router"),
-        ("bridge.host.process", "host-0"),
+        ("bridge.standin --sysid 2", "autopilot-1", "per-ua"),
+        ("bridge.standin --sysid 1", "autopilots-0", "1"),
+        ("bridge.radio.process", "router", "auto"),
+        ("bridge.host.process", "host-0", "auto"),
     ],
 )
-def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim: str, name: str) -> None:
-    run = start_run()
+def test_killed_process_ends_the_run_by_name_and_log(
+    start_run: StartRun, victim: str, name: str, hosts: str
+) -> None:
+    run = start_run(scenario=STILL.replace("radio:", f"hosts: {hosts}\nradio:"))
     run.wait_for("sim time")
     children = run.children()
     run.child(victim).kill()
@@ -207,7 +210,7 @@ def test_run_that_fails_before_sim_time_begins_leaves_a_summary(start_run: Start
 
 
 def test_killed_supervisor_leaves_no_process(start_run: StartRun) -> None:
-    run = start_run()
+    run = start_run(scenario=STILL.replace("radio:", "hosts: per-ua\nradio:"))
     run.wait_for("sim time")
     children = run.children()
     assert len(children) == 6

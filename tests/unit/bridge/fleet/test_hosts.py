@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bridge.fleet.hosts import host_groups, host_of
+from bridge.fleet.hosts import host_groups, host_of, standin_groups
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
 from fdm.exchange.settings import core_count
 
@@ -23,6 +23,7 @@ def test_nodes_are_spread_evenly(hosts: str, sizes: list[int]) -> None:
     assert sorted(node for group in groups.values() for node in group) == sorted(scenario.regulated)
     assert list(groups) == [f"host-{number}" for number in range(len(sizes))]
     assert all(host_of(groups, node) == name for name, group in groups.items() for node in group)
+    assert standin_groups(scenario) == tuple(groups.values())
 
 
 def test_an_isolated_agent_has_a_host_of_its_own_and_a_free_one_none() -> None:
@@ -34,6 +35,7 @@ def test_an_isolated_agent_has_a_host_of_its_own_and_a_free_one_none() -> None:
 def test_auto_is_a_host_per_core_at_most() -> None:
     scenario = parse_scenario(f"{TEXT}{MORE}", "my.yaml")
     assert len(host_groups(scenario)) == min(7, core_count())
+    assert len(standin_groups(scenario)) == max(1, min(7, core_count() // 2))
 
 
 @pytest.mark.parametrize("hosts", ["0", "-1", "many", "1.5", "true"])
