@@ -53,7 +53,7 @@ async def sitl(binary, model, parameters, directory, speedup):
     defaults = f"{COPTER_PARAMETERS},{own}" if model == "quad" else str(own)
     process = await asyncio.create_subprocess_exec(
         str(binary),
-        *("--wipe", "--model", model, "-I", str(instance), "--sysid", str(SYSID), "--home", HOME),
+        *("-w", "--model", model, "-I", str(instance), "--sysid", str(SYSID), "--home", HOME),
         *("--defaults", defaults, "--serial0", "tcp:0", "--speedup", str(speedup)),
         cwd=directory,
         stdout=log,

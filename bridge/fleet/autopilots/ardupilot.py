@@ -85,7 +85,8 @@ class ArduPilot(Launcher):
         scenario, ua, vehicle = plan.scenario, plan.ua, plan.airframe.vehicle
         directory = plan.run.path / plan.name
         directory.mkdir()
-        command = [str(self.binary(BINARIES[vehicle])), "--wipe", "--model", "JSON:127.0.0.1"]
+        # Not "--wipe": SITL keeps that one at a reboot over MAVLink, and so loses what a ground station has set.
+        command = [str(self.binary(BINARIES[vehicle])), "-w", "--model", "JSON:127.0.0.1"]
         command += ["-I", str(scenario.instance(ua)), "--sysid", str(ua.sysid), "--home", plan.home_text]
         command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_own_parameters(plan, directory)}"]
         command += ["--serial0", "tcp:0", "--speedup", str(SPEEDUP), "--start-time", str(START_TIME_UNIX_S)]
