@@ -14,7 +14,7 @@ from dataclasses import asdict
 from typing import Any
 
 from aps.daemon import Daemon, DaemonConfig
-from aps.links.autopilot_link import parse_autopilot, parse_host_port
+from aps.links.address import parse_autopilot, parse_host_port
 from aps.vehicle.telemetry import AircraftState
 
 EXAMPLES = """\
