@@ -6,6 +6,7 @@ import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Self
 
@@ -16,6 +17,7 @@ from aps.links.drivers import Driver, make_driver
 from aps.links.link import Link, Role
 from aps.links.table import LinkTable
 from aps.links.tcp import TcpServer
+from aps.logs.tlog import TlogWriter
 from aps.timeouts import SILENCE_TIMEOUT_S
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.subscription import Subscription
@@ -38,7 +40,7 @@ class DaemonBase(ABC):
 
     Raises:
         ValueError: a setting is out of range.
-        OSError: the port is taken (on entering the context).
+        OSError: the port is taken (on entering the context), or the tlog cannot be written.
     """
 
     def __init__(
@@ -73,6 +75,8 @@ class DaemonBase(ABC):
         cannot even be looked up, not an autopilot that is away."""
         self.connections = 0
         """How often a link to the autopilot was made."""
+        self.tlog: TlogWriter | None = None
+        """The record of all frames, if there is one."""
         self._clock = clock
         self.drivers: list[Driver] = [self.server]
         self._tasks: dict[Driver, asyncio.Task[None]] = {}
@@ -136,8 +140,25 @@ class DaemonBase(ABC):
             ],
             **self.core.statistics(),
             **self.links.statistics(),
+            **({} if self.tlog is None else {"tlog": asdict(self.tlog.counters)}),
             "failure": None if self.failure is None else repr(self.failure),
         }
+
+    # Recording.
+
+    def _open_tlog(self, clock_us: Callable[[], int]) -> None:
+        """Begin to record, if the settings say so."""
+        config = self.config
+        if config.tlog_directory is not None:
+            name = config.tlog_name or f"mavlink-{config.sysid}"
+            self.tlog = TlogWriter(
+                config.tlog_directory, name, clock_us, config.tlog_file_bytes, config.tlog_files
+            )
+            self.hub.taps.append(self._record)
+
+    def _record(self, raw: bytes, _: Link) -> None:
+        if self.tlog is not None:
+            self.tlog.write(raw)
 
     # Links at run time.
 
@@ -213,6 +234,8 @@ class DaemonBase(ABC):
         for driver in self.drivers:
             driver.close()
         self.links.close()
+        if self.tlog is not None:
+            self.tlog.close()
 
     @abstractmethod
     def _link_opened(self, link: Link) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 from aps.links.allowance import DEFAULT_FRAMES_PER_S
 from aps.links.outbox import DEFAULT_LIMIT_BYTES
 from aps.links.table import DEFAULT_MAX_CLIENTS
+from aps.logs.tlog import DEFAULT_MAX_FILE_BYTES, DEFAULT_MAX_FILES
 from aps.timeouts import ROUTE_EXPIRY_S
 from aps.vehicle.streams import DEFAULT_RATES_HZ
 
@@ -40,3 +42,13 @@ class DaemonConfig:
     client_frames_per_s: float = DEFAULT_FRAMES_PER_S
     """What one client may send for good; beyond it, it has to wait (TCP, serial) or its datagrams are dropped."""
     route_expiry_s: float = ROUTE_EXPIRY_S
+    tlog_directory: Path | None = None
+    """Where every frame is recorded (.tlog); ``None``: nowhere."""
+    tlog_name: str = ""
+    """Beginning of the files' names; empty: by the sysid."""
+    tlog_file_bytes: int = DEFAULT_MAX_FILE_BYTES
+    """Then a new file is begun ..."""
+    tlog_files: int = DEFAULT_MAX_FILES
+    """... and of so many, the oldest is deleted."""
+    tlog_epoch_us: int = 0
+    """In held mode: us since 1970 at sim time 0, so that a repeated flight has the same record."""

@@ -32,12 +32,13 @@ class Daemon(DaemonBase):
 
     Raises:
         ValueError: a setting is out of range.
-        OSError: the port is taken (on entering the context).
+        OSError: the port is taken (on entering the context), or the tlog cannot be written.
     """
 
     def __init__(self, config: DaemonConfig) -> None:
         self._autopilots = [parse_autopilot(text) for text in (config.autopilot, *config.more_autopilots)]
         super().__init__(config, time.monotonic_ns, self._wake)
+        self._open_tlog(lambda: time.time_ns() // 1000)
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = 0
         self._running = False

@@ -79,7 +79,7 @@ class HeldDaemon(DaemonBase):
 
     Raises:
         ValueError: a setting is out of range.
-        OSError: the port is taken (on entering the context).
+        OSError: the port is taken (on entering the context), or the tlog cannot be written.
     """
 
     def __init__(self, config: DaemonConfig, *, takes_input: bool = True) -> None:
@@ -92,6 +92,7 @@ class HeldDaemon(DaemonBase):
         self._now_ns = 0
         super().__init__(config, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
         self.link.id = AUTOPILOT_ID
+        self._open_tlog(lambda: config.tlog_epoch_us + self._now_ns // 1000)
         self.takes_input = takes_input
         self.on_input: Callable[[Input], None] | None = None
         """Called with each input as it takes effect, in order: every frame of a client (even one that only

@@ -16,8 +16,8 @@ from aps.wire.framer import Frame
 
 __all__ = ["Hub", "HubCounters", "Local", "Tap"]
 
-Tap = Callable[[Frame, Link, int], None]
-"""Told of each frame that a link's rules let in: frame, link that it came from, instant in ns."""
+Tap = Callable[[bytes, Link], None]
+"""Told of each frame, its bytes: one that has come, as its link's rules allow, and one of our own that is sent."""
 
 
 class Local(Protocol):
@@ -91,7 +91,7 @@ class Hub:
                 link.counters.dropped_in += 1
                 continue
             for tap in self.taps:
-                tap(frame, link, now_ns)
+                tap(frame.raw, link)
             self._take(frame, link, from_autopilot, now_ns)
 
     def _take(self, frame: Frame, link: Link, from_autopilot: bool, now_ns: int) -> None:
@@ -124,6 +124,8 @@ class Hub:
         """Send a frame of our own."""
         self.counters.sent += 1
         self.router.sent(raw)
+        for tap in self.taps:
+            tap(raw, link)
         link.outbox.put(raw)
 
     def send_to_autopilot(self, raw: bytes) -> None:

@@ -191,9 +191,14 @@ class UdpListener:
         Raises:
             OSError: as from ``bind``; EADDRINUSE when the port is taken.
         """
-        self._transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: _Datagrams(self._heard), local_addr=(self.address.host, self.address.port)
-        )
+        place = (self.address.host, self.address.port)
+        try:
+            self._transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+                lambda: _Datagrams(self._heard), local_addr=place
+            )
+        except OSError as error:  # asyncio names the address of a TCP server only
+            text = f"error while attempting to bind on address {place!r}: {error.strerror}"
+            raise OSError(error.errno, text) from error
 
     async def run(self) -> None:
         """Forget silent peers, until cancelled."""

@@ -7,6 +7,7 @@ from importlib import metadata
 
 import click
 
+from bridge.cli.aps import aps
 from bridge.cli.compare import compare
 from bridge.cli.doctor import doctor
 from bridge.cli.echo import echo
@@ -31,7 +32,7 @@ def lostlink() -> None:
     """
 
 
-for command in (run, refly, compare, doctor, echo, *channel_commands.commands.values(), fit):
+for command in (run, refly, compare, doctor, echo, aps, *channel_commands.commands.values(), fit):
     lostlink.add_command(command)
 
 
