@@ -37,6 +37,9 @@ bench: $(VENV)/.dev  ## Run the benchmarks.
 bench-fdm: $(VENV)/.dev  ## Run the benchmarks of the flight dynamics (ARDUPILOT_HOME adds those with arducopter).
 	$(BIN)/python -m benchmarks fdm fdm_ardupilot fdm_placement fdm_fleet fdm_fuzz
 
+bench-aps: $(VENV)/.dev  ## Run the benchmarks of the MAVLink daemon.
+	$(BIN)/python -m benchmarks aps aps_fairness
+
 bench-channel: $(VENV)/.dev  ## Run the benchmarks of the channel.
 	$(BIN)/python -m benchmarks channel
 

@@ -102,11 +102,11 @@ class Router:
         self.autopilot_compid = autopilot_compid
         self.route_expiry_ns = route_expiry_ns
         self.counters: Counter[Outcome] = Counter()
-        self._links: list[int] = []
+        self._links: dict[int, None] = {}
         self._autopilots: set[int] = set()
         self._primary: int | None = None
         self._others: dict[int, tuple[int, ...]] = {}
-        """Link -> where its untargeted frames go."""
+        """Link -> where its untargeted frames go, of those that have sent some since links last changed."""
         self._seen: dict[int, dict[int, int]] = {}
         """sysid << 8 | compid -> link -> instant of the latest frame, ns."""
         self._own: deque[bytes] = deque(maxlen=MAX_OWN)
@@ -124,13 +124,13 @@ class Router:
 
     def add_link(self, link: int, *, autopilot: bool = False) -> None:
         """Open a link. The autopilot's is known to reach the UA's system before it has spoken."""
-        if link in self._others:
+        if link in self._links:
             raise ValueError(f"link {link} is already open")
-        self._links.append(link)
+        self._links[link] = None
         if autopilot:
             self._autopilots.add(link)
             self._primary = link if self._primary is None else self._primary
-        self._rebuild()
+        self._others.clear()
 
     def use(self, link: int) -> None:
         """Make one of the autopilot's links the primary one.
@@ -141,11 +141,11 @@ class Router:
         if link not in self._autopilots:
             raise ValueError(f"link {link} is no autopilot's; those are {sorted(self._autopilots)}")
         self._primary = link
-        self._rebuild()
+        self._others.clear()
 
     def remove_link(self, link: int) -> None:
         """Close a link and forget what was learned on it."""
-        self._links.remove(link)
+        del self._links[link]
         self._autopilots.discard(link)
         if link == self._primary:
             self._primary = min(self._autopilots, default=None)
@@ -153,7 +153,7 @@ class Router:
             key for key, links in self._seen.items() if links.pop(link, None) is not None and not links
         ]:
             del self._seen[key]
-        self._rebuild()
+        self._others.clear()
 
     def sent(self, raw: bytes) -> None:
         """We have sent this frame: when it comes back, it is a loop."""
@@ -199,7 +199,7 @@ class Router:
             elif frame.msg_id == _HEARTBEAT:
                 route = self._heartbeat(frame, source, now_ns)
             else:
-                route = Route(Outcome.BROADCAST, self._others.get(source, ()), True)
+                route = Route(Outcome.BROADCAST, self._others_of(source), True)
         self.counters[route.outcome] += 1
         return route
 
@@ -222,7 +222,7 @@ class Router:
     def _heartbeat(self, frame: Frame, source: int, now_ns: int) -> Route:
         links = tuple(
             link
-            for link in self._others.get(source, ())
+            for link in self._others_of(source)
             if not self.knows(link, frame.sysid, frame.compid, now_ns)
         )
         return Route(Outcome.HEARTBEAT, links, True)
@@ -232,7 +232,7 @@ class Router:
         ours = system == self.sysid
         if ours and component:
             links = tuple(
-                link for link in self._others.get(source, ()) if self.knows(link, system, component, now_ns)
+                link for link in self._others_of(source) if self.knows(link, system, component, now_ns)
             )
         else:
             links = self._reaching_system(system, source, now_ns)
@@ -254,14 +254,14 @@ class Router:
         }
         if system == self.sysid and self._primary is not None:
             reached.add(self._primary)
-        return tuple(link for link in self._others.get(source, ()) if link in reached)
+        return tuple(link for link in self._others_of(source) if link in reached)
 
-    def _rebuild(self) -> None:
-        clients = [link for link in self._links if link not in self._autopilots]
-        reached = [link for link in self._links if link not in self._autopilots or link == self._primary]
-        self._others = {
-            link: tuple(clients)
-            if link in self._autopilots
-            else tuple(other for other in reached if other != link)
-            for link in self._links
-        }
+    def _others_of(self, source: int) -> tuple[int, ...]:
+        """Where a link's untargeted frames go: worked out when one comes, since links may come and go in hundreds."""
+        others = self._others.get(source)
+        if others is None and source in self._links:
+            autopilots = self._autopilots
+            beyond = set(autopilots) if source in autopilots else autopilots - {self._primary}
+            others = tuple(link for link in self._links if link != source and link not in beyond)
+            self._others[source] = others
+        return others or ()

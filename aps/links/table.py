@@ -84,7 +84,7 @@ class LinkTable:
 
     def link_opened(self, link: Link) -> bool:
         """There is a peer; False turns it away."""
-        if link.role is Role.CLIENT and len(self.clients) + self.leaving >= self.max_clients:
+        if link.role is Role.CLIENT and len(self._allowances) + self.leaving >= self.max_clients:
             self.turned_away += 1
             self._tell("turned away", f"{link.name} turned away: {self.max_clients} are connected already")
             return False
