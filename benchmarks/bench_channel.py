@@ -15,11 +15,11 @@ from time import process_time
 
 import numpy as np
 
-from channel.erasure import Draws
-from channel.medium import Medium
+from channel.draws import Draws
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
+from channel.medium.simulate import simulate
 from channel.presets import load_radio
-from channel.radio import Radio
-from channel.simulate import simulate
 
 REFERENCE_NS_PER_LINK = 300.0
 """ns-3's log-distance with its NIST error model, one core, without draws."""

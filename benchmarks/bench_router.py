@@ -26,9 +26,9 @@ from bridge.bus.keys import Keys
 from bridge.bus.session import AGENT, Sample, Session, Stamp, free_port, open_client, open_router
 from bridge.radio.deliveries import DeliveriesWriter
 from bridge.radio.virtual_radio import Forward, VirtualRadio
-from channel.medium import Medium
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
 from channel.presets import load_radio
-from channel.radio import Radio
 
 KEYS = Keys("bench")
 PAYLOAD = bytes(324)

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from channel.calibration import Fit, fit_radio
 from channel.config import RadioConfig
-from channel.flight_log import FlightLog
+from channel.fit.calibration import Fit, fit_radio
+from channel.fit.flight_log import FlightLog
+from channel.link.radio import Radio
 from channel.presets import load_radio
-from channel.radio import Radio
 
 PACKETS = 2000
 LENGTH_BYTES = 40.0

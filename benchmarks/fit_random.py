@@ -16,10 +16,10 @@ from time import process_time
 import numpy as np
 
 from benchmarks.fit_coverage import PACKETS, ParameterSet, synthetic_log, truth_of
-from channel.calibration import fit_radio
-from channel.flight_log import FlightLog
+from channel.fit.calibration import fit_radio
+from channel.fit.flight_log import FlightLog
+from channel.link.radio import Radio
 from channel.presets import load_radio
-from channel.radio import Radio
 
 BASES = {"moon2020": (6.0, 12.0), "gazebo-classic": (3.0, 8.0), "corrected": (2.0, 3.8)}
 READINGS = ("exact", "1 dB", "1 dB, error 1 dB", "none, exponent known", "none, sigma known", "none")

@@ -1,6 +1,6 @@
 """`python -m channel`."""
 
-from channel.cli import main
+from channel.cli.commands import main
 
 if __name__ == "__main__":
     main(prog_name="python -m channel")

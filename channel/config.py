@@ -6,19 +6,24 @@ from typing import Annotated, Literal, Protocol
 
 from pydantic import Field
 
-from channel.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
-from channel.atmosphere import ItuAtmosphere, NoAtmosphere
-from channel.bursts import GilbertElliott, NoBursts
-from channel.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
-from channel.fading import Nakagami, NoFading, Rayleigh, Rician
-from channel.hata import Cost231Hata, OkumuraHata
-from channel.interference import Interference
-from channel.noise import FixedNoise, ThermalNoise
-from channel.ofdm import OfdmNist, OfdmYans
-from channel.path_loss import FreeSpace, LogDistance, NoPathLoss, TwoRay
-from channel.shadowing import CorrelatedShadowing, NormalShadowing, NoShadowing, OneSidedNormalShadowing
-from channel.terrain import Terrain
+from channel.fading.laws import Nakagami, NoFading, Rayleigh, Rician
+from channel.fading.shadowing import (
+    CorrelatedShadowing,
+    NormalShadowing,
+    NoShadowing,
+    OneSidedNormalShadowing,
+)
+from channel.phy.bursts import GilbertElliott, NoBursts
+from channel.phy.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
+from channel.phy.interference import Interference
+from channel.phy.noise import FixedNoise, ThermalNoise
+from channel.phy.ofdm import OfdmNist, OfdmYans
+from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
+from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
+from channel.propagation.hata import Cost231Hata, OkumuraHata
+from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss, TwoRay
+from channel.propagation.terrain import Terrain
 from channel.variant import Settings, Variant
 
 Propagation = Annotated[

@@ -12,6 +12,6 @@ config.insert_json5(
     "connect/endpoints", json.dumps([sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7447"])
 )
 with zenoh.open(config) as session, contextlib.suppress(KeyboardInterrupt, BrokenPipeError):
-    subscriber = session.declare_subscriber("lostlink/*/ua/*/rx/**")
+    subscriber = session.declare_subscriber("lostlink/*/node/*/rx/**")
     for sample in subscriber:
         print(sample.key_expr, len(sample.payload.to_bytes()), "bytes", flush=True)

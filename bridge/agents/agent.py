@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from bridge.agents.client import CommandFailed, UaClient
-from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint, decode
+from bridge.agents.latest import LatestPackages
+from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint
 from bridge.bus.session import Stamp
 from bridge.scenario.model import Aircraft, OwnAgent, Transmit
 
@@ -27,7 +28,7 @@ class Agent:
     Attributes:
         ua: the node as the agent sees it.
         waypoints: what it plans to fly; told to the others.
-        latest: newest package that the radio delivered, of each other node.
+        latest: newest package that the radio delivered, of each other node; see `LatestPackages`.
         rng: the agent's own random numbers, seeded by run and node: the same in every repetition of the run.
     """
 
@@ -37,7 +38,7 @@ class Agent:
         self.transmit_config = transmit
         self.waypoints: tuple[Waypoint, ...] = ()
         self.measurements_dbm: tuple[float, ...] = ()
-        self.latest: dict[str, DataPackage] = {}
+        self.latest = LatestPackages(ua)
         self.rng = rng_of(ua.seed, ua.node)
         self._ticks = 0
         ua.on_packet(self.on_packet)
@@ -82,13 +83,9 @@ class Agent:
         self._ticks += 1
 
     def on_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:  # noqa: ARG002
-        """What the agent does with a packet that the radio delivered.
-
-        Raises:
-            DecodeError: it is no data package; counted as malformed.
-        """
+        """What the agent does with a packet that the radio delivered; a DecodeError of it is counted as malformed."""
         if channel == self.transmit_config.channel:
-            self.latest[sender] = decode(payload, DataPackage)
+            self.latest.take(sender, payload)
 
     def package(self, sim_time_ns: int) -> DataPackage:
         """The data package of Moon et al. 2020, Table II."""

@@ -28,7 +28,6 @@ from bridge.bus.messages import (
     Clock,
     CommandEvent,
     CommandGoal,
-    CommunicationStatus,
     DecodeError,
     decode,
 )
@@ -98,7 +97,7 @@ class _Feed:
         self._ua.take_state(decode(sample.payload.to_bytes(), AircraftState))
 
     def _comm_status_came(self, sample: Sample) -> None:
-        self._ua.take_comm_status(decode(sample.payload.to_bytes(), CommunicationStatus))
+        self._ua.take_comm_status(sample.payload.to_bytes())
 
     def _packet_came(self, sample: Sample) -> None:
         sender, channel = str(sample.key_expr).split("/")[-2:]

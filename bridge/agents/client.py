@@ -7,9 +7,10 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from bridge.bus.keys import checked_chunk
 from bridge.bus.messages import (
@@ -18,13 +19,17 @@ from bridge.bus.messages import (
     CommandEvent,
     CommandGoal,
     CommunicationStatus,
+    DecodeError,
     Header,
     Message,
+    decode,
     encode,
     encoding_of,
 )
 from bridge.bus.session import Stamp
 
+M = TypeVar("M", bound=Message)
+log = logging.getLogger("agent")
 OnEvent = Callable[[CommandEvent | None], object]
 """Told of each event of a command; None: there will be no more."""
 
@@ -66,7 +71,10 @@ class UaClient:
         self.node = node
         self.seed = seed
         self.state: AircraftState | None = None
-        self.comm_status: CommunicationStatus | None = None
+        self._comm_status: CommunicationStatus | None = None
+        self._new_comm_status: bytes | None = None
+        self.malformed = 0
+        """Packets and the like that the agent could not read."""
         self.sim_time_ns = 0
         self.is_over = False
         """The run is over: what is still transmitted or commanded has no effect, as nobody could hear it."""
@@ -79,6 +87,23 @@ class UaClient:
         self._on_packet: list[Callable[[str, str, bytes, Stamp], object]] = []
 
     # --- what comes in
+
+    @property
+    def comm_status(self) -> CommunicationStatus | None:
+        """Which other nodes were heard, newest; None before anything was transmitted. Decoded when it is looked at."""
+        payload, self._new_comm_status = self._new_comm_status, None
+        if payload is not None:
+            self._comm_status = self.read(payload, CommunicationStatus) or self._comm_status
+        return self._comm_status
+
+    def read(self, payload: bytes, cls: type[M]) -> M | None:
+        """The message in what came from elsewhere; None, and counted in ``malformed``, if it is none."""
+        try:
+            return decode(payload, cls)
+        except DecodeError as error:
+            self.malformed += 1
+            log.warning("%s", error)
+            return None
 
     def on_tick(self, callback: Callable[[int], object]) -> None:
         """Call ``callback(sim_time_ns)`` at each tick of the fleet clock."""
@@ -215,9 +240,9 @@ class UaClient:
             except Exception as error:  # somebody's own code: it is for whoever waits
                 future.set_exception(error)
 
-    def take_comm_status(self, status: CommunicationStatus) -> None:
-        """Which other nodes were heard."""
-        self.comm_status = status
+    def take_comm_status(self, payload: bytes) -> None:
+        """Which other nodes were heard: a CommunicationStatus in CDR."""
+        self._new_comm_status = payload
 
     def take_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:
         """A packet that the radio delivered; raises what the callbacks raise."""

@@ -47,8 +47,6 @@ class AgentRunner:
         self, ua: UaClient, build: Callable[[UaClient], Agent], on_idle: Callable[[], object]
     ) -> None:
         self.ua = ua
-        self.malformed = 0
-        """Packets that the agent could not read."""
         self._build = build
         self._on_idle = on_idle
         self._inbox: queue.SimpleQueue[_Tick | None] = queue.SimpleQueue()
@@ -171,7 +169,7 @@ class AgentRunner:
         try:
             callback()
         except DecodeError as error:
-            self.malformed += 1
+            self.ua.malformed += 1
             log.warning("%s: %s", when, error)
         except Exception as error:
             self._fail(when, error)

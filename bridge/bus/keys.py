@@ -1,14 +1,20 @@
 """The Zenoh key space of one run: `lostlink/<run>/...`.
 
-A node is anything with an antenna and a position; a UA is a node whose id is its index as text.
+A node is anything with an id on the air; a UA is a node whose id is its index as text. All that a node writes and
+reads of its own lies under `node/<id>/`, so that one rule of access is enough for it.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import NamedTuple
 
 ROOT = "lostlink"
+MAIN = "main"
+"""The radio of a node that has one."""
+ALL = "all"
+"""Addressee of a packet that is for every other node."""
 _CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -17,6 +23,15 @@ def checked_chunk(value: str) -> str:
     if not _CHUNK.fullmatch(value):
         raise ValueError(f"{value!r} cannot be part of a key: use letters, digits, '_', '-' and '.'")
     return value
+
+
+class Address(NamedTuple):
+    """Who gave a packet to which of its radios, and for whom."""
+
+    node: str
+    radio: str
+    to: str
+    channel: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,37 +75,37 @@ class Keys:
         """The tick with which the run ends: all its packets are settled; written by the radio router."""
         return f"{self.prefix}/clock/end"
 
-    def clock_answer(self, node: str) -> str:
-        """A node's word that it is done with a tick: its agent, and its aircraft."""
-        return f"{self.prefix}/clock/answer/{node}"
-
     def truth(self, node: str) -> str:
         """True state of a node; written by the flight dynamics."""
         return f"{self.prefix}/truth/{node}"
 
     def state(self, node: str) -> str:
         """Table I, as the node's autopilot reports it."""
-        return f"{self.prefix}/ua/{node}/state"
+        return f"{self.prefix}/node/{node}/state"
 
     def command(self, node: str, verb: str) -> str:
         """Queryable that carries out ``verb``: arm, disarm, mode, takeoff, goto, rtl or land."""
-        return f"{self.prefix}/ua/{node}/cmd/{verb}"
+        return f"{self.prefix}/node/{node}/cmd/{verb}"
 
     def agent(self, node: str) -> str:
         """What the node's agent says of itself."""
-        return f"{self.prefix}/ua/{node}/agent"
+        return f"{self.prefix}/node/{node}/agent"
 
-    def tx(self, node: str, channel: str) -> str:
-        """What a node gives to the radio; only the radio router reads it."""
-        return f"{self.prefix}/ua/{node}/tx/{channel}"
+    def answer(self, node: str) -> str:
+        """A regulated node's word that it is done with a tick: its agent, and its aircraft."""
+        return f"{self.prefix}/node/{node}/answer"
+
+    def tx(self, node: str, channel: str, *, to: str = ALL, radio: str = MAIN) -> str:
+        """What a node gives to one of its radios, for one node or for all; only the radio router reads it."""
+        return f"{self.prefix}/node/{node}/tx/{radio}/{to}/{channel}"
 
     def rx(self, node: str, sender: str, channel: str) -> str:
         """What the radio delivered to a node; only the radio router writes it."""
-        return f"{self.prefix}/ua/{node}/rx/{sender}/{channel}"
+        return f"{self.prefix}/node/{node}/rx/{sender}/{channel}"
 
     def comm_status(self, node: str) -> str:
         """Which other nodes' latest packets reached this one."""
-        return f"{self.prefix}/ua/{node}/comm_status"
+        return f"{self.prefix}/node/{node}/comm_status"
 
     def link(self, tx: str, rx: str) -> str:
         """Power, SNR, PER and counts of one directed link."""
@@ -105,10 +120,10 @@ class Keys:
         return key.rsplit("/", 1)[1]
 
     def node_of(self, key: str) -> str:
-        """The node of a key below ``ua/``."""
+        """The node of a key below ``node/``."""
         return key[len(self.prefix) + 1 :].split("/", 2)[1]
 
-    def sender_and_channel(self, tx_key: str) -> tuple[str, str]:
-        """Split a ``tx`` key into node and channel."""
-        _, node, _, channel = tx_key[len(self.prefix) + 1 :].split("/", 3)
-        return node, channel
+    def address_of(self, tx_key: str) -> Address:
+        """Split a ``tx`` key."""
+        _, node, _, radio, to, channel = tx_key[len(self.prefix) + 1 :].split("/", 5)
+        return Address(node, radio, to, channel)

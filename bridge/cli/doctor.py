@@ -24,7 +24,7 @@ PACKAGES = (
     "pymavlink",
     "numpy",
     "scipy",
-    "rosbags",
+    "pyarrow",
     "pydantic",
     "matplotlib",
 )

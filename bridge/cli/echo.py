@@ -40,7 +40,7 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
 
     \b
     Examples:
-      lostlink echo 'lostlink/**/ua/*/rx/**'
+      lostlink echo 'lostlink/**/node/*/rx/**'
       lostlink echo 'lostlink/*/clock' --count 1
       lostlink echo 'lostlink/**/link/*/*' --json --connect tcp/127.0.0.1:7447
     """

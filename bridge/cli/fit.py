@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from channel.command_input import BadInput
+from channel.cli.fit_command import FitRequest, fit_options, run_fit
+from channel.cli.options import BadInput
 from channel.config import RadioConfig
-from channel.fit_command import FitRequest, fit_options, run_fit
 
 if TYPE_CHECKING:
     from aps.logs.flight_log import Place
-    from channel.flight_log import FlightLog
+    from channel.fit.flight_log import FlightLog
 
 AUTOPILOT_LOGS = frozenset({".tlog", ".bin"})
 
@@ -62,7 +62,7 @@ def fit(
             f"{log}: the sender's own log (.tlog or .bin) is missing: it says where the sender was"
         )
     if sent is None:
-        from channel.flight_log import read_csv_log
+        from channel.fit.flight_log import read_csv_log
 
         run_fit(request, log.stem, lambda base: read_csv_log(log, base))
         return
@@ -76,7 +76,7 @@ def _from_logs(
     import numpy as np
 
     from aps.logs import flight_log as aps_log
-    from channel.flight_log import FlightLog
+    from channel.fit.flight_log import FlightLog
 
     try:
         link = aps_log.read_link(log, sent, sender_sysid=sender, receiver_at=place, rssi_scale=rssi_scale)

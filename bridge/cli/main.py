@@ -14,7 +14,7 @@ from bridge.cli.echo import echo
 from bridge.cli.fit import fit
 from bridge.cli.refly import refly
 from bridge.cli.run import run
-from channel.cli import main as channel_commands
+from channel.cli.commands import main as channel_commands
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -27,7 +27,7 @@ def lostlink() -> None:
       lostlink run                                 two copters, one radio: where does the link break?
       lostlink run my.yaml --speed 1               your scenario, in real time
       lostlink link --radio moon2020 --distance 400
-      lostlink echo 'lostlink/**/ua/*/rx/**'       what the radio delivers, during a run
+      lostlink echo 'lostlink/**/node/*/rx/**'       what the radio delivers, during a run
       lostlink doctor                              what is installed, found and free
     """
 

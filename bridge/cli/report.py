@@ -18,7 +18,7 @@ from bridge.record.events import read_reports
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from channel.intervals import binomial_interval, proportion_interval
-from channel.radio import Radio
+from channel.link.radio import Radio
 
 SCHEMA = 1
 FIGURE_FILE = "probability_of_delivery.png"

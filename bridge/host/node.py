@@ -13,14 +13,13 @@ It knows no session and no event loop: what goes out goes to its `Outlets`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from aps.inputs import Input
 from bridge.agents.client import OnEvent, UaClient
 from bridge.agents.runner import AgentRunner, Arrival
 from bridge.aircraft.aircraft_bridge import AircraftBridge
-from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal, CommunicationStatus
+from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.session import Stamp
 from bridge.record.inputs import RecordedInput
 
@@ -43,8 +42,7 @@ class Outlets(Protocol):
         """Tell the radio that all is done that this node does at a tick."""
 
 
-@dataclass(frozen=True, slots=True)
-class Packet:
+class Packet(NamedTuple):
     """What the radio delivered."""
 
     sender: str
@@ -90,7 +88,7 @@ class Node:
         self._agent_outlet: AgentOutlet | None = None
         self._runner: AgentRunner | None = None
         self._packets: list[Packet] = []
-        self._comm_status: CommunicationStatus | None = None
+        self._comm_status: bytes | None = None
         self._events: list[tuple[OnEvent, CommandEvent]] = []
         self._asked: list[tuple[str, CommandGoal, OnReply]] = []
         self._replay: list[RecordedInput] = []
@@ -111,9 +109,9 @@ class Node:
         """The radio delivered a packet: it is for the next tick."""
         self._packets.append(packet)
 
-    def comm_status_came(self, status: CommunicationStatus) -> None:
-        """The radio tells who was heard."""
-        self._comm_status = status
+    def comm_status_came(self, payload: bytes) -> None:
+        """The radio tells who was heard, as CDR of a CommunicationStatus."""
+        self._comm_status = payload
 
     def operator_asked(self, verb: str, goal: CommandGoal, on_reply: OnReply) -> None:
         """Somebody outside wants the aircraft to do something: it is for the next tick, and recorded."""

@@ -26,7 +26,6 @@ from bridge.bus.messages import (
     Clock,
     CommandEvent,
     CommandGoal,
-    CommunicationStatus,
     DecodeError,
     Header,
     decode,
@@ -79,9 +78,7 @@ class ZenohOutlets:
 
     def answer(self, sim_time_ns: int) -> None:
         """Tell the radio that this node is done with a tick."""
-        self._session.put(
-            self._keys.clock_answer(self._node), Header.at(sim_time_ns, self._node), must_arrive=True
-        )
+        self._session.put(self._keys.answer(self._node), Header.at(sim_time_ns, self._node), must_arrive=True)
 
 
 class HostedNode:
@@ -211,7 +208,7 @@ class HostedNode:
         self.node.packet_came(Packet(sender, channel, sample.payload.to_bytes(), stamp))
 
     def _comm_status_came(self, sample: Sample) -> None:
-        self.node.comm_status_came(decode(sample.payload.to_bytes(), CommunicationStatus))
+        self.node.comm_status_came(sample.payload.to_bytes())
 
     def _asked_for(self, item: tuple[str, Query]) -> None:
         verb, query = item
@@ -245,7 +242,7 @@ class HostedNode:
             self._connecting.cancel()
         counters = {
             "packets_without_stamp": self._malformed,
-            "packets_the_agent_could_not_read": self.runner.malformed,
+            "packets_the_agent_could_not_read": self.runner.ua.malformed,
             "commands_dropped": self._asked.dropped,
         }
         self._record.close(self.daemon.statistics(), counters)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TextIO, TypeVar
 
 from bridge.record.names import RECORD_FILE
-from channel.ledger import Ledger
+from channel.medium.ledger import Ledger
 
 DELIVERIES = RECORD_FILE
 LEDGER = "ledger.json"

@@ -22,7 +22,7 @@ from bridge.run.every import Every
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radio_of
 from bridge.timeouts import FLUSH_PERIOD_S
-from channel.medium import Medium
+from channel.medium.medium import Medium
 
 IDLE_S = 5.0
 REFUSALS_LOGGED_MAX = 20
@@ -68,8 +68,8 @@ class RouterProcess:
 
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
         yield self._keys.truth("*"), self._on_truth
-        yield self._keys.tx("*", "*"), self._on_packet
-        yield self._keys.clock_answer("*"), self._on_answer
+        yield self._keys.tx("*", "*", to="*", radio="*"), self._on_packet
+        yield self._keys.answer("*"), self._on_answer
         yield self._keys.clock, self._on_clock
         yield self._keys.agent("*"), self._on_agent
 
@@ -171,10 +171,10 @@ class RouterProcess:
         )
 
     def _on_packet(self, key: str, sample: Sample) -> list[Action]:
-        node, channel = self._keys.sender_and_channel(key)
+        to = self._keys.address_of(key)
         refused = self._core.refused.total()
         self._core.on_packet(
-            node, channel, sample.payload.to_bytes(), sample.encoding, Stamp.from_sample(sample)
+            to.node, to.channel, sample.payload.to_bytes(), sample.encoding, Stamp.from_sample(sample)
         )
         if self._core.refused.total() == refused + 1 <= REFUSALS_LOGGED_MAX:
             log.warning("refused a packet on %s; refused so far: %s", key, dict(self._core.refused))
@@ -182,7 +182,7 @@ class RouterProcess:
 
     def _on_answer(self, key: str, sample: Sample) -> list[Action]:
         return self._core.on_answer(
-            self._keys.last_chunk(key), decode(sample.payload.to_bytes(), Header).stamp.ns
+            self._keys.node_of(key), decode(sample.payload.to_bytes(), Header).stamp.ns
         )
 
     def _on_clock(self, _key: str, sample: Sample) -> list[Action]:

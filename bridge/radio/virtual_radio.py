@@ -20,8 +20,8 @@ from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link, Message
 from bridge.bus.session import AGENT, Stamp
 from bridge.radio.deliveries import DeliveryRow
-from channel.ledger import Ledger
-from channel.medium import Fate, Medium, Reception
+from channel.medium.ledger import Ledger
+from channel.medium.medium import Fate, Medium, Reception
 
 TRANSPORT = "transport"
 """Cause of loss: the packet left its agent and never came to the router. The host lost it, not the radio."""

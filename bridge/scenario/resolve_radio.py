@@ -6,8 +6,8 @@ Apart from `resolve`, as the channel needs scipy, which is slow to import, and o
 from __future__ import annotations
 
 from bridge.scenario.model import Scenario
+from channel.link.radio import Radio
 from channel.presets import load_radio, radio_from_mapping
-from channel.radio import Radio
 
 
 def radio_of(scenario: Scenario) -> Radio:

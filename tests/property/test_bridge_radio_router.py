@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from bridge.bus.keys import Keys
 from bridge.bus.session import AGENT, Stamp
 from bridge.radio.virtual_radio import VirtualRadio
-from channel.medium import Medium
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
 from channel.presets import load_radio
-from channel.radio import Radio
 
 RADIO = Radio(load_radio("moon2020"))
 TICK_NS = 50_000_000

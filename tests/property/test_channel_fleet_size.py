@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from channel import presets
-from channel.medium import Medium
-from channel.radio import Radio
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
 from channel.validity import ValidityWarning
 
 TICK_NS = 50_000_000

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from channel import presets
-from channel.medium import Medium
-from channel.radio import Radio
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
 
 RADIO = Radio(presets.load_radio("moon2020", {"base_loss": 0.05}))
 TICK_NS = 50_000_000

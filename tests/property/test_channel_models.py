@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from channel.air_to_ground import AlHourani, RmaAv, UmaAv
-from channel.error_model import Band, ErfcBytes, SnrTable, Threshold, UncodedAwgn
 from channel.geometry import Path
-from channel.hata import Cost231Hata, OkumuraHata
-from channel.ofdm import OfdmNist, OfdmYans
-from channel.path_loss import FreeSpace, LogDistance, TwoRay
+from channel.phy.error_model import Band, ErfcBytes, SnrTable, Threshold, UncodedAwgn
+from channel.phy.ofdm import OfdmNist, OfdmYans
+from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
+from channel.propagation.hata import Cost231Hata, OkumuraHata
+from channel.propagation.path_loss import FreeSpace, LogDistance, TwoRay
 
 MONOTONE = [
     FreeSpace(),

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from channel import presets
 from channel.checks import ChannelInputError
-from channel.radio import Radio
+from channel.link.radio import Radio
 
 RADIOS = {name: Radio(presets.load_radio(name)) for name in presets.preset_names()}
 names = st.sampled_from(sorted(RADIOS))

@@ -185,7 +185,7 @@ class Link(Message):
 
 @dataclass(frozen=True, slots=True)
 class CommandGoal(Message):
-    """A request to ``ua/<id>/cmd/<verb>``; fields that the verb does not use are left 0 or empty."""
+    """A request to ``node/<id>/cmd/<verb>``; fields that the verb does not use are left 0 or empty."""
 
     TYPE = f"{PACKAGE}/msg/CommandGoal"
     mode: str = ""

@@ -53,7 +53,16 @@ def test_two_mavlink_clients_see_ua_1_at_once(mavlink_clients: list[mavutil.mavf
 
 
 def test_echo_prints_decoded_deliveries_of_the_run(live_run: Run) -> None:
-    echo = [*LOSTLINK, "echo", "lostlink/**/ua/*/rx/**", "--out", str(live_run.out), "--count", "2", "--json"]
+    echo = [
+        *LOSTLINK,
+        "echo",
+        "lostlink/**/node/*/rx/**",
+        "--out",
+        str(live_run.out),
+        "--count",
+        "2",
+        "--json",
+    ]
     done = subprocess.run(echo, capture_output=True, text=True, timeout=30)
     assert done.returncode == 0, done.stderr
     for line in done.stdout.splitlines():
@@ -68,7 +77,7 @@ def test_echo_prints_decoded_deliveries_of_the_run(live_run: Run) -> None:
 def test_plain_subscriber_of_the_readme_sees_deliveries(live_run: Run) -> None:
     script = [sys.executable, str(EXAMPLES / "zenoh_subscriber.py"), live_run.endpoint]
     for line in first_lines(script, 3):
-        assert line.startswith(f"lostlink/{live_run.directory.name}/ua/")
+        assert line.startswith(f"lostlink/{live_run.directory.name}/node/")
         assert "/rx/" in line
 
 

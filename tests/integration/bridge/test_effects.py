@@ -14,8 +14,8 @@ from bridge.bus.session import open_client
 from bridge.radio.deliveries import DeliveryRow, read_deliveries
 from bridge.record import names
 from bridge.record.streams import read_stream
+from channel.link.radio import Radio
 from channel.presets import radio_from_mapping
-from channel.radio import Radio
 from tests.integration.bridge.conftest import STILL, Run, StartRun
 
 FADING = {
@@ -69,23 +69,37 @@ class Babbler(Agent):
             self.ua.transmit("team", b"no data package")
             await self.sleep(0.1)
 """
+READER = """\
+from bridge.agents import Agent
+
+class Reader(Agent):
+    def on_tick(self, sim_time_ns):
+        super().on_tick(sim_time_ns)
+        assert "1" not in self.latest or self.latest["1"].header.frame_id == "1"
+        assert self.ua.comm_status is None or self.ua.comm_status.node == ("1",)
+"""
 
 
 def test_what_could_not_be_read_is_told_in_the_summary(start_run: StartRun, tmp_path: Path) -> None:
     (tmp_path / "babbler.py").write_text(BABBLER)
-    own = f"{{{{type: own, class: {tmp_path}/babbler.py:Babbler}}}}"
-    head, _, tail = STILL.rpartition("{{type: still}}")
-    run = start_run(scenario=f"{head}{own}{tail}".replace("moon2020", "perfect"), duration_s=10.0, speed="4")
+    (tmp_path / "reader.py").write_text(READER)
+    babbler, reader = (
+        f"{{{{type: own, class: {tmp_path}/{name.lower()}.py:{name}}}}}" for name in ("Babbler", "Reader")
+    )
+    head, _, tail = STILL.replace("{{type: still}}", reader, 1).rpartition("{{type: still}}")
+    run = start_run(
+        scenario=f"{head}{babbler}{tail}".replace("moon2020", "perfect"), duration_s=10.0, speed="4"
+    )
     run.wait_for("sim time")
     with open_client(run.endpoint) as session:
         keys = Keys(run.directory.name)
         session.put_bytes(keys.rx("0", "1", "team"), b"without a stamp", must_arrive=True)
-        session.put_bytes(keys.comm_status("0"), b"garbage", must_arrive=True)
+        session.put_bytes(keys.clock_exchange, b"garbage", must_arrive=True)
         assert run.finish() == 0, run.output.decode()
     counters = run.summary["counters"]
     assert counters["ua-0"]["packets_the_agent_could_not_read"] == 20
     assert counters["ua-0"]["packets_without_stamp"] == 1
-    assert sum(c.get("malformed_samples", 0) for c in counters.values()) == 1
+    assert {c["malformed_samples"] for name, c in counters.items() if name.startswith("host-")} == {1}
 
 
 def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repeat(

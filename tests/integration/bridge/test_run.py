@@ -123,7 +123,7 @@ def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> Non
         session.put(
             keys.truth("0"), Truth(Header.at(0, "0"), position_ned_m=Vector3(nan, nan, nan)), must_arrive=True
         )
-        session.put_bytes(keys.clock_answer("0"), b"garbage", must_arrive=True)
+        session.put_bytes(keys.answer("0"), b"garbage", must_arrive=True)
         session.put_bytes(keys.tx("0", "team"), b"from a guest", must_arrive=True)
         session.put_bytes(keys.tx("9", "team"), b"from nobody", must_arrive=True)
     assert run.finish() == 0, run.output.decode()

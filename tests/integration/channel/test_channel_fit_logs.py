@@ -13,7 +13,7 @@ from bridge.cli.main import lostlink
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
 from bridge.scenario.resolve_radio import radio_of
 from channel import presets
-from channel.radio import Radio
+from channel.link.radio import Radio
 
 TRUTH = {
     "propagation": {"exponent": 2.9},

@@ -5,8 +5,8 @@ import pytest
 
 from channel import presets
 from channel.intervals import binomial_interval
-from channel.medium import Fate, Medium
-from channel.radio import Radio
+from channel.link.radio import Radio
+from channel.medium.medium import Fate, Medium
 
 PACKETS = 800
 STEP_NS = 10_000_000_000

@@ -11,8 +11,8 @@ import pytest
 @pytest.mark.parametrize(
     ("module", "not_needed"),
     [
-        ("bridge.host.process", "scipy matplotlib jsbsim channel.radio bridge.scenario.file"),
-        ("bridge.physics.process", "scipy matplotlib channel.radio bridge.scenario.file"),
+        ("bridge.host.process", "scipy matplotlib jsbsim channel.link.radio bridge.scenario.file"),
+        ("bridge.physics.process", "scipy matplotlib channel.link.radio bridge.scenario.file"),
         ("bridge.record.streams", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.events", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.inputs", "pymavlink pydantic zenoh"),

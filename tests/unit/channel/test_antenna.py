@@ -5,7 +5,7 @@ from scipy.integrate import trapezoid
 
 from channel import presets
 from channel.antenna import HalfWaveDipole, Pattern, Polarisation, Sector, rotate, to_body
-from channel.radio import Radio
+from channel.link.radio import Radio
 
 FORWARD, RIGHT, DOWN = np.eye(3)
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any, cast
 
 import pytest
 
@@ -19,8 +20,10 @@ from bridge.bus.messages import (
     AircraftState,
     CommandEvent,
     CommandGoal,
+    CommunicationStatus,
     DataPackage,
     Header,
+    decode,
     encode,
 )
 from bridge.bus.session import Stamp
@@ -177,18 +180,69 @@ def test_waits_for_states_and_their_time_outs(flown: list[Flown]) -> None:
     assert [entry for entry in agent.sent if entry[0] != "team"] == [("armed", 2), ("late", 7)]
 
 
-def test_packets_that_are_none_are_counted_and_the_rest_goes_on(flown: list[Flown]) -> None:
-    flown.append(Flown(Agent))
-    agent = flown[0]
-    package = encode(DataPackage(Header.at(5, "0")))
-    stamp = Stamp(0, 0)
+class Looker(Agent):
+    """Looks at the packages and at who was heard, at the ticks that are told, and keeps what it saw."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.looks = False
+        self.seen: list[tuple[list[str], int, list[str]]] = []
+
+    def on_tick(self, sim_time_ns: int) -> None:
+        super().on_tick(sim_time_ns)
+        if self.looks:
+            status = self.ua.comm_status
+            heard = list(status.node) if status is not None else []
+            self.seen.append((sorted(self.latest), len(self.latest), heard))
+
+
+def test_what_is_no_package_is_counted_when_the_agent_looks_and_does_not_blow_up_in_its_code(
+    flown: list[Flown],
+) -> None:
+    flown.append(Flown(Looker))
+    agent, stamp = flown[0], Stamp(0, 0)
+    good = encode(DataPackage(Header.at(5, "2")))
+    status = encode(CommunicationStatus(node=("2",), delivered=(True,)))
     agent.tick(
         lambda ua: ua.take_packet("0", "team", b"garbage", stamp),
-        lambda ua: ua.take_packet("2", "team", package, stamp),
+        lambda ua: ua.take_packet("2", "team", good, stamp),
+        lambda ua: ua.take_comm_status(status),
     )
     agent.tick()
-    assert agent.runner.malformed == 1
-    assert agent.runner.ua.received == 2
+    assert (agent.runner.ua.received, agent.runner.ua.malformed) == (2, 0)
+    looker = cast("Looker", agent.runner._agent)
+    looker.looks = True
+    agent.tick()
+    agent.tick(lambda ua: ua.take_comm_status(b"garbage"))
+    assert looker.seen == [(["2"], 1, ["2"])] * 2
+    assert agent.runner.ua.malformed == 2
+    with pytest.raises(KeyError):
+        looker.latest["0"]
+    assert looker.latest.raw == {"0": b"garbage", "2": good}
+    agent.tick(lambda ua: ua.take_packet("0", "team", good, stamp))
+    assert looker.seen[-1] == (["0", "2"], 2, ["2"])
+    assert looker.latest["2"] is looker.latest["2"]
+    assert not any(status.failed for status in agent.outlet.reports)
+
+
+class OwnReader(Agent):
+    """Decodes in its callback."""
+
+    def on_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:
+        decode(payload, DataPackage)
+
+
+def test_a_packet_that_an_agents_own_callback_cannot_read_is_counted_and_the_rest_goes_on(
+    flown: list[Flown],
+) -> None:
+    flown.append(Flown(OwnReader))
+    agent, stamp = flown[0], Stamp(0, 0)
+    agent.tick(
+        lambda ua: ua.take_packet("0", "team", b"garbage", stamp),
+        lambda ua: ua.take_packet("2", "team", encode(DataPackage()), stamp),
+    )
+    agent.tick()
+    assert (agent.runner.ua.received, agent.runner.ua.malformed) == (2, 1)
     assert not any(status.failed for status in agent.outlet.reports)
 
 

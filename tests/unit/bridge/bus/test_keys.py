@@ -10,17 +10,17 @@ KEYS = Keys("r1")
 
 
 def test_keys_of_a_ua() -> None:
-    assert KEYS.state("0") == "lostlink/r1/ua/0/state"
-    assert KEYS.command("0", "arm") == "lostlink/r1/ua/0/cmd/arm"
-    assert KEYS.rx("1", "0", "team") == "lostlink/r1/ua/1/rx/0/team"
-    assert KEYS.comm_status("1") == "lostlink/r1/ua/1/comm_status"
+    assert KEYS.state("0") == "lostlink/r1/node/0/state"
+    assert KEYS.command("0", "arm") == "lostlink/r1/node/0/cmd/arm"
+    assert KEYS.rx("1", "0", "team") == "lostlink/r1/node/1/rx/0/team"
+    assert KEYS.comm_status("1") == "lostlink/r1/node/1/comm_status"
     assert KEYS.link("0", "1") == "lostlink/r1/link/0/1"
     assert KEYS.truth("gcs") == "lostlink/r1/truth/gcs"
     assert KEYS.clock == "lostlink/r1/clock"
 
 
 def test_keys_parse_back() -> None:
-    assert KEYS.sender_and_channel(KEYS.tx("gcs", "team")) == ("gcs", "team")
+    assert KEYS.address_of(KEYS.tx("gcs", "team", to="1")) == ("gcs", "main", "1", "team")
     assert KEYS.node_of(KEYS.agent("7")) == "7"
     assert KEYS.last_chunk(KEYS.truth("7")) == "7"
 

@@ -30,7 +30,8 @@ from bridge.bus.messages import (
     encode,
     encoding_of,
 )
-from bridge.bus.messages.codec import class_of, definitions
+from bridge.bus.messages.codec import class_of
+from bridge.bus.messages.definitions import definitions
 
 OURS = (
     AgentStatus,

@@ -16,7 +16,14 @@ from bridge.agents.agent import Agent
 from bridge.agents.client import UaClient
 from bridge.agents.runner import AgentRunner
 from bridge.aircraft.aircraft_bridge import AircraftBridge, OnEvent
-from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal, CommunicationStatus
+from bridge.bus.messages import (
+    AgentStatus,
+    AircraftState,
+    CommandEvent,
+    CommandGoal,
+    CommunicationStatus,
+    encode,
+)
 from bridge.bus.session import Stamp
 from bridge.host.node import AgentOutlet, Node, Packet
 from bridge.record.inputs import RecordedInput
@@ -173,9 +180,10 @@ class WatchedClient(UaClient):
         super().take_state(state)
         self._log.append(f"agent sees {state.mode or 'nothing'} at {state.header.stamp.ns // MS} ms")
 
-    def take_comm_status(self, status: CommunicationStatus) -> None:
-        super().take_comm_status(status)
-        self._log.append(f"agent heard {','.join(status.node)}")
+    def take_comm_status(self, payload: bytes) -> None:
+        super().take_comm_status(payload)
+        assert self.comm_status is not None
+        self._log.append(f"agent heard {','.join(self.comm_status.node)}")
 
     def take_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:
         super().take_packet(sender, channel, payload, stamp)
@@ -284,8 +292,8 @@ async def test_everything_at_a_tick_has_its_place(host: Host) -> None:
         packet("a", 8, 50 * MS),
     ):
         host.node.packet_came(late)
-    host.node.comm_status_came(CommunicationStatus(node=("x",), delivered=(True,)))
-    host.node.comm_status_came(CommunicationStatus(node=("a", "b"), delivered=(True, True)))
+    host.node.comm_status_came(encode(CommunicationStatus(node=("x",), delivered=(True,))))
+    host.node.comm_status_came(encode(CommunicationStatus(node=("a", "b"), delivered=(True, True))))
     _, writer = await asyncio.open_connection("127.0.0.1", host.daemon.listen_port)
     writer.write(frame(GUIDED))
     await pending(host, 2)
@@ -338,7 +346,7 @@ async def test_everything_at_a_tick_has_its_place(host: Host) -> None:
 async def test_what_was_taken_at_a_tick_is_not_taken_again(host: Host) -> None:
     await heard(host)
     host.node.packet_came(packet("a", 0, 0))
-    host.node.comm_status_came(CommunicationStatus(node=("a",), delivered=(True,)))
+    host.node.comm_status_came(encode(CommunicationStatus(node=("a",), delivered=(True,))))
     host.ask("arm")
     host.orders[TICK_NS] = lambda: host.command("rtl")
     host.tick(TICK_NS)
@@ -371,7 +379,7 @@ async def test_an_exchange_between_ticks_does_not_run_the_agent(host: Host) -> N
     host.tick(TICK_NS)
     host.autopilot.commands()
     host.node.packet_came(packet("a", 0, 0))
-    host.node.comm_status_came(CommunicationStatus(node=("a",), delivered=(True,)))
+    host.node.comm_status_came(encode(CommunicationStatus(node=("a",), delivered=(True,))))
     host.ask("mode", CommandGoal(mode="GUIDED"))
     host.autopilot.say(heartbeat(RTL), acknowledged(ARM))
     assert host.exchange(TICK_NS + 10 * MS) == [

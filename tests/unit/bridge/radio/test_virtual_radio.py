@@ -10,9 +10,9 @@ from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link
 from bridge.bus.session import AGENT, Stamp
 from bridge.radio.virtual_radio import TRANSPORT, Action, Forward, Publish, Refused, VirtualRadio
-from channel.medium import Medium
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
 from channel.presets import load_radio
-from channel.radio import Radio
 
 KEYS = Keys("r")
 TICK_NS = 50_000_000
@@ -55,7 +55,7 @@ def test_packet_goes_on_with_its_bytes_stamp_and_encoding() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=100.0)
     (forward,) = forwards(send(core, "0", b"\x00payload", "text/plain", by_agent(0, 0)))
-    assert forward.key == "lostlink/r/ua/1/rx/0/team"
+    assert forward.key == "lostlink/r/node/1/rx/0/team"
     assert (forward.packet.payload, forward.packet.encoding) == (b"\x00payload", "text/plain")
     assert len(forward.attachment) == 33
 

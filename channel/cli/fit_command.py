@@ -1,0 +1,108 @@
+"""The command `fit`, but for how the log is read: `lostlink fit` reads logs of autopilots, too."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from channel import presets
+from channel.checks import ChannelInputError
+from channel.cli.options import BadInput, chosen_radio, radio_options, writing
+from channel.config import RadioConfig
+
+if TYPE_CHECKING:
+    from channel.fit.calibration import Fit
+    from channel.fit.flight_log import FlightLog
+
+
+@dataclass(frozen=True, slots=True)
+class FitRequest:
+    """The options of `fit` but for the log."""
+
+    radio: str
+    settings: tuple[str, ...]
+    hold: tuple[str, ...]
+    out: Path | None
+    plot: Path | None
+    as_json: bool
+
+
+def fit_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add what every `fit` takes to a command."""
+    for option in (
+        click.option("--json", "as_json", is_flag=True, help="Machine-readable output."),
+        click.option(
+            "--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw the data over the model."
+        ),
+        click.option(
+            "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the fitted radio as YAML."
+        ),
+        click.option(
+            "--hold", multiple=True, metavar="KEY", help="A parameter that is known: the radio's. Repeatable."
+        ),
+        radio_options,
+    ):
+        command = option(command)
+    return command
+
+
+def run_fit(request: FitRequest, name: str, read: Callable[[RadioConfig], FlightLog]) -> None:
+    """Fit, write and print.
+
+    Args:
+        request: the options.
+        name: of the fitted radio, if no file is written.
+        read: returns the log, given the radio to start from.
+
+    Raises:
+        BadInput: a log, an option or a file that cannot be.
+    """
+    from channel.fit import calibration, flight_log
+
+    base = chosen_radio(request.radio, request.settings)
+    try:
+        data = read(base)
+        found = calibration.fit_radio(data, base, request.hold)
+    except (flight_log.FlightLogError, calibration.NotEnoughInformationError, ChannelInputError) as error:
+        raise BadInput(str(error)) from error
+    fitted = calibration.fitted_radio(found, base, name if request.out is None else request.out.stem)
+    if request.out is not None:
+        with writing(request.out):
+            request.out.write_text(presets.radio_to_yaml(fitted), encoding="utf-8")
+    if request.plot is not None:
+        from channel.cli.plots import plot_fit
+
+        with writing(request.plot):
+            plot_fit(data, fitted, request.plot)
+    click.echo(json.dumps(_report(found), indent=2) if request.as_json else _text(found))
+
+
+def _report(found: Fit) -> dict[str, Any]:
+    estimates = [
+        {
+            key: None if value in (float("inf"), float("-inf")) else value
+            for key, value in asdict(each).items()
+        }
+        for each in found.estimates
+    ]
+    return {
+        "packets": found.packets,
+        "delivered": found.delivered,
+        "log_likelihood": found.log_likelihood,
+        "rssi_error_db": found.rssi_error_db,
+        "estimates": estimates,
+        "radio": dict(found.overrides),
+    }
+
+
+def _text(found: Fit) -> str:
+    rows = [f"{found.packets} packets, {found.delivered} delivered", f"{'':<22}{'value':>12}   95 % interval"]
+    for each in found.estimates:
+        value = "-" if each.value is None else f"{each.value:.4g}"
+        rows.append(f"{each.name:<22}{value:>12}   {each.low:.4g} .. {each.high:.4g}  {each.note}".rstrip())
+    return "\n".join(rows)

@@ -1,0 +1,78 @@
+"""What `lostlink link` says about one link, as data and as text."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from channel.config import RadioConfig
+from channel.link.radio import Radio
+
+Report = dict[str, Any]
+
+
+def link_report(
+    config: RadioConfig, ground_distance_m: float, length_bytes: int | None = None, **ends: ArrayLike
+) -> Report:
+    """Return the link budget of one link, term by term, and what follows from it.
+
+    Keys: radio, description, frequency_hz, distance_m (over the ground), slant_distance_m, length_bytes, terms
+    (name and contribution, in order, their sum is the received power), path_loss_db, received_power_dbm,
+    noise_floor_dbm, snr_db, ber, per (these without shadowing and fading), in_range, base_loss,
+    probability_of_delivery (averaged over the random terms) and probability_error_bound.
+
+    Args:
+        config: the radio.
+        ground_distance_m: between the antennas, over the ground: equal to the slant distance at equal heights.
+        length_bytes: payload; the radio's nominal one if not given.
+        **ends: height_tx_m, height_rx_m, frequency_hz as in `Radio.path`.
+
+    Raises:
+        ChannelInputError: a value out of range.
+    """
+    radio = Radio(config)
+    ends = {"ground_distance_m": ground_distance_m, **ends}
+    link = radio.link(length_bytes=length_bytes, **ends)
+    delivery = radio.delivery(length_bytes=length_bytes, **ends)
+    return {
+        "radio": config.name,
+        "description": config.description,
+        "frequency_hz": float(np.asarray(ends.get("frequency_hz", config.frequency_hz))),
+        "distance_m": float(ground_distance_m),
+        "slant_distance_m": float(link.distance_m),
+        "length_bytes": int(link.length_bytes),
+        "terms": [{"name": term.name, "contribution": float(term.contribution)} for term in link.terms],
+        "path_loss_db": float(link.path_loss_db),
+        "received_power_dbm": float(link.received_power_dbm),
+        "noise_floor_dbm": float(link.noise_dbm),
+        "snr_db": float(link.snr_db),
+        "ber": float(link.ber),
+        "per": float(link.per),
+        "in_range": bool(link.in_range),
+        "base_loss": link.base_loss,
+        "probability_of_delivery": float(delivery.probability),
+        "probability_error_bound": float(delivery.error_bound),
+    }
+
+
+def link_text(report: Report) -> str:
+    """Return the report for a terminal: the terms, their sum, then the error rates."""
+    head = f"{report['radio']}: {report['description']}"
+    where = (
+        f"{report['distance_m']:g} m, {report['frequency_hz'] / 1e6:g} MHz, {report['length_bytes']} bytes"
+        + ("" if report["in_range"] else "   (out of range)")
+    )
+    terms = [(term["name"], f"{term['contribution']:+12.4f}") for term in report["terms"]]
+    results = [
+        ("= received_power_dbm", f"{report['received_power_dbm']:+12.4f}"),
+        ("noise_floor_dbm", f"{report['noise_floor_dbm']:+12.4f}"),
+        ("snr_db", f"{report['snr_db']:+12.4f}"),
+        ("ber", f"{report['ber']:12.4e}"),
+        ("per", f"{report['per']:12.4e}"),
+        ("probability_of_delivery", f"{report['probability_of_delivery']:12.4f}"),
+    ]
+    rows = [f"  {name:<28}{value}" for name, value in terms + results]
+    notes = ["", "  without shadowing and fading, but for the probability, which is averaged over them"]
+    return "\n".join([head, where, "", *rows, *notes])

@@ -1,0 +1,1 @@
+"""Random parts of the received power: shadowing and fading."""

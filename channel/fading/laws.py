@@ -1,0 +1,185 @@
+"""Fading: the fast random part of the received power, from the sum of many paths; mean power gain 1."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Protocol
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.special import gammaincinv, i0e, ndtri
+
+from channel.checks import FloatArray
+from channel.fading.quadrature import gauss_legendre, standard_normal_rule, uniform_from_normal
+from channel.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
+from channel.variant import Variant
+
+LOWEST_GAIN = 1e-20
+"""Power gains are held above -200 dB, so that their logarithm is finite."""
+CLARKE = 9.0 / (16.0 * math.pi)
+"""Coherence time times Doppler spread (Rappaport, eq. 5.40.b)."""
+NS_PER_S = 1e9
+
+
+class FadingModel(Protocol):
+    """A random power gain, given as a function of two uniform variables."""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether there is anything to draw."""
+        ...
+
+    @property
+    def by_elevation(self) -> bool:
+        """Whether the law depends on the elevation angle."""
+        ...
+
+    @property
+    def coherence(self) -> Literal["packet", "doppler"]:
+        """Whether each packet draws anew, or each coherence time."""
+        ...
+
+    @property
+    def max_coherence_s(self) -> float:
+        """Coherence time of ends that stand still, s."""
+        ...
+
+    def gain_db(self, first: FloatArray, second: FloatArray, elevation_deg: FloatArray) -> FloatArray:
+        """Return the power gain in dB for u1, u2 ~ U(0, 1) and an elevation angle in degrees; broadcasts."""
+        ...
+
+    def rule(self, elevation_deg: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:
+        """Return gains in dB and weights, shape (..., nodes), with E f(gain) = sum of weights f(gains)."""
+        ...
+
+
+class _Coherent(Variant):
+    """What all fading laws share: when they draw anew."""
+
+    coherence: Literal["packet", "doppler"] = Field(
+        default="packet", description="a new draw per packet, or per coherence time 9 c / (16 pi f v)"
+    )
+    max_coherence_s: float = Field(default=1.0, gt=0.0, description="coherence time of ends that stand still")
+
+    @property
+    def is_random(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def by_elevation(self) -> bool:
+        """False, unless the law says otherwise."""
+        return False
+
+
+class NoFading(_Coherent):
+    """No fading."""
+
+    model: Literal["none"] = "none"
+
+    @property
+    def is_random(self) -> bool:
+        """False: there is nothing to draw."""
+        return False
+
+    def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
+        """Return zeros."""
+        return np.zeros_like(first)
+
+    def rule(self, _elevation_deg: FloatArray, _panels: int, /) -> tuple[FloatArray, FloatArray]:
+        """Return one node at 0 dB."""
+        return np.zeros(1), np.ones(1)
+
+
+class Rayleigh(_Coherent):
+    """No direct path: the power gain is exponential with mean 1 (Rappaport, sec. 5.6.1)."""
+
+    model: Literal["rayleigh"] = "rayleigh"
+
+    def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
+        """Return -ln(u) in dB."""
+        return db_from_ratio(np.maximum(-np.log(first), LOWEST_GAIN))
+
+    def rule(self, _elevation_deg: FloatArray, panels: int, /) -> tuple[FloatArray, FloatArray]:
+        """Return nodes equal in the normal quantile of the gain."""
+        z, weights = standard_normal_rule(panels)
+        return db_from_ratio(np.maximum(-np.log(uniform_from_normal(z)), LOWEST_GAIN)), weights
+
+
+class Nakagami(_Coherent):
+    """The power gain is gamma-distributed, shape m, mean 1 (Nakagami 1960); m = 1 is Rayleigh."""
+
+    model: Literal["nakagami"] = "nakagami"
+    m: float = Field(ge=0.5, le=100.0, description="0.5: worse than Rayleigh; large: steady")
+
+    def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
+        """Return the quantile of the gamma law at u, in dB."""
+        return db_from_ratio(np.maximum(gammaincinv(self.m, first) / self.m, LOWEST_GAIN))
+
+    def rule(self, _elevation_deg: FloatArray, panels: int, /) -> tuple[FloatArray, FloatArray]:
+        """Return nodes equal in the normal quantile of the gain."""
+        z, weights = standard_normal_rule(panels)
+        gain = gammaincinv(self.m, uniform_from_normal(z)) / self.m
+        return db_from_ratio(np.maximum(gain, LOWEST_GAIN)), weights
+
+
+class Rician(_Coherent):
+    """A direct path and many weak ones; K is the ratio of their powers (Rappaport, sec. 5.6.2).
+
+    K may rise with elevation, linearly in dB between `k_db` at 0 and `k_overhead_db` at 90 degrees.
+    """
+
+    model: Literal["rician"] = "rician"
+    k_db: float = Field(ge=-40.0, le=40.0)
+    k_overhead_db: float | None = Field(default=None, ge=-40.0, le=40.0)
+
+    @model_validator(mode="after")
+    def _rises(self) -> Rician:
+        if self.k_overhead_db is not None and self.k_overhead_db < self.k_db:
+            raise ValueError("k_overhead_db has to be at least k_db")
+        return self
+
+    @property
+    def by_elevation(self) -> bool:
+        """Whether K rises with elevation."""
+        return self.k_overhead_db is not None
+
+    def k_ratio(self, elevation_deg: FloatArray) -> FloatArray:
+        """Return K as a ratio at an elevation angle in degrees."""
+        rise = 0.0 if self.k_overhead_db is None else self.k_overhead_db - self.k_db
+        return ratio_from_db(self.k_db + rise * np.divide(elevation_deg, 90.0))
+
+    def gain_db(self, first: FloatArray, second: FloatArray, elevation_deg: FloatArray) -> FloatArray:
+        """Return |sqrt(K / (K + 1)) + (x + i y) / sqrt(2 (K + 1))|^2 in dB, x and y normal."""
+        k = self.k_ratio(elevation_deg)
+        spread = np.sqrt(0.5 / (k + 1.0))
+        in_phase = np.sqrt(k / (k + 1.0)) + spread * ndtri(first)
+        gain = np.square(in_phase) + np.square(spread * ndtri(second))
+        return db_from_ratio(np.maximum(gain, LOWEST_GAIN))
+
+    def rule(self, elevation_deg: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:
+        """Return nodes in the amplitude, within 8.3 sigma of the direct path, weighted by the Rician density."""
+        k = self.k_ratio(elevation_deg)[..., np.newaxis]
+        direct, spread = np.sqrt(k / (k + 1.0)), np.sqrt(0.5 / (k + 1.0))
+        low, high = np.maximum(direct - 8.3 * spread, 0.0), direct + 8.3 * spread
+        t, weights = gauss_legendre(panels)
+        amplitude = low + (high - low) * t
+        density = amplitude / spread**2 * np.exp(-0.5 * ((amplitude - direct) / spread) ** 2)
+        density = density * i0e(amplitude * direct / spread**2)
+        gain_db = db_from_ratio(np.maximum(amplitude**2, LOWEST_GAIN))
+        return gain_db, weights * (high - low) * density
+
+
+def coherence_time_s(speed_mps: FloatArray, frequency_hz: FloatArray | float, longest_s: float) -> FloatArray:
+    """Return 9 c / (16 pi f v), at most `longest_s` (Clarke; Rappaport, eq. 5.40.b)."""
+    doppler_hz = np.multiply(speed_mps, np.divide(frequency_hz, SPEED_OF_LIGHT_MPS))
+    return np.asarray(np.minimum(CLARKE / np.maximum(doppler_hz, CLARKE / longest_s), longest_s))
+
+
+def coherence_block(sim_time_ns: int, coherence_s: float) -> tuple[int, int]:
+    """Return which block of fading an instant falls into: the block's length as a power of two in ns, its number.
+
+    Lengths are rounded down to powers of two, so that a speed that wavers does not draw anew each time.
+    """
+    octave = max(int(coherence_s * NS_PER_S).bit_length() - 1, 0)
+    return octave, sim_time_ns >> octave

@@ -1,0 +1,311 @@
+"""How likely a flight log is under a radio, as a function of what is fitted.
+
+A packet without a measured power is a Bernoulli trial with the closed probability of delivery. One that arrived with
+RSSI r adds the chance of the bin that r lies in, times the probability of delivery at the power that was there, which
+the receiver's own error blurs. A lost packet has no RSSI: what a log says of its power is left alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from channel.checks import FloatArray
+from channel.config import RadioConfig
+from channel.fading.shadowing import OneSidedNormalShadowing
+from channel.fit.flight_log import FlightLog
+from channel.fit.rssi_law import BinChance, TruePower, bins_of, normal_bins, one_sided_bins, true_power
+from channel.geometry import Path
+from channel.link.success_table import SuccessTable
+from channel.phy.error_model import Band
+
+NAMES = ("propagation.exponent", "offset_db", "shadowing.sigma_db", "base_loss", "noise.floor_dbm")
+ERROR_NAME = "rssi_error_db"
+ALL_NAMES = (*NAMES, ERROR_NAME)
+EXPONENT, OFFSET, SIGMA, BASE, FLOOR, ERROR = range(6)
+MAX_SIGMA_DB = 30.0
+LIMITS = {
+    "propagation.exponent": (0.0, 20.0),
+    "offset_db": (-500.0, 500.0),
+    "shadowing.sigma_db": (0.0, MAX_SIGMA_DB),
+    "base_loss": (0.0, 0.99),
+    "noise.floor_dbm": (-500.0, 100.0),
+    ERROR_NAME: (0.02, 3.0),
+}
+NATURAL_LOW = np.isin(np.arange(len(ALL_NAMES)), (SIGMA, BASE, ERROR))
+"""Where the lower limit is nature's, so that an interval may end there."""
+NATURAL_HIGH = np.arange(len(ALL_NAMES)) == ERROR
+LEAST_SIGMA_DB = 0.01
+TINY = 1e-12
+Parameters = FloatArray
+"""Exponent, offset in dB, shadowing, base loss, noise floor in dBm, the receiver's own error of RSSI in dB.
+
+The shadowing goes in as sigma in dB where it is one-sided, as sigma^2 where it is normal: so that the likelihood has a
+slope at 0.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """The likelihood at one place.
+
+    Attributes:
+        at: the parameters.
+        value: log-likelihood.
+        gradient: of it, one per parameter.
+        information: how sharply it is bent, a matrix: the expected information of the Bernoulli trials or, in a log
+            with RSSI, the sum of squared scores (Berndt, Hall, Hall, Hausman 1974).
+    """
+
+    at: Parameters
+    value: float
+    gradient: FloatArray
+    information: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Packets:
+    """Packets of one length: those that arrived with RSSI, and the others."""
+
+    table: SuccessTable
+    at_rssi: SuccessTable
+    heard: NDArray[np.intp]
+    silent: NDArray[np.intp]
+
+
+class Likelihood:
+    """The log-likelihood of one log.
+
+    Args:
+        log: the flight log.
+        base: the radio to fit from.
+    """
+
+    def __init__(self, log: FlightLog, base: RadioConfig) -> None:
+        self._base = base
+        heard = log.delivered & np.isfinite(log.rssi_dbm)
+        self.has_rssi = bool(heard.any())
+        self._one_sided = isinstance(base.shadowing, OneSidedNormalShadowing)
+        low, high = (np.array([LIMITS[name][end] for name in ALL_NAMES]) for end in (0, 1))
+        self.low, self.high = self._coordinates(low), self._coordinates(high)
+        distance = np.maximum(log.distance_m, base.min_distance_m)
+        reference_m = float(getattr(base.propagation, "reference_distance_m", 1.0))
+        self._decades = np.log10(distance / reference_m)
+        self._delivered = log.delivered
+        self._rssi_dbm = np.full(log.packets, np.nan)
+        bin_db = 1.0
+        if self.has_rssi:
+            self._rssi_dbm[heard], bin_db = bins_of(log.rssi_dbm[heard])
+        self._bin_db = bin_db
+        self._far = float(np.average(self._decades, weights=np.maximum(1.0 - log.delivered, 1e-3)))
+        """Decades of distance at which packets are lost."""
+        self._power_at_reference = power_at_reference_dbm(base, reference_m)
+        self._floor_dbm = base.noise.noise_floor_dbm(base.bandwidth_hz)
+        band = Band(base.bandwidth_hz, base.bit_rate_bps)
+        self._groups = []
+        for length in np.unique(log.length_bytes):
+            here = log.length_bytes == length
+            table = SuccessTable(base.error, float(length), band, one_sided=self._one_sided)
+            at_rssi = SuccessTable(base.error, float(length), band, one_sided=False, bin_db=bin_db)
+            index = np.flatnonzero(here & heard), np.flatnonzero(here & ~heard)
+            self._groups.append(_Packets(table, at_rssi, *index))
+
+    @property
+    def base_values(self) -> Parameters:
+        """The base radio's parameters; a receiver's error of 0.3 dB."""
+        exponent = float(getattr(self._base.propagation, "exponent", 2.0))
+        sigma_db = self._base.shadowing.spread_db
+        base = self._base
+        values = [exponent, base.offset_db, sigma_db, base.base_loss, self._floor_dbm, LIMITS[ERROR_NAME][0]]
+        return self._coordinates(np.array(values))
+
+    def _coordinates(self, natural: FloatArray) -> Parameters:
+        """Return parameters from exponent, offset, sigma, base loss, floor and error."""
+        out = np.array(natural, dtype=np.float64)
+        out[SIGMA] = out[SIGMA] if self._one_sided else out[SIGMA] ** 2
+        return out
+
+    def natural(self, at: Parameters) -> FloatArray:
+        """Return exponent, offset, sigma, base loss, floor and error from parameters."""
+        out = np.array(at)
+        out[SIGMA] = out[SIGMA] if self._one_sided else math.sqrt(max(out[SIGMA], 0.0))
+        return out
+
+    def sigma_db(self, value: float) -> float:
+        """Return sigma from its parameter, infinities kept."""
+        return value if self._one_sided or math.isinf(value) else math.sqrt(max(value, 0.0))
+
+    def shifted(self, at: Parameters, step: Parameters) -> Parameters:
+        """Return a place a step away, sigma taken on along its own slope: ridges are straight in it, not in sigma^2."""
+        out = at + step
+        if not self._one_sided:
+            sigma_db = math.sqrt(max(float(at[SIGMA]), LEAST_SIGMA_DB**2))
+            out[SIGMA] = max(sigma_db + 0.5 * float(step[SIGMA]) / sigma_db, 0.1 * sigma_db) ** 2
+        return out
+
+    def at_exponent(self, at: Parameters, exponent: float) -> Parameters:
+        """Return about the same radio with another exponent: loses as far away, over as many metres."""
+        values = self.natural(at)
+        share = exponent / max(values[EXPONENT], 0.1)
+        values[OFFSET] += 10.0 * (exponent - values[EXPONENT]) * self._far
+        values[SIGMA] *= share
+        values[EXPONENT] = exponent
+        return self.inside(self._coordinates(values))
+
+    def inside(self, at: Parameters) -> Parameters:
+        """Return the nearest place within the limits."""
+        return np.clip(at, self.low, self.high)
+
+    def starts(self, exponents: tuple[float, ...], sigmas_db: tuple[float, ...]) -> list[Parameters]:
+        """Return points from which to climb."""
+        near = self._decades <= np.quantile(self._decades, 0.25)
+        base_loss = float(np.clip(1.0 - np.mean(self._delivered[near]), 0.005, 0.5))
+        if self.has_rssi:
+            return self._starts_from_rssi(base_loss)
+        far = self._far
+        level = self._floor_dbm + 8.0 - self._power_at_reference
+        rest = base_loss, self._floor_dbm, LIMITS[ERROR_NAME][0]
+        return [
+            self._coordinates(np.array([exponent, level + 10.0 * exponent * far, sigma_db, *rest]))
+            for exponent in exponents
+            for sigma_db in sigmas_db
+        ]
+
+    def _starts_from_rssi(self, base_loss: float) -> list[Parameters]:
+        """Return starts from a straight line through the powers measured in the nearer half of what arrived."""
+        seen = np.flatnonzero(np.isfinite(self._rssi_dbm))
+        out = []
+        for share in (0.5, 1.0):
+            part = seen[self._decades[seen] <= np.quantile(self._decades[seen], share)]
+            design = np.stack((np.ones(part.size), -10.0 * self._decades[part]), axis=-1)
+            (level, slope), *_ = np.linalg.lstsq(design, self._rssi_dbm[part], rcond=None)
+            spread = float(np.std(self._rssi_dbm[part] - design @ (level, slope)))
+            if self._one_sided:  # the half-normal law: mean 0.798 sigma below its edge, deviation 0.603 sigma
+                spread /= 0.603
+                level += 0.798 * spread
+            offset = float(level) - self._power_at_reference
+            floor = float(np.quantile(self._rssi_dbm[seen], 0.01)) - 6.0
+            values = [float(slope), offset, max(spread, 0.3), base_loss, floor, 1.0]
+            out.append(self.inside(self._coordinates(np.array(values))))
+        return out
+
+    def point(self, at: Parameters) -> Point:
+        """Return the log-likelihood of all packets, with its gradient and its information."""
+        value, gradient, information = 0.0, np.zeros(len(ALL_NAMES)), np.zeros((len(ALL_NAMES),) * 2)
+        for group in self._groups:
+            for part in (self._silent(at, group), self._heard(at, group)):
+                logs, scores, weights = part
+                value += float(np.sum(logs))
+                gradient += np.sum(scores, axis=1)
+                information += (scores * weights) @ scores.T
+        return Point(at, value, gradient, information)
+
+    def _mean_dbm(self, at: Parameters, index: NDArray[np.intp]) -> FloatArray:
+        level = self._power_at_reference + at[OFFSET]
+        return np.asarray(level - 10.0 * at[EXPONENT] * self._decades[index])
+
+    def _silent(self, at: Parameters, group: _Packets) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log-likelihood, scores (one row per parameter) and weights of packets without RSSI."""
+        index = group.silent
+        mean = self._mean_dbm(at, index)
+        sigma_db = self._sigma_db(at)
+        success, by_snr, by_sigma = group.table.averaged(mean - at[FLOOR], sigma_db)
+        kept = 1.0 - at[BASE]
+        arrives = np.clip(kept * success, TINY, 1.0 - TINY)
+        arrived = self._delivered[index]
+        chance = np.where(arrived, arrives, 1.0 - arrives)
+        slope = np.where(arrived, 1.0, -1.0) / chance
+        scores = np.zeros((len(ALL_NAMES), index.size))
+        scores[OFFSET] = slope * kept * by_snr
+        scores[EXPONENT] = -10.0 * self._decades[index] * scores[OFFSET]
+        scores[FLOOR] = -scores[OFFSET]
+        scores[SIGMA] = slope * kept * by_sigma * self._sigma_slope(sigma_db)
+        scores[BASE] = -slope * success
+        weights = np.ones(index.size) if self.has_rssi else chance / (1.0 - chance)
+        return np.log(chance), scores, weights
+
+    def _heard(self, at: Parameters, group: _Packets) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the same of packets that arrived with RSSI."""
+        index = group.heard
+        sigma_db, error_db = self._sigma_db(at), float(at[ERROR])
+        residual = self._rssi_dbm[index] - self._mean_dbm(at, index)
+        law = self._law(sigma_db, error_db, residual)
+        power = true_power(residual, sigma_db, error_db, one_sided=self._one_sided)
+        snr = self._rssi_dbm[index] - at[FLOOR]
+        success, by_snr, by_residual, by_sigma, by_error = _arriving(group.at_rssi, snr, power)
+        logs = np.log(success) + np.log(law.chance) + np.log(max(1.0 - at[BASE], TINY))
+        scores = np.zeros((len(ALL_NAMES), index.size))
+        scores[OFFSET] = -by_residual / success - law.by_residual / law.chance
+        scores[EXPONENT] = -10.0 * self._decades[index] * scores[OFFSET]
+        scores[SIGMA] = (by_sigma / success + law.by_sigma / law.chance) * self._sigma_slope(sigma_db)
+        scores[ERROR] = by_error / success + law.by_error / law.chance
+        scores[FLOOR] = -by_snr / success
+        scores[BASE] = -1.0 / max(1.0 - at[BASE], TINY)
+        return logs, scores, np.ones(index.size)
+
+    def _sigma_db(self, at: Parameters) -> float:
+        return max(self.sigma_db(float(at[SIGMA])), LEAST_SIGMA_DB)
+
+    def _sigma_slope(self, sigma_db: float) -> float:
+        """Return the derivative of sigma by its parameter."""
+        return 1.0 if self._one_sided else 0.5 / sigma_db
+
+    def _law(self, sigma_db: float, error_db: float, residual_db: FloatArray) -> BinChance:
+        law = one_sided_bins if self._one_sided else normal_bins
+        return law(residual_db, self._bin_db, sigma_db, error_db)
+
+    def overrides(self, at: Parameters) -> dict[str, Any]:
+        """Return the keys of a radio with these parameters."""
+        exponent, offset, sigma_db, base_loss, floor_dbm = (
+            float(value) for value in self.natural(at)[: len(NAMES)]
+        )
+        out: dict[str, Any] = {
+            "propagation": {"exponent": exponent},
+            "offset_db": offset,
+            "shadowing": {"sigma_db": sigma_db},
+            "base_loss": base_loss,
+        }
+        if floor_dbm != self._floor_dbm:
+            out["noise"] = {"model": "fixed", "floor_dbm": floor_dbm}
+        return out
+
+
+def _arriving(
+    table: SuccessTable, snr_db: FloatArray, power: TruePower
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the probability of delivery at readings, and its derivatives by SNR, residual, sigma and error."""
+    shift, by_residual, by_sigma, by_error = power.shift
+    spread, spread_by_sigma, spread_by_error = power.spread
+    success, by_snr, by_spread = table.averaged(snr_db + shift, spread)
+    if power.share is None:
+        slopes = (
+            by_snr * by_residual,
+            by_snr * by_sigma + by_spread * spread_by_sigma,
+            by_snr * by_error + by_spread * spread_by_error,
+        )
+        return np.maximum(success, TINY), by_snr, *slopes
+    share, *share_slopes = power.share  # the average goes linearly with the variance
+    sharp, sharp_by_snr, _ = table.averaged(snr_db + shift, 0.0)
+    change = success - sharp
+    by_snr = sharp_by_snr + share * (by_snr - sharp_by_snr)
+    spread_slopes = 0.0, spread_by_sigma, spread_by_error
+    edge, steeper, blurred = (
+        by_snr * slope + share * by_spread * spread_slope + change * share_slope
+        for slope, spread_slope, share_slope in zip(
+            (by_residual, by_sigma, by_error), spread_slopes, share_slopes, strict=True
+        )
+    )
+    return np.maximum(sharp + share * change, TINY), by_snr, edge, steeper, blurred
+
+
+def power_at_reference_dbm(base: RadioConfig, reference_m: float) -> float:
+    """Return the received power at the reference distance, level and nose to nose, without the offset."""
+    at_reference = Path(base.frequency_hz, np.asarray(reference_m), 1.0, 1.0)
+    gains = base.antenna.towards_db(np.array([[1.0, 0.0, 0.0]]))
+    receive = base.receiving_antenna.towards_db(np.array([[-1.0, 0.0, 0.0]]))
+    fixed = base.transmit_power_dbm + np.sum(gains) + np.sum(receive)
+    return float(fixed - base.propagation.path_loss_db(at_reference))

@@ -1,0 +1,1 @@
+"""One link: budget, probability of delivery, decision."""

@@ -1,0 +1,413 @@
+"""A radio at work: geometry in, link budget, error rates and probability of delivery out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from channel import checks
+from channel.antenna import to_body
+from channel.checks import ChannelInputError, FloatArray
+from channel.config import RadioConfig
+from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
+from channel.link.budget import BudgetTerm, Link, total
+from channel.link.expectation import PANELS, Expectation
+from channel.link.steps import STEPS_PER_M, in_steps
+from channel.phy.error_model import Band
+from channel.phy.interference import Interferer, sum_dbm
+from channel.propagation.atmosphere import ItuAtmosphere
+
+States = tuple[bool, ...]
+NEEDS_PLACES = frozenset({"terrain"})
+"""Propagation models that ask where the ends are, not only how far apart and how high."""
+MAX_WAY_M = 1e12
+"""Farther than any radio, and near enough that squares do not overflow."""
+MAX_FREQUENCY_HZ = 1e12
+MAX_LENGTH_BYTES = 1 << 24
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """A probability of delivery averaged over the random terms, and a bound of its quadrature error."""
+
+    probability: FloatArray
+    error_bound: FloatArray
+
+
+class Radio:
+    """The physics of one radio configuration; the same at both ends.
+
+    Args:
+        config: the radio, see `presets.load_radio`.
+    """
+
+    def __init__(self, config: RadioConfig) -> None:
+        self.config = config
+        self.noise_floor_dbm = config.noise.noise_floor_dbm(config.bandwidth_hz)
+        self.max_range_m = np.inf if config.max_range_m is None else config.max_range_m
+        self.needs_attitude = config.polarisation is not None or any(
+            antenna.needs_direction for antenna in (config.antenna, config.receiving_antenna)
+        )
+        self.kept_share = (1.0 - config.base_loss) * (1.0 - config.bursts.mean_loss)
+        self._interference_states = config.interference.states()
+        self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
+        self._expectation = Expectation(config, self._band)
+        self._fixed_terms = self._make_fixed_terms()
+        self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
+        self.needs_places = (
+            self.needs_attitude
+            or bool(config.interference.interferers)
+            or config.propagation.model in NEEDS_PLACES
+        )
+
+    def length_bytes(self, payload_bytes: int) -> int:
+        """Return the length that the error model counts for a payload of `payload_bytes`.
+
+        Raises:
+            ChannelInputError: a negative length.
+        """
+        if payload_bytes < 0:
+            raise ChannelInputError("payload_bytes", payload_bytes, ">= 0")
+        return self.config.length.length_bytes(payload_bytes)
+
+    def path(
+        self,
+        distance_m: ArrayLike | None = None,
+        *,
+        ground_distance_m: ArrayLike | None = None,
+        position_tx_ned_m: ArrayLike | None = None,
+        position_rx_ned_m: ArrayLike | None = None,
+        attitude_tx_wxyz: ArrayLike | None = None,
+        attitude_rx_wxyz: ArrayLike | None = None,
+        height_tx_m: ArrayLike | None = None,
+        height_rx_m: ArrayLike | None = None,
+        frequency_hz: ArrayLike | None = None,
+    ) -> Path:
+        """Return the checked geometry of links, from distances or from positions.
+
+        With distances, tx stands above the origin of the frame and rx due north of it.
+
+        Args:
+            distance_m: slant distances, any shape.
+            ground_distance_m: or horizontal distances, any shape.
+            position_tx_ned_m: or positions, shape (..., 3), in a common frame whose origin is on the ground.
+            position_rx_ned_m: likewise.
+            attitude_tx_wxyz: body to north-east-down, shape (..., 4); level with the nose north if not given.
+            attitude_rx_wxyz: likewise.
+            height_tx_m: above ground, with distances; the radio's default height if not given.
+            height_rx_m: likewise.
+            frequency_hz: another carrier than the radio's.
+
+        Raises:
+            ChannelInputError: a value out of range, a wrong shape, or not one of distances and positions.
+        """
+        carrier = self.config.frequency_hz if frequency_hz is None else frequency_hz
+        frequency = checks.finite("frequency_hz", carrier, 0.0, MAX_FREQUENCY_HZ, low_open=True)
+        attitude_tx = _attitude("attitude_tx_wxyz", attitude_tx_wxyz)
+        attitude_rx = _attitude("attitude_rx_wxyz", attitude_rx_wxyz)
+        _only_one(distance_m, ground_distance_m, position_tx_ned_m, position_rx_ned_m)
+        if distance_m is None and ground_distance_m is None:
+            start = _place("position_tx_ned_m", position_tx_ned_m)
+            end = _place("position_rx_ned_m", position_rx_ned_m)
+            checks.broadcast(position_tx_ned_m=start, position_rx_ned_m=end)
+        else:
+            heights = self._heights(height_tx_m, height_rx_m)
+            start, end = self._places(distance_m, ground_distance_m, *heights, frequency)
+        checks.broadcast(
+            position_tx_ned_m=start[..., 0],
+            position_rx_ned_m=end[..., 0],
+            attitude_tx_wxyz=LEVEL_WXYZ[0] if attitude_tx is None else attitude_tx[..., 0],
+            attitude_rx_wxyz=LEVEL_WXYZ[0] if attitude_rx is None else attitude_rx[..., 0],
+            frequency_hz=frequency,
+        )
+        return self.path_of(start, end, separation_m(start, end), attitude_tx, attitude_rx, frequency)
+
+    def _heights(
+        self, height_tx_m: ArrayLike | None, height_rx_m: ArrayLike | None
+    ) -> tuple[FloatArray, FloatArray]:
+        default = self.config.default_height_m
+        tx = checks.finite(
+            "height_tx_m", default if height_tx_m is None else height_tx_m, MIN_HEIGHT_M, MAX_WAY_M
+        )
+        rx = checks.finite(
+            "height_rx_m", default if height_rx_m is None else height_rx_m, MIN_HEIGHT_M, MAX_WAY_M
+        )
+        return tx, rx
+
+    def _places(
+        self,
+        slant_m: ArrayLike | None,
+        ground_m: ArrayLike | None,
+        tx_m: FloatArray,
+        rx_m: FloatArray,
+        frequency_hz: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return positions of both ends, shape (..., 3)."""
+        if slant_m is None:
+            ground = checks.finite("ground_distance_m", np.asarray(ground_m), 0.0, MAX_WAY_M)
+        else:
+            slant = checks.finite("distance_m", slant_m, 0.0, MAX_WAY_M)
+            checks.broadcast(distance_m=slant, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
+            spare = slant - np.abs(tx_m - rx_m)
+            if np.any(spare < -1e-9):
+                worst = float(np.min(spare))
+                raise ChannelInputError(
+                    "distance_m - |height_tx_m - height_rx_m|", worst, ">= 0: the way is slant"
+                )
+            ground = np.sqrt(np.maximum(np.square(slant) - np.square(tx_m - rx_m), 0.0))
+        checks.broadcast(distance_m=ground, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
+        ground, tx, rx, _ = np.broadcast_arrays(ground, tx_m, rx_m, frequency_hz)
+        zero = np.zeros_like(ground)
+        return np.stack((zero, zero, -tx), axis=-1), np.stack((ground, zero, -rx), axis=-1)
+
+    def path_of(
+        self,
+        tx_ned_m: FloatArray,
+        rx_ned_m: FloatArray,
+        distance_m: FloatArray,
+        attitude_tx_wxyz: FloatArray | None = None,
+        attitude_rx_wxyz: FloatArray | None = None,
+        frequency_hz: FloatArray | float | None = None,
+    ) -> Path:
+        """Return the geometry of positions that are known to be good, without checks."""
+        return Path(
+            self.config.frequency_hz if frequency_hz is None else frequency_hz,
+            np.maximum(distance_m, self.config.min_distance_m),
+            np.maximum(-tx_ned_m[..., 2], MIN_HEIGHT_M),
+            np.maximum(-rx_ned_m[..., 2], MIN_HEIGHT_M),
+            tx_ned_m,
+            rx_ned_m,
+            attitude_tx_wxyz,
+            attitude_rx_wxyz,
+        )
+
+    def _make_fixed_terms(self) -> tuple[BudgetTerm, ...] | None:
+        """Return the terms that no geometry changes, or None if there is an antenna that it does."""
+        if self.needs_attitude:
+            return None
+        return self._terms_before_path(None)
+
+    def _terms_before_path(self, path: Path | None) -> tuple[BudgetTerm, ...]:
+        config = self.config
+        way = np.zeros((1, 3)) if path is None else path.way_ned
+        tx, rx = (None, None) if path is None else (path.attitude_tx_wxyz, path.attitude_rx_wxyz)
+        attitude_tx, attitude_rx = (LEVEL_WXYZ if each is None else each for each in (tx, rx))
+        terms = [
+            BudgetTerm("transmit_power_dbm", config.transmit_power_dbm),
+            BudgetTerm("transmit_antenna_gain_db", config.antenna.towards_db(to_body(attitude_tx, way))),
+            BudgetTerm(
+                "receive_antenna_gain_db", config.receiving_antenna.towards_db(to_body(attitude_rx, -way))
+            ),
+        ]
+        if config.polarisation is not None:
+            terms.append(
+                BudgetTerm("polarisation_db", -config.polarisation.loss_db(attitude_tx, attitude_rx, way))
+            )
+        return (*terms, BudgetTerm("offset_db", config.offset_db))
+
+    def budget(self, path: Path) -> tuple[BudgetTerm, ...]:
+        """Return the terms of the received power without its random part, in order."""
+        before = self._fixed_terms if self._fixed_terms is not None else self._terms_before_path(path)
+        return (*before, *self._terms_of_the_way(path))
+
+    def _terms_of_the_way(self, path: Path) -> tuple[BudgetTerm, ...]:
+        """Return what the way takes: gases and rain if they are configured, and the path loss last."""
+        loss = BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path))
+        air = self.config.atmosphere
+        if not isinstance(air, ItuAtmosphere):
+            return (loss,)
+        gas = -air.gas_loss_db(path.distance_m, path.frequency_hz)
+        rain = -air.rain_loss_db(path.distance_m, path.frequency_hz)
+        return BudgetTerm("gas_db", gas), BudgetTerm("rain_db", rain), loss
+
+    def _loss_db(self, path: Path) -> FloatArray:
+        """Return what the way takes, all terms together, dB."""
+        if isinstance(self.config.atmosphere, ItuAtmosphere):
+            return np.negative(total(self._terms_of_the_way(path)))
+        return self.config.propagation.path_loss_db(path)
+
+    def mean_power_dbm(self, path: Path) -> FloatArray:
+        """Return the received power without its random part, dBm: the sum of `budget`."""
+        if self._fixed_dbm is None:
+            return np.asarray(total(self.budget(path)))
+        return self._fixed_dbm - self._loss_db(path)
+
+    def noise_dbm(self, path: Path, transmitting: States | None = None) -> FloatArray | float:
+        """Return noise floor and interference at the receivers, dBm.
+
+        Args:
+            path: the links.
+            transmitting: which interferers are on; all of them if not given.
+        """
+        interferers = self.config.interference.interferers
+        if not interferers:
+            return self.noise_floor_dbm
+        on = (True,) * len(interferers) if transmitting is None else transmitting
+        powers = [
+            self._interference_dbm(each, path) for each, is_on in zip(interferers, on, strict=True) if is_on
+        ]
+        return sum_dbm(self.noise_floor_dbm, powers)
+
+    def _interference_dbm(self, interferer: Interferer, path: Path) -> FloatArray:
+        """Return the power of one interferer at the receivers of `path`, after adjacent-channel rejection."""
+        assert path.position_rx_ned_m is not None
+        place = np.asarray(interferer.position_ned_m)
+        carrier = self.config.frequency_hz if interferer.frequency_hz is None else interferer.frequency_hz
+        distance = separation_m(place, path.position_rx_ned_m)
+        way = self.path_of(place, path.position_rx_ned_m, distance, None, path.attitude_rx_wxyz, carrier)
+        attitude = LEVEL_WXYZ if path.attitude_rx_wxyz is None else path.attitude_rx_wxyz
+        gain_db = self.config.receiving_antenna.towards_db(to_body(attitude, -way.way_ned))
+        offset_hz = 0.0 if interferer.frequency_hz is None else carrier - self.config.frequency_hz
+        kept_db = gain_db - self.config.interference.rejection_db(offset_hz)
+        return np.asarray(interferer.power_dbm + kept_db - self._loss_db(way))
+
+    def per(self, snr_db: ArrayLike, length_bytes: ArrayLike) -> FloatArray:
+        """Return the packet error rate at an SNR, range, bursts and `base_loss` aside.
+
+        Raises:
+            ChannelInputError: a value is not finite, or a length negative.
+        """
+        length = checks.finite("length_bytes", length_bytes, 0.0, MAX_LENGTH_BYTES)
+        return self.per_unchecked(checks.finite("snr_db", snr_db), length)
+
+    def per_unchecked(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
+        """Return what `per` returns, for what is known to be right."""
+        return self.config.error.per(snr_db, length_bytes, self._band)
+
+    def in_range(self, distance_m: FloatArray) -> NDArray[np.bool_]:
+        """Return whether distances, to the millimetre in which they are written, are within the range."""
+        return np.less_equal(in_steps(distance_m, STEPS_PER_M), self.max_range_m)
+
+    def link(
+        self,
+        distance_m: ArrayLike | None = None,
+        *,
+        length_bytes: ArrayLike | None = None,
+        **geometry: ArrayLike,
+    ) -> Link:
+        """Return the link budget and the error rates without shadowing and fading, all interferers on.
+
+        Args:
+            distance_m: see `path`.
+            length_bytes: payload length; the radio's nominal length if not given. Broadcasts.
+            **geometry: positions, heights, attitudes, frequency: see `path`.
+
+        Raises:
+            ChannelInputError: see `path`; or a negative length.
+        """
+        path = self.path(distance_m, **geometry)
+        length = self._lengths(length_bytes)
+        terms = self.budget(path)
+        power = np.asarray(total(terms))
+        checks.broadcast(distance_m=power, length_bytes=length)
+        noise = np.asarray(self.noise_dbm(path))
+        snr = np.asarray(power - noise)
+        distance = _separation(path)
+        in_range = self.in_range(distance)
+        return Link(
+            distance_m=distance,
+            length_bytes=length,
+            terms=terms,
+            path_loss_db=np.negative(terms[-1].contribution),
+            received_power_dbm=power,
+            noise_dbm=noise,
+            snr_db=snr,
+            ber=self.config.error.ber(snr, self._band),
+            per=np.where(in_range, self.per_unchecked(snr, length), 1.0),
+            in_range=in_range,
+            base_loss=self.config.base_loss,
+        )
+
+    def probability_of_delivery(
+        self,
+        distance_m: ArrayLike | None = None,
+        length_bytes: ArrayLike | None = None,
+        **geometry: ArrayLike,
+    ) -> FloatArray:
+        """Return the probability that a packet arrives, averaged over the random terms by quadrature."""
+        return self.delivery(distance_m, length_bytes, **geometry).probability
+
+    def delivery(
+        self,
+        distance_m: ArrayLike | None = None,
+        length_bytes: ArrayLike | None = None,
+        **geometry: ArrayLike,
+    ) -> Delivery:
+        """Return the probability of delivery with a bound of the quadrature's error.
+
+        Averaged over shadowing, fading, interferers with a duty, bursts and `base_loss`. The bound is the
+        difference to a rule of half the nodes, plus the weight of the tails left out. Arguments as of `link`.
+        """
+        path = self.path(distance_m, **geometry)
+        length = self._lengths(length_bytes)
+        power = self.mean_power_dbm(path)
+        shape = checks.broadcast(distance_m=power, length_bytes=length)
+        fine, coarse = np.zeros(shape), np.zeros(shape)
+        for chance, states in self._interference_states:
+            snr = power - self.noise_dbm(path, states)
+            fine += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS)
+            coarse += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS // 2)
+        kept = np.where(self.in_range(_separation(path)), self.kept_share, 0.0)
+        return Delivery(kept * fine, kept * (np.abs(fine - coarse) + 1e-14))
+
+    def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, length_bytes: int) -> FloatArray:
+        """Return the probability of delivery from a table: fast, within 1e-5 of `delivery`.
+
+        Args:
+            mean_power_dbm: as `mean_power_dbm` gives it for `path`.
+            path: the links, range aside.
+            length_bytes: as the error model counts it.
+        """
+        elevation = path.elevation_deg if self.config.fading.by_elevation else None
+        success = np.zeros_like(mean_power_dbm)
+        for chance, states in self._interference_states:
+            snr_db = mean_power_dbm - self.noise_dbm(path, states)
+            success += chance * self._expectation.from_table(snr_db, length_bytes, elevation)
+        return self.kept_share * success
+
+    def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:
+        if length_bytes is None:
+            return np.asarray(float(self.length_bytes(self.config.nominal_payload_bytes)))
+        payload = checks.finite("length_bytes", length_bytes, 0.0, MAX_LENGTH_BYTES)
+        return np.asarray(np.vectorize(self.config.length.length_bytes, otypes=[np.float64])(payload))
+
+
+def _only_one(
+    slant_m: ArrayLike | None, ground_m: ArrayLike | None, tx: ArrayLike | None, rx: ArrayLike | None
+) -> None:
+    """Refuse no geometry, and more than one."""
+    positions = tx is not None or rx is not None
+    if positions and (tx is None or rx is None):
+        missing = "position_tx_ned_m" if tx is None else "position_rx_ned_m"
+        raise ChannelInputError(missing, None, "a position, as there is one of the other end")
+    if (slant_m is not None) + (ground_m is not None) + positions != 1:
+        given = None if slant_m is None else slant_m
+        raise ChannelInputError(
+            "distance_m", given, "a distance, slant or over the ground, or both positions: one of them"
+        )
+
+
+def _place(name: str, value: ArrayLike | None) -> FloatArray:
+    place = checks.vectors(name, np.asarray(value), 3)
+    return checks.finite(name, place, -MAX_WAY_M, MAX_WAY_M)
+
+
+def _attitude(name: str, value: ArrayLike | None) -> FloatArray | None:
+    """Return checked quaternions at length 1."""
+    if value is None:
+        return None
+    attitude = checks.vectors(name, value, 4)
+    length = np.sqrt(np.sum(np.square(np.clip(attitude, -10.0, 10.0)), axis=-1, keepdims=True))
+    if not np.all((length > 0.5) & (length < 2.0)):
+        bad = attitude[~((length > 0.5) & (length < 2.0))[..., 0]]
+        raise ChannelInputError(name, bad.reshape(-1, 4)[0].tolist(), "a quaternion of length about 1")
+    return np.asarray(attitude / length)
+
+
+def _separation(path: Path) -> FloatArray:
+    """Return the true distances of a path that has positions, not clamped."""
+    assert path.position_tx_ned_m is not None
+    assert path.position_rx_ned_m is not None
+    return separation_m(path.position_tx_ned_m, path.position_rx_ned_m)

@@ -1,0 +1,1 @@
+"""Who receives which packet: tracks, settling, ledger."""

@@ -1,0 +1,1 @@
+"""From SNR to packet error rate: noise, interference, error models, bursts."""

@@ -1,0 +1,106 @@
+import math
+
+import numpy as np
+import pytest
+from scipy.special import erfc
+
+from channel import presets
+from channel.checks import ChannelInputError
+from channel.phy import modulation
+from channel.phy.error_model import Band, ErfcBytes, Threshold, UncodedAwgn, packet_error_rate
+
+BAND = Band(20e6, 20e6)
+SNR_DB = np.array([6.0, 8.0, 10.0])
+
+
+def test_ber_golden_values():
+    assert ErfcBytes().ber(SNR_DB, BAND) == pytest.approx([4.7766e-3, 3.8182e-4, 7.7442e-6], rel=2e-5)
+
+
+def test_per_golden_values_of_100_bytes():
+    assert ErfcBytes().per(SNR_DB, 100.0, BAND) == pytest.approx([0.38048, 0.03747, 0.00077], abs=5e-6)
+
+
+def snr_for_half(per_of):
+    low, high = 0.0, 20.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if per_of(middle) > 0.5 else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize(
+    ("half", "bits", "expected_db"), [(1.0, 1, 5.62), (0.5, 1, 4.82), (1.0, 8, 7.44), (0.5, 8, 6.91)]
+)
+def test_snr_of_half_the_packets_lost(half, bits, expected_db):
+    got = snr_for_half(lambda db: packet_error_rate(half * erfc(math.sqrt(10 ** (db / 10))), 100 * bits))
+    assert got == pytest.approx(expected_db, abs=0.005)
+
+
+def test_models_of_the_two_ends_of_that_table():
+    paper = snr_for_half(lambda db: ErfcBytes().per(np.asarray(db), 100.0, BAND))
+    textbook = snr_for_half(lambda db: UncodedAwgn().per(np.asarray(db), 100.0, BAND))
+    assert paper == pytest.approx(5.62, abs=0.005)
+    assert textbook == pytest.approx(6.91, abs=0.005)
+    halved = snr_for_half(lambda db: UncodedAwgn().per(np.asarray(db), 100.0, Band(20e6, 40e6)))
+    assert halved - textbook == pytest.approx(3.0103, abs=1e-3)
+
+
+def test_small_rates_are_not_rounded_to_zero():
+    assert packet_error_rate(1e-18, 800) == pytest.approx(8e-16, rel=1e-12)
+
+
+def test_certain_errors_stay_finite():
+    assert packet_error_rate(1.0, 1.0) == pytest.approx(1.0)
+    assert np.all(ErfcBytes().per(np.array([-5000.0, -400.0, 5000.0]), 40.0, BAND) == [1.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(("order", "bits"), [(4, 2), (16, 4), (64, 6)])
+def test_qam_equals_a_decision_by_decision_sum(order, bits):
+    """Exact average over all Gray-coded amplitude levels and decision regions of one axis."""
+    side = math.isqrt(order)
+    ebn0 = 3.0
+    levels = np.arange(-(side - 1), side, 2.0)
+    half_distance = math.sqrt(3.0 * bits * ebn0 / (2.0 * (order - 1.0)))  # over sqrt(N0)
+    borders = np.concatenate(([-np.inf], (levels[:-1] + levels[1:]) / 2, [np.inf]))
+    gray = [i ^ (i >> 1) for i in range(side)]
+    errors = 0.0
+    for i, level in enumerate(levels):
+        for j in range(side):
+            low, high = (borders[j] - level) * half_distance, (borders[j + 1] - level) * half_distance
+            chance = 0.5 * (erfc(low) - erfc(high))
+            errors += chance * bin(gray[i] ^ gray[j]).count("1") / side
+    errors /= bits / 2
+    assert modulation.ber_square_qam(ebn0, order) == pytest.approx(errors, rel=1e-9)
+
+
+def test_qam_of_order_four_is_qpsk():
+    ebn0 = np.geomspace(0.01, 20, 30)
+    assert modulation.ber_square_qam(ebn0, 4) == pytest.approx(modulation.ber_qpsk(ebn0), rel=1e-12)
+
+
+def test_threshold_includes_its_own_value():
+    assert Threshold(snr_min_db=5.0).per(np.array([4.99, 5.0]), 40.0, BAND).tolist() == [1.0, 0.0]
+
+
+@pytest.mark.parametrize(("ber", "trials"), [(-0.1, 1), (1.1, 1), (math.nan, 1), (0.1, -1)])
+def test_bad_rates_are_refused_by_name(ber, trials):
+    with pytest.raises(ChannelInputError, match=r"(ber|trials) = .*: allowed is"):
+        packet_error_rate(ber, trials)
+
+
+def test_gz_example_world_means():
+    config = presets.radio_from_mapping(
+        {
+            "preset": "perfect",
+            "transmit_power_dbm": 20,
+            "antenna": {"gain_db": 0},
+            "propagation": {"model": "log-distance", "exponent": 2.6, "reference_loss_db": 40},
+            "noise": {"model": "fixed", "floor_dbm": -90},
+        }
+    )
+    from channel.link.radio import Radio
+
+    link = Radio(config).link(52.0)
+    assert float(link.received_power_dbm) == pytest.approx(-64.616, abs=5e-4)
+    assert float(link.snr_db) == pytest.approx(25.384, abs=5e-4)

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from channel import presets
+from channel.link.radio import Radio
+from channel.medium.medium import Fate, Medium
+from channel.phy.interference import sum_dbm
+from channel.phy.noise import thermal_noise_dbm
+from channel.presets import PresetError
+
+
+def radio(duty=1.0, frequency_hz=None, power_dbm=30.0):
+    jammer = {"position_ned_m": [500.0, 0.0, -40.0], "power_dbm": power_dbm, "duty": duty, "slot_s": 0.001}
+    if frequency_hz:
+        jammer["frequency_hz"] = frequency_hz
+    return Radio(presets.load_radio("corrected", {"interference": {"interferers": [jammer]}}))
+
+
+def test_thermal_noise_of_20_mhz():
+    assert float(thermal_noise_dbm(20e6, 6.0)) == pytest.approx(-173.975 + 73.0103 + 6.0, abs=1e-3)
+
+
+def test_powers_add_in_watt():
+    assert float(sum_dbm(-90.0, [np.asarray(-90.0)])) == pytest.approx(-86.9897, abs=1e-4)
+
+
+def test_jammer_raises_the_noise_by_its_received_power():
+    model = radio()
+    link = model.link(100.0)
+    alone = 30.0 + 2.3 - float(model.config.propagation.path_loss_db(model.path(400.0)))
+    expected = 10 * np.log10(10 ** (alone / 10) + 10 ** (model.noise_floor_dbm / 10))
+    assert float(link.noise_dbm) == pytest.approx(expected, abs=1e-6)
+    assert float(link.snr_db) == pytest.approx(float(link.received_power_dbm) - expected, abs=1e-6)
+
+
+def test_adjacent_channel_is_rejected():
+    beside, on = radio(1.0, 2.432e9, 90.0), radio(1.0, 2.412e9, 90.0)
+    drop_db = beside.noise_dbm(beside.path(100.0)) - on.noise_dbm(on.path(100.0))
+    friis_db = 20 * np.log10(2.432 / 2.412)
+    assert float(drop_db) == pytest.approx(-16.0 - friis_db, abs=0.02)
+
+
+@pytest.mark.parametrize("duty", [0.0, 0.3, 1.0])
+def test_pulsed_jammer_monte_carlo_agrees_with_the_closed_probability(duty):
+    model = radio(duty, power_dbm=15.0)
+    medium = Medium(model, seed=1, nodes=["0", "1"])
+    medium.place("0", (0, 0, -40))
+    medium.place("1", (60, 0, -40))
+    n = 3000
+    fates = [medium.transmit("0", k, k * 1_000_000, 100)[0] for k in range(n)]
+    p = float(model.probability_of_delivery(60.0, 100))
+    assert fates[0].probability_of_delivery == pytest.approx(p, abs=1e-4)
+    delivered = sum(each.fate is Fate.DELIVERED for each in fates)
+    assert abs(delivered / n - p) < 3.29 * np.sqrt(p * (1 - p) / n) + 1 / n
+
+
+def test_bad_rejection_curve_names_its_key():
+    with pytest.raises(PresetError, match=r"interference: .*offsets have to rise"):
+        presets.load_radio("corrected", {"interference": {"rejection": [[0, 0], [0, 3]]}})

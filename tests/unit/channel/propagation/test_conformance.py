@@ -1,0 +1,97 @@
+"""Against values that ns-3 3.37 computed (tests/data), within the tolerances that we promise."""
+
+import csv
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+from channel import presets
+from channel.geometry import Path
+from channel.link.radio import Radio
+from channel.phy.error_model import Band
+from channel.phy.ofdm import OfdmNist, OfdmYans
+from channel.propagation.hata import Cost231Hata, OkumuraHata
+from channel.propagation.path_loss import FreeSpace, LogDistance, TwoRay, friis_loss_db, log_distance_loss_db
+
+DATA = FilePath(__file__).parents[3] / "data"
+PLAIN = {
+    "friis": FreeSpace(),
+    "two-ray": TwoRay(),
+    "log-distance-n3-l0-46.6777": LogDistance(exponent=3.0, reference_loss_db=46.6777),
+}
+HATA = {"okumura-hata": OkumuraHata, "cost231-hata": Cost231Hata}
+OFDM = {"nist": OfdmNist, "yans": OfdmYans}
+
+
+def rows(name):
+    with (DATA / name).open() as file:
+        return list(csv.DictReader(file))
+
+
+def model_of(name):
+    if name in PLAIN:
+        return PLAIN[name]
+    family, environment, city = name.rsplit("-", 2)
+    return HATA[family](environment=environment, city=city, outside="ignore")
+
+
+@pytest.mark.parametrize("name", sorted({row["model"] for row in rows("ns3_path_loss.csv")}))
+def test_path_loss(name):
+    model = model_of(name)
+    mine = [row for row in rows("ns3_path_loss.csv") if row["model"] == name]
+    f, ground, tx, rx, loss = (
+        np.array([float(row[key]) for row in mine])
+        for key in ("frequency_hz", "distance_m", "height_tx_m", "height_rx_m", "loss_db")
+    )
+    got = model.path_loss_db(Path(np.where(f > 0, f, 1e9), np.hypot(ground, tx - rx), tx, rx))
+    assert got == pytest.approx(loss, abs=0.002)
+
+
+@pytest.mark.parametrize("name", sorted(OFDM))
+def test_error_rates(name):
+    for row in (row for row in rows("ns3_error_rate.csv") if row["error_model"] == name):
+        model = OFDM[name](rate_mbps=int(row["mode"].removeprefix("OfdmRate").removesuffix("Mbps")))
+        got = 1.0 - model.per(np.asarray(float(row["snr_db"])), float(row["bits"]) / 8.0, Band(20e6, 6e6))
+        assert float(got) == pytest.approx(float(row["success_probability"]), abs=1e-8), row
+
+
+def test_okumura_hata_of_the_textbook():
+    path = Path(900e6, np.asarray(1000.0), 30.0, 1.5)
+    assert float(OkumuraHata().path_loss_db(path)) == pytest.approx(126.40, abs=0.005)
+
+
+def test_textbook_coefficients_differ_where_they_are_said_to():
+    path = Path(1800e6, np.asarray(2000.0), 30.0, 1.5)
+    ns3 = Cost231Hata(city="large").path_loss_db(path)
+    textbook = Cost231Hata(city="large", coefficients="textbook").path_loss_db(path)
+    assert float(textbook - ns3) == pytest.approx(4.97)
+    path = Path(900e6, np.asarray(2000.0), 30.0, 1.5)
+    by_hata = OkumuraHata(environment="open", coefficients="textbook").path_loss_db(path)
+    urban = OkumuraHata(environment="urban").path_loss_db(path)
+    log_f = np.log10(900.0)
+    assert float(urban - by_hata) == pytest.approx(4.78 * log_f**2 - 18.33 * log_f + 40.94)
+
+
+@pytest.mark.parametrize(
+    ("exponent", "distance_m", "power_dbm"),
+    [(6, 1, -20.531), (6, 3, -49.158), (12, 3, -77.786), (6, 100, -140.531)],
+)
+def test_gazebo_classic(exponent, distance_m, power_dbm):
+    config = presets.load_radio("gazebo-classic", {"propagation": {"exponent": exponent}})
+    assert float(Radio(config).link(distance_m).received_power_dbm) == pytest.approx(power_dbm, abs=6e-4)
+
+
+def test_gz_means():
+    default = Radio(presets.load_radio("gz-rfcomms"))
+    assert float(default.link(50.0).snr_db) == pytest.approx(34.526, abs=6e-4)
+    world = {"transmit_power_dbm": 20, "propagation": {"exponent": 2.6}, "max_range_m": 500000}
+    link = Radio(presets.load_radio("gz-rfcomms", world)).link(52.0)
+    assert float(link.received_power_dbm) == pytest.approx(-64.616, abs=6e-4)
+    assert float(link.snr_db) == pytest.approx(25.384, abs=6e-4)
+
+
+def test_friis_of_the_standard():
+    """ITU-R P.525: 32.4 + 20 log10 f(MHz) + 20 log10 d(km), which rounds 32.448."""
+    assert float(friis_loss_db(1000.0, 2412e6)) == pytest.approx(32.448 + 20 * np.log10(2412.0), abs=1e-3)
+    assert float(log_distance_loss_db(100.0, 3.0, 40.0)) == pytest.approx(100.0)
