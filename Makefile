@@ -8,7 +8,7 @@ export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
 PYTEST := --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow repeat check bench bench-fdm bench-channel lock clean help
+.PHONY: demo test test-slow repeat check bench bench-fdm bench-channel bench-aps lock clean help
 
 help:  ## Show the targets.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12

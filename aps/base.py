@@ -132,7 +132,11 @@ class DaemonBase(ABC):
         """Counters of everything, as plain data."""
         now_ns = self._clock()
         return {
-            "autopilot": {"connections": self.connections, "reboots": self.telemetry.reboots},
+            "autopilot": {
+                "connections": self.connections,
+                "reboots": self.telemetry.reboots,
+                **self.core.autopilot_statistics(now_ns),
+            },
             "autopilot_links": [
                 dict(link.statistics(now_ns))
                 for link in self.hub.links.values()

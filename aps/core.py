@@ -67,10 +67,16 @@ class Core:
         self.answers = Answers(config.sysid, ONBOARD_COMPUTER_COMPID)
         self._heartbeat_due_ns = 0
         self._changed = False
+        self._latest_primary: Link | None = None
 
     def statistics(self) -> dict[str, Any]:
         """Counters of the logic, as plain data."""
         return {**self.hub.statistics(), "answers": self.answers.counters, **self.vehicle.statistics()}
+
+    def autopilot_statistics(self, now_ns: int) -> dict[str, Any]:
+        """Counters of the link to the autopilot that is used, or was the last one, as plain data."""
+        link = self._latest_primary
+        return {} if link is None else dict(link.statistics(now_ns))
 
     @property
     def link_up(self) -> bool:
@@ -105,6 +111,7 @@ class Core:
         if before is not None:
             self.vehicle.link_down()
         if primary is not None:
+            self._latest_primary = self.hub.primary
             self._heartbeat_due_ns = now_ns
             self.vehicle.link_up()
 

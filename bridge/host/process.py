@@ -37,10 +37,10 @@ from bridge.host.node import AgentOutlet, Node, OnReply, Packet
 from bridge.host.node_record import NodeRecord
 from bridge.record.events import Report
 from bridge.record.input_fields import VERBS
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import Arguments, current_node, parse_arguments, run_until_stopped
-from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.model import START_TIME_UNIX_S, Aircraft, Scenario
 from bridge.timeouts import AGENT_END_S, FLUSH_PERIOD_S
 
 ASKED_MAX = 1000
@@ -93,6 +93,10 @@ class HostedNode:
                 autopilot=f"tcp:127.0.0.1:{scenario.autopilot_port(ua)}",
                 sysid=ua.sysid,
                 listen_port=scenario.aps_port(ua),
+                links=tuple(f"udp-out:{place}" for place in scenario.udp_outputs(ua)),
+                tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
+                tlog_name=ua.node,
+                tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
             )
         )
         self._outlets = ZenohOutlets(session, run.keys, ua.node)

@@ -13,7 +13,7 @@ from pathlib import Path
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, ardupilot_origin
-from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.model import START_TIME_UNIX_S, Aircraft, Scenario
 from bridge.scenario.resolve import airframe_of
 
 HOME_VARIABLE = "ARDUPILOT_HOME"
@@ -24,9 +24,6 @@ INSTANCE_MAX = 255
 """`-I` is a byte: 256 is 0 again, on the ports of another UA."""
 SPEEDUP = 100
 """`--speedup`: with JSON physics it sets no pace, but more than 1 has SITL wait for a slow serial0 client."""
-
-START_TIME_UNIX_S = 1_700_000_000
-"""`--start-time`: GPS time at boot. Without it, it is the host's, and no flight repeats."""
 
 
 class ArduPilot(Launcher):
