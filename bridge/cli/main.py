@@ -12,6 +12,7 @@ COMMANDS = {
     "refly": "bridge.cli.refly",
     "compare": "bridge.cli.compare",
     "export": "bridge.cli.export",
+    "aps": "bridge.cli.aps",
     "doctor": "bridge.cli.doctor",
     "echo": "bridge.cli.echo",
     "link": "channel.cli.commands",

@@ -13,8 +13,9 @@ from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.bus.session import Session
 from bridge.host.hosted_node import HostedNode
 from bridge.host.node_record import NodeRecord
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
+from bridge.scenario.model import START_TIME_UNIX_S
 from bridge.scenario.nodes import Aircraft
 
 log = logging.getLogger("host")
@@ -30,6 +31,10 @@ class HostedAircraft(HostedNode):
                 autopilot=f"tcp:127.0.0.1:{scenario.autopilot_port(config)}",
                 sysid=config.sysid,
                 listen_port=scenario.aps_port(config),
+                links=tuple(f"udp-out:{place}" for place in scenario.udp_outputs(config)),
+                tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
+                tlog_name=config.node,
+                tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
             )
         )
         super().__init__(session, run, config, record, AircraftBridge(self.daemon, config.node))

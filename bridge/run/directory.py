@@ -16,6 +16,7 @@ RUN_FILE = "run.json"
 SCENARIO_FILE = "scenario.yaml"
 SUMMARY_FILE = "summary.json"
 LOG_FOLDER = "logs"
+TLOG_FOLDER = "tlog"
 
 
 @dataclass(frozen=True, slots=True)

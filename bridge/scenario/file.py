@@ -12,7 +12,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from bridge.scenario.agents import AgentConfig, GroundAgentConfig, OwnAgent
-from bridge.scenario.model import FlightDynamics, Origin, Ports, Scenario, Transmit
+from bridge.scenario.model import FlightDynamics, Mavlink, Origin, Ports, Scenario, Transmit
 from bridge.scenario.nodes import Aircraft, GroundNode, GroundPlace, HomePlace, TrackPoint
 from bridge.scenario.own_class import clash_of, mistake_in
 from bridge.scenario.resolve import airframe_of, wind_of
@@ -271,6 +271,7 @@ _MODELS: dict[str, type[BaseModel]] = {
     "transmit": Transmit,
     "ports": Ports,
     "fdm": FlightDynamics,
+    "mavlink": Mavlink,
     "sensor_noise": SensorNoise,
     "weather": WeatherConfig,
     "place": GroundPlace,

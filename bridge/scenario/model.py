@@ -28,6 +28,11 @@ from fdm.wire.legacy import legacy_ports
 
 SCHEMA = 1
 MAX = "max"
+AUTO = "auto"
+START_TIME_UNIX_S = 1_700_000_000
+"""GPS time of autopilots at boot, and time of the records at sim time 0: the host's time would not repeat."""
+MAVSDK_SLOTS, MAVSDK_STEP = 10, 60
+"""So many UA have the ports that PX4 gives MAVSDK; those of the others lie higher by this."""
 SPEED_MIN, SPEED_MAX = 0.1, SPEED_RANGE[1]
 
 
@@ -49,6 +54,19 @@ def _hosts(value: object) -> object:
     if value in ("auto", "per-ua") or (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
         return value
     raise ValueError("has to be 'auto', 'per-ua' or a number of processes, at least 1")
+
+
+def _udp_out(value: object) -> object:
+    """See that each can be opened: a mistake is better found before the start."""
+    if not isinstance(value, list | tuple):
+        if value == AUTO:
+            return value
+        raise ValueError("has to be 'auto', or a list of HOST:PORT")
+    from aps.links.address import parse_address  # pymavlink takes its time, and few scenarios name any
+
+    for text in value:
+        parse_address(f"udp-out:{text}")
+    return tuple(value)
 
 
 class Origin(Part):
@@ -91,13 +109,32 @@ class Transmit(Part):
 
 
 class Ports(Part):
-    """First port of each kind; UA I uses ``first + 10 * (I + first_slot)``. 0 for zenoh: any free port."""
+    """First port of each kind; UA I uses ``first + 10 * (I + first_slot)``. 0 for zenoh: any free port.
+
+    ``gcs`` and ``mavsdk`` are sent to: all UA share the first; slot S = I + first_slot has ``mavsdk + S`` (from slot 10
+    on ``mavsdk + 60 + S``, beyond the ground station's).
+    """
 
     fdm: Port = 9002
     autopilot: Port = 5760
     aps: Port = 6760
+    gcs: Port = 14550
+    mavsdk: Port = 14540
     zenoh: Port = 7447
     first_slot: Annotated[int, Field(strict=True, ge=0, le=4000)] = 0
+
+
+class Mavlink(Part):
+    """What the MAVLink daemons do unasked.
+
+    Attributes:
+        udp_out: where each sends its UA's MAVLink: HOST:PORT with rules (docs/aps.md); auto = to ``ports.gcs`` and
+            ``ports.mavsdk`` on this machine in real time (``speed: 1``), nowhere otherwise.
+        tlog: whether each records it as a .tlog file in the run's directory.
+    """
+
+    udp_out: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(_udp_out)] = "auto"
+    tlog: bool = True
 
 
 class Scenario(Part):
@@ -120,6 +157,7 @@ class Scenario(Part):
     transmit: Transmit = Transmit()
     parameters: Parameters = Field(default_factory=dict)
     ports: Ports = Ports()
+    mavlink: Mavlink = Mavlink()
     fdm: FlightDynamics = FlightDynamics()
     nodes: Annotated[tuple[NodeConfig, ...], Field(min_length=1)]
 
@@ -223,6 +261,16 @@ class Scenario(Part):
     def aps_port(self, ua: Aircraft) -> int:
         """TCP port of the MAVLink server of ``ua``."""
         return self._port(self.ports.aps, ua)
+
+    def udp_outputs(self, ua: Aircraft) -> tuple[str, ...]:
+        """Where the MAVLink of ``ua`` is sent: HOST:PORT."""
+        if self.mavlink.udp_out != AUTO:
+            return tuple(self.mavlink.udp_out)
+        if self.speed_factor != 1.0:
+            return ()
+        slot = self.instance(ua)
+        mavsdk = self.ports.mavsdk + slot + (MAVSDK_STEP if slot >= MAVSDK_SLOTS else 0)
+        return tuple(f"127.0.0.1:{port}" for port in (self.ports.gcs, mavsdk) if port and port <= 65535)
 
     def instance(self, ua: Aircraft) -> int:
         """ArduPilot's instance number: what its ports are counted by."""

@@ -95,12 +95,32 @@ class Ledger:
 
     def counts(self, tx, rx):
         a = [self._account(self.nodes[t], self.nodes[r]) for t, r in zip(tx, rx)]
-        return np.array([x.sent for x in a], dtype=np.int64), np.array([x.delivered for x in a], dtype=np.int64)
+        return np.array([x.sent for x in a], dtype=np.int64), np.array(
+            [x.delivered for x in a], dtype=np.int64
+        )
 
     def settle(self, r):
         from channel.medium.reception import FATES
+
         p = r.packets
-        self.settle_rows([Reception(int(p.sim_time_ns[i]), self.nodes[p.tx[i]], self.nodes[r.rx[k]], int(p.seq[i]), 0, float(r.distance_m[k]), 0.0, 0.0, 0.0, FATES[r.fate[k]], float(r.probability_of_delivery[k])) for k, i in enumerate(r.packet.tolist())])
+        self.settle_rows(
+            [
+                Reception(
+                    int(p.sim_time_ns[i]),
+                    self.nodes[p.tx[i]],
+                    self.nodes[r.rx[k]],
+                    int(p.seq[i]),
+                    0,
+                    float(r.distance_m[k]),
+                    0.0,
+                    0.0,
+                    0.0,
+                    FATES[r.fate[k]],
+                    float(r.probability_of_delivery[k]),
+                )
+                for k, i in enumerate(r.packet.tolist())
+            ]
+        )
 
     def settle_rows(self, receptions: Iterable[Reception]) -> None:
         """Book the fates of packets that were booked out before."""

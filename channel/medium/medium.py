@@ -118,14 +118,29 @@ class Medium:
 
         from channel.medium.packets import Packets, Receptions
         from channel.medium.reception import FATES
+
         out, self._out = self._out, []
         index = {n: i for i, n in enumerate(self.nodes)}
         keys = list(dict.fromkeys((r.sim_time_ns, index[r.tx], r.seq) for r in out))
         row = {k: i for i, k in enumerate(keys)}
         cols = list(zip(*keys, strict=True)) or [(), (), ()]
-        packets = Packets(*(np.array(c, dtype=np.int64) for c in cols), np.array([self._lengths.pop((k[1], k[2])) for k in keys], dtype=np.int64), np.full(len(keys), -1))
+        packets = Packets(
+            *(np.array(c, dtype=np.int64) for c in cols),
+            np.array([self._lengths.pop((k[1], k[2])) for k in keys], dtype=np.int64),
+            np.full(len(keys), -1),
+        )
         f = lambda g, d=float: np.array([g(r) for r in out], dtype=d)
-        return Receptions(packets, f(lambda r: row[r.sim_time_ns, index[r.tx], r.seq], int), f(lambda r: index[r.rx], int), f(lambda r: r.distance_m), f(lambda r: r.received_power_dbm), f(lambda r: r.snr_db), f(lambda r: r.per), f(lambda r: r.probability_of_delivery), f(lambda r: FATES.index(r.fate), np.uint8))
+        return Receptions(
+            packets,
+            f(lambda r: row[r.sim_time_ns, index[r.tx], r.seq], int),
+            f(lambda r: index[r.rx], int),
+            f(lambda r: r.distance_m),
+            f(lambda r: r.received_power_dbm),
+            f(lambda r: r.snr_db),
+            f(lambda r: r.per),
+            f(lambda r: r.probability_of_delivery),
+            f(lambda r: FATES.index(r.fate), np.uint8),
+        )
 
     def flush(self) -> Any:
         self._out += self._settle(everything=True)
