@@ -70,7 +70,7 @@ def _append(run: Path, nodes: list[str], ticks: list[Columns]) -> None:
 def _csv(run: Path, nodes: list[str], ticks: list[Columns]) -> None:
     with (run / "rows.csv").open("w") as file:
         for columns in ticks:
-            for t, tx, rx, seq, length, distance, power, snr, per, fate in zip(
+            for t, tx, rx, seq, _, length, distance, power, snr, per, fate in zip(
                 *(values.tolist() for values in columns.values()), strict=True
             ):
                 file.write(

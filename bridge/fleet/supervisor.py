@@ -326,7 +326,9 @@ class Fleet:
         if status.failed:
             log = self._run.log_path(f"node-{node}")
             self._fail_with_the_tick(
-                FleetError(f"the agent of node {node} failed: {status.activity}; its log is {log}")
+                FleetError(
+                    f"the agent of {self._scenario.title(node)} failed: {status.activity}; its log is {log}"
+                )
             )
         if status.done:
             self.not_done.discard(node)

@@ -239,6 +239,10 @@ class Scenario(Part):
         """Nodes whose agents have an end of their own, which the run waits for."""
         return frozenset(node.node for node in self.nodes if node.agent.has_task)
 
+    def title(self, node_id: str) -> str:
+        """What a node is called where people read: ``UA 1``, ``node gcs``."""
+        return f"{'UA' if isinstance(self.node(node_id), Aircraft) else 'node'} {node_id}"
+
     @property
     def speed_factor(self) -> float:
         """Target real-time factor; ``inf`` for max."""

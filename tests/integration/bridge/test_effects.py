@@ -110,12 +110,10 @@ def test_what_could_not_be_read_is_told_in_the_summary(start_run: StartRun, tmp_
     run.wait_for("sim time")
     with open_client(run.endpoint) as session:
         keys = Keys(run.directory.name)
-        session.put_bytes(keys.rx("0", "1", "team"), b"without a stamp", must_arrive=True)
         session.put_bytes(keys.clock_exchange, b"garbage", must_arrive=True)
         assert run.finish() == 0, run.output.decode()
     counters = run.summary["counters"]
-    assert counters["ua-0"]["packets_the_agent_could_not_read"] == 20
-    assert counters["ua-0"]["packets_without_stamp"] == 1
+    assert counters["node-0"]["messages_the_agent_could_not_read"] == 20
     assert {c["malformed_samples"] for name, c in counters.items() if name.startswith("host-")} == {1}
 
 
@@ -141,12 +139,11 @@ def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repea
 def test_logs_tell_whose_they_are(start_run: StartRun, hosts: str) -> None:
     run = start_run(scenario=STILL.replace("radio:", f"hosts: {hosts}\nradio:"), duration_s=1.0)
     assert run.finish() == 0, run.output.decode()
-    logs = {file.stem: file.read_text() for file in (run.directory / "logs").glob("host-*.log")}
-    assert len(logs) == (1 if hosts == "1" else 2)
-    text = "\n".join(logs.values())
+    assert len(list((run.directory / "logs").glob("host-*.log"))) == (1 if hosts == "1" else 2)
     for node in ("0", "1"):
-        assert f"INFO UA {node} agent: done at" in text
-        assert f"INFO UA {node} aps.vehicle.vehicle: autopilot of system {int(node) + 1} heard" in text
+        text = (run.directory / "logs" / f"node-{node}.log").read_text()
+        assert "INFO agent: done at" in text
+        assert f"INFO aps.vehicle.vehicle: autopilot of system {int(node) + 1} heard" in text
         ready = (run.directory / "logs" / f"autopilot-{node}.log").read_text()
         assert ready.startswith(f"ready: sysid {int(node) + 1}, ")
     assert (run.directory / "logs" / "autopilots-0.log").exists() == (hosts == "1")
