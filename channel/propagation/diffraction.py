@@ -15,7 +15,7 @@ NU_CLEAR = -0.78
 """Below this Fresnel-Kirchhoff parameter an edge costs nothing (ITU-R P.526-15, eq. 31)."""
 EARTH_RADIUS_M = 6_371_000.0
 NEAR = 0.03
-"""Of the distance of the horizon: up to here the bulge changes less than 0.005 dB, and is left out."""
+"""Of the distance of the horizon: up to here the bulge changes less than 0.01 dB, and is left out."""
 EDGES = 17
 """Places between which the worst one inside the horizon is looked for: within 0.02 dB."""
 
@@ -50,12 +50,13 @@ def horizon_m(path: Path, radius_factor: float) -> FloatArray:
 
 
 def bulge_loss_db(path: Path, radius_factor: float) -> FloatArray | None:
-    """Return what the curvature of a smooth Earth costs over a flat one, dB; None if nothing anywhere.
+    """Return what the bulge of a smooth Earth costs, dB; None if nothing anywhere.
 
-    Beyond the horizon the bulge counts as one knife edge where the horizon rays of both ends meet (Bullington 1947;
-    ITU-R P.526-15, sec. 4.5.1), inside as the worst of its points. The loss over a flat Earth at the same
-    heights, which is the propagation law's, is taken off. A smooth sphere attenuates more than an edge (P.526-15, sec.
-    3): deep behind the horizon the loss is too small.
+    Beyond the horizon it counts as one knife edge where the horizon rays of both ends meet (Bullington 1947; ITU-R
+    P.526-15, sec. 4.5.1), inside as the worst of its points. Near by, a flat Earth takes as much of the first Fresnel
+    zone, and that is the propagation law's: inside the horizon J over a flat Earth is taken off, less and less, by
+    the share 1 - (D / horizon)^2. A smooth sphere attenuates more than an edge (P.526-15, sec. 3): deep behind the
+    horizon the loss is too small.
     """
     edge_m = horizon_m(path, radius_factor)
     if np.all(path.distance_m <= NEAR * edge_m):
@@ -67,7 +68,8 @@ def bulge_loss_db(path: Path, radius_factor: float) -> FloatArray | None:
     reach = np.sqrt(2.0 / (wavelength_m(path.frequency_hz) * ground_m))
     nu = np.where(ground_m < edge_m, inside, beyond) * reach
     flat_nu = -2.0 * np.sqrt(low * high) * reach
-    loss_db = np.maximum(edge_db(nu) - edge_db(flat_nu), 0.0)
+    near = np.maximum(1.0 - np.square(ground_m / edge_m), 0.0)
+    loss_db = np.maximum(edge_db(nu) - near * edge_db(flat_nu), 0.0)
     return np.where(path.distance_m <= NEAR * edge_m, 0.0, loss_db)
 
 

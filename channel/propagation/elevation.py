@@ -46,15 +46,22 @@ def library() -> ModuleType:
         raise ElevationError(f"needs the library rasterio: pip install '{EXTRA}'") from error
 
 
-@lru_cache(maxsize=4)
 def read_elevation(file: Path, origin: Origin, extent_m: float, spacing_m: float) -> FloatArray:
     """Return heights above the origin's, rows going north from -extent_m, columns east, to the millimetre, m.
 
-    Bilinear between the file's points.
+    Bilinear between the file's points; kept until the file changes.
 
     Raises:
         ElevationError: the file cannot be read, does not cover the square, or has gaps in it.
     """
+    try:
+        return _read(file, file.stat().st_mtime_ns, origin, extent_m, spacing_m)
+    except OSError as error:
+        raise ElevationError(f"cannot read {file}: {error.strerror or error}") from error
+
+
+@lru_cache(maxsize=4)
+def _read(file: Path, _changed_ns: int, origin: Origin, extent_m: float, spacing_m: float) -> FloatArray:
     count = 2 * int(np.ceil(extent_m / spacing_m)) + 1
     if count * count > MAX_POINTS:
         raise ElevationError(f"{count} by {count} points: at most {MAX_POINTS}; take a larger spacing_m")

@@ -21,6 +21,8 @@ AXES = ("north_m", "east_m", "height_m")
 GRID = ("rx_height_m", "rx_north_m", "rx_east_m")
 HDF5 = b"\x89HDF"
 CDF = b"CDF"
+BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, MemoryError)
+"""What SciPy raises on files that are cut off or damaged."""
 
 
 class GainFileError(ValueError):
@@ -46,23 +48,31 @@ class GainTable:
     frequency_hz: float | None
 
 
-@lru_cache(maxsize=8)
 def read_gain_file(file: Path) -> GainTable:
-    """Return the map of a file; kept, so that every radio of a run shares one.
+    """Return the map of a file; kept until the file changes, so that every radio of a run shares one.
 
     Raises:
         GainFileError: it cannot be read, or is no map.
     """
     try:
-        with file.open("rb") as start:
-            head = start.read(4)
-        if head == HDF5:
-            return _from_columns(file, *_hdf5(file))
-        if head[:3] == CDF:
-            return _from_columns(file, *_classic(file))
-        return _from_rows(file)
+        return _read(file, file.stat().st_mtime_ns)
+    except GainFileError:
+        raise
     except OSError as error:
         raise GainFileError(f"cannot read {file}: {error.strerror or error}") from error
+    except BROKEN as error:
+        raise GainFileError(f"{file}: not a NetCDF file, or a broken one: {error}") from error
+
+
+@lru_cache(maxsize=8)
+def _read(file: Path, _changed_ns: int) -> GainTable:
+    with file.open("rb") as start:
+        head = start.read(4)
+    if head == HDF5:
+        return _from_columns(file, *_hdf5(file))
+    if head[:3] == CDF:
+        return _from_columns(file, *_classic(file))
+    return _from_rows(file)
 
 
 def _classic(file: Path) -> tuple[dict[str, FloatArray], Any]:

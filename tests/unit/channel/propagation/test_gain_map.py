@@ -13,6 +13,7 @@ from scipy.io import netcdf_file
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import PresetError, load_radio
+from channel.propagation.gain_file import GainFileError, read_gain_file
 from channel.propagation.path_loss import friis_loss_db
 from channel.validity import OutsideValidityError
 
@@ -187,6 +188,27 @@ def test_maps_with_a_variable_too_few_or_of_another_shape(tmp_path):
     write_hdf5(tmp_path / "third.nc4", rx_north_m=NORTH[::-1])
     with pytest.raises(PresetError, match="rx_north_m has to rise"):
         radio(tmp_path / "third.nc4")
+
+
+@pytest.mark.parametrize("write", [write_classic, write_hdf5])
+def test_damaged_files_are_named(tmp_path, write):
+    """Cut off anywhere, or with bytes changed: a map, or an error that names the file; never another."""
+    write(tmp_path / "whole.nc")
+    whole = (tmp_path / "whole.nc").read_bytes()
+    rng = np.random.Generator(np.random.PCG64(8))
+    refused = []
+    for k in range(60):
+        damaged = bytearray(whole[: rng.integers(4, len(whole))] if k % 2 else whole)
+        for place in rng.integers(4, min(len(damaged), 400), 3) if len(damaged) > 8 else ():
+            damaged[place] = rng.integers(256)
+        file = tmp_path / f"damaged-{k}.nc"
+        file.write_bytes(damaged)
+        try:
+            read_gain_file(file)
+        except GainFileError as error:
+            refused.append(file.name in str(error))
+    assert len(refused) > 20
+    assert all(refused)
 
 
 def test_a_file_beside_the_yaml(tmp_path):
