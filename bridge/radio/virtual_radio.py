@@ -16,12 +16,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link, Message
 from bridge.bus.session import AGENT, Stamp
 from bridge.radio.deliveries import DeliveryRow
 from channel.medium.ledger import Ledger
-from channel.medium.medium import Fate, Medium, Reception
+from channel.medium.medium import EVERYBODY, FATES, Fate, Medium, Packets, Receptions
 
 TRANSPORT = "transport"
 """Cause of loss: the packet left its agent and never came to the router. The host lost it, not the radio."""
@@ -121,11 +123,11 @@ class VirtualRadio:
         self._next_seq = dict.fromkeys(nodes, 0)
         self._taken: list[TxPacket] = []
         self._settled_by_truth: list[Action] = []
-        self._waiting: dict[tuple[str, int], tuple[TxPacket, int]] = {}
+        self._waiting: dict[tuple[str, int], TxPacket] = {}
         self._others = {node: tuple(other for other in nodes if other != node) for node in nodes}
-        self._latest: dict[tuple[str, str], Reception] = {}
+        self._latest: dict[tuple[str, str], DeliveryRow] = {}
         self._reported_ns = -LINK_PERIOD_NS
-        self.ledger = Ledger()
+        self.ledger = Ledger(medium.nodes, causes=(TRANSPORT, TOO_LONG))
         self._received: dict[str, dict[str, bool]] = {node: {} for node in nodes}
         self._changed: set[str] = set()
         self.refused: Counter[Refused] = Counter()
@@ -155,9 +157,9 @@ class VirtualRadio:
             return []
         self._latest_ns = max(self._latest_ns, sim_time_ns)
         # Packets that waited for this truth go out with the tick, as those of the tick do: not beside its clock.
-        self._settled_by_truth += self._settle(
-            self._medium.observe(node, sim_time_ns, position_ned_m, attitude_wxyz)
-        )
+        self._medium.observe(node, sim_time_ns, position_ned_m, attitude_wxyz)
+        if self._medium.in_flight:
+            self._settled_by_truth += self._settle(self._medium.settle())
         return []
 
     def on_packet(self, tx: str, channel: str, payload: bytes, encoding: object, stamp: Stamp | None) -> None:
@@ -176,18 +178,21 @@ class VirtualRadio:
     def settle(self) -> list[Action]:
         """Give what was taken to the medium, in an order that does not depend on that of arrival."""
         taken, self._taken = self._taken, []
-        actions: list[Action] = []
         taken.sort(key=lambda p: (p.sim_time_ns, p.tx, p.seq))
         self.transmitted += taken
-        for packet in taken:
-            if self._others[packet.tx]:
-                self.ledger.sent(packet.tx, self._others[packet.tx])
-                self._waiting[packet.tx, packet.seq] = (packet, len(self._others[packet.tx]))
-            length_bytes = len(packet.payload)
-            actions += self._settle(
-                self._medium.transmit(packet.tx, packet.seq, packet.sim_time_ns, length_bytes)
-            )
-        return actions
+        if not taken or len(self._nodes) < 2:
+            return []
+        packets = self._columns(taken)
+        self.ledger.send(packets)
+        self._medium.send(packets)
+        self._waiting |= {(packet.tx, packet.seq): packet for packet in taken}
+        return self._settle(self._medium.settle())
+
+    def _columns(self, taken: Sequence[TxPacket]) -> Packets:
+        index = self._medium.index
+        rows = [(p.sim_time_ns, index[p.tx], p.seq, len(p.payload), EVERYBODY) for p in taken]
+        when, tx, seq, length, to = np.array(rows, dtype=np.int64).T
+        return Packets(when, tx.astype(np.intp), seq, length, to.astype(np.intp))
 
     def _why_refused(self, tx: str, stamp: Stamp | None) -> Refused | None:
         if tx not in self._next_seq:
@@ -261,7 +266,7 @@ class VirtualRadio:
     def _book_missing(self, tx: str, seq: int, sim_time_ns: int, cause: str) -> None:
         """Book the sender's packets before ``seq`` that never got to the radio."""
         for missing in range(self._next_seq[tx], seq):
-            self.ledger.lose(tx, self._others[tx], cause)
+            self.ledger.lose(tx, cause)
             for rx in self._others[tx]:
                 row = DeliveryRow(
                     sim_time_ns, tx, rx, missing, 0, math.nan, math.nan, math.nan, math.nan, cause
@@ -269,41 +274,40 @@ class VirtualRadio:
                 self.settled.append(row)
         self._next_seq[tx] = max(self._next_seq[tx], seq)
 
-    def _settle(self, receptions: Iterable[Reception]) -> list[Action]:
-        settled = list(receptions)
-        self.ledger.settle(settled)
+    def _settle(self, receptions: Receptions) -> list[Action]:
+        self.ledger.settle(receptions)
         actions: list[Action] = []
-        for reception in settled:
-            packet = self._take(reception.tx, reception.seq)
-            self._book(reception)
-            if reception.fate is Fate.DELIVERED:
-                actions.append(Forward(self._keys.rx(reception.rx, reception.tx, packet.channel), packet))
+        for row in self._rows(receptions):
+            self._book(row)
+            if row.fate == Fate.DELIVERED.value:
+                packet = self._waiting[row.tx, row.seq]
+                actions.append(Forward(self._keys.rx(row.rx, row.tx, packet.channel), packet))
+        for tx, seq in zip(receptions.packets.tx.tolist(), receptions.packets.seq.tolist(), strict=True):
+            del self._waiting[self._medium.nodes[tx], seq]
         return actions
 
-    def _take(self, tx: str, seq: int) -> TxPacket:
-        packet, left = self._waiting.pop((tx, seq))
-        if left > 1:
-            self._waiting[tx, seq] = (packet, left - 1)
-        return packet
-
-    def _book(self, r: Reception) -> None:
-        self._latest[r.tx, r.rx] = r
-        self._received[r.rx][r.tx] = r.fate is Fate.DELIVERED
-        self._changed.add(r.rx)
-        self.settled.append(
-            DeliveryRow(
-                r.sim_time_ns,
-                r.tx,
-                r.rx,
-                r.seq,
-                r.length_bytes,
-                r.distance_m,
-                r.received_power_dbm,
-                r.snr_db,
-                r.per,
-                r.fate.value,
+    def _rows(self, receptions: Receptions) -> Iterable[DeliveryRow]:
+        nodes, packets, r = self._medium.nodes, receptions.packets, receptions
+        lengths = self._medium.counted_bytes(packets)
+        for i, row in enumerate(r.packet.tolist()):
+            yield DeliveryRow(
+                int(packets.sim_time_ns[row]),
+                nodes[packets.tx[row]],
+                nodes[r.rx[i]],
+                int(packets.seq[row]),
+                int(lengths[row]),
+                float(r.distance_m[i]),
+                float(r.received_power_dbm[i]),
+                float(r.snr_db[i]),
+                float(r.per[i]),
+                FATES[r.fate[i]].value,
             )
-        )
+
+    def _book(self, row: DeliveryRow) -> None:
+        self._latest[row.tx, row.rx] = row
+        self._received[row.rx][row.tx] = row.fate == Fate.DELIVERED.value
+        self._changed.add(row.rx)
+        self.settled.append(row)
 
     def _statuses(self, sim_time_ns: int) -> list[Action]:
         actions: list[Action] = []
@@ -320,8 +324,8 @@ class VirtualRadio:
         self._reported_ns = sim_time_ns
         return [Publish(self._keys.link(r.tx, r.rx), self._link_message(r)) for r in self._latest.values()]
 
-    def _link_message(self, r: Reception) -> Link:
-        account = self.ledger.links[r.tx, r.rx]
+    def _link_message(self, r: DeliveryRow) -> Link:
+        account = self.ledger.account(r.tx, r.rx)
         header = Header.at(r.sim_time_ns, r.rx)
         radio = (r.distance_m, r.received_power_dbm, r.snr_db, r.per)
         return Link(header, r.tx, r.rx, *radio, account.sent, account.delivered)
