@@ -64,7 +64,7 @@ def test_a_ground_station_hears_and_sends_to_one(start_run: StartRun, tmp_path: 
     }
     assert at[0] == (10.0, -2.0)
     assert at[1_500_000_000] == (20.0, -3.0)
-    assert at[4_000_000_000] == (30.0, -4.0)
+    assert max(at) < 3_000_000_000  # the base had a task, and is done with it
     assert run.summary["ending"] == "done"
     assert not run.summary["may_not_repeat"]
     assert (run.directory / "logs" / "host-of-gcs.log").exists()
