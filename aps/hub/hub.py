@@ -23,8 +23,8 @@ Tap = Callable[[bytes, Link], None]
 class Local(Protocol):
     """What is at home at the hub: the vehicle's side of the daemon."""
 
-    def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> None:
-        """A frame came from an autopilot's link."""
+    def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> bool:
+        """A frame came from an autopilot's link; returns whether it concerns others, too."""
 
     def addressed(self, frame: Frame, link: Link, alone: bool) -> None:
         """A frame came that is for us, or for everybody; ``alone``: nobody else has our ids."""
@@ -39,6 +39,8 @@ class HubCounters:
 
     dropped_no_autopilot: int = 0
     """Frames of our own for an autopilot that no link leads to."""
+    kept: int = 0
+    """Frames of the autopilot that answer us alone, though they name no target."""
     sent: int = 0
     """Frames of our own."""
 
@@ -96,8 +98,9 @@ class Hub:
 
     def _take(self, frame: Frame, link: Link, from_autopilot: bool, now_ns: int) -> None:
         local = self.local
-        if from_autopilot and local is not None:
-            local.from_autopilot(frame, link, now_ns)
+        if from_autopilot and local is not None and not local.from_autopilot(frame, link, now_ns):
+            self.counters.kept += 1
+            return
         route = self.router.route(frame, link.id, now_ns)
         if route.to_us and local is not None:
             local.addressed(frame, link, route.outcome is not Outcome.TARGETED)
