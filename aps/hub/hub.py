@@ -85,13 +85,9 @@ class Hub:
         self._limiters.pop(link_id, None)
 
     def receive(self, frames: Sequence[Frame], link: Link, now_ns: int) -> None:
-        """Frames from a link, in order."""
-        plain = link.rules.incoming is None and not link.rules.read_only
+        """Frames from a link (what its rules let in, see ``Link.receive``), in order."""
         from_autopilot = link.role is Role.AUTOPILOT
         for frame in frames:
-            if not plain and not link.rules.takes(frame):
-                link.counters.dropped_in += 1
-                continue
             for tap in self.taps:
                 tap(frame.raw, link)
             self._take(frame, link, from_autopilot, now_ns)
@@ -121,7 +117,7 @@ class Hub:
         if limiter is not None and not limiter.passes(frame, now_ns):
             to.counters.dropped_rate_out += 1
             return
-        to.outbox.put(raw)
+        to.send(raw)
 
     def send(self, raw: bytes, link: Link) -> None:
         """Send a frame of our own."""
@@ -129,7 +125,7 @@ class Hub:
         self.router.sent(raw)
         for tap in self.taps:
             tap(raw, link)
-        link.outbox.put(raw)
+        link.send(raw)
 
     def send_to_autopilot(self, raw: bytes) -> None:
         """Send a frame of our own to the autopilot; without a link to one it is dropped and counted."""
