@@ -90,10 +90,10 @@ def run(
 ) -> None:
     """Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
 
-    Writes OUT/<time>-<scenario>/ with summary.json, deliveries.csv, a figure, the scenario as resolved, what
-    happened at each tick (streams/, inputs/) and a log per process. Ends with status 0 if the measured deliveries
-    agree with the channel's model (also when --duration ends the run before its tasks: summary.json names the
-    unfinished ones), 1 if not or if the run broke off, 2 if it could not start.
+    Writes OUT/<time>-<scenario>/ with summary.json, deliveries.parquet, truth.parquet, a figure, the scenario as
+    resolved, what happened at each tick (streams/, inputs/) and a log per process. Ends with status 0 if the measured
+    deliveries agree with the channel's model (also when --duration ends the run before its tasks: summary.json names
+    the unfinished ones), 1 if not or if the run broke off, 2 if it could not start.
 
     \b
     Examples:

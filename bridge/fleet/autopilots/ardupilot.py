@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -13,7 +13,8 @@ from pathlib import Path
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, ardupilot_origin
-from bridge.scenario.model import START_TIME_UNIX_S, Aircraft, Scenario
+from bridge.scenario.model import START_TIME_UNIX_S, Scenario
+from bridge.scenario.nodes import Aircraft
 from bridge.scenario.resolve import airframe_of
 
 HOME_VARIABLE = "ARDUPILOT_HOME"
@@ -77,7 +78,15 @@ class ArduPilot(Launcher):
             yield root / "bin" / name
             yield root / "build" / "sitl" / "bin" / name
 
-    def process(self, plan: LaunchPlan) -> ProcessSpec | None:
+    def processes(self, plans: Sequence[LaunchPlan]) -> Iterator[ProcessSpec]:
+        """A process for each UA.
+
+        Raises:
+            AutopilotError: there is no binary for one.
+        """
+        return map(self._process, plans)
+
+    def _process(self, plan: LaunchPlan) -> ProcessSpec:
         """The binary in a working directory of its own below the run's."""
         scenario, ua, vehicle = plan.scenario, plan.ua, plan.airframe.vehicle
         directory = plan.run.path / plan.name
