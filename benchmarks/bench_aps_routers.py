@@ -127,11 +127,12 @@ async def measure(router: str, seconds: float) -> dict[str, Any]:
                 sent = await feed(writer, RATE_HZ, seconds)
                 await asyncio.sleep(0.2)
                 spent_ns = cpu_ns(pid) - begin_ns
-                writer.close()
+                writer.transport.abort()
     finally:
         server.close()
         for transport, _ in sinks:
             transport.close()
+        await asyncio.sleep(0.1)  # they are closed in the next turns
     delays_ms = [delay for _, sink in sinks for delay in delays_of(sink)]
     return {
         "router": router,
@@ -177,6 +178,9 @@ async def idle_cores(seconds: float) -> float:
         finally:
             server.close()
             sink.close()
+            for writer in writers:
+                writer.transport.abort()
+            await asyncio.sleep(0.1)  # they are closed in the next turns
 
 
 def main(argv: Sequence[str] | None = None) -> None:

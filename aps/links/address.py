@@ -60,7 +60,8 @@ def parse_address(text: str, role: Role = Role.CLIENT) -> Address:
     """``KIND:PLACE[,RULE...]``, see ``KINDS``; ``:PORT`` alone is on loopback.
 
     Rules: ``read-only``; ``block-in=30/33``, ``allow-out=0/1``, and the same with ``-systems`` or ``-components``
-    after in or out; ``max-hz=30:5/33:2`` (message id or ``*``: rate); ``key=FILE``: sign and verify with the key in a file.
+    after in or out; ``max-hz=30:5/33:2`` (message id or ``*``: rate); ``key=FILE``: sign and verify with the key
+    in a file.
 
     Raises:
         ValueError: with the text and what is allowed.
