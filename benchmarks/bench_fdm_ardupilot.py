@@ -78,7 +78,7 @@ def arducopter_command(binary: Path, instance: int, more: Sequence[Path] = ()) -
     """What starts an arducopter on the physics at UDP 9002 + 10 * `instance`; `more` are files of parameters."""
     place = HOME.position
     home = f"{place.lat_deg},{place.lon_deg},{place.alt_amsl_m},{HOME.yaw_deg}"
-    command = [str(binary), "--wipe", "--model", "JSON:127.0.0.1", f"-I{instance}", "--home", home]
+    command = [str(binary), "-w", "--model", "JSON:127.0.0.1", f"-I{instance}", "--home", home]
     return [
         *command,
         "--defaults",

@@ -108,6 +108,17 @@ class Session:
         """
         self._kept.append(self._inner.declare_subscriber(key_expr, Callback(callback, indirect=False)))
 
+    def interest(self, key_expr: str) -> Callable[[], bool]:
+        """A question that costs a microsecond: whether anybody subscribes to what ``key_expr`` matches."""
+        publisher = self._inner.declare_publisher(key_expr)
+        self._kept.append(publisher)
+
+        def is_wanted() -> bool:
+            status: Any = publisher.matching_status
+            return bool(status.matching)
+
+        return is_wanted
+
     def serve(self, key: str, callback: Callable[[Query], object]) -> None:
         """Call ``callback`` for each query on ``key``, in Zenoh's own thread: it must only hand it on."""
         self._kept.append(self._inner.declare_queryable(key, Callback(callback, indirect=False)))

@@ -11,6 +11,8 @@ COMMANDS = {
     "run": "bridge.cli.run",
     "refly": "bridge.cli.refly",
     "compare": "bridge.cli.compare",
+    "export": "bridge.cli.export",
+    "aps": "bridge.cli.aps",
     "doctor": "bridge.cli.doctor",
     "echo": "bridge.cli.echo",
     "link": "channel.cli.commands",

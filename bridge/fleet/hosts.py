@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from bridge.scenario.model import Scenario
 from fdm.exchange.settings import core_count
 
+PREFIX = "host-"
 
-def host_groups(scenario: Scenario) -> tuple[tuple[str, ...], ...]:
-    """The nodes of each host; ``auto`` gives as many hosts as cores."""
-    return _spread(scenario.nodes, scenario.hosts, core_count())
+
+def host_groups(scenario: Scenario) -> dict[str, tuple[str, ...]]:
+    """The regulated nodes of each host by its name; ``auto`` gives as many hosts as cores.
+
+    Nodes whose agent is ``isolated`` have a host of their own besides.
+    """
+    alone = [
+        node.node for node in scenario.nodes if node.is_regulated and getattr(node.agent, "isolated", False)
+    ]
+    nodes = [node for node in scenario.regulated if node not in alone]
+    shared = _spread(nodes, scenario.hosts, core_count())
+    named = {f"{PREFIX}{index}": group for index, group in enumerate(shared)}
+    return named | {f"{PREFIX}of-{node}": (node,) for node in alone}
 
 
 def standin_groups(scenario: Scenario) -> tuple[tuple[str, ...], ...]:
@@ -20,11 +31,13 @@ def standin_groups(scenario: Scenario) -> tuple[tuple[str, ...], ...]:
 
 def _spread(nodes: Sequence[str], hosts: str | int, auto: int) -> tuple[tuple[str, ...], ...]:
     """Nodes spread evenly over processes, at most one each. No result depends on it."""
+    if not nodes:
+        return ()
     wanted = {"auto": auto, "per-ua": len(nodes)}.get(str(hosts))
     count = max(1, min(len(nodes), int(hosts) if wanted is None else wanted))
     return tuple(tuple(nodes[index::count]) for index in range(count))
 
 
-def host_of(scenario: Scenario, node: str) -> str:
+def host_of(groups: Mapping[str, Sequence[str]], node: str) -> str:
     """The name of the process that a node runs in."""
-    return next(f"host-{i}" for i, nodes in enumerate(host_groups(scenario)) if node in nodes)
+    return next(name for name, nodes in groups.items() if node in nodes)

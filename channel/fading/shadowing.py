@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, Protocol
 
 import numpy as np
@@ -9,11 +10,18 @@ from pydantic import Field
 
 from channel import special
 from channel.checks import FloatArray
+from channel.fading.shadow_field import WAVES
 from channel.variant import Variant
+
+MAX_NORMAL = 8.209536151601387
+"""The farthest from 0 that a draw of a standard normal variable gets: uniform draws end half a cell before 0 and 1."""
 
 
 class ShadowingModel(Protocol):
-    """A random loss, given as a function of one standard normal variable."""
+    """A random loss, given as a function of one standard normal variable.
+
+    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw.
+    """
 
     @property
     def is_random(self) -> bool:
@@ -63,6 +71,11 @@ class NoShadowing(_PerPacket):
         """0."""
         return 0.0
 
+    @property
+    def max_gain_db(self) -> float:
+        """0."""
+        return 0.0
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return zeros."""
         return np.zeros_like(standard_normal)
@@ -88,6 +101,11 @@ class OneSidedNormalShadowing(_PerPacket):
         """Sigma."""
         return self.sigma_db
 
+    @property
+    def max_gain_db(self) -> float:
+        """0: shadowing can only cost."""
+        return 0.0
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return sigma |z|."""
         return self.sigma_db * np.abs(standard_normal)
@@ -112,6 +130,11 @@ class NormalShadowing(_PerPacket):
     def spread_db(self) -> float:
         """Sigma."""
         return self.sigma_db
+
+    @property
+    def max_gain_db(self) -> float:
+        """Sigma times the largest draw."""
+        return MAX_NORMAL * self.sigma_db
 
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return -sigma z: a loss for negative draws, a gain for positive ones."""
@@ -141,6 +164,11 @@ class CorrelatedShadowing(Variant):
     def spread_db(self) -> float:
         """Sigma."""
         return self.sigma_db
+
+    @property
+    def max_gain_db(self) -> float:
+        """Sigma times the field where all its waves meet."""
+        return math.sqrt(2.0 * WAVES) * self.sigma_db
 
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return -sigma z."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from bridge.fleet.autopilots.launcher import Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin
-from bridge.scenario.model import Aircraft
+from bridge.scenario.nodes import Aircraft
 
 
 class External(Launcher):

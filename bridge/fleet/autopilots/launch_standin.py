@@ -9,7 +9,8 @@ from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPla
 from bridge.fleet.child import ProcessSpec
 from bridge.fleet.hosts import standin_groups
 from bridge.record.provenance import AutopilotOrigin, standin_origin
-from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Aircraft
 from bridge.scenario.resolve import airframe_of
 from bridge.standin.control.mixer import MotorFrame, UnknownFrameError, motor_frame
 from fdm.model.airframe import Airframe

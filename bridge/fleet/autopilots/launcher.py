@@ -10,7 +10,8 @@ from pathlib import Path
 from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin
 from bridge.run.directory import RunDirectory
-from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Aircraft
 from fdm.model.airframe import Airframe
 from fdm.model.geodesy import Home
 
