@@ -47,7 +47,7 @@ def scenario_of(size: int, slot: int, changes: Mapping[str, Any]) -> dict[str, A
         "origin": {"lat_deg": 40.1331, "lon_deg": -105.2404, "alt_amsl_m": 1690.0},
         "radio": "corrected",
         "ports": {"zenoh": 0, "first_slot": slot},
-        "ua": [{"id": i, "home": {"north_m": 20.0 * i}, "agent": agent} for i in range(size)],
+        "nodes": [{"id": i, "home": {"north_m": 20.0 * i}, "agent": agent} for i in range(size)],
         **changes,
     }
 
