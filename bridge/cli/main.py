@@ -13,6 +13,7 @@ from bridge.cli.echo import echo
 from bridge.cli.fit import fit
 from bridge.cli.refly import refly
 from bridge.cli.run import run
+from bridge.cli.token import token
 from channel.cli.commands import main as channel_commands
 
 
@@ -31,7 +32,7 @@ def lostlink() -> None:
     """
 
 
-for command in (run, refly, compare, doctor, echo, *channel_commands.commands.values(), fit):
+for command in (run, refly, compare, doctor, echo, token, *channel_commands.commands.values(), fit):
     lostlink.add_command(command)
 
 

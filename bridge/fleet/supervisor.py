@@ -12,6 +12,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
 
+from bridge.bus.identity.keyring import Credentials, Keyring
+from bridge.bus.identity.roster import SUPERVISOR, roster
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Link, Message, decode
@@ -24,7 +26,7 @@ from bridge.fleet.hosts import host_groups, host_of
 from bridge.fleet.ports import HOST, conflicts, ports_of
 from bridge.record.events import DIED, KILLED, Report
 from bridge.record.provenance import collect, write_provenance
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import SECRETS_FOLDER, RunDirectory
 from bridge.scenario.model import OwnAgent, Scenario
 from bridge.scenario.named_files import named_files
 from bridge.scenario.resolve import airframe_of, home_of, wind_of
@@ -45,6 +47,8 @@ MODULES = {
     "host": "bridge.host.process",
 }
 """What runs as which process."""
+CONNECT_PERIOD_S = 0.05
+"""Between two tries to join the router while it starts."""
 SHOWN_MAX = 10_000
 """Link reports that may wait to be shown; the oldest give way."""
 
@@ -105,6 +109,7 @@ class Fleet:
         self._children: list[Child] = []
         self._router: Child | None = None
         self._session: Session | None = None
+        self._keyring: Keyring | None = None
         loop = asyncio.get_running_loop()
         self._outcome: asyncio.Future[Ending] = loop.create_future()
         # What decides the run is never dropped; of what is only looked at the newest is enough.
@@ -147,11 +152,13 @@ class Fleet:
         except AutopilotError as error:
             raise FleetError(str(error)) from error
         endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
-        info = self._run.write(self._scenario, endpoint, self._replay)
+        hosts = {f"host-{i}": nodes for i, nodes in enumerate(host_groups(self._scenario))}
+        self._keyring = Keyring.create(self._run.path / SECRETS_FOLDER, roster(self._scenario.nodes, hosts))
+        info = self._run.write(self._scenario, endpoint, self._replay, self._keyring)
         self._observer.on_phase("starts the radio router")
         self._router = await self._start(self._python("router"))
         try:
-            self._session = await self._unless_over(_connect(endpoint))
+            self._session = await self._unless_over(_connect(endpoint, self._keyring.credentials(SUPERVISOR)))
             self._listen(self._session, Keys(info.run))
             await self._start_all(self._session, Keys(info.run))
             return await self._unless_over(self._watch_clock())
@@ -236,6 +243,8 @@ class Fleet:
             self.killed += await end_with_news(self._router, self._news, ROUTER_GRACE_S)
         if self._session is not None:
             self._session.close()
+        if self._keyring is not None:
+            self._keyring.remove()
         self._tell_what_was_missed()
 
     def _tell_what_was_missed(self) -> None:
@@ -370,15 +379,16 @@ class Fleet:
         return "\n".join(f"{child.spec.log_path}: {child.log_tail(1)}" for child in told)
 
 
-async def _connect(endpoint: str) -> Session:
+async def _connect(endpoint: str, credentials: Credentials) -> Session:
     """Join the router once it listens, in short tries, so that an interrupted start ends soon."""
     deadline = asyncio.get_running_loop().time() + START_S
     while True:
         try:
-            return await asyncio.to_thread(open_client, endpoint, timeout_s=0.5)
+            return await asyncio.to_thread(open_client, endpoint, credentials)
         except SessionError as error:
             if asyncio.get_running_loop().time() > deadline:
                 raise FleetError(str(error)) from error
+        await asyncio.sleep(CONNECT_PERIOD_S)
 
 
 def patience_of(scenario: Scenario) -> float:

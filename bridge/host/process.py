@@ -32,7 +32,7 @@ from bridge.bus.messages import (
     encode,
     encoding_of,
 )
-from bridge.bus.session import AGENT, Query, Sample, Session, Stamp, open_client
+from bridge.bus.session import Query, Sample, Session, Stamp, open_client
 from bridge.host.node import AgentOutlet, Node, OnReply, Packet
 from bridge.host.node_record import NodeRecord
 from bridge.record.events import Report
@@ -59,12 +59,11 @@ class ZenohOutlets:
 
     def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
         """Give a packet to the radio."""
-        attachment = Stamp(stamp.seq, stamp.sim_time_ns, AGENT).to_bytes()
         self._session.put_bytes(
             self._keys.tx(self._node, channel),
             payload,
             encoding=encoding,
-            attachment=attachment,
+            attachment=stamp.to_bytes(),
             must_arrive=True,
         )
 
@@ -252,7 +251,7 @@ async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: a
     """Serve until ``stop`` is set."""
     scenario, keys = run.scenario, run.keys
     report = Report(run.path, name)
-    with open_client(run.info.endpoint) as session:
+    with open_client(run.info.endpoint, run.credentials(name)) as session:
         async with AsyncExitStack() as stack:
             hosted = [HostedNode(session, run, scenario, scenario.aircraft(node)) for node in nodes]
             for node, one in zip(nodes, hosted, strict=True):

@@ -18,7 +18,7 @@ from enum import StrEnum
 
 from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link, Message
-from bridge.bus.session import AGENT, Stamp
+from bridge.bus.session import Stamp
 from bridge.radio.deliveries import DeliveryRow
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Fate, Medium, Reception
@@ -45,8 +45,6 @@ class Refused(StrEnum):
     MALFORMED = "malformed"
     REPEATED = "repeated_sequence_number"
     OVERLOAD = "overload"
-    NOT_THE_AGENT = "not_the_agent"
-    """A node's packets are numbered by one sender, its agent; the stamp says that somebody else sent this one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,10 +159,13 @@ class VirtualRadio:
         return []
 
     def on_packet(self, tx: str, channel: str, payload: bytes, encoding: object, stamp: Stamp | None) -> None:
-        """Take a packet with its agent's stamp; `settle` decides its fate."""
+        """Take a packet with its stamp; `settle` decides its fate.
+
+        Whoever may write a node's ``tx`` is its agent: the router sees to that, and nothing in the packet does.
+        """
         refused = self._why_refused(tx, stamp)
         if stamp is None or refused is not None:
-            self.refused[refused or Refused.NOT_THE_AGENT] += 1
+            self.refused[refused or Refused.MALFORMED] += 1
             return
         self._book_missing(tx, stamp.seq, stamp.sim_time_ns, TRANSPORT)
         if len(payload) > MAX_LENGTH_BYTES:
@@ -192,8 +193,8 @@ class VirtualRadio:
     def _why_refused(self, tx: str, stamp: Stamp | None) -> Refused | None:
         if tx not in self._next_seq:
             return Refused.UNKNOWN_NODE
-        if stamp is None or stamp.source != AGENT:
-            return Refused.NOT_THE_AGENT
+        if stamp is None:
+            return Refused.MALFORMED
         if stamp.seq < self._next_seq[tx]:
             return Refused.REPEATED
         if len(self._taken) >= TAKEN_MAX:

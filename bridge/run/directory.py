@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from bridge.bus.identity.guard import Guard
+from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.keys import Keys
 from bridge.scenario.model import Scenario
 
@@ -15,6 +17,7 @@ RUN_FILE = "run.json"
 SCENARIO_FILE = "scenario.yaml"
 SUMMARY_FILE = "summary.json"
 LOG_FOLDER = "logs"
+SECRETS_FOLDER = "secrets"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +29,14 @@ class RunInfo:
         endpoint: of its Zenoh router.
         pid: process id of its supervisor.
         replay: directory of the run whose inputs it repeats; "" if it takes those from outside.
+        secrets: directory of its passwords, as long as it goes on.
     """
 
     run: str
     endpoint: str
     pid: int
     replay: str = ""
+    secrets: str = ""
 
     @property
     def is_live(self) -> bool:
@@ -73,9 +78,13 @@ class RunDirectory:
         """Where the output of a process goes."""
         return self.path / LOG_FOLDER / f"{process}.log"
 
-    def write(self, scenario: Scenario, endpoint: str, replay: Path | None = None) -> RunInfo:
+    def write(
+        self, scenario: Scenario, endpoint: str, replay: Path | None = None, keyring: Keyring | None = None
+    ) -> RunInfo:
         """Write what the run's processes read."""
-        info = RunInfo(self.path.name, endpoint, os.getpid(), str(replay.resolve()) if replay else "")
+        repeated = str(replay.resolve()) if replay else ""
+        secrets = str(keyring.path) if keyring else ""
+        info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, secrets)
         (self.path / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info
@@ -91,6 +100,19 @@ class RunDirectory:
             return RunInfo(**json.loads((self.path / RUN_FILE).read_text(encoding="utf-8")))
         except TypeError as error:
             raise ValueError(f"{self.path / RUN_FILE}: not the description of a run: {error}") from error
+
+    def credentials(self, process: str) -> Credentials:
+        """What a process of the run logs in to its router with.
+
+        Raises:
+            OSError, ValueError: they are not there or not ours.
+        """
+        return Keyring(Path(self.info.secrets)).credentials(process)
+
+    @property
+    def guard(self) -> Guard:
+        """What the run's router is opened with."""
+        return Guard(self.info.run, Keyring(Path(self.info.secrets)))
 
     @property
     def keys(self) -> Keys:

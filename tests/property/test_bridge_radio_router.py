@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bridge.bus.keys import Keys
-from bridge.bus.session import AGENT, Stamp
+from bridge.bus.session import Stamp
 from bridge.radio.virtual_radio import VirtualRadio
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
@@ -35,7 +35,7 @@ def fates(
             north_m = start_m[node] + tick * int(node)
             core.on_truth(node, tick * TICK_NS, (north_m, 0.0, -40.0), LEVEL)
         else:
-            core.on_packet(node, "team", b"x" * 40, None, Stamp(tick, tick * TICK_NS, AGENT))
+            core.on_packet(node, "team", b"x" * 40, None, Stamp(tick, tick * TICK_NS))
             core.settle()
     core.finish()
     return {(row.tx, row.rx, row.seq): (row.fate, round(row.distance_m, 6)) for row in core.settled}

@@ -16,7 +16,6 @@ import pytest
 
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Header, Truth, Vector3
-from bridge.bus.session import open_client
 from bridge.radio.deliveries import COLUMNS
 from bridge.scenario.file import SCENARIOS
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
@@ -119,16 +118,15 @@ def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> Non
     run.wait_for("sim time")
     keys = Keys(run.directory.name)
     nan = float("nan")
-    with open_client(run.endpoint) as session:
-        session.put(
-            keys.truth("0"), Truth(Header.at(0, "0"), position_ned_m=Vector3(nan, nan, nan)), must_arrive=True
-        )
-        session.put_bytes(keys.answer("0"), b"garbage", must_arrive=True)
-        session.put_bytes(keys.tx("0", "team"), b"from a guest", must_arrive=True)
-        session.put_bytes(keys.tx("9", "team"), b"from nobody", must_arrive=True)
+    with run.join("physics") as physics, run.join("host-0") as host, run.join("node-0") as node:
+        position = Vector3(nan, nan, nan)
+        physics.put(keys.truth("0"), Truth(Header.at(0, "0"), position_ned_m=position), must_arrive=True)
+        physics.put(keys.truth("9"), Truth(Header.at(0, "9")), must_arrive=True)
+        host.put_bytes(keys.answer("0"), b"garbage", must_arrive=True)
+        node.put_bytes(keys.tx("0", "team"), b"without a stamp", must_arrive=True)
     assert run.finish() == 0, run.output.decode()
     summary = run.summary
-    assert summary["refused"] == {"malformed": 2, "not_the_agent": 1, "unknown_node": 1}
+    assert summary["refused"] == {"malformed": 3, "unknown_node": 1}
     assert all(set(link["lost"]) <= {"channel_erasure"} for link in summary["links"])
 
 

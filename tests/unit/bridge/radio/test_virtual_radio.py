@@ -8,7 +8,7 @@ import pytest
 
 from bridge.bus.keys import Keys
 from bridge.bus.messages import CommunicationStatus, Header, Link
-from bridge.bus.session import AGENT, Stamp
+from bridge.bus.session import Stamp
 from bridge.radio.virtual_radio import TRANSPORT, Action, Forward, Publish, Refused, VirtualRadio
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
@@ -20,7 +20,7 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
 def by_agent(seq: int, sim_time_ns: int) -> Stamp:
-    return Stamp(seq, sim_time_ns, AGENT)
+    return Stamp(seq, sim_time_ns)
 
 
 def router(preset: str = "perfect", nodes: tuple[str, ...] = ("0", "1"), **more: Any) -> VirtualRadio:
@@ -190,14 +190,22 @@ def test_packet_that_is_too_long_is_booked_as_such() -> None:
     core.finish()
 
 
-@pytest.mark.parametrize("stamp", [None, Stamp(0, 0), Stamp(0, 0, b"guest")])
-def test_packet_of_a_guest_is_refused_and_harms_nothing(stamp: Stamp | None) -> None:
+def test_packet_without_a_stamp_is_refused_and_harms_nothing() -> None:
     core = router()
     place(core, 0, n0=0.0, n1=1.0)
-    assert send(core, "0", b"x", None, stamp) == []
-    assert core.refused == {Refused.NOT_THE_AGENT: 1}
+    assert send(core, "0", b"x", None, None) == []
+    assert core.refused == {Refused.MALFORMED: 1}
     assert forwards(send(core, "0", b"x", None, by_agent(0, 0)))
     assert core.settled[0].seq == 0
+
+
+def test_what_a_packet_says_of_its_source_is_not_looked_at() -> None:
+    core = router()
+    place(core, 0, n0=0.0, n1=1.0)
+    (forward,) = forwards(send(core, "0", b"x", None, Stamp(0, 0, b"1")))
+    assert forward.key == "lostlink/r/node/1/rx/0/team"
+    stamp = forward.attachment[17:].rstrip(b"\0")
+    assert stamp == b"0"
 
 
 @pytest.mark.parametrize("sim_time_ns", [-1, 2**62])
