@@ -65,7 +65,7 @@ class LoginWatch:
         os.dup2(write, STDOUT)
         os.close(write)
         self._thread.start()
-        os.environ[VARIABLE] = f"{os.environ.get(VARIABLE, DEFAULT)},{NEEDED}"
+        os.environ[VARIABLE] = f"{NEEDED},{os.environ.get(VARIABLE, DEFAULT)}"
         zenoh.init_log_from_env_or(DEFAULT)
         return self
 
