@@ -55,16 +55,21 @@ def access_of(run: str | Path, identity: str) -> Access:
         info = directory.info
     except (OSError, ValueError) as error:
         raise NoAccess(f"{directory.path} is no run: {error}") from error
-    keyring = Keyring(Path(info.secrets))
-    if not info.is_live or not keyring.dictionary.exists():
+    if not info.is_live:
         raise NoAccess(f"the run {directory.path} is over")
+    keyring = Keyring(Path(info.secrets))
     try:
-        return Access(info.run, info.endpoint, keyring.credentials(identity))
+        names = [known.name for known in keyring.identities]
+        if identity in names:
+            return Access(info.run, info.endpoint, keyring.credentials(identity))
     except FileNotFoundError:
-        names = ", ".join(known.name for known in keyring.identities)
-        raise NoAccess(f"{directory.path}: nobody is called {identity!r} there; known: {names}") from None
+        raise NoAccess(f"the run {directory.path} is over") from None
+    except PermissionError:
+        raise NoAccess(f"the run {directory.path} is another user's, who has its passwords") from None
     except (OSError, ValueError) as error:
         raise NoAccess(str(error)) from error
+    known = ", ".join(names)
+    raise NoAccess(f"{directory.path}: nobody is called {identity!r} there; known: {known}")
 
 
 def _directory(run: Path) -> RunDirectory:
