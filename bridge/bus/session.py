@@ -22,6 +22,8 @@ from bridge.bus.identity.guard import Guard
 from bridge.bus.identity.keyring import Credentials
 from bridge.bus.messages import Message, encode, encoding_of
 
+CONNECT_RETRY = {"period_init_ms": 50, "period_max_ms": 50, "period_increase_factor": 1}
+"""The processes of a run start together, so that most knock before the router is there (Zenoh: each second)."""
 STUCK_READER_S = 1.0
 """How long the router waits for a reader that takes nothing before it cuts it off (Zenoh's default: 5 s)."""
 _ATTACHMENT = struct.Struct("<qqB16s")
@@ -110,6 +112,17 @@ class Session:
         """
         self._kept.append(self._inner.declare_subscriber(key_expr, Callback(callback, indirect=False)))
 
+    def interest(self, key_expr: str) -> Callable[[], bool]:
+        """A question that costs a microsecond: whether anybody subscribes to what ``key_expr`` matches."""
+        publisher = self._inner.declare_publisher(key_expr)
+        self._kept.append(publisher)
+
+        def is_wanted() -> bool:
+            status: Any = publisher.matching_status
+            return bool(status.matching)
+
+        return is_wanted
+
     def serve(self, key: str, callback: Callable[[Query], object]) -> None:
         """Call ``callback`` for each query on ``key``, in Zenoh's own thread: it must only hand it on."""
         self._kept.append(self._inner.declare_queryable(key, Callback(callback, indirect=False)))
@@ -177,25 +190,31 @@ def open_router(endpoint: str, guard: Guard | None = None) -> Session:
         ("mode", "router"),
         ("listen/endpoints", [endpoint]),
         ("listen/exit_on_failure", True),
-        ("scouting/delay", 0),  # else Zenoh waits half a second for somebody to be found
+        ("scouting/delay", 0),  # nobody is looked for, so nobody need be waited for
         ("transport/link/tx/queue/congestion_control/block/wait_before_close", int(STUCK_READER_S * 1e6)),
         *(guard.settings if guard is not None else ()),
     ]
     return _open(settings, lambda: f"cannot listen on {endpoint}")
 
 
-def open_client(endpoint: str, credentials: Credentials | None = None) -> Session:
+def open_client(endpoint: str, credentials: Credentials | None = None, *, timeout_s: float = 0.0) -> Session:
     """A session that reaches the others through the router at ``endpoint`` only.
 
+    Args:
+        endpoint: where the router listens.
+        credentials: as whom.
+        timeout_s: how long to try (wall time); 0: once, as a router that refuses looks to Zenoh like one that is not
+            there yet.
+
     Raises:
-        SessionError: if there is no router, or it does not let this user in: it is asked once, as a router that
-            refuses looks to Zenoh like one that is not there yet.
+        SessionError: if there is no router, or it does not let this user in.
     """
     settings: list[tuple[str, Any]] = [
         ("mode", "client"),
         ("connect/endpoints", [endpoint]),
-        ("connect/timeout_ms", 0),
+        ("connect/timeout_ms", int(timeout_s * 1000)),
         ("connect/exit_on_failure", True),
+        ("connect/retry", CONNECT_RETRY),
     ]
     user = "nobody"
     if credentials is not None:

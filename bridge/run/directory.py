@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,6 +19,7 @@ SCENARIO_FILE = "scenario.yaml"
 SUMMARY_FILE = "summary.json"
 LOG_FOLDER = "logs"
 SECRETS_FOLDER = "secrets"
+TLOG_FOLDER = "tlog"
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,7 @@ class RunInfo:
         endpoint: of its Zenoh router.
         pid: process id of its supervisor.
         replay: directory of the run whose inputs it repeats; "" if it takes those from outside.
+        hosts: by name, the ids of the nodes in each.
         secrets: directory of its passwords, as long as it goes on.
     """
 
@@ -36,6 +39,7 @@ class RunInfo:
     endpoint: str
     pid: int
     replay: str = ""
+    hosts: dict[str, list[str]] = field(default_factory=dict)
     secrets: str = ""
 
     @property
@@ -79,12 +83,17 @@ class RunDirectory:
         return self.path / LOG_FOLDER / f"{process}.log"
 
     def write(
-        self, scenario: Scenario, endpoint: str, replay: Path | None = None, keyring: Keyring | None = None
+        self,
+        scenario: Scenario,
+        endpoint: str,
+        replay: Path | None = None,
+        hosts: Mapping[str, Sequence[str]] | None = None,
+        keyring: Keyring | None = None,
     ) -> RunInfo:
         """Write what the run's processes read."""
-        repeated = str(replay.resolve()) if replay else ""
-        secrets = str(keyring.path) if keyring else ""
-        info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, secrets)
+        groups = {name: list(nodes) for name, nodes in (hosts or {}).items()}
+        repeated, secrets = str(replay.resolve()) if replay else "", str(keyring.path) if keyring else ""
+        info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, groups, secrets)
         (self.path / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info

@@ -43,7 +43,7 @@ async def test_condition_that_raises_ends_the_wait_with_its_error(router: Guarde
 
 async def test_a_script_beside_the_agent_is_told_that_it_cannot_transmit(router: Guarded) -> None:
     async with connect_ua(RUN, "1", access=access_to(router)) as ua:
-        with pytest.raises(PermissionError, match="only the agent of UA 1 may transmit"):
+        with pytest.raises(PermissionError, match="only the agent of node 1 may transmit"):
             ua.transmit("team", b"x")
         assert ua.sent == 0
 

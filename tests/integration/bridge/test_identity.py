@@ -55,7 +55,7 @@ WRITES = {
 PUBLIC = {
     *(key for node in "01" for key in of_node(node, "state", "rx/9/team", "comm_status", "agent", "answer")),
     *COMMON,
-    *("truth/0", "truth/1", "link/0/1", "tick/fates", "tick/truth", "ending"),
+    *("truth/0", "truth/1", "tick/fates", "tick/truth", "ending"),
 }
 READS = {
     "physics": {"clock", "clock/release", "clock/end", "clock/start"},
