@@ -76,7 +76,7 @@ def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
     run.wait_for("sim time")
 
     async def talk() -> int:
-        async with connect_ua(run.endpoint, run.directory.name, "probe", is_sender=True) as probe:
+        async with connect_ua(run.directory, "probe", is_sender=True) as probe:
             heard = asyncio.Event()
             probe.on_packet(lambda *_: heard.set())
             await asyncio.wait_for(heard.wait(), 30.0)
