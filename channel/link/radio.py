@@ -374,6 +374,9 @@ class Radio:
             lengths: as the error model counts them.
         """
         elevation = path.elevation_deg if self.config.fading.by_elevation else None
+        if len(self._interference_states) == 1:
+            snr_db = mean_power_dbm - self.noise_dbm(path, self._interference_states[0][1])
+            return self.kept_share * self._expectation.from_table(snr_db, lengths, elevation)
         success = np.zeros_like(mean_power_dbm)
         for chance, states in self._interference_states:
             snr_db = mean_power_dbm - self.noise_dbm(path, states)

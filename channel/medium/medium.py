@@ -24,6 +24,7 @@ __all__ = ["EVERYBODY", "FATES", "Fate", "Medium", "Packets", "Receptions"]
 
 MAX_TRUTH_AGE_NS = 1_000_000_000
 MAX_LENGTH_BYTES = 1 << 24
+WHOLE = np.dtype(np.int64)
 
 Which = str | Sequence[str] | NDArray[np.intp]
 """A node's name, or names or indices of several nodes."""
@@ -140,8 +141,9 @@ class Medium:
         _within("seq", packets.seq, 0, MAX_SEQ)
         _within("length_bytes", packets.length_bytes, 0, MAX_LENGTH_BYTES)
         _within("sim_time_ns", packets.sim_time_ns, -FOREVER, FOREVER)
-        if (packets.to == packets.tx).any():
-            node = int(packets.tx[packets.to == packets.tx][0])
+        to_itself = packets.to == packets.tx
+        if np.count_nonzero(to_itself):
+            node = int(packets.tx[to_itself][0])
             raise ChannelInputError("to", self.nodes[node], "a node other than the transmitter")
         if packets.size:
             self._waiting.append(packets)
@@ -152,7 +154,10 @@ class Medium:
             return self._settling.receptions(NO_PACKETS)
         waiting = Packets.joined(self._waiting)
         ready = waiting.sim_time_ns <= self._tracks.frontier_ns()
-        self._waiting = [] if ready.all() else [waiting.at(~ready)]
+        if np.count_nonzero(ready) == ready.size:
+            self._waiting = []
+            return self._settling.receptions(waiting.in_order())
+        self._waiting = [waiting.at(~ready)]
         return self._settling.receptions(waiting.at(ready).in_order())
 
     def flush(self) -> Receptions:
@@ -195,8 +200,11 @@ def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
 
 def _within(name: str, values: NDArray[np.int64] | NDArray[np.intp], low: int, high: int) -> None:
     """Refuse columns that are not of whole numbers in a range."""
-    if values.dtype.kind != "i":
-        raise ChannelInputError(name, f"array of {values.dtype}", "an array of integers")
-    if values.size and not (low <= int(values.min()) and int(values.max()) <= high):
+    if values.dtype != WHOLE:
+        raise ChannelInputError(name, f"array of {values.dtype}", "an array of integers of 64 bits")
+    above_low = (values - low if low else values).view(
+        np.uint64
+    )  # what is below it wraps round to large numbers
+    if values.size and np.maximum.reduce(above_low) > high - low:
         bad = values[(values < low) | (values > high)]
         raise ChannelInputError(name, int(bad[0]), f"an integer from {low} to {high}")

@@ -7,6 +7,7 @@ terms of the signal are not drawn: the fate is the same as with them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -66,7 +67,8 @@ class Settling:
         self._tracks = tracks
         self._cull = cull
         self._terms = RandomTerms(radio, draws)
-        self._max_gain_db = self._terms.max_gain_db
+        self._least_dbm = radio.noise_floor_dbm - self._terms.max_gain_db - MARGIN_DB
+        self._has_range = math.isfinite(radio.max_range_m)
         self._has_interferers = bool(radio.config.interference.interferers)
         self._has_bursts = radio.config.bursts.mean_loss > 0.0
         count = len(draws.nodes)
@@ -75,54 +77,51 @@ class Settling:
 
     def counted_bytes(self, packets: Packets) -> NDArray[np.int64]:
         """Return the lengths of packets as the error model counts them, shape (P,)."""
-        payloads = packets.length_bytes.tolist()
-        counted = {payload: self._radio.length_bytes(payload) for payload in set(payloads)}
-        return np.array([counted[payload] for payload in payloads], dtype=np.int64)
+        payloads = packets.length_bytes
+        counted = {payload: self._radio.length_bytes(payload) for payload in set(payloads.tolist())}
+        return np.array([counted[payload] for payload in payloads.tolist()], dtype=np.int64)
 
     def receptions(self, packets: Packets) -> Receptions:
         """Return what becomes of packets, which are in canonical order, at all their receivers."""
         packet, rx = self._links(packets)
-        out = _blank(rx.size)
         counted = self.counted_bytes(packets)
-        for rows, part in self._passes(packets):
-            links = self._placed(packets.at(rows), packet[part] - rows.start, rx[part])
-            settled = self._settled(links, Lengths.of(counted[rows], links.packet))
+        if rx.size <= LINKS_AT_ONCE:
+            settled = self._pass(packets, counted, packet, rx) if rx.size else _blank(0)
+            return Receptions(packets, packet, rx, *settled)
+        out = _blank(rx.size)
+        for rows, part in _passes(packet):
+            settled = self._pass(packets.at(rows), counted[rows], packet[part] - rows.start, rx[part])
             _put(settled, out, part)
         return Receptions(packets, packet, rx, *out)
 
     def _links(self, packets: Packets) -> tuple[Indices, Indices]:
         """Return the row of the packet and the receiver of each link."""
-        everybody = packets.to == EVERYBODY
-        counts = np.where(everybody, self._others.shape[1], 1)
-        packet = np.repeat(np.arange(packets.size), counts)
-        if everybody.all():
-            return packet, self._others[packets.tx].ravel()
-        rx = np.empty(packet.size, dtype=np.intp)
-        wide = everybody[packet]
-        rx[wide] = self._others[packets.tx[everybody]].ravel()
-        rx[~wide] = packets.to[~everybody]
+        rows, others = np.arange(packets.size), self._others.shape[1]
+        one = packets.to != EVERYBODY
+        addressed = np.count_nonzero(one)
+        if not addressed:
+            return rows.repeat(others), self._others[packets.tx].reshape(-1)
+        if addressed == packets.size:
+            return rows, packets.to
+        packet = rows.repeat(np.where(one, 1, others))
+        rx = np.empty_like(packet)
+        to_one = one[packet]
+        rx[to_one], rx[~to_one] = packets.to[one], self._others[packets.tx[~one]].reshape(-1)
         return packet, rx
 
-    def _passes(self, packets: Packets) -> Iterator[tuple[slice, slice]]:
-        """Yield packets and their links in pieces of a good size."""
-        counts = np.where(packets.to == EVERYBODY, self._others.shape[1], 1)
-        ends = np.cumsum(counts)
-        row, link = 0, 0
-        while row < packets.size:
-            stop = max(int(np.searchsorted(ends, link + LINKS_AT_ONCE, side="right")), row + 1)
-            yield slice(row, stop), slice(link, int(ends[stop - 1]))
-            row, link = stop, int(ends[stop - 1])
+    def _pass(self, packets: Packets, counted: NDArray[np.int64], packet: Indices, rx: Indices) -> Settled:
+        return self._settled(self._placed(packets, packet, rx), Lengths.of(counted, packet))
 
     def _placed(self, packets: Packets, packet: Indices, rx: Indices) -> Links:
         """Return links with the geometry of their packets' instants."""
         times, tx = packets.sim_time_ns, packets.tx[packet]
-        first = np.flatnonzero(np.diff(times, prepend=times[0] - 1))
-        needs_velocity = self._terms.needs_velocity
-        nodes = self._tracks.at(times[first], attitude=self._radio.needs_attitude, velocity=needs_velocity)
-        if first.size == 1:
-            return self._between(nodes, tx, rx, packets, packet, tx, rx)
-        instant = np.repeat(np.arange(first.size), np.diff(first, append=times.size)) * len(self._draws.nodes)
-        base = instant[packet]
+        wanted = {"attitude": self._radio.needs_attitude, "velocity": self._terms.needs_velocity}
+        if times[0] == times[-1]:
+            return self._between(self._tracks.at(times[:1], **wanted), tx, rx, packets, packet, tx, rx)
+        new = times[1:] != times[:-1]
+        instant = np.concatenate(([0], new.cumsum()))
+        nodes = self._tracks.at(times[np.concatenate(([True], new))], **wanted)
+        base = (instant * len(self._draws.nodes))[packet]
         return self._between(nodes, base + tx, base + rx, packets, packet, tx, rx)
 
     def _between(
@@ -143,29 +142,39 @@ class Settling:
     def _settled(self, links: Links, lengths: Lengths) -> Settled:
         """Return what becomes of links: first what the signal decides, then the losses that do not depend on it."""
         mean_dbm = self._radio.mean_power_dbm(links.path)
-        beyond = links.distance_m > self._radio.max_range_m
-        if beyond.any():
-            beyond = ~self._radio.in_range(links.distance_m)
-        known = self._tracks.known
-        unknown = ~(known[links.tx] & known[links.rx])
-        hopeless = self._hopeless(mean_dbm, lengths) | beyond | unknown
-        if self._cull and hopeless.any():
-            settled = self._heard_by_some(links, lengths, mean_dbm, np.flatnonzero(~hopeless))
+        beyond, unknown = self._beyond(links), self._unknown(links)
+        lost = self._hopeless(mean_dbm, lengths)
+        for each in (beyond, unknown):
+            if each is not None:
+                lost |= each
+        if self._cull and np.count_nonzero(lost):
+            settled = self._heard_by_some(links, lengths, mean_dbm, np.flatnonzero(~lost))
         else:
             settled = self._heard(links, lengths, mean_dbm)
         self._other_losses(settled, links)
-        settled.fate[beyond] = OUT_OF_RANGE
-        settled.probability_of_delivery[beyond | unknown] = 0.0
-        if unknown.any():
-            settled.fate[unknown] = NO_POSITION
+        if beyond is not None:
+            settled.fate[beyond], settled.probability_of_delivery[beyond] = OUT_OF_RANGE, 0.0
+        if unknown is not None:
+            settled.fate[unknown], settled.probability_of_delivery[unknown] = NO_POSITION, 0.0
             for column in (settled.distance_m, settled.received_power_dbm, settled.snr_db, settled.per):
                 column[unknown] = np.nan
         return settled
 
+    def _beyond(self, links: Links) -> NDArray[np.bool_] | None:
+        """Return which links are longer than the radio's range; None if it has none."""
+        return ~self._radio.in_range(links.distance_m) if self._has_range else None
+
+    def _unknown(self, links: Links) -> NDArray[np.bool_] | None:
+        """Return which links have an end that was never seen; None if there is none such."""
+        if self._tracks.all_known:
+            return None
+        known = self._tracks.known
+        return ~(known[links.tx] & known[links.rx])
+
     def _hopeless(self, mean_dbm: FloatArray, lengths: Lengths) -> NDArray[np.bool_]:
         """Return which links erase a packet whatever is drawn."""
-        most_db = mean_dbm + (self._max_gain_db - self._radio.noise_floor_dbm + MARGIN_DB)
-        return np.less(most_db, self._radio.hopeless_below_db(lengths))
+        enough_dbm = self._radio.hopeless_below_db(lengths) + self._least_dbm
+        return mean_dbm < enough_dbm
 
     def _heard_by_some(self, links: Links, lengths: Lengths, mean_dbm: FloatArray, live: Indices) -> Settled:
         """Return what the signal decides if it can be heard on some of the links only."""
@@ -205,7 +214,19 @@ class Settling:
         """Return the draws of one stream."""
         packets = links.packets.tx, links.packets.seq
         draws = self._draws.uniforms(purposes, packets, links.packet, links.rx)
-        return dict(zip(purposes, draws, strict=True))
+        return {purpose: draws[i] for i, purpose in enumerate(purposes)}
+
+
+def _passes(packet: Indices) -> Iterator[tuple[slice, slice]]:
+    """Yield rows of packets and of their links in pieces of a good size, whole packets each."""
+    start = 0
+    while start < packet.size:
+        first = int(packet[start])
+        last = int(packet[min(start + LINKS_AT_ONCE, packet.size - 1)])
+        row = max(last, first + 1) if start + LINKS_AT_ONCE < packet.size else last + 1
+        stop = int(np.searchsorted(packet, row))
+        yield slice(first, row), slice(start, stop)
+        start = stop
 
 
 def _blank(size: int) -> Settled:
