@@ -8,8 +8,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
-from scipy.special import gammaincinv, i0e, ndtri
 
+from channel import special
 from channel.checks import FloatArray
 from channel.fading.quadrature import gauss_legendre, standard_normal_rule, uniform_from_normal
 from channel.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
@@ -126,16 +126,16 @@ class Nakagami(_Coherent):
     @property
     def max_gain_db(self) -> float:
         """The quantile at the largest draw, dB."""
-        return float(db_from_ratio(gammaincinv(self.m, 1.0 - SMALLEST_DRAW) / self.m))
+        return float(db_from_ratio(special.gammaincinv(self.m, 1.0 - SMALLEST_DRAW) / self.m))
 
     def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
         """Return the quantile of the gamma law at u, in dB."""
-        return db_from_ratio(np.maximum(gammaincinv(self.m, first) / self.m, LOWEST_GAIN))
+        return db_from_ratio(np.maximum(special.gammaincinv(self.m, first) / self.m, LOWEST_GAIN))
 
     def rule(self, _elevation_deg: FloatArray, panels: int, /) -> tuple[FloatArray, FloatArray]:
         """Return nodes equal in the normal quantile of the gain."""
         z, weights = standard_normal_rule(panels)
-        gain = gammaincinv(self.m, uniform_from_normal(z)) / self.m
+        gain = special.gammaincinv(self.m, uniform_from_normal(z)) / self.m
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN)), weights
 
 
@@ -176,8 +176,8 @@ class Rician(_Coherent):
         """Return |sqrt(K / (K + 1)) + (x + i y) / sqrt(2 (K + 1))|^2 in dB, x and y normal."""
         k = self.k_ratio(elevation_deg)
         spread = np.sqrt(0.5 / (k + 1.0))
-        in_phase = np.sqrt(k / (k + 1.0)) + spread * ndtri(first)
-        gain = np.square(in_phase) + np.square(spread * ndtri(second))
+        in_phase = np.sqrt(k / (k + 1.0)) + spread * special.ndtri(first)
+        gain = np.square(in_phase) + np.square(spread * special.ndtri(second))
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN))
 
     def rule(self, elevation_deg: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:
@@ -188,7 +188,7 @@ class Rician(_Coherent):
         t, weights = gauss_legendre(panels)
         amplitude = low + (high - low) * t
         density = amplitude / spread**2 * np.exp(-0.5 * ((amplitude - direct) / spread) ** 2)
-        density = density * i0e(amplitude * direct / spread**2)
+        density = density * special.i0e(amplitude * direct / spread**2)
         gain_db = db_from_ratio(np.maximum(amplitude**2, LOWEST_GAIN))
         return gain_db, weights * (high - low) * density
 

@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
+from channel import special
 from channel.checks import FloatArray
 from channel.draws import WORDS_PER_COUNT, LinkDraws, uniform_from_words
 
@@ -80,7 +80,7 @@ class ShadowField:
         counts = np.tile(np.arange(_COUNTS), low.size)
         words = self._draws.words(("shadow field",), low[each], high[each], counts)
         uniform = uniform_from_words(words.T.reshape(-1)).reshape(low.size, WAVES, -1)
-        normal = ndtri(uniform[..., :-1]).reshape(low.size, WAVES, 2, _NORMALS_PER_END)
+        normal = special.ndtri(uniform[..., :-1]).reshape(low.size, WAVES, 2, _NORMALS_PER_END)
         waves = normal[..., :_AXES] / np.abs(normal[..., _AXES:]) / self._decorrelation_m
         self._waves = np.concatenate((self._waves, waves.reshape(low.size, WAVES, -1).transpose(0, 2, 1)))
         self._phases = np.concatenate((self._phases, 2.0 * math.pi * uniform[..., -1]))

@@ -25,10 +25,12 @@ SCALE_M = {
 }
 HILLS = [[0.0, 90.0, 0.0], [30.0, 0.0, 60.0], [0.0, 10.0, 0.0]]
 VARIANTS = {
-    "al-hourani": {"propagation": {"model": "al-hourani"}},
-    "uma-av": {"propagation": {"model": "uma-av"}},
-    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large"}},
-    "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
+    "al-hourani": {"propagation": {"model": "al-hourani", "outside": "warn"}},
+    "uma-av": {"propagation": {"model": "uma-av", "outside": "clamp"}},
+    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "outside": "warn"}},
+    "terrain": {
+        "propagation": {"model": "terrain", "outside": "border", "spacing_m": 150.0, "heights_m": HILLS}
+    },
     "rayleigh": {"fading": {"model": "rayleigh", "coherence": "doppler"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
     "rician": {"fading": {"model": "rician", "k_db": 3.0, "k_overhead_db": 15.0}},
@@ -61,7 +63,7 @@ def place(node, tick, scale_m):
 
 
 def record(radio, scale_m):
-    """The lines of a record, in the format of a run's `deliveries.csv`, and after each all bits of its numbers."""
+    """The lines of a record, with the columns of a run's deliveries, and after each all bits of its numbers."""
     medium = Medium(radio, seed=7, nodes=NODES)
     for tick in range(TICKS + 1):
         for i, node in enumerate(NODES):
