@@ -8,7 +8,7 @@ and receptions come out as columns: all that can be settled is settled in one pa
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +34,7 @@ class Medium:
     """One radio channel shared by a fixed set of nodes.
 
     Args:
-        radio: the same at every node.
+        radio: the same at every node, or that of each node by its name; all on one frequency.
         seed: the run's seed.
         nodes: names of all nodes; every other node is an intended receiver of each packet to everybody.
         max_truth_age_ns: how far a node's truth may lag behind the newest before it is used as it is.
@@ -42,20 +42,37 @@ class Medium:
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
         index: of each name.
+        radios: of each node.
+
+    Raises:
+        ChannelInputError: names that are not distinct, a node without a radio, radios on several frequencies.
     """
 
     def __init__(
-        self, radio: Radio, *, seed: int, nodes: Iterable[str], max_truth_age_ns: int = MAX_TRUTH_AGE_NS
+        self,
+        radio: Radio | Mapping[str, Radio],
+        *,
+        seed: int,
+        nodes: Iterable[str],
+        max_truth_age_ns: int = MAX_TRUTH_AGE_NS,
     ) -> None:
-        self.radio = radio
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
         if len(self.index) != len(self.nodes):
             raise ChannelInputError("nodes", self.nodes, "names that differ")
         self.draws = Draws(check_seed(seed))
         self._tracks = Tracks(len(self.nodes), max_truth_age_ns)
-        self._settling = Settling(radio, LinkDraws(self.draws, self.nodes), self._tracks)
+        self.radios = tuple(self._radio_of(node, radio) for node in self.nodes)
+        self._settling = Settling(self.radios, LinkDraws(self.draws, self.nodes), self._tracks)
         self._waiting: list[Packets] = []
+
+    @staticmethod
+    def _radio_of(node: str, radio: Radio | Mapping[str, Radio]) -> Radio:
+        if isinstance(radio, Radio):
+            return radio
+        if node not in radio:
+            raise ChannelInputError("radio", ", ".join(radio), f"a radio for each node, {node} too")
+        return radio[node]
 
     @property
     def in_flight(self) -> int:
