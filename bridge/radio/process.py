@@ -23,6 +23,7 @@ from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radio_of
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.medium.medium import Medium
+from channel.validity import OutsideValidityError
 
 IDLE_S = 5.0
 REFUSALS_LOGGED_MAX = 20
@@ -79,22 +80,32 @@ class RouterProcess:
 
     def run(self) -> None:
         """Serve until `stop`, then write what is left of the record, however long that takes."""
+        finish = self._finish
         try:
             self._serve()
+        except OutsideValidityError:  # the packet has no fate: the books cannot be closed
+            finish = self._close_files
+            raise
         finally:
-            try:
-                self._perform(self._core.finish())
-            finally:
-                self._writer.close()
-                for writer in self._packets.values():
-                    writer.close()
-            if self._overload:
-                self._core.refused[Refused.OVERLOAD] += self._overload
-                self._report.may_not_repeat(f"{self._overload} packets came faster than the radio took them")
-            if self._core.refused[Refused.OVERLOAD] and not self._overload:
-                self._report.may_not_repeat("a node transmitted more packets in a tick than the radio takes")
-            self._report.close()
-            write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
+            finish()
+
+    def _finish(self) -> None:
+        try:
+            self._perform(self._core.finish())
+        finally:
+            self._close_files()
+        if self._overload:
+            self._core.refused[Refused.OVERLOAD] += self._overload
+            self._report.may_not_repeat(f"{self._overload} packets came faster than the radio took them")
+        if self._core.refused[Refused.OVERLOAD] and not self._overload:
+            self._report.may_not_repeat("a node transmitted more packets in a tick than the radio takes")
+        self._report.close()
+        write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
+
+    def _close_files(self) -> None:
+        self._writer.close()
+        for writer in self._packets.values():
+            writer.close()
 
     def _tell_progress(self, share: float) -> None:
         """Tell the supervisor, which waits as long as it hears of progress."""
@@ -133,6 +144,8 @@ class RouterProcess:
     def _handle(self, handler: Handler, sample: Sample) -> None:
         try:
             actions = handler(str(sample.key_expr), sample)
+        except OutsideValidityError:  # the radio's own: the run ends
+            raise
         except ValueError as error:  # bytes that are no message, or numbers that no radio can work with
             self._refuse(Refused.MALFORMED, f"{sample.key_expr}: {error}")
             return

@@ -66,6 +66,11 @@ def friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -
     return 20.0 * np.log10(np.multiply(distance_m, frequency_hz)) + _FRIIS_CONSTANT_DB
 
 
+def spreading_db(distance_m: FloatArray | float, counted_m: FloatArray) -> FloatArray:
+    """Return 20 log10(d / d'): how a law that counts d' for d goes on, by free-space spreading."""
+    return np.asarray(20.0 * np.log10(distance_m / counted_m))
+
+
 class FreeSpace(Variant):
     """Free space between the two antennas (Friis; ITU-R P.525)."""
 

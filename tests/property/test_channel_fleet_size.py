@@ -19,11 +19,13 @@ HILLS = [[0.0, 90.0, 0.0], [30.0, 0.0, 60.0], [0.0, 10.0, 0.0]]
 VARIANTS = {
     "two-ray": {"propagation": {"model": "two-ray"}},
     "free-space": {"propagation": {"model": "free-space"}},
-    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "environment": "open"}},
-    "cost231-hata": {"propagation": {"model": "cost231-hata"}},
-    "al-hourani": {"propagation": {"model": "al-hourani"}},
-    "uma-av": {"propagation": {"model": "uma-av"}},
-    "rma-av": {"propagation": {"model": "rma-av"}},
+    "okumura-hata": {
+        "propagation": {"model": "okumura-hata", "city": "large", "environment": "open", "outside": "warn"}
+    },
+    "cost231-hata": {"propagation": {"model": "cost231-hata", "outside": "warn"}},
+    "al-hourani": {"propagation": {"model": "al-hourani", "outside": "warn"}},
+    "uma-av": {"propagation": {"model": "uma-av", "outside": "clamp"}},
+    "rma-av": {"propagation": {"model": "rma-av", "outside": "clamp"}},
     "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
     "rayleigh": {"fading": {"model": "rayleigh"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},

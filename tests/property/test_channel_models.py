@@ -17,18 +17,18 @@ MONOTONE = [
     LogDistance(exponent=3.3),
     TwoRay(),
     *[
-        OkumuraHata(environment=e, city=c, outside="ignore")
+        OkumuraHata(environment=e, city=c, outside="clamp")
         for e in ("urban", "open")
         for c in ("small", "large")
     ],
-    Cost231Hata(city="large", outside="ignore"),
-    RmaAv(line_of_sight="always", outside="ignore"),
-    UmaAv(line_of_sight="always", outside="ignore"),
+    Cost231Hata(city="large", outside="clamp"),
+    RmaAv(line_of_sight="always", outside="clamp"),
+    UmaAv(line_of_sight="always", outside="clamp"),
 ]
 BY_SIGHT = [
-    AlHourani(environment="urban", outside="ignore"),
-    RmaAv(outside="ignore"),
-    UmaAv(outside="ignore"),
+    AlHourani(environment="urban", outside="clamp"),
+    RmaAv(outside="clamp"),
+    UmaAv(outside="clamp"),
 ]
 ERRORS = [
     ErfcBytes(),

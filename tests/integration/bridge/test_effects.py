@@ -152,3 +152,15 @@ def test_a_killed_run_leaves_all_but_its_last_second(start_run: StartRun) -> Non
     for name in (names.truth("0"), names.from_autopilot("1"), names.packets("0")):
         entries = list(read_stream(name.path(run.directory)))
         assert entries[-1].tick_ns > 8_000_000_000
+
+
+def test_a_model_outside_its_validity_ends_the_run_by_name(start_run: StartRun) -> None:
+    hata = "{{preset: corrected, propagation: {{model: okumura-hata}}}}"
+    run = start_run(scenario=STILL.replace("radio: moon2020", f"radio: {hata}"), duration_s=5.0)
+    assert run.finish() != 0
+    said = run.output.decode()
+    assert (
+        "frequency_hz = 2412000000.0: allowed is 1.5e+08 to 1.5e+09, the validity range of okumura-hata"
+        in said
+    )
+    assert "Traceback" not in said

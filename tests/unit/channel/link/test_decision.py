@@ -47,7 +47,7 @@ def test_last_bits_do_not_show():
 
 @pytest.mark.parametrize("name", ["moon2020", "corrected", "wifi-2.4", "lte-like"])
 def test_a_packet_has_the_error_rate_and_the_fate_of_its_written_snr(name):
-    model = radio(name, bursts={"model": "none"}, base_loss=0.0)
+    model = radio(name, bursts={"model": "none"}, base_loss=0.0, max_range_m=None)
     near = {"moon2020": 370.0, "corrected": 900.0, "wifi-2.4": 1200.0, "lte-like": 14000.0}[name]
     settled = receptions(model, near, 300)
     assert {each.fate for each in settled} == {Fate.DELIVERED, Fate.CHANNEL_ERASURE}

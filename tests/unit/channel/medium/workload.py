@@ -24,9 +24,9 @@ SCALE_M = {
 }
 HILLS = [[0.0, 90.0, 0.0], [30.0, 0.0, 60.0], [0.0, 10.0, 0.0]]
 VARIANTS = {
-    "al-hourani": {"propagation": {"model": "al-hourani"}},
-    "uma-av": {"propagation": {"model": "uma-av"}},
-    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large"}},
+    "al-hourani": {"propagation": {"model": "al-hourani", "outside": "warn"}},
+    "uma-av": {"propagation": {"model": "uma-av", "outside": "clamp"}},
+    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "outside": "warn"}},
     "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
     "rayleigh": {"fading": {"model": "rayleigh", "coherence": "doppler"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
