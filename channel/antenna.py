@@ -5,6 +5,7 @@ Body axes are forward, right, down. Azimuth is from forward to the right, elevat
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from channel.checks import FloatArray
-from channel.units import db_from_ratio
+from channel.units import db_from_ratio, ratio_from_db
 from channel.variant import Settings, Variant
 
 DIPOLE_PEAK = 1.640922
@@ -76,7 +77,10 @@ class HalfWaveDipole(_Directed):
 
 
 class Sector(_Directed):
-    """A sector antenna: -12 (angle / beamwidth)^2 dB in azimuth and elevation (3GPP TR 36.814, table A.2.1.1-2)."""
+    """A sector antenna: -12 (angle / beamwidth)^2 dB in azimuth and elevation (3GPP TR 36.814, table A.2.1.1-2).
+
+    Each falls no further than its own limit, and both together no further than `front_to_back_db`.
+    """
 
     model: Literal["sector"] = "sector"
     gain_db: float = Field(default=14.0, ge=-100.0, le=100.0, description="in the middle of the sector")
@@ -88,13 +92,17 @@ class Sector(_Directed):
         default=25.0, ge=0.0, le=200.0, description="how far the gain falls at most"
     )
 
+    side_lobe_db: float = Field(
+        default=20.0, ge=0.0, le=200.0, description="how far it falls at most above and below the beam"
+    )
+
     def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
         """Return the gain, dB."""
         azimuth, elevation = azimuth_elevation_deg(direction_frd)
         off = (azimuth - self.azimuth_deg + 180.0) % 360.0 - 180.0
         across = np.minimum(12.0 * (off / self.azimuth_beamwidth_deg) ** 2, self.front_to_back_db)
         tilt = (elevation - self.elevation_deg) / self.elevation_beamwidth_deg
-        upright = np.minimum(12.0 * tilt**2, self.front_to_back_db)
+        upright = np.minimum(12.0 * tilt**2, self.side_lobe_db)
         return np.asarray(self.gain_db - np.minimum(across + upright, self.front_to_back_db))
 
 
@@ -119,13 +127,17 @@ class Pattern(_Directed):
             raise ValueError("azimuths have to span less than 360 degrees: the pattern wraps around")
         return self
 
-    def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
-        """Return the gain, dB."""
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Azimuths, the first again after a full turn; elevations; gains in dB, shape (azimuths, elevations)."""
         rows = np.asarray(self.pattern)
         azimuths, elevations = np.unique(rows[:, 0]), np.unique(rows[:, 1])
         grid = rows[np.lexsort((rows[:, 1], rows[:, 0])), 2].reshape(len(azimuths), len(elevations))
-        grid = np.concatenate((grid, grid[:1]))
-        azimuths = np.append(azimuths, azimuths[0] + 360.0)
+        return np.append(azimuths, azimuths[0] + 360.0), elevations, np.concatenate((grid, grid[:1]))
+
+    def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
+        """Return the gain, dB."""
+        azimuths, elevations, grid = self._table
         azimuth, elevation = azimuth_elevation_deg(direction_frd)
         i, u = _cell(azimuths, (azimuth - azimuths[0]) % 360.0 + azimuths[0])
         if len(elevations) == 1:
@@ -137,10 +149,15 @@ class Pattern(_Directed):
 
 
 class Polarisation(Settings):
-    """Loss between two linearly polarised antennas along the bodies' verticals: 20 log10 |cos angle|."""
+    """Loss between two linearly polarised antennas along the bodies' verticals, with finite cross-polar discrimination.
+
+    The field of each goes as the part a of its axis across the way. The share of power that arrives is
+    ((a1 . a2)^2 + q) / (|a1|^2 |a2|^2 + q), q = X / (1 - X), X = 10^(-cross_polar_db / 10): X + (1 - X) cos^2 where
+    both are seen from abeam; without a jump where one is seen along its axis and has no direction of its own.
+    """
 
     cross_polar_db: float = Field(
-        default=20.0, ge=0.0, le=100.0, description="the loss is never more than this"
+        default=20.0, gt=0.0, le=100.0, description="the loss is never more than this"
     )
 
     def loss_db(
@@ -150,8 +167,11 @@ class Polarisation(Settings):
         down = np.array([0.0, 0.0, 1.0])
         field_tx = _across(rotate(attitude_tx_wxyz, down), way_ned)
         field_rx = _across(rotate(attitude_rx_wxyz, down), way_ned)
-        cosine = np.abs(np.sum(field_tx * field_rx, axis=-1))
-        return np.asarray(np.minimum(-2.0 * db_from_ratio(np.clip(cosine, 1e-10, 1.0)), self.cross_polar_db))
+        leak = float(ratio_from_db(-self.cross_polar_db))
+        leak /= 1.0 - leak
+        together = np.square(_dot(field_tx, field_rx))
+        both = _dot(field_tx, field_tx) * _dot(field_rx, field_rx)
+        return np.asarray(np.maximum(db_from_ratio((both + leak) / (together + leak)), 0.0))
 
 
 def rotate(attitude_wxyz: FloatArray, vector: FloatArray) -> FloatArray:
@@ -178,7 +198,9 @@ def _cell(grid: FloatArray, value: FloatArray) -> tuple[NDArray[np.intp], FloatA
 
 
 def _across(axis: FloatArray, way: FloatArray) -> FloatArray:
-    """Return the part of an axis that is square to the way, of length 1."""
-    part = axis - np.sum(axis * way, axis=-1, keepdims=True) * way
-    length = np.sqrt(np.sum(part**2, axis=-1, keepdims=True))
-    return np.asarray(part / np.maximum(length, 1e-9))
+    """Return the part of an axis that is square to the way."""
+    return np.asarray(axis - _dot(axis, way)[..., np.newaxis] * way)
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(a * b, axis=-1))

@@ -14,14 +14,14 @@ from channel.config import RadioConfig
 from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
 from channel.link.budget import BudgetTerm, Link, total
 from channel.link.expectation import PANELS, Expectation
+from channel.link.rays import with_reflection
 from channel.link.steps import STEPS_PER_M, in_steps
 from channel.phy.error_model import Band
 from channel.phy.interference import Interferer, sum_dbm
 from channel.propagation.atmosphere import ItuAtmosphere
+from channel.propagation.diffraction import bulge_loss_db
 
 States = tuple[bool, ...]
-NEEDS_PLACES = frozenset({"terrain"})
-"""Propagation models that ask where the ends are, not only how far apart and how high."""
 MAX_WAY_M = 1e12
 """Farther than any radio, and near enough that squares do not overflow."""
 MAX_FREQUENCY_HZ = 1e12
@@ -59,7 +59,7 @@ class Radio:
         self.needs_places = (
             self.needs_attitude
             or bool(config.interference.interferers)
-            or config.propagation.model in NEEDS_PLACES
+            or getattr(config.propagation, "needs_places", False)
         )
 
     def length_bytes(self, payload_bytes: int) -> int:
@@ -205,28 +205,46 @@ class Radio:
             terms.append(
                 BudgetTerm("polarisation_db", -config.polarisation.loss_db(attitude_tx, attitude_rx, way))
             )
+        if config.cable_loss_db:
+            terms.append(BudgetTerm("transmit_cable_db", -config.cable_loss_db))
+            terms.append(BudgetTerm("receive_cable_db", -config.cable_loss_db))
         return (*terms, BudgetTerm("offset_db", config.offset_db))
 
     def budget(self, path: Path) -> tuple[BudgetTerm, ...]:
         """Return the terms of the received power without its random part, in order."""
         before = self._fixed_terms if self._fixed_terms is not None else self._terms_before_path(path)
+        path = with_reflection(
+            path, self.config.propagation, self.config.antenna, self.config.receiving_antenna
+        )
         return (*before, *self._terms_of_the_way(path))
 
     def _terms_of_the_way(self, path: Path) -> tuple[BudgetTerm, ...]:
-        """Return what the way takes: gases and rain if they are configured, and the path loss last."""
-        loss = BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path))
+        """Return what the way takes: gases and rain if they are configured, the horizon, and the path loss last."""
+        terms = []
         air = self.config.atmosphere
-        if not isinstance(air, ItuAtmosphere):
-            return (loss,)
-        gas = -air.gas_loss_db(path.distance_m, path.frequency_hz)
-        rain = -air.rain_loss_db(path.distance_m, path.frequency_hz)
-        return BudgetTerm("gas_db", gas), BudgetTerm("rain_db", rain), loss
+        if isinstance(air, ItuAtmosphere):
+            terms.append(BudgetTerm("gas_db", -air.gas_loss_db(path.distance_m, path.frequency_hz)))
+            terms.append(BudgetTerm("rain_db", -air.rain_loss_db(path.distance_m, path.frequency_hz)))
+        bulge_db = self._bulge_db(path)
+        if bulge_db is not None:
+            terms.append(BudgetTerm("horizon_db", -bulge_db))
+        loss = BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path))
+        return (*terms, loss)
+
+    def _bulge_db(self, path: Path) -> FloatArray | None:
+        """Return what the bulge of the Earth takes, dB; None: nothing."""
+        factor = self.config.earth_radius_factor
+        if factor is None or getattr(self.config.propagation, "has_earth", False):
+            return None
+        return bulge_loss_db(path, factor)
 
     def _loss_db(self, path: Path) -> FloatArray:
         """Return what the way takes, all terms together, dB."""
         if isinstance(self.config.atmosphere, ItuAtmosphere):
             return np.negative(total(self._terms_of_the_way(path)))
-        return self.config.propagation.path_loss_db(path)
+        loss_db = self.config.propagation.path_loss_db(path)
+        bulge_db = self._bulge_db(path)
+        return loss_db if bulge_db is None else loss_db + bulge_db
 
     def mean_power_dbm(self, path: Path) -> FloatArray:
         """Return the received power without its random part, dBm: the sum of `budget`."""
@@ -260,7 +278,9 @@ class Radio:
         attitude = LEVEL_WXYZ if path.attitude_rx_wxyz is None else path.attitude_rx_wxyz
         gain_db = self.config.receiving_antenna.towards_db(to_body(attitude, -way.way_ned))
         offset_hz = 0.0 if interferer.frequency_hz is None else carrier - self.config.frequency_hz
-        kept_db = gain_db - self.config.interference.rejection_db(offset_hz)
+        way = with_reflection(way, self.config.propagation, None, self.config.receiving_antenna)
+        received_db = gain_db + self.config.offset_db - self.config.cable_loss_db
+        kept_db = received_db - self.config.interference.rejection_db(offset_hz)
         return np.asarray(interferer.power_dbm + kept_db - self._loss_db(way))
 
     def per(self, snr_db: ArrayLike, length_bytes: ArrayLike) -> FloatArray:

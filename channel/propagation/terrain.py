@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from channel.checks import ChannelInputError, FloatArray, finite
+from channel.checks import ChannelInputError, FloatArray
 from channel.geometry import Path
+from channel.propagation.diffraction import knife_edge_loss_db
 from channel.propagation.path_loss import friis_db
 from channel.units import wavelength_m
 from channel.variant import Variant
-
-NU_CLEAR = -0.78
-"""Below this Fresnel-Kirchhoff parameter an edge costs nothing (ITU-R P.526-15, eq. 31)."""
-
-
-def knife_edge_loss_db(nu: ArrayLike) -> FloatArray:
-    """Return J(nu) = 6.9 + 20 log10(sqrt((nu - 0.1)^2 + 1) + nu - 0.1), 0 below nu = -0.78.
-
-    ITU-R P.526-15, eq. 31: an approximation, made for nu above -0.78. It gives 6.0 dB for a grazing ray (nu = 0),
-    13.9 dB at nu = 1 and 20.5 dB at nu = 2.4.
-    """
-    nu = finite("nu", nu)
-    shifted = np.maximum(nu, NU_CLEAR) - 0.1
-    loss_db = 6.9 + 20.0 * np.log10(np.sqrt(shifted**2 + 1.0) + shifted)
-    return np.where(np.less_equal(nu, NU_CLEAR), 0.0, loss_db)
 
 
 class Terrain(Variant):
@@ -37,6 +23,7 @@ class Terrain(Variant):
     Heights are read between grid points bilinearly; outside the grid the ground is as at its border.
     """
 
+    needs_places: ClassVar[bool] = True
     model: Literal["terrain"] = "terrain"
     origin_north_m: float = Field(default=0.0, description="of the first row")
     origin_east_m: float = Field(default=0.0, description="of the first column")

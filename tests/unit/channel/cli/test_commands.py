@@ -98,7 +98,7 @@ def test_radios_are_listed_with_their_ranges():
 def test_reference_row_through_the_command_line():
     """One row of the reference data: the way is slant, the distance over the ground."""
     base = ("link", "--radio", "perfect", "--json", "--frequency-hz", "900e6", "--height-rx", "1.5")
-    two_ray = run(*base, "--distance", "30", "--height-tx", "50", "--set", "propagation.model=two-ray")
+    two_ray = run(*base, "--distance", "30", "--height-tx", "50", "--set", "propagation.model=two-slope")
     assert json.loads(two_ray.output)["path_loss_db"] == pytest.approx(66.654473, abs=1e-4)
     hata = ["propagation.model=okumura-hata", "propagation.environment=open", "propagation.coefficients=ns3"]
     options = [part for setting in hata for part in ("--set", setting)]

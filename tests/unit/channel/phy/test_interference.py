@@ -33,6 +33,25 @@ def test_jammer_raises_the_noise_by_its_received_power():
     assert float(link.snr_db) == pytest.approx(float(link.received_power_dbm) - expected, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("overrides", "wanted_db", "unwanted_db"),
+    [
+        ({"offset_db": -7.0}, -7.0, -7.0),
+        ({"cable_loss_db": 2.0}, -4.0, -2.0),
+        ({"receive_antenna": {"model": "isotropic", "gain_db": -1.7}}, -4.0, -4.0),
+    ],
+)
+def test_what_the_receiver_takes_it_takes_of_wanted_and_unwanted_alike(overrides, wanted_db, unwanted_db):
+    """With the jammer far above the noise: the noise that a receiver reports is the jammer's power."""
+    jammer = {"position_ned_m": [500.0, 0.0, -40.0], "power_dbm": 100.0}
+    base = {"interference": {"interferers": [jammer]}, "noise": {"model": "fixed", "floor_dbm": -200.0}}
+    plain, other = (
+        Radio(presets.load_radio("corrected", base | more)).link(100.0) for more in ({}, overrides)
+    )
+    assert float(other.received_power_dbm - plain.received_power_dbm) == pytest.approx(wanted_db)
+    assert float(other.noise_dbm - plain.noise_dbm) == pytest.approx(unwanted_db, abs=1e-6)
+
+
 def test_adjacent_channel_is_rejected():
     beside, on = radio(1.0, 2.432e9, 90.0), radio(1.0, 2.412e9, 90.0)
     drop_db = beside.noise_dbm(beside.path(100.0)) - on.noise_dbm(on.path(100.0))

@@ -12,12 +12,13 @@ from channel.link.radio import Radio
 from channel.phy.error_model import Band
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance, TwoRay, friis_loss_db, log_distance_loss_db
+from channel.propagation.path_loss import FreeSpace, LogDistance, friis_loss_db, log_distance_loss_db
+from channel.propagation.two_ray import TwoSlope
 
 DATA = FilePath(__file__).parents[3] / "data"
 PLAIN = {
     "friis": FreeSpace(),
-    "two-ray": TwoRay(),
+    "two-ray": TwoSlope(),
     "log-distance-n3-l0-46.6777": LogDistance(exponent=3.0, reference_loss_db=46.6777),
 }
 HATA = {"okumura-hata": OkumuraHata, "cost231-hata": Cost231Hata}

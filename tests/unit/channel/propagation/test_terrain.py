@@ -4,8 +4,9 @@ from pydantic import ValidationError
 
 from channel.link.radio import Radio
 from channel.presets import load_radio
+from channel.propagation.diffraction import knife_edge_loss_db
 from channel.propagation.path_loss import friis_loss_db
-from channel.propagation.terrain import Terrain, knife_edge_loss_db
+from channel.propagation.terrain import Terrain
 
 RIDGE = Terrain(
     spacing_m=10.0, step_m=1.0, heights_m=tuple((60.0 if i == 50 else 0.0,) * 3 for i in range(101))
