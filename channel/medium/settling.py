@@ -35,11 +35,11 @@ class _Links:
         fan = draws.fan(self.tx, self.receivers)
         self.erasure = fan.uniforms(Purpose.ERASURE)
         self.base_loss = fan.uniforms(Purpose.BASE_LOSS) if config.base_loss > 0.0 else None
-        self.shadowing_gain: Table | None = None
+        self.senders = np.full_like(self.columns, tx)
+        self.bursts = fan.uniforms(Purpose.BURST) if config.bursts.mean_loss > 0.0 else None
+        self.shadowing: Table | None = None
         if config.shadowing.is_random and config.shadowing.decorrelation_m is None:
-            self.shadowing_gain = fan.derived(
-                Purpose.SHADOWING, lambda u: -config.shadowing.loss_db(standard_normal_from_uniform(u))
-            )
+            self.shadowing = fan.derived(Purpose.SHADOWING, standard_normal_from_uniform)
         self.fading: tuple[Table, Table] | None = None
         if config.fading.is_random and config.fading.coherence == "packet":
             self.fading = fan.uniforms(Purpose.FADING_I), fan.uniforms(Purpose.FADING_Q)
@@ -60,13 +60,10 @@ class Settling:
         self._radio = radio
         self._config = config
         self._tracks = tracks
-        self._terms = RandomTerms(radio, draws)
+        self._terms = RandomTerms(radio, draws, nodes)
         self._links = [_Links(radio, draws, nodes, tx) for tx in range(len(nodes))]
         self._has_range = math.isfinite(radio.max_range_m)
         self._has_interferers = bool(config.interference.interferers)
-        self._has_bursts = config.bursts.mean_loss > 0.0
-        self._shadow_by_place = config.shadowing.is_random and config.shadowing.decorrelation_m is not None
-        self._fading_by_time = config.fading.is_random and config.fading.coherence == "doppler"
         self._columns = COLUMNS if radio.needs_attitude else POSITION.stop
 
     def receptions(self, packet: Packet) -> list[Reception]:
@@ -112,20 +109,15 @@ class Settling:
 
     def _gain_db(self, packet: Packet, links: _Links, path: Path) -> FloatArray | float:
         """Return what shadowing and fading do to the power at each receiver, dB."""
-        gain_db: FloatArray | float = 0.0
-        if links.shadowing_gain is not None:
-            gain_db = links.shadowing_gain.row(packet.seq)
-        elif self._shadow_by_place:
-            gain_db = -self._terms.shadowing_db(links.tx, links.receivers, path)
+        times_ns = np.full(links.columns.shape, packet.sim_time_ns)
+        places = self._terms.places(links.senders, links.columns, times_ns, path)
+        normal = None if links.shadowing is None else links.shadowing.row(packet.seq)
+        gain_db = np.negative(self._terms.shadowing_db(places, path, normal))
         if links.fading is not None:
             first, second = (table.row(packet.seq) for table in links.fading)
-            gain_db = gain_db + self._terms.fading_gain_db(first, second, path)
-        elif self._fading_by_time:
-            speed_mps = self._speeds_mps(packet, links)
-            gain_db = gain_db + self._terms.fading_db(
-                links.tx, links.receivers, packet.sim_time_ns, path, speed_mps
-            )
-        return gain_db
+            return np.asarray(gain_db + self._terms.fading_gain_db(first, second, path))
+        speed_mps = self._speeds_mps(packet, links)
+        return gain_db + self._terms.fading_db(places, path, times_ns, speed_mps)
 
     def _speeds_mps(self, packet: Packet, links: _Links) -> FloatArray:
         """Return how fast each receiver moves relative to the transmitter."""
@@ -140,9 +132,11 @@ class Settling:
         if links.base_loss is not None:
             lost = links.base_loss.row(packet.seq) <= self._config.base_loss
             _mark(fates, lost.tolist(), Fate.BASE_LOSS)
-        if self._has_bursts:
-            bursts = self._terms.burst_losses(links.tx, links.receivers, packet.seq, packet.sim_time_ns)
-            _mark(fates, bursts, Fate.BURST)
+        if links.bursts is not None:
+            times_ns = np.full(links.columns.shape, packet.sim_time_ns)
+            draws = links.bursts.row(packet.seq)
+            bursts = self._terms.burst_losses(links.senders, links.columns, times_ns, draws)
+            _mark(fates, bursts.tolist(), Fate.BURST)
         if self._has_range:
             self._out_of_range(fates, columns)
         if not self._tracks.all_known:
