@@ -157,6 +157,26 @@ def figures(out: Path, seed: int) -> None:
 
 
 @click.command()
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Directory to write to."
+)
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the draws.")
+def laws(out: Path, seed: int) -> None:
+    """Draw fading, shadowing and the line of sight along tracks, beside what theory says of them, as PNG.
+
+    \b
+    Examples:
+      python -m channel laws --out laws
+    """
+    from channel.cli.law_figures import write_law_figures
+
+    with writing(out):
+        files = write_law_figures(out, seed)
+    for file in files:
+        click.echo(str(file))
+
+
+@click.command()
 @click.argument("log", type=click.Path(dir_okay=False, path_type=Path))
 @fit_options
 def fit(log: Path, **options: Any) -> None:
@@ -181,5 +201,5 @@ def main() -> None:
     """Radio channel: link budgets, presets, figures and calibration."""
 
 
-for _command in (link, radios, figures, fit):
+for _command in (link, radios, figures, laws, fit):
     main.add_command(_command)

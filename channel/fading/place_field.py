@@ -1,11 +1,11 @@
 """Random fields over the places of both ends of a link, without memory: spatially correlated shadowing, line of sight.
 
-A sum of 32 waves (Cai & Giannakis, IEEE Trans. Veh. Technol. 52 (2003)). The wave vectors follow the Cauchy law in
+A sum of 48 waves (Cai & Giannakis, IEEE Trans. Veh. Technol. 52 (2003)). The wave vectors follow the Cauchy law in
 three dimensions, whose characteristic function is exp(-d / d_corr): over the seeds the field has exactly Gudmundson's
 autocorrelation exp(-(d_tx + d_rx) / d_corr) (Electronics Letters 27 (1991); both ends: Wang et al., VTC 2005). Along
-the tracks of one run the correlation is that of its 32 waves: within 0.13 of the law, as a standard deviation. The
-sum's excess kurtosis of -1.5 / 32 is taken out by the first term of Cornish and Fisher: what remains of the difference
-to the normal law is of the order of 1 / 32^2.
+the tracks of one run the correlation is that of its 48 waves: within 0.1 of the law, as a standard deviation. The
+sum's excess kurtosis of -1.5 / 48 is taken out by the first term of Cornish and Fisher: what remains of the difference
+to the normal law is of the order of 1 / 48^2.
 
 The value depends on the places alone: not on who asked before, nor how often. A pair shares one field, so that the link
 is reciprocal; the fields of two pairs are independent.
@@ -29,7 +29,7 @@ from channel.fading.waves import (
     wave_numbers,
 )
 
-WAVES = 32
+WAVES = 48
 
 
 class PlaceField:

@@ -179,7 +179,7 @@ class CorrelatedShadowing(_Normal):
     Reciprocal: both directions of a pair are shadowed alike. See `place_field`. With `shared_ends` = r the surroundings
     of each end, common to all its links, have the share r of the variance, so that two links with an end in common are
     correlated by r. r = 1/2 is the model of Viterbi et al. (IEEE J. Sel. Areas Commun. 12 (1994)), and what 3GPP
-    evaluates with (TR 36.814, table A.2.1.1-1), for both ends alike.
+    evaluates with (TR 36.814, annex A.2.1), for both ends alike.
     """
 
     model: Literal["gudmundson"] = "gudmundson"

@@ -38,7 +38,6 @@ LASTING = {
     },
     "nakagami": {"fading": {"model": "nakagami", "m": 0.6, "coherence": "doppler"}},
     "blocks": {"fading": {"model": "rician", "k_db": 0.0, "coherence": "block"}},
-    "shared ends": {"shadowing": {**PLACED, "shared_ends": 0.5}},
 }
 
 

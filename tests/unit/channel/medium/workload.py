@@ -25,7 +25,7 @@ SCALE_M = {
 HILLS = [[0.0, 90.0, 0.0], [30.0, 0.0, 60.0], [0.0, 10.0, 0.0]]
 VARIANTS = {
     "al-hourani": {"propagation": {"model": "al-hourani", "outside": "warn"}},
-    "uma-av, own sigma": {
+    "uma-av-own-sigma": {
         "propagation": {"model": "uma-av", "outside": "clamp"},
         "shadowing": {"model": "gudmundson", "sigma_db": None, "decorrelation_m": 20.0},
     },
@@ -33,9 +33,9 @@ VARIANTS = {
     "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "outside": "warn"}},
     "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
     "rayleigh": {"fading": {"model": "rayleigh", "coherence": "doppler"}},
-    "rayleigh blocks": {"fading": {"model": "rayleigh", "coherence": "block"}},
+    "rayleigh-blocks": {"fading": {"model": "rayleigh", "coherence": "block"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
-    "rician sphere": {
+    "rician-sphere": {
         "fading": {"model": "rician", "k_db": 3.0, "coherence": "doppler", "scattering": "sphere"}
     },
     "surroundings": {
