@@ -5,6 +5,7 @@ Body axes are forward, right, down. Azimuth is from forward to the right, elevat
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Literal, Protocol
 
@@ -18,6 +19,11 @@ from channel.variant import Settings, Variant
 
 DIPOLE_PEAK = 1.640922
 """Directivity of a half-wave dipole, 2.151 dBi (Balanis, Antenna Theory, sec. 4.6)."""
+PEAK_DB = 10.0 * math.log10(DIPOLE_PEAK)
+
+
+Vector = tuple[FloatArray, FloatArray, FloatArray]
+"""Its components, each of one shape."""
 
 
 class AntennaModel(Protocol):
@@ -69,11 +75,11 @@ class HalfWaveDipole(_Directed):
 
     def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
         """Return 10 log10(1.64 (cos(pi/2 cos t) / sin t)^2) for the angle t from the axis."""
-        along = np.clip(direction_frd[..., 2], -1.0, 1.0)
-        across = np.sqrt(np.maximum(1.0 - along**2, 1e-12))
-        pattern = (np.cos(0.5 * np.pi * along) / across) ** 2
+        along = np.minimum(np.abs(direction_frd[..., 2]), 1.0)
+        field = np.cos(0.5 * np.pi * along)
+        pattern = field * field / np.maximum(1.0 - along * along, 1e-12)
         depth = np.maximum(db_from_ratio(np.maximum(pattern, 1e-30)), -self.null_depth_db)
-        return np.asarray(depth + db_from_ratio(DIPOLE_PEAK) - self.loss_db)
+        return depth + (PEAK_DB - self.loss_db)
 
 
 class Sector(_Directed):
@@ -164,21 +170,23 @@ class Polarisation(Settings):
         self, attitude_tx_wxyz: FloatArray, attitude_rx_wxyz: FloatArray, way_ned: FloatArray
     ) -> FloatArray:
         """Return the loss in dB for attitudes of shape (..., 4) and unit vectors from tx to rx, shape (..., 3)."""
-        down = np.array([0.0, 0.0, 1.0])
-        field_tx = _across(rotate(attitude_tx_wxyz, down), way_ned)
-        field_rx = _across(rotate(attitude_rx_wxyz, down), way_ned)
+        tx, rx = _down_axis(attitude_tx_wxyz), _down_axis(attitude_rx_wxyz)
+        way = way_ned[..., 0], way_ned[..., 1], way_ned[..., 2]
+        along_tx, along_rx = _dot(tx, way), _dot(rx, way)
         leak = float(ratio_from_db(-self.cross_polar_db))
         leak /= 1.0 - leak
-        together = np.square(_dot(field_tx, field_rx))
-        both = _dot(field_tx, field_tx) * _dot(field_rx, field_rx)
+        together = np.square(_dot(tx, rx) - along_tx * along_rx)  # of the parts across the way
+        both = (1.0 - along_tx * along_tx) * (1.0 - along_rx * along_rx)
         return np.asarray(np.maximum(db_from_ratio((both + leak) / (together + leak)), 0.0))
 
 
 def rotate(attitude_wxyz: FloatArray, vector: FloatArray) -> FloatArray:
     """Return vectors of body axes in the north-east-down frame; both broadcast, shapes (..., 4) and (..., 3)."""
-    w, xyz = attitude_wxyz[..., :1], attitude_wxyz[..., 1:]
-    twice = 2.0 * np.cross(xyz, vector)
-    return np.asarray(vector + w * twice + np.cross(xyz, twice))
+    w, x, y, z = (attitude_wxyz[..., k] for k in range(4))
+    a, b, c = (vector[..., k] for k in range(3))
+    p, q, r = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    turned = (a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p)
+    return np.stack(turned, axis=-1)
 
 
 def to_body(attitude_wxyz: FloatArray, vector_ned: FloatArray) -> FloatArray:
@@ -197,10 +205,11 @@ def _cell(grid: FloatArray, value: FloatArray) -> tuple[NDArray[np.intp], FloatA
     return index, (value - grid[index]) / (grid[index + 1] - grid[index])
 
 
-def _across(axis: FloatArray, way: FloatArray) -> FloatArray:
-    """Return the part of an axis that is square to the way."""
-    return np.asarray(axis - _dot(axis, way)[..., np.newaxis] * way)
+def _down_axis(attitude_wxyz: FloatArray) -> Vector:
+    """Return where the body's down axis points, in north-east-down."""
+    w, x, y, z = (attitude_wxyz[..., k] for k in range(4))
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(np.sum(a * b, axis=-1))
+def _dot(a: Vector, b: Vector) -> FloatArray:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

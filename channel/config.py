@@ -22,6 +22,7 @@ from channel.phy.noise import FixedNoise, ThermalNoise
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
+from channel.propagation.gain_map import GainMap
 from channel.propagation.hata import Cost231Hata, OkumuraHata
 from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
 from channel.propagation.terrain import Terrain
@@ -39,7 +40,8 @@ Propagation = Annotated[
     | AlHourani
     | UmaAv
     | RmaAv
-    | Terrain,
+    | Terrain
+    | GainMap,
     Field(discriminator="model"),
     *own_models("propagation", "path_loss_db"),
 ]
@@ -135,6 +137,7 @@ class RadioConfig(Settings):
     interference: Interference = Field(default_factory=Interference)
     error: Error = Field(default_factory=UncodedAwgn)
     length: Length = Field(default_factory=PayloadLength)
+    mtu_bytes: int = Field(default=65535, ge=1, le=1 << 20, description="longest payload that it takes")
     nominal_payload_bytes: int = Field(default=40, ge=0, le=65535, description="where no length is given")
     base_loss: float = Field(
         default=0.0,

@@ -101,11 +101,16 @@ def _from_text(text: str) -> object:
     return getattr(module, name)
 
 
-@lru_cache(maxsize=64)
 def _from_file(path: Path) -> ModuleType:
+    """Return the module of a file, the same until the file changes."""
     if not path.is_file():
         raise ValueError(f"{path}: no such file")
-    name = f"{path.stem}__{hashlib.blake2b(str(path).encode(), digest_size=6).hexdigest()}"
+    return _loaded(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _loaded(path: Path, changed_ns: int) -> ModuleType:
+    name = f"{path.stem}__{hashlib.blake2b(f'{path} {changed_ns}'.encode(), digest_size=6).hexdigest()}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None, "a name that ends in .py has a loader"
     assert spec.loader is not None

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from channel.config import RadioConfig
 from channel.own import CLASS_KEY, class_path
+from channel.propagation.terrain import Terrain
 
 Tree = dict[str, Any]
 
@@ -73,6 +74,22 @@ def seen_from(folder: Path, mapping: Mapping[str, Any]) -> Tree:
     if isinstance(preset, str) and preset not in preset_names():
         tree["preset"] = str(_preset_file(preset, folder).absolute())
     return tree
+
+
+def at_origin(config: RadioConfig, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> RadioConfig:
+    """Return the radio with a run's origin put into what lies on the Earth: terrain from a file.
+
+    Raises:
+        PresetError: the file does not cover the place.
+    """
+    if not isinstance(config.propagation, Terrain):
+        return config
+    try:
+        law = config.propagation.at_origin(lat_deg, lon_deg, alt_amsl_m)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise PresetError(_problem(first, "propagation", {}), key="propagation") from error
+    return config.model_copy(update={"propagation": law})
 
 
 def radio_to_yaml(config: RadioConfig) -> str:
@@ -190,6 +207,8 @@ def _with_tables(tree: Mapping[str, Any], beside: Path, prefix: str = "") -> Tre
             out[key.removesuffix("_file")] = _csv_rows(beside / str(value), f"{prefix}{key}")
         elif key == CLASS_KEY:
             out[key] = class_path(str(value), beside)
+        elif key == "file" and value is not None:
+            out[key] = str((beside / str(value)).absolute())
         else:
             out[str(key)] = value
     return out

@@ -142,9 +142,9 @@ class Vehicle:
         """A client is gone, and its wishes with it (see ``on_time`` for what follows from that)."""
         self.streams.client_left(link)
 
-    def heartbeat(self) -> None:
-        """Send ours to the autopilot."""
-        self._send([onboard_computer_heartbeat()], None)
+    def heartbeat(self) -> bytes:
+        """Our own heartbeat, for the autopilot's links."""
+        return self._encoder.encode(onboard_computer_heartbeat())
 
     def deadline_ns(self) -> int | None:
         """When ``on_time`` is due even if nothing happens."""

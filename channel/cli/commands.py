@@ -160,18 +160,19 @@ def figures(out: Path, seed: int) -> None:
 @click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Directory to write to."
 )
-@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the draws.")
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the random terms.")
 def laws(out: Path, seed: int) -> None:
-    """Draw fading, shadowing and the line of sight along tracks, beside what theory says of them, as PNG.
+    """Draw the laws of the channel as PNG: path loss, two rays, antennas, error models, and the random terms.
 
     \b
     Examples:
-      python -m channel laws --out laws
+      lostlink laws --out laws
     """
-    from channel.cli.law_figures import write_law_figures
+    from channel.cli.law_plots import write_law_plots
+    from channel.cli.random_plots import write_random_plots
 
-    with writing(out):
-        files = write_law_figures(out, seed)
+    with writing(out), _warnings_on_stderr():
+        files = write_law_plots(out) + write_random_plots(out, seed)
     for file in files:
         click.echo(str(file))
 
@@ -191,9 +192,9 @@ def fit(log: Path, **options: Any) -> None:
       lostlink fit flight.csv --radio corrected --out mine.yaml --plot fit.png
       lostlink fit flight.csv --radio corrected --set noise.noise_figure_db=4 --hold shadowing.sigma_db --json
     """
-    from channel.fit.flight_log import read_csv_log
+    from channel.fit.columns import read_log
 
-    run_fit(FitRequest(**options), log.stem, lambda base: read_csv_log(log, base))
+    run_fit(FitRequest(**options), log.stem, lambda base: read_log(log, base))
 
 
 @click.group()

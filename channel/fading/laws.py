@@ -9,8 +9,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
-from scipy.special import gammainccinv, gammaincinv, i0e, ndtri
 
+from channel import special
 from channel.checks import FloatArray
 from channel.fading.quadrature import gauss_legendre, standard_normal_rule, uniform_from_normal
 from channel.fading.scatter import Scattering
@@ -132,12 +132,12 @@ class Nakagami(_Coherent):
 
     def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
         """Return the quantile of the gamma law at u, in dB."""
-        return db_from_ratio(np.maximum(gammaincinv(self.m, first) / self.m, LOWEST_GAIN))
+        return db_from_ratio(np.maximum(special.gammaincinv(self.m, first) / self.m, LOWEST_GAIN))
 
     def rule(self, _elevation_deg: FloatArray, panels: int, /) -> tuple[FloatArray, FloatArray]:
         """Return nodes equal in the normal quantile of the gain."""
         z, weights = standard_normal_rule(panels)
-        gain = gammaincinv(self.m, uniform_from_normal(z)) / self.m
+        gain = special.gammaincinv(self.m, uniform_from_normal(z)) / self.m
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN)), weights
 
     def gain_of_scatter_db(
@@ -184,8 +184,8 @@ class Rician(_Coherent):
         """Return |sqrt(K / (K + 1)) + (x + i y) / sqrt(2 (K + 1))|^2 in dB, x and y normal."""
         k = self.k_ratio(elevation_deg)
         spread = np.sqrt(0.5 / (k + 1.0))
-        in_phase = np.sqrt(k / (k + 1.0)) + spread * ndtri(first)
-        gain = np.square(in_phase) + np.square(spread * ndtri(second))
+        in_phase = np.sqrt(k / (k + 1.0)) + spread * special.ndtri(first)
+        gain = np.square(in_phase) + np.square(spread * special.ndtri(second))
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN))
 
     def gain_of_scatter_db(
@@ -204,7 +204,7 @@ class Rician(_Coherent):
         t, weights = gauss_legendre(panels)
         amplitude = low + (high - low) * t
         density = amplitude / spread**2 * np.exp(-0.5 * ((amplitude - direct) / spread) ** 2)
-        density = density * i0e(amplitude * direct / spread**2)
+        density = density * special.i0e(amplitude * direct / spread**2)
         gain_db = db_from_ratio(np.maximum(amplitude**2, LOWEST_GAIN))
         return gain_db, weights * (high - low) * density
 
@@ -239,6 +239,6 @@ def _nakagami_table_db(m: float) -> FloatArray:
     """Return Nakagami gains in dB at Rayleigh powers in steps of `NAKAGAMI_STEP_DB`."""
     low_db, high_db = NAKAGAMI_RANGE_DB
     power = ratio_from_db(np.linspace(low_db, high_db, round((high_db - low_db) / NAKAGAMI_STEP_DB) + 1))
-    low = gammaincinv(m, -np.expm1(-power))
-    gain = np.where(power < 1.0, low, gammainccinv(m, np.exp(-power))) / m
+    low = special.gammaincinv(m, -np.expm1(-power))
+    gain = np.where(power < 1.0, low, special.gammainccinv(m, np.exp(-power))) / m
     return db_from_ratio(np.maximum(gain, LOWEST_GAIN))

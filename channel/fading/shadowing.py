@@ -6,8 +6,8 @@ from typing import Literal, Protocol, Self
 
 import numpy as np
 from pydantic import Field
-from scipy.special import ndtr, ndtri
 
+from channel import special
 from channel.checks import ChannelInputError, FloatArray
 from channel.variant import Variant
 
@@ -191,14 +191,14 @@ class CorrelatedShadowing(_Normal):
 
 def standard_normal_from_uniform(uniform: FloatArray) -> FloatArray:
     """Return z with the standard normal law for u ~ U(0, 1), the open interval."""
-    return np.asarray(ndtri(uniform))
+    return np.asarray(special.ndtri(uniform))
 
 
 def normal_below(loss_db: FloatArray, sigma_db: float) -> FloatArray:
     """Return the distribution function of N(0, sigma^2); a step at 0 if sigma is 0."""
     if sigma_db == 0.0:
         return np.asarray(loss_db >= 0.0, dtype=np.float64)
-    return np.asarray(ndtr(loss_db / sigma_db))
+    return np.asarray(special.ndtr(loss_db / sigma_db))
 
 
 def one_sided_below(loss_db: FloatArray, sigma_db: float) -> FloatArray:

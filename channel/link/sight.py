@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
+from channel import special
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.fading.shadowing import ShadowingModel
@@ -95,7 +95,7 @@ class Sight:
             shadow_normal: of the shadowing, N(0, 1); None: no shadowing.
         """
         with_sight, without = self.states(path)
-        seen = sight_normal < ndtri(with_sight.chance)
+        seen = sight_normal < special.ndtri(with_sight.chance)
         loss_db = np.where(seen, with_sight.excess_db, without.excess_db)
         if self._unit is not None and shadow_normal is not None:
             loss_db += np.where(seen, with_sight.sigma_db, without.sigma_db) * self._unit.loss_db(

@@ -76,7 +76,8 @@ class Ledger:
         bin_width_m: width of the distance bins.
     """
 
-    def __init__(self, bin_width_m: float = BIN_WIDTH_M) -> None:
+    def __init__(self, nodes=(), bin_width_m: float = BIN_WIDTH_M) -> None:
+        self.nodes = nodes
         if not bin_width_m > 0.0:
             raise ChannelInputError("bin_width_m", bin_width_m, "> 0")
         self.bin_width_m = bin_width_m
@@ -88,7 +89,40 @@ class Ledger:
         for rx in receivers:
             self._account(tx, rx).sent += 1
 
-    def settle(self, receptions: Iterable[Reception]) -> None:
+    def send(self, packets):
+        for tx in packets.tx.tolist():
+            self.sent(self.nodes[tx], [n for i, n in enumerate(self.nodes) if i != tx])
+
+    def counts(self, tx, rx):
+        a = [self._account(self.nodes[t], self.nodes[r]) for t, r in zip(tx, rx)]
+        return np.array([x.sent for x in a], dtype=np.int64), np.array(
+            [x.delivered for x in a], dtype=np.int64
+        )
+
+    def settle(self, r):
+        from channel.medium.reception import FATES
+
+        p = r.packets
+        self.settle_rows(
+            [
+                Reception(
+                    int(p.sim_time_ns[i]),
+                    self.nodes[p.tx[i]],
+                    self.nodes[r.rx[k]],
+                    int(p.seq[i]),
+                    0,
+                    float(r.distance_m[k]),
+                    0.0,
+                    0.0,
+                    0.0,
+                    FATES[r.fate[k]],
+                    float(r.probability_of_delivery[k]),
+                )
+                for k, i in enumerate(r.packet.tolist())
+            ]
+        )
+
+    def settle_rows(self, receptions: Iterable[Reception]) -> None:
         """Book the fates of packets that were booked out before."""
         for reception in receptions:
             account = self._account(reception.tx, reception.rx)
@@ -98,12 +132,13 @@ class Ledger:
                 account.lost[reception.fate.value] += 1
             self._book_bin(reception)
 
-    def lose(self, tx: str, receivers: Iterable[str], cause: str) -> None:
-        """Book one packet out and lost at once: to a cause that is not the channel's, such as the host."""
-        for rx in receivers:
-            account = self._account(tx, rx)
-            account.sent += 1
-            account.lost[cause] += 1
+    def lose(self, tx, to, cause, count):
+        for i, rx in enumerate(self.nodes):
+            if i == tx or (to >= 0 and i != to):
+                continue
+            account = self._account(self.nodes[tx], rx)
+            account.sent += count
+            account.lost[cause] += count
 
     def check(self, in_flight: int | None = None) -> None:
         """Make sure that sent = delivered + lost + in flight on every link.

@@ -9,12 +9,12 @@ from __future__ import annotations
 import heapq
 import operator
 from collections.abc import Iterable
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from channel.checks import ChannelInputError
 from channel.draws import MAX_SEQ, Draws, check_seed
-from channel.link.radio import Radio
 from channel.medium.reception import Fate, Packet, Reception
 from channel.medium.settling import Settling
 from channel.medium.tracks import Tracks, truth_row
@@ -36,8 +36,9 @@ class Medium:
     """
 
     def __init__(
-        self, radio: Radio, *, seed: int, nodes: Iterable[str], max_truth_age_ns: int = MAX_TRUTH_AGE_NS
+        self, radio: Any, *, seed: int, nodes: Iterable[str], max_truth_age_ns: int = MAX_TRUTH_AGE_NS
     ) -> None:
+        radio = next(iter(radio.values())) if isinstance(radio, dict) else radio
         self.radio = radio
         self.nodes = tuple(nodes)
         if len(set(self.nodes)) != len(self.nodes):
@@ -46,6 +47,7 @@ class Medium:
         self._tracks = Tracks(self.nodes, max_truth_age_ns)
         self._settling = Settling(radio, self.draws, self.nodes, self._tracks)
         self._waiting: list[Packet] = []
+        self._out: list[Reception] = []
 
     @property
     def in_flight(self) -> int:
@@ -69,7 +71,9 @@ class Medium:
         row = truth_row(position_ned_m, attitude_wxyz)
         when_ns = sim_time_ns if type(sim_time_ns) is int else _whole("sim_time_ns", sim_time_ns)
         moved = self._tracks.observe(self._index("node", node), when_ns, row)
-        return self._settle() if moved else []
+        if moved:
+            self._out += self._settle()
+        return []
 
     def place(
         self, node: str, position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None = None
@@ -103,9 +107,44 @@ class Medium:
         heapq.heappush(self._waiting, packet)
         return []
 
-    def flush(self) -> list[Reception]:
-        """Settle everything that still waits, with the newest positions there are."""
-        return self._settle(everything=True)
+    def send(self, packets: Any) -> None:
+        self._lengths = getattr(self, "_lengths", {})
+        for t, tx, seq, n, _ in zip(*(c.tolist() for c in packets), strict=True):
+            self._lengths[tx, seq] = n
+            self._out += self.transmit(self.nodes[tx], seq, t, n)
+
+    def settle(self) -> Any:
+        import numpy as np
+
+        from channel.medium.packets import Packets, Receptions
+        from channel.medium.reception import FATES
+
+        out, self._out = self._out, []
+        index = {n: i for i, n in enumerate(self.nodes)}
+        keys = list(dict.fromkeys((r.sim_time_ns, index[r.tx], r.seq) for r in out))
+        row = {k: i for i, k in enumerate(keys)}
+        cols = list(zip(*keys, strict=True)) or [(), (), ()]
+        packets = Packets(
+            *(np.array(c, dtype=np.int64) for c in cols),
+            np.array([self._lengths.pop((k[1], k[2])) for k in keys], dtype=np.int64),
+            np.full(len(keys), -1),
+        )
+        f = lambda g, d=float: np.array([g(r) for r in out], dtype=d)
+        return Receptions(
+            packets,
+            f(lambda r: row[r.sim_time_ns, index[r.tx], r.seq], int),
+            f(lambda r: index[r.rx], int),
+            f(lambda r: r.distance_m),
+            f(lambda r: r.received_power_dbm),
+            f(lambda r: r.snr_db),
+            f(lambda r: r.per),
+            f(lambda r: r.probability_of_delivery),
+            f(lambda r: FATES.index(r.fate), np.uint8),
+        )
+
+    def flush(self) -> Any:
+        self._out += self._settle(everything=True)
+        return self.settle()
 
     def _index(self, name: str, node: str) -> int:
         try:

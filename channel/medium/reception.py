@@ -57,3 +57,6 @@ class Packet(NamedTuple):
     tx: int
     seq: int
     length_bytes: int
+
+
+FATES = tuple(Fate)

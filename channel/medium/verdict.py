@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import bdtr, bdtrc, chdtr, chdtrc, ndtr, ndtri
 
+from channel import special
 from channel.checks import FloatArray
 from channel.geometry import Path
 from channel.link.gain_law import chance_of_less
@@ -152,8 +152,12 @@ class Judge:
         checks = [*self._draws(), *self._places.checks()]
         base_loss = self._radio.config.base_loss
         if base_loss * (1.0 - base_loss) * self._packets >= LEAST_VARIANCE:
-            low = float(bdtr(self._base_losses, self._packets, base_loss))
-            high = float(bdtrc(self._base_losses - 1, self._packets, base_loss)) if self._base_losses else 1.0
+            low = float(special.bdtr(self._base_losses, self._packets, base_loss))
+            high = (
+                float(special.bdtrc(self._base_losses - 1, self._packets, base_loss))
+                if self._base_losses
+                else 1.0
+            )
             share = self._base_losses / self._packets
             checks.append(Check("base loss", self._packets, share, min(1.0, 2.0 * min(low, high))))
         return Verdict(tuple(checks))
@@ -168,7 +172,7 @@ class Judge:
         total = float(self._variance.sum())
         if total >= LEAST_VARIANCE:
             z = float((self._erased - self._expected).sum()) / math.sqrt(total)
-            checks.append(Check("losses", self._packets, z, 2.0 * float(ndtr(-abs(z)))))
+            checks.append(Check("losses", self._packets, z, 2.0 * float(special.ndtr(-abs(z)))))
         enough = self._variance >= LEAST_VARIANCE
         bins = int(np.count_nonzero(enough))
         if bins > 1:
@@ -178,7 +182,7 @@ class Judge:
 
 
 def _chance_of_chi2(off: FloatArray, bins: int) -> float:
-    return float(chdtrc(bins, off.sum()))
+    return float(special.chdtrc(bins, off.sum()))
 
 
 class _Places:
@@ -236,7 +240,7 @@ class _Places:
     def _judge(self, heard: Heard, rows: NDArray[np.intp]) -> None:
         path = _path_at(heard.path, rows, len(heard.tx))
         gain_db = heard.received_power_dbm[rows] - heard.mean_power_dbm[rows]
-        normal = ndtri(chance_of_less(self._radio, path, gain_db))
+        normal = special.ndtri(chance_of_less(self._radio, path, gain_db))
         self._normal += np.clip(normal, -FARTHEST, FARTHEST).tolist()
 
     def checks(self) -> list[Check]:
@@ -250,9 +254,9 @@ class _Places:
         normal = np.array(self._normal)
         z = float(normal.mean()) * math.sqrt(count)
         around = float(np.square(normal - normal.mean()).sum())
-        low, high = float(chdtr(count - 1, around)), float(chdtrc(count - 1, around))
+        low, high = float(special.chdtr(count - 1, around)), float(special.chdtrc(count - 1, around))
         return [
-            Check("level of the powers", count, z, 2.0 * float(ndtr(-abs(z)))),
+            Check("level of the powers", count, z, 2.0 * float(special.ndtr(-abs(z)))),
             Check("spread of the powers", count, around / (count - 1), min(1.0, 2.0 * min(low, high))),
         ]
 

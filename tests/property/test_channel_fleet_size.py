@@ -26,7 +26,9 @@ VARIANTS = {
     "al-hourani": {"propagation": {"model": "al-hourani", "outside": "warn"}},
     "uma-av": {"propagation": {"model": "uma-av", "outside": "clamp"}},
     "rma-av": {"propagation": {"model": "rma-av", "outside": "clamp"}},
-    "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
+    "terrain": {
+        "propagation": {"model": "terrain", "outside": "border", "spacing_m": 150.0, "heights_m": HILLS}
+    },
     "rayleigh": {"fading": {"model": "rayleigh"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
     "rician": {"fading": {"model": "rician", "k_db": 3.0, "k_overhead_db": 15.0}},

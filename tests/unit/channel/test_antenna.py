@@ -133,3 +133,36 @@ def test_attitude_reaches_the_budget():
     level = radio.link(**ends).received_power_dbm
     banked = radio.link(**ends, attitude_tx_wxyz=roll(90)).received_power_dbm
     assert float(level - banked) == pytest.approx(30.0, abs=0.01)
+
+
+def test_rotations_are_scipys():
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.Generator(np.random.PCG64(5))
+    wxyz = rng.normal(size=(50, 4))
+    wxyz /= np.linalg.norm(wxyz, axis=-1, keepdims=True)
+    vectors = rng.normal(size=(50, 3))
+    turn = Rotation.from_quat(np.roll(wxyz, -1, axis=-1))
+    assert rotate(wxyz, vectors) == pytest.approx(turn.apply(vectors), abs=1e-12)
+    assert to_body(wxyz, vectors) == pytest.approx(turn.inv().apply(vectors), abs=1e-12)
+
+
+def test_polarisation_of_any_two_attitudes():
+    """By the definition: parts of scipy's rotated axes across the way."""
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.Generator(np.random.PCG64(6))
+    quaternions = rng.normal(size=(2, 200, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    way = rng.normal(size=(200, 3))
+    way /= np.linalg.norm(way, axis=-1, keepdims=True)
+    parts = []
+    for wxyz in quaternions:
+        axis = Rotation.from_quat(np.roll(wxyz, -1, axis=-1)).apply(DOWN)
+        parts.append(axis - np.sum(axis * way, axis=-1, keepdims=True) * way)
+    leak = 0.01 / 0.99
+    share = (np.sum(parts[0] * parts[1], axis=-1) ** 2 + leak) / (
+        np.sum(parts[0] ** 2, axis=-1) * np.sum(parts[1] ** 2, axis=-1) + leak
+    )
+    got = Polarisation(cross_polar_db=20.0).loss_db(*quaternions, way)
+    assert got == pytest.approx(-10.0 * np.log10(share), abs=1e-9)

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -133,3 +134,13 @@ def test_a_flat_earth_survives_being_written_down(tmp_path):
     flat = presets.load_radio("perfect", {"earth_radius_factor": None})
     (tmp_path / "flat.yaml").write_text(presets.radio_to_yaml(flat))
     assert presets.load_radio(tmp_path / "flat.yaml") == flat
+
+
+def test_a_file_that_was_edited_is_read_again(mine):
+    first = presets.load_radio(mine / "mine.yaml").propagation
+    file = mine / "models" / "mine.py"
+    file.write_text(CODE.replace("10.0 * self.exponent", "20.0 * self.exponent"))
+    os.utime(file, ns=(1, 1))
+    second = presets.load_radio(mine / "mine.yaml").propagation
+    at = Radio(presets.load_radio("perfect")).path(10.0)
+    assert float(second.path_loss_db(at)) == pytest.approx(2.0 * float(first.path_loss_db(at)))

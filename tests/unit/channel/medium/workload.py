@@ -31,7 +31,9 @@ VARIANTS = {
     },
     "uma-av": {"propagation": {"model": "uma-av", "outside": "clamp"}},
     "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "outside": "warn"}},
-    "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
+    "terrain": {
+        "propagation": {"model": "terrain", "outside": "border", "spacing_m": 150.0, "heights_m": HILLS}
+    },
     "rayleigh": {"fading": {"model": "rayleigh", "coherence": "doppler"}},
     "rayleigh-blocks": {"fading": {"model": "rayleigh", "coherence": "block"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
@@ -76,7 +78,7 @@ def place(node, tick, scale_m):
 
 
 def record(radio, scale_m):
-    """The lines of a record, in the format of a run's `deliveries.csv`, and after each all bits of its numbers."""
+    """The lines of a record, with the columns of a run's deliveries, and after each all bits of its numbers."""
     medium = Medium(radio, seed=7, nodes=NODES)
     for tick in range(TICKS + 1):
         for i, node in enumerate(NODES):

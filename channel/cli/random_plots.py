@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import j0
 
 from channel.checks import FloatArray
 from channel.cli.plots import axes_of
@@ -33,7 +32,7 @@ STILL_S = 1e4
 DECORRELATION_M = 25.0
 
 
-def write_law_figures(directory: Path, seed: int = 1) -> list[Path]:
+def write_random_plots(directory: Path, seed: int = 1) -> list[Path]:
     """Write `fading.png`, `shadowing.png` and `line-of-sight.png` into a directory; return the files."""
     directory.mkdir(parents=True, exist_ok=True)
     files = [directory / f"{name}.png" for name in ("fading", "shadowing", "line-of-sight")]
@@ -66,6 +65,8 @@ def _plot_fading(seed: int) -> Any:
         left.plot(waves[: 8 * STEPS_PER_WAVE], gain_db[: 8 * STEPS_PER_WAVE], label=label)
     left.set(xlabel="way [wavelengths]", ylabel="gain [dB]", ylim=(-35.0, 10.0))
     left.legend()
+    from scipy.special import j0
+
     scatter = Scatter(Draws(seed), CARRIER_HZ, 0.0)
     fields = np.array([scatter.field(link) for link in links])
     lags = np.arange(3 * STEPS_PER_WAVE)
