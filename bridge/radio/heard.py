@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import Header, Heard
-from bridge.radio.picture import DELIVERED, Row
+from bridge.radio.picture import Row
 from bridge.radio.virtual_radio import Settled
+from channel.medium.reception import DELIVERED
 
 
 class Hosts:

@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from channel.medium.packets import Receptions
 from numpy.typing import NDArray
 
 from bridge.bus.messages import CommunicationMatrix, CommunicationStatus, Header, Links
 from channel.medium.ledger import Ledger
-from channel.medium.reception import FATES, Fate
-
-DELIVERED = FATES.index(Fate.DELIVERED)
+from channel.medium.reception import DELIVERED, Receptions
 
 
 class Row(NamedTuple):
@@ -76,7 +73,7 @@ class Picture:
     def links(self, sim_time_ns: int, ledger: Ledger) -> Links:
         """All links that carried a packet."""
         tx, rx = np.nonzero(self._known.T)
-        sent, delivered = ledger.counts(tx, rx)
+        sent, delivered = ledger.sent[tx, rx], ledger.settled[tx, rx, DELIVERED]
         distance_m, received_power_dbm, snr_db, per = (kept[rx, tx] for kept in self._figures)
         return Links(
             Header.at(sim_time_ns, ""),

@@ -52,7 +52,7 @@ class RouterProcess:
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
-        medium = Medium(radios, seed=scenario.seed, nodes=scenario.stations)
+        medium = Medium(radios[scenario.stations[0]], seed=scenario.seed, nodes=scenario.stations)
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self._core = VirtualRadio(medium, ring, mtu_bytes)
         self._publisher = TickPublisher(session, keys, scenario.stations, run.info.hosts)

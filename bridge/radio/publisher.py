@@ -10,10 +10,10 @@ from bridge.bus.keys import Keys
 from bridge.bus.messages import Fates, Header
 from bridge.bus.session import Session, Stamp
 from bridge.radio.heard import Hosts
-from bridge.radio.picture import DELIVERED, Picture, Row
+from bridge.radio.picture import Picture, Row
 from bridge.radio.virtual_radio import Settled
 from channel.medium.ledger import Ledger
-from channel.medium.reception import FATES
+from channel.medium.reception import DELIVERED, FATES
 
 LINK_PERIOD_NS = 200_000_000
 """How often link reports are published, sim time."""

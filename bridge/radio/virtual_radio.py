@@ -19,10 +19,10 @@ from bridge.bus.keys import ALL, MAIN, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.ring import Closed, Ring
-from bridge.radio.senders import EVERYBODY, Gap, Refused, Senders, TxPacket
+from bridge.radio.senders import EVERYBODY, Cause, Gap, Refused, Senders, TxPacket
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
-from channel.medium.packets import Packets, Receptions
+from channel.medium.reception import Packets, Receptions
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
@@ -55,7 +55,7 @@ class VirtualRadio:
     def __init__(self, medium: Medium, ring: Ring, mtu_bytes: Mapping[str, int]) -> None:
         self.nodes = medium.nodes
         self.ring = ring
-        self.ledger = Ledger(self.nodes)
+        self.ledger = Ledger(self.nodes, causes=tuple(Cause))
         self.transmitted: list[TxPacket] = []
         """Packets given to the medium, in canonical order; whoever writes them clears the list."""
         self._medium = medium
@@ -164,7 +164,8 @@ class VirtualRadio:
         return Settled(packets, receptions, gaps)
 
     def _book_gap(self, gap: Gap) -> None:
-        self.ledger.lose(gap.tx, gap.to, gap.cause.value, gap.packets)
+        to = None if gap.to == EVERYBODY else self.nodes[gap.to]
+        self.ledger.lose(self.nodes[gap.tx], gap.cause.value, gap.packets, to)
         self._gaps.append(gap)
 
 

@@ -19,6 +19,8 @@ from channel.variant import Variant
 
 ComplexArray = NDArray[np.complex128]
 Coherence = Literal["packet", "block", "doppler"]
+SMALLEST_DRAW = 2.0**-53
+"""Uniform draws end half a cell before 0 and 1."""
 LOWEST_GAIN = 1e-20
 """Power gains are held above -200 dB, so that their logarithm is finite."""
 NAKAGAMI_STEP_DB = 0.02
@@ -27,7 +29,10 @@ NAKAGAMI_RANGE_DB = (-120.0, 20.0)
 
 
 class FadingModel(Protocol):
-    """A random power gain, given as a function of two uniform variables."""
+    """A random power gain, given as a function of two uniform variables.
+
+    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw.
+    """
 
     @property
     def is_random(self) -> bool:
@@ -114,6 +119,11 @@ class Rayleigh(_Coherent):
 
     model: Literal["rayleigh"] = "rayleigh"
 
+    @property
+    def max_gain_db(self) -> float:
+        """-ln of the smallest draw, dB."""
+        return float(db_from_ratio(-math.log(SMALLEST_DRAW)))
+
     def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
         """Return -ln(u) in dB."""
         return db_from_ratio(np.maximum(-np.log(first), LOWEST_GAIN))
@@ -129,6 +139,11 @@ class Nakagami(_Coherent):
 
     model: Literal["nakagami"] = "nakagami"
     m: float = Field(ge=0.5, le=100.0, description="0.5: worse than Rayleigh; large: steady")
+
+    @property
+    def max_gain_db(self) -> float:
+        """The quantile at the largest draw, dB."""
+        return float(db_from_ratio(special.gammaincinv(self.m, 1.0 - SMALLEST_DRAW) / self.m))
 
     def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
         """Return the quantile of the gamma law at u, in dB."""
@@ -174,6 +189,13 @@ class Rician(_Coherent):
     def by_elevation(self) -> bool:
         """Whether K rises with elevation."""
         return self.k_overhead_db is not None
+
+    @property
+    def max_gain_db(self) -> float:
+        """Both parts at their largest, at the elevation where that is most, dB."""
+        elevation = np.linspace(0.0, 90.0, 901)
+        smallest, largest = np.array(SMALLEST_DRAW), np.array(1.0 - SMALLEST_DRAW)
+        return float(np.max(self.gain_db(largest, smallest, elevation)))
 
     def k_ratio(self, elevation_deg: FloatArray) -> FloatArray:
         """Return K as a ratio at an elevation angle in degrees."""

@@ -30,6 +30,8 @@ from channel.fading.waves import (
 )
 
 WAVES = 48
+MAX_FIELD = math.sqrt(2.0 * WAVES) * (1.0 + (2.0 * WAVES - 3.0) / (16.0 * WAVES))
+"""Where all waves meet."""
 
 
 class PlaceField:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, Protocol, Self
 
 import numpy as np
@@ -9,11 +10,18 @@ from pydantic import Field
 
 from channel import special
 from channel.checks import ChannelInputError, FloatArray
+from channel.fading.place_field import MAX_FIELD
 from channel.variant import Variant
+
+MAX_NORMAL = 8.209536151601387
+"""The farthest from 0 that a draw of a standard normal variable gets: uniform draws end half a cell before 0 and 1."""
 
 
 class ShadowingModel(Protocol):
-    """A random loss, given as a function of one standard normal variable."""
+    """A random loss, given as a function of one standard normal variable.
+
+    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw.
+    """
 
     @property
     def is_random(self) -> bool:
@@ -84,6 +92,11 @@ class NoShadowing(_PerPacket):
         """0."""
         return 0.0
 
+    @property
+    def max_gain_db(self) -> float:
+        """0."""
+        return 0.0
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return zeros."""
         return np.zeros_like(standard_normal)
@@ -108,6 +121,11 @@ class OneSidedNormalShadowing(_PerPacket):
     def spread_db(self) -> float:
         """Sigma."""
         return self.sigma_db
+
+    @property
+    def max_gain_db(self) -> float:
+        """0: shadowing can only cost."""
+        return 0.0
 
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return sigma |z|."""
@@ -153,6 +171,17 @@ class _Normal(Variant):
         """Return the same law with another sigma, whatever the line of sight."""
         return self.model_copy(update={"sigma_db": sigma_db, "sigma_without_sight_db": None})
 
+    @property
+    def max_gain_db(self) -> float:
+        """The larger sigma times the largest draw; inf if the propagation model says how large it is."""
+        sigmas_db = [self.in_sight(seen) for seen in (True, False)]
+        return max(math.inf if each is None else self.max_normal * each for each in sigmas_db)
+
+    @property
+    def max_normal(self) -> float:
+        """The farthest from 0 that z gets."""
+        return MAX_NORMAL
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return -sigma z: a loss for negative draws, a gain for positive ones."""
         return -self.spread_db * standard_normal
@@ -187,6 +216,12 @@ class CorrelatedShadowing(_Normal):
     shared_ends: float = Field(
         default=0.0, ge=0.0, le=0.5, description="correlation of two links that have one end in common"
     )
+
+    @property
+    def max_normal(self) -> float:
+        """The field where all its waves meet; and those of the surroundings."""
+        share = self.shared_ends
+        return MAX_FIELD * (2.0 * math.sqrt(share) + math.sqrt(1.0 - 2.0 * share))
 
 
 def standard_normal_from_uniform(uniform: FloatArray) -> FloatArray:

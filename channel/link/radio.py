@@ -14,6 +14,8 @@ from channel.config import RadioConfig
 from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
 from channel.link.budget import BudgetTerm, Link, total
 from channel.link.expectation import PANELS, Expectation
+from channel.link.lengths import Lengths
+from channel.link.per_table import PerTable
 from channel.link.rays import with_reflection
 from channel.link.sight import Sight
 from channel.link.steps import STEPS_PER_M, in_steps
@@ -22,7 +24,7 @@ from channel.phy.interference import Interferer, sum_dbm
 from channel.propagation.atmosphere import ItuAtmosphere
 from channel.propagation.diffraction import bulge_loss_db
 
-States = tuple[bool, ...]
+States = tuple[bool | NDArray[np.bool_], ...]
 MAX_WAY_M = 1e12
 """Farther than any radio, and near enough that squares do not overflow."""
 MAX_FREQUENCY_HZ = 1e12
@@ -56,6 +58,7 @@ class Radio:
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self._expectation = Expectation(config, self._band)
         self.sight = Sight(config, self._band) if getattr(config.propagation, "draws_sight", False) else None
+        self._per_table = PerTable(self.per_unchecked)
         self._fixed_terms = self._make_fixed_terms()
         self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
         self.needs_places = (
@@ -259,14 +262,16 @@ class Radio:
 
         Args:
             path: the links.
-            transmitting: which interferers are on; all of them if not given.
+            transmitting: which interferers are on, for all links or by link; all of them if not given.
         """
         interferers = self.config.interference.interferers
         if not interferers:
             return self.noise_floor_dbm
         on = (True,) * len(interferers) if transmitting is None else transmitting
         powers = [
-            self._interference_dbm(each, path) for each, is_on in zip(interferers, on, strict=True) if is_on
+            np.where(is_on, self._interference_dbm(each, path), -np.inf)
+            for each, is_on in zip(interferers, on, strict=True)
+            if is_on is not False
         ]
         return sum_dbm(self.noise_floor_dbm, powers)
 
@@ -297,6 +302,14 @@ class Radio:
     def per_unchecked(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
         """Return what `per` returns, for what is known to be right."""
         return self.config.error.per(snr_db, length_bytes, self._band)
+
+    def per_in_steps(self, snr_db: FloatArray, lengths: Lengths) -> FloatArray:
+        """Return the packet error rate to 1e-7, at SNRs in whole steps of 0.001 dB: from a table, once it pays."""
+        return self._per_table.per(snr_db, lengths)
+
+    def hopeless_below_db(self, lengths: Lengths) -> FloatArray | float:
+        """Return the SNR below which every packet is erased: the error rate to 1e-7 is 1; -inf if there is none."""
+        return self._per_table.hopeless_below_db(lengths)
 
     def in_range(self, distance_m: FloatArray) -> NDArray[np.bool_]:
         """Return whether distances, to the millimetre in which they are written, are within the range."""
@@ -380,22 +393,22 @@ class Radio:
             return self.sight.averaged(snr_db, length, path, panels)
         return self._expectation.averaged(snr_db, length, path.elevation_deg, panels)
 
-    def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, length_bytes: int) -> FloatArray:
+    def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, lengths: Lengths) -> FloatArray:
         """Return the probability of delivery from a table: fast, within 1e-5 of `delivery`.
 
         Args:
             mean_power_dbm: as `mean_power_dbm` gives it for `path`.
             path: the links, range aside.
-            length_bytes: as the error model counts it.
+            lengths: as the error model counts them.
         """
         elevation = path.elevation_deg if self.config.fading.by_elevation else None
         success = np.zeros_like(mean_power_dbm)
         for chance, states in self._interference_states:
             snr_db = mean_power_dbm - self.noise_dbm(path, states)
             if self.sight is None:
-                success += chance * self._expectation.from_table(snr_db, length_bytes, elevation)
+                success += chance * self._expectation.from_table(snr_db, lengths, elevation)
             else:
-                success += chance * self.sight.from_table(snr_db, length_bytes, path)
+                success += chance * self.sight.from_table(snr_db, lengths, path)
         return self.kept_share * success
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:

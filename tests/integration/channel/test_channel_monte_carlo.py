@@ -11,7 +11,7 @@ import pytest
 from channel import presets
 from channel.intervals import binomial_interval
 from channel.link.radio import Radio
-from channel.medium.medium import Fate, Medium
+from channel.medium.medium import FATES, Fate, Medium
 
 SEEDS = range(12)
 LINKS = 12
@@ -71,14 +71,14 @@ def delivered(radio, distances, speed_mps):
     for seed in SEEDS:
         names = [f"r{i}" for i in range(places[..., 0].size)]
         medium = Medium(radio, seed=seed, nodes=["tx", *names], max_truth_age_ns=10 * STEP_NS)
-        arrived = np.zeros(len(names))
-        for k in range(PACKETS):
-            move = np.array([speed_mps * k * STEP_NS * 1e-9, 0.0, 0.0])
-            medium.observe("tx", k * STEP_NS, tuple(np.subtract(move, (0.0, 0.0, HEIGHT_M))))
-            for name, place in zip(names, (places + move).reshape(-1, 3).tolist(), strict=True):
-                medium.observe(name, k * STEP_NS, tuple(place))
-            fates = medium.transmit("tx", k, k * STEP_NS, 40)
-            arrived += [reception.fate is Fate.DELIVERED for reception in fates]
+        nodes = np.concatenate(([[0.0, 0.0, -HEIGHT_M]], places.reshape(-1, 3)))
+        steps = np.arange(PACKETS) * STEP_NS
+        for time_ns in steps.tolist():
+            move = np.array([speed_mps * time_ns * 1e-9, 0.0, 0.0])
+            medium.observe(np.arange(len(nodes)), time_ns, nodes + move)
+        medium.send(medium.packets(tx="tx", seq=np.arange(PACKETS), sim_time_ns=steps, length_bytes=40))
+        fates = medium.settle().fate.reshape(PACKETS, len(names))
+        arrived = (fates == FATES.index(Fate.DELIVERED)).sum(axis=0)
         shares.append(arrived.reshape(len(distances), LINKS) / PACKETS)
     return np.concatenate(shares, axis=1)
 

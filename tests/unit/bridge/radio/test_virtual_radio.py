@@ -12,8 +12,8 @@ from tests.unit.bridge.radio.core import MTU_BYTES, TICK_NS, fates, place, send,
 
 
 def counts(core: VirtualRadio, tx: int, rx: int) -> tuple[int, int]:
-    sent, delivered = core.ledger.counts([tx], [rx])
-    return int(sent[0]), int(delivered[0])
+    account = core.ledger.account(core.nodes[tx], core.nodes[rx])
+    return account.sent, account.delivered
 
 
 def test_packet_arrives_with_its_bytes_encoding_and_number() -> None:

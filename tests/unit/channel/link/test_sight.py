@@ -6,6 +6,7 @@ from scipy.stats import norm
 
 from channel import presets
 from channel.fading.shadowing import NormalShadowing
+from channel.link.lengths import Lengths
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import PresetError
@@ -73,7 +74,7 @@ def test_the_table_of_a_medium_is_as_good_as_the_quadrature(shadowing):
     heights = np.linspace(24.0, 99.0, 12)
     where = {"ground_distance_m": np.full(12, 1800.0), "height_tx_m": 25.0, "height_rx_m": heights}
     path = each.path(**where)
-    found = each.expected_delivery(each.mean_power_dbm(path), path, 40)
+    found = each.expected_delivery(each.mean_power_dbm(path), path, Lengths.same(40))
     assert found == pytest.approx(each.probability_of_delivery(**where, length_bytes=40), abs=3e-5)
 
 
@@ -94,7 +95,8 @@ def powers_dbm(tx_ned_m, rx_ned_m, swap=False):
     out = []
     for seq, place in enumerate(rx_ned_m):
         medium.place("ua", place)
-        out += [r.received_power_dbm for r in medium.transmit(sender, seq, seq * 10**9, 40)]
+        medium.send(medium.packets(tx=sender, seq=seq, sim_time_ns=seq * 10**9, length_bytes=40))
+        out += medium.settle().received_power_dbm.tolist()
     return np.array(out)
 
 

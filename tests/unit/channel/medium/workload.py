@@ -11,6 +11,7 @@ from channel import presets
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.validity import ValidityWarning
+from tests.unit.channel.medium.one_by_one import settled, transmitted
 
 TICK_NS = 50_000_000
 TICKS = 20
@@ -84,10 +85,10 @@ def record(radio, scale_m):
         for i, node in enumerate(NODES):
             roll = 0.1 * ((tick + i) % 7)
             attitude = (math.sqrt(1.0 - roll * roll), roll, 0.0, 0.0)
-            settled = medium.observe(node, tick * TICK_NS, place(i, tick, scale_m), attitude)
-            assert not settled
+            medium.observe(node, tick * TICK_NS, place(i, tick, scale_m), attitude)
+        assert not settled(medium)
         for i, node in enumerate(NODES):
-            for r in medium.transmit(node, tick, tick * TICK_NS - 7_000_001 * i, 40 + 60 * (tick % 2)):
+            for r in transmitted(medium, node, tick, tick * TICK_NS - 7_000_001 * i, 40 + 60 * (tick % 2)):
                 yield (
                     f"{r.sim_time_ns},{r.tx},{r.rx},{r.seq},{r.length_bytes},{r.distance_m:.3f},"
                     f"{r.received_power_dbm:.3f},{r.snr_db:.3f},{r.per:.7g},{r.fate.value}\n"

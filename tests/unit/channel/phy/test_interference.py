@@ -7,6 +7,7 @@ from channel.medium.medium import Fate, Medium
 from channel.phy.interference import sum_dbm
 from channel.phy.noise import thermal_noise_dbm
 from channel.presets import PresetError
+from tests.unit.channel.medium.one_by_one import settled
 
 
 def radio(duty=1.0, frequency_hz=None, power_dbm=30.0):
@@ -66,7 +67,9 @@ def test_pulsed_jammer_monte_carlo_agrees_with_the_closed_probability(duty):
     medium.place("0", (0, 0, -40))
     medium.place("1", (60, 0, -40))
     n = 3000
-    fates = [medium.transmit("0", k, k * 1_000_000, 100)[0] for k in range(n)]
+    times_ns = 1_000_000 * np.arange(n)
+    medium.send(medium.packets(tx="0", seq=np.arange(n), sim_time_ns=times_ns, length_bytes=100))
+    fates = settled(medium)
     p = float(model.probability_of_delivery(60.0, 100))
     assert fates[0].probability_of_delivery == pytest.approx(p, abs=1e-4)
     delivered = sum(each.fate is Fate.DELIVERED for each in fates)
