@@ -9,7 +9,9 @@ draws; one that lasts over time or place is a field over both, see `channel.fadi
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +21,23 @@ from channel.draws import LinkDraws, Purpose, uniform_from_words
 from channel.fading.link_words import LinkWords
 from channel.fading.shadowing import standard_normal_from_uniform
 from channel.fading.terms import LastingFading, LastingShadowing, LineOfSight
-from channel.fading.waves import LinkPlaces, link_places
+from channel.fading.waves import link_places
+from channel.geometry import Path
 from channel.link.radio import Radio
-from channel.medium.links import Links
+from channel.medium.links import Indices, Links
 
 LEVEL = np.zeros(())
+
+
+class Lasting(NamedTuple):
+    """Terms of links that last over time or place, shape (L,) each; None: the radio has none such."""
+
+    shadow_normal: FloatArray | None = None
+    sight_normal: FloatArray | None = None
+    fading_gain_db: FloatArray | None = None
+
+
+NOTHING = Lasting()
 
 
 class RandomTerms:
@@ -59,6 +73,7 @@ class RandomTerms:
         shadowing_draws = (Purpose.SHADOWING,) if self._shadowed else ()
         fading_draws = (Purpose.FADING_I, Purpose.FADING_Q) if self._faded else ()
         self.purposes = (Purpose.ERASURE, *shadowing_draws, *fading_draws)
+        self._slot: Indices | None = None
 
     @property
     def max_gain_db(self) -> float:
@@ -76,38 +91,56 @@ class RandomTerms:
             links: the links.
             uniform: the draws for `purposes`, shape (L,) each.
         """
-        places = self._places(links) if self._lasts else None
-        normal = None
+        lasting = self._lasting(links) if self._lasts else NOTHING
+        normal = lasting.shadow_normal
         if self._shadowed:
             normal = standard_normal_from_uniform(uniform[Purpose.SHADOWING])
-        gain_db = self._shadowing_gain_db(links, places, normal)
+        gain_db: FloatArray | float = 0.0
+        if self._sight is not None and lasting.sight_normal is not None:
+            gain_db = -self._sight.loss_db(links.path, lasting.sight_normal, normal)
+        elif normal is not None:
+            gain_db = -self._config.shadowing.loss_db(normal)
         if self._faded:
             first, second = uniform[Purpose.FADING_I], uniform[Purpose.FADING_Q]
             gain_db = gain_db + self._config.fading.gain_db(first, second, self._elevation(links))
-        elif self._fading is not None:
-            assert places is not None
-            speed_mps = _relative_speed_mps(links) if self.needs_velocity else LEVEL
-            gain_db = gain_db + self._fading.gain_db(
-                places, links.sim_time_ns, links.path.distance_m, speed_mps, self._elevation(links)
-            )
+        elif lasting.fading_gain_db is not None:
+            gain_db = gain_db + lasting.fading_gain_db
         return gain_db
 
-    def _places(self, links: Links) -> LinkPlaces:
+    def _lasting(self, links: Links) -> Lasting:
+        """Return the terms that last: both directions of a pair share them at an instant, so they are made once."""
+        which = None
+        if links.packets.size > 1 and links.packets.sim_time_ns[0] == links.packets.sim_time_ns[-1]:
+            once, which = self._pairs(links)
+            links = _ends_at(links, once)
         path = links.path
         assert path.position_tx_ned_m is not None
         assert path.position_rx_ned_m is not None
         ends = path.position_tx_ned_m, path.position_rx_ned_m
-        return link_places(self._fields, links.tx, links.rx, *ends, links.sim_time_ns)
+        places = link_places(self._fields, links.tx, links.rx, *ends, links.sim_time_ns)
+        shadow = None if self._shadowing is None else self._shadowing.standard_normal(places, path.distance_m)
+        sight = None if self._states is None else self._states.standard_normal(places)
+        fading = None
+        if self._fading is not None:
+            speed_mps = _relative_speed_mps(links) if self.needs_velocity else LEVEL
+            elevation = self._elevation(links)
+            fading = self._fading.gain_db(places, links.sim_time_ns, path.distance_m, speed_mps, elevation)
+        if which is None:
+            return Lasting(shadow, sight, fading)
+        return Lasting(*(None if each is None else each.take(which) for each in (shadow, sight, fading)))
 
-    def _shadowing_gain_db(
-        self, links: Links, places: LinkPlaces | None, normal: FloatArray | None
-    ) -> FloatArray | float:
-        """Return what shadowing does, and the drawn line of sight beyond the link budget."""
-        if self._shadowing is not None and places is not None:
-            normal = self._shadowing.standard_normal(places, links.path.distance_m)
-        if self._sight is not None and self._states is not None and places is not None:
-            return -self._sight.loss_db(links.path, self._states.standard_normal(places), normal)
-        return 0.0 if normal is None else -self._config.shadowing.loss_db(normal)
+    def _pairs(self, links: Links) -> tuple[Indices, Indices]:
+        """Return one link of each pair, and for each link the place of its pair's among these."""
+        low, high = self._draws.by_name(links.tx, links.rx)
+        if self._slot is None:
+            self._slot = np.empty(len(self._draws.nodes) ** 2, dtype=np.intp)
+        pair = low * len(self._draws.nodes) + high
+        rows = np.arange(pair.size)
+        self._slot[pair] = rows  # of several links the last one stays
+        kept = self._slot[pair]
+        once = np.flatnonzero(kept == rows)
+        self._slot[pair[once]] = np.arange(once.size)
+        return once, self._slot[pair]
 
     def _elevation(self, links: Links) -> FloatArray:
         return links.path.elevation_deg if self._config.fading.by_elevation else LEVEL
@@ -131,6 +164,34 @@ class RandomTerms:
         """Return the probability that each link loses its packet to a burst, shape (L,)."""
         words = self._bursts.of_direction(links.tx, links.rx)
         return self._config.bursts.loss_at(words, links.sim_time_ns)
+
+
+def _ends_at(links: Links, rows: Indices) -> Links:
+    """Return some of the links, with what the terms that last ask for."""
+    path = links.path
+    assert path.position_tx_ned_m is not None
+    assert path.position_rx_ned_m is not None
+    velocities = links.velocity_tx_ned_mps, links.velocity_rx_ned_mps
+    return replace(
+        links,
+        packet=links.packet[rows],
+        tx=links.tx[rows],
+        rx=links.rx[rows],
+        path=Path(
+            path.frequency_hz,
+            path.distance_m[rows],
+            _at(path.height_tx_m, rows),
+            _at(path.height_rx_m, rows),
+            path.position_tx_ned_m.T.take(rows, axis=1).T,
+            path.position_rx_ned_m.T.take(rows, axis=1).T,
+        ),
+        velocity_tx_ned_mps=None if velocities[0] is None else velocities[0][rows],
+        velocity_rx_ned_mps=None if velocities[1] is None else velocities[1][rows],
+    )
+
+
+def _at(column: float | FloatArray, rows: Indices) -> float | FloatArray:
+    return column[rows] if isinstance(column, np.ndarray) else column
 
 
 def _relative_speed_mps(links: Links) -> FloatArray:

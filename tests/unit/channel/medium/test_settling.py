@@ -116,7 +116,7 @@ def placed(radio, places_m, *, cull, attitudes=None):
         ("moon2020", 900.0),
         ("base loss", 900.0),
         ("bursts and a jammer", 9e6),
-        ("block fading", 1e9),
+        ("lasting fading", 1e9),
         ("wifi-2.4", 9e6),
         ("lte-like", 9e6),
         ("disk", 900.0),
