@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal, Protocol, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
+from channel.fading.bursts import GilbertElliott, NoBursts
 from channel.fading.laws import Nakagami, NoFading, Rayleigh, Rician
 from channel.fading.shadowing import (
     CorrelatedShadowing,
@@ -15,7 +16,6 @@ from channel.fading.shadowing import (
     OneSidedNormalShadowing,
 )
 from channel.own import own_models
-from channel.phy.bursts import GilbertElliott, NoBursts
 from channel.phy.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
 from channel.phy.noise import FixedNoise, ThermalNoise
@@ -149,6 +149,15 @@ class RadioConfig(Settings):
         description="share of packets lost whatever the range (interference, ...)",
     )
     bursts: Bursts = Field(default_factory=NoBursts)
+
+    @model_validator(mode="after")
+    def _has_a_sigma(self) -> Self:
+        has_its_own = getattr(self.propagation, "has_sigmas", False)
+        if self.shadowing.in_sight(True) is None and not has_its_own:
+            raise ValueError(
+                "shadowing.sigma_db is missing: only uma-av and rma-av with a drawn line of sight have their own"
+            )
+        return self
 
     @property
     def receiving_antenna(self) -> Isotropic | HalfWaveDipole | Sector | Pattern:

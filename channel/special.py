@@ -8,9 +8,35 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scipy.special import bdtr, betaincinv, binom, erfc, gammaincinv, i0e, ndtr, ndtri
+    from scipy.special import (
+        bdtr,
+        bdtrc,
+        betaincinv,
+        binom,
+        chdtr,
+        chdtrc,
+        erfc,
+        gammainccinv,
+        gammaincinv,
+        i0e,
+        ndtr,
+        ndtri,
+    )
 
-__all__ = ["bdtr", "betaincinv", "binom", "erfc", "gammaincinv", "i0e", "ndtr", "ndtri"]
+__all__ = [
+    "bdtr",
+    "bdtrc",
+    "betaincinv",
+    "binom",
+    "chdtr",
+    "chdtrc",
+    "erfc",
+    "gammainccinv",
+    "gammaincinv",
+    "i0e",
+    "ndtr",
+    "ndtri",
+]
 
 
 def __getattr__(name: str) -> object:

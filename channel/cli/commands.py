@@ -160,17 +160,19 @@ def figures(out: Path, seed: int) -> None:
 @click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Directory to write to."
 )
-def laws(out: Path) -> None:
-    """Draw the laws of the channel as PNG: path loss, two rays and the horizon, antennas, error models.
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the random terms.")
+def laws(out: Path, seed: int) -> None:
+    """Draw the laws of the channel as PNG: path loss, two rays, antennas, error models, and the random terms.
 
     \b
     Examples:
       lostlink laws --out laws
     """
     from channel.cli.law_plots import write_law_plots
+    from channel.cli.random_plots import write_random_plots
 
     with writing(out), _warnings_on_stderr():
-        files = write_law_plots(out)
+        files = write_law_plots(out) + write_random_plots(out, seed)
     for file in files:
         click.echo(str(file))
 

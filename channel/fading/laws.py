@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Literal, Protocol
 
 import numpy as np
@@ -12,16 +13,19 @@ from pydantic import Field, model_validator
 from channel import special
 from channel.checks import FloatArray
 from channel.fading.quadrature import gauss_legendre, standard_normal_rule, uniform_from_normal
-from channel.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
+from channel.fading.scatter import Scattering
+from channel.units import db_from_ratio, ratio_from_db
 from channel.variant import Variant
 
+ComplexArray = NDArray[np.complex128]
+Coherence = Literal["packet", "block", "doppler"]
 SMALLEST_DRAW = 2.0**-53
 """Uniform draws end half a cell before 0 and 1."""
 LOWEST_GAIN = 1e-20
 """Power gains are held above -200 dB, so that their logarithm is finite."""
-CLARKE = 9.0 / (16.0 * math.pi)
-"""Coherence time times Doppler spread (Rappaport, eq. 5.40.b)."""
-NS_PER_S = 1e9
+NAKAGAMI_STEP_DB = 0.02
+NAKAGAMI_RANGE_DB = (-120.0, 20.0)
+"""Of the Rayleigh powers for which the Nakagami law is tabulated; the first 1e-12 of them lie below."""
 
 
 class FadingModel(Protocol):
@@ -41,8 +45,8 @@ class FadingModel(Protocol):
         ...
 
     @property
-    def coherence(self) -> Literal["packet", "doppler"]:
-        """Whether each packet draws anew, or each coherence time."""
+    def coherence(self) -> Coherence:
+        """Whether each packet draws anew, or each coherence time, or the gain goes with the ways of the ends."""
         ...
 
     @property
@@ -62,10 +66,17 @@ class FadingModel(Protocol):
 class _Coherent(Variant):
     """What all fading laws share: when they draw anew."""
 
-    coherence: Literal["packet", "doppler"] = Field(
-        default="packet", description="a new draw per packet, or per coherence time 9 c / (16 pi f v)"
+    coherence: Coherence = Field(
+        default="packet",
+        description="a new draw per packet, or per coherence time 9 c / (16 pi f v); or a gain that goes with the "
+        "ways of both ends, by a sum of sinusoids",
     )
-    max_coherence_s: float = Field(default=1.0, gt=0.0, description="coherence time of ends that stand still")
+    max_coherence_s: float = Field(
+        default=1.0, ge=1e-3, le=1e4, description="coherence time of ends that stand still"
+    )
+    scattering: Scattering = Field(
+        default="ring", description="doppler: waves from all around at the horizon, or from the whole sphere"
+    )
 
     @property
     def is_random(self) -> bool:
@@ -76,6 +87,12 @@ class _Coherent(Variant):
     def by_elevation(self) -> bool:
         """False, unless the law says otherwise."""
         return False
+
+    def gain_of_scatter_db(
+        self, scatter: ComplexArray, _direct: ComplexArray, _elevation_deg: FloatArray, /
+    ) -> FloatArray:
+        """Return the gain in dB where the scattered field, of mean power 1, is `scatter`."""
+        return db_from_ratio(np.maximum(_power(scatter), LOWEST_GAIN))
 
 
 class NoFading(_Coherent):
@@ -138,6 +155,19 @@ class Nakagami(_Coherent):
         gain = special.gammaincinv(self.m, uniform_from_normal(z)) / self.m
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN)), weights
 
+    def gain_of_scatter_db(
+        self, scatter: ComplexArray, _direct: ComplexArray, _elevation_deg: FloatArray, /
+    ) -> FloatArray:
+        """Return the quantile of the gamma law at that of the scattered power (Beaulieu & Cheng, GLOBECOM 2001)."""
+        low_db, high_db = NAKAGAMI_RANGE_DB
+        at = (np.clip(db_from_ratio(np.maximum(_power(scatter), LOWEST_GAIN)), low_db, high_db) - low_db) * (
+            1.0 / NAKAGAMI_STEP_DB
+        )
+        table_db = _nakagami_table_db(self.m)
+        left = np.minimum(at.astype(np.intp), table_db.size - 2)
+        here = table_db.take(left)
+        return here + (at - left) * (table_db.take(left + 1) - here)
+
 
 class Rician(_Coherent):
     """A direct path and many weak ones; K is the ratio of their powers (Rappaport, sec. 5.6.2).
@@ -180,6 +210,14 @@ class Rician(_Coherent):
         gain = np.square(in_phase) + np.square(spread * special.ndtri(second))
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN))
 
+    def gain_of_scatter_db(
+        self, scatter: ComplexArray, direct: ComplexArray, elevation_deg: FloatArray
+    ) -> FloatArray:
+        """Return |sqrt(K) direct + scatter|^2 / (K + 1) in dB; `direct` has the phase of the direct path."""
+        k = self.k_ratio(elevation_deg)
+        gain = _power(np.sqrt(k) * direct + scatter) / (k + 1.0)
+        return db_from_ratio(np.maximum(gain, LOWEST_GAIN))
+
     def rule(self, elevation_deg: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:
         """Return nodes in the amplitude, within 8.3 sigma of the direct path, weighted by the Rician density."""
         k = self.k_ratio(elevation_deg)[..., np.newaxis]
@@ -193,19 +231,36 @@ class Rician(_Coherent):
         return gain_db, weights * (high - low) * density
 
 
-def coherence_time_s(speed_mps: FloatArray, frequency_hz: FloatArray | float, longest_s: float) -> FloatArray:
-    """Return 9 c / (16 pi f v), at most `longest_s` (Clarke; Rappaport, eq. 5.40.b)."""
-    doppler_hz = np.multiply(speed_mps, np.divide(frequency_hz, SPEED_OF_LIGHT_MPS))
-    return np.asarray(np.minimum(CLARKE / np.maximum(doppler_hz, CLARKE / longest_s), longest_s))
+def scatter_gain_db(
+    model: FadingModel, scatter: ComplexArray, direct: ComplexArray, elevation_deg: FloatArray
+) -> FloatArray:
+    """Return the gain in dB of a law for a scattered field of mean power 1, same shape.
 
+    A user's law that says nothing of scatter gets the two uniform variables that power and phase of it are.
 
-def coherence_blocks(
-    sim_time_ns: NDArray[np.int64], coherence_s: FloatArray
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return which blocks of fading instants fall into: each block's length as a power of two in ns, its number.
-
-    Lengths are rounded down to powers of two, so that a speed that wavers does not draw anew each time.
+    Args:
+        model: the law.
+        scatter: circularly normal.
+        direct: exp(2 pi i d / lambda).
+        elevation_deg: broadcasts.
     """
-    _, bits = np.frexp(np.floor(coherence_s * NS_PER_S))
-    octave = np.maximum(bits.astype(np.int64) - 1, 0)
-    return octave, sim_time_ns >> octave
+    of_scatter = getattr(model, "gain_of_scatter_db", None)
+    if of_scatter is not None:
+        return np.asarray(of_scatter(scatter, direct, elevation_deg))
+    first = np.clip(np.exp(-_power(scatter)), 1e-300, 1.0 - 2.0**-53)
+    second = np.clip(np.angle(scatter) / (2.0 * math.pi) + 0.5, 2.0**-53, 1.0 - 2.0**-53)
+    return model.gain_db(first, second, elevation_deg)
+
+
+def _power(field: ComplexArray) -> FloatArray:
+    return np.asarray(np.square(field.real) + np.square(field.imag))
+
+
+@lru_cache(maxsize=16)
+def _nakagami_table_db(m: float) -> FloatArray:
+    """Return Nakagami gains in dB at Rayleigh powers in steps of `NAKAGAMI_STEP_DB`."""
+    low_db, high_db = NAKAGAMI_RANGE_DB
+    power = ratio_from_db(np.linspace(low_db, high_db, round((high_db - low_db) / NAKAGAMI_STEP_DB) + 1))
+    low = special.gammaincinv(m, -np.expm1(-power))
+    gain = np.where(power < 1.0, low, special.gammainccinv(m, np.exp(-power))) / m
+    return db_from_ratio(np.maximum(gain, LOWEST_GAIN))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, Protocol
+from typing import Literal, Protocol, Self
 
 import numpy as np
 from pydantic import Field
 
 from channel import special
-from channel.checks import FloatArray
-from channel.fading.shadow_field import WAVES
+from channel.checks import ChannelInputError, FloatArray
+from channel.fading.place_field import MAX_FIELD
 from channel.variant import Variant
 
 MAX_NORMAL = 8.209536151601387
@@ -46,9 +46,30 @@ class ShadowingModel(Protocol):
         """Return the distribution function of the loss, same shape."""
         ...
 
+    def in_sight(self, seen: bool, /) -> float | None:
+        """Return sigma with or without line of sight, dB; None: that of the propagation model's table."""
+        ...
+
+    def with_sigma(self, sigma_db: float, /) -> ShadowingModel:
+        """Return the same law with another sigma, whatever the line of sight."""
+        ...
+
 
 class _PerPacket(Variant):
-    """Shadowing that is drawn anew for each packet, as the paper's is."""
+    """Shadowing that is drawn anew for each packet, as the paper's is, whatever the line of sight."""
+
+    def in_sight(self, _seen: bool, /) -> float:
+        """Return sigma."""
+        return self.spread_db
+
+    def with_sigma(self, sigma_db: float) -> Self:
+        """Return the same law with another sigma."""
+        return self.model_copy(update={"sigma_db": sigma_db})
+
+    @property
+    def spread_db(self) -> float:
+        """Loss per unit of |z|, dB."""
+        raise NotImplementedError
 
     @property
     def decorrelation_m(self) -> None:
@@ -115,68 +136,92 @@ class OneSidedNormalShadowing(_PerPacket):
         return one_sided_below(loss_db, self.sigma_db)
 
 
-class NormalShadowing(_PerPacket):
-    """v ~ N(0, sigma^2): log-normal shadowing (Rappaport, eq. 4.69)."""
+class _Normal(Variant):
+    """v ~ N(0, sigma^2), with a sigma for each state of the line of sight."""
 
-    model: Literal["normal"] = "normal"
-    sigma_db: float = Field(ge=0.0, le=60.0, description="standard deviation")
+    sigma_db: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=60.0,
+        description="standard deviation; if not given, that of the propagation model's own table (uma-av, rma-av)",
+    )
+    sigma_without_sight_db: float | None = Field(
+        default=None, ge=0.0, le=60.0, description="without line of sight; sigma_db if not given"
+    )
 
     @property
     def is_random(self) -> bool:
-        """Whether sigma is above zero."""
-        return self.sigma_db > 0.0
+        """Whether a sigma is above zero."""
+        return self.in_sight(True) != 0.0 or self.in_sight(False) != 0.0
 
     @property
     def spread_db(self) -> float:
         """Sigma."""
+        if self.sigma_db is None:
+            raise ChannelInputError("sigma_db", None, "a number, but for propagation with a table of its own")
         return self.sigma_db
+
+    def in_sight(self, seen: bool, /) -> float | None:
+        """Return sigma with or without line of sight, dB; None: that of the propagation model's table."""
+        if seen or self.sigma_without_sight_db is None:
+            return self.sigma_db
+        return self.sigma_without_sight_db
+
+    def with_sigma(self, sigma_db: float) -> Self:
+        """Return the same law with another sigma, whatever the line of sight."""
+        return self.model_copy(update={"sigma_db": sigma_db, "sigma_without_sight_db": None})
 
     @property
     def max_gain_db(self) -> float:
-        """Sigma times the largest draw."""
-        return MAX_NORMAL * self.sigma_db
+        """The larger sigma times the largest draw; inf if the propagation model says how large it is."""
+        sigmas_db = [self.in_sight(seen) for seen in (True, False)]
+        return max(math.inf if each is None else self.max_normal * each for each in sigmas_db)
+
+    @property
+    def max_normal(self) -> float:
+        """The farthest from 0 that z gets."""
+        return MAX_NORMAL
 
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return -sigma z: a loss for negative draws, a gain for positive ones."""
-        return -self.sigma_db * standard_normal
+        return -self.spread_db * standard_normal
 
     def chance_below(self, loss_db: FloatArray) -> FloatArray:
         """Return Phi(loss / sigma)."""
-        return normal_below(loss_db, self.sigma_db)
+        return normal_below(loss_db, self.spread_db)
 
 
-class CorrelatedShadowing(Variant):
+class NormalShadowing(_Normal):
+    """v ~ N(0, sigma^2), drawn anew for each packet: log-normal shadowing (Rappaport, eq. 4.69)."""
+
+    model: Literal["normal"] = "normal"
+
+    @property
+    def decorrelation_m(self) -> None:
+        """None."""
+        return
+
+
+class CorrelatedShadowing(_Normal):
     """v ~ N(0, sigma^2), correlated over the way that either end has moved (Gudmundson 1991).
 
-    Reciprocal: both directions of a pair are shadowed alike. See `shadow_field`.
+    Reciprocal: both directions of a pair are shadowed alike. See `place_field`. With `shared_ends` = r the surroundings
+    of each end, common to all its links, have the share r of the variance, so that two links with an end in common are
+    correlated by r. r = 1/2 is the model of Viterbi et al. (IEEE J. Sel. Areas Commun. 12 (1994)), and what 3GPP
+    evaluates with (TR 36.814, annex A.2.1), for both ends alike.
     """
 
     model: Literal["gudmundson"] = "gudmundson"
-    sigma_db: float = Field(ge=0.0, le=60.0, description="standard deviation")
     decorrelation_m: float = Field(gt=0.0, description="distance at which the correlation is 1/e")
+    shared_ends: float = Field(
+        default=0.0, ge=0.0, le=0.5, description="correlation of two links that have one end in common"
+    )
 
     @property
-    def is_random(self) -> bool:
-        """Whether sigma is above zero."""
-        return self.sigma_db > 0.0
-
-    @property
-    def spread_db(self) -> float:
-        """Sigma."""
-        return self.sigma_db
-
-    @property
-    def max_gain_db(self) -> float:
-        """Sigma times the field where all its waves meet."""
-        return math.sqrt(2.0 * WAVES) * self.sigma_db
-
-    def loss_db(self, standard_normal: FloatArray) -> FloatArray:
-        """Return -sigma z."""
-        return -self.sigma_db * standard_normal
-
-    def chance_below(self, loss_db: FloatArray) -> FloatArray:
-        """Return Phi(loss / sigma)."""
-        return normal_below(loss_db, self.sigma_db)
+    def max_normal(self) -> float:
+        """The field where all its waves meet; and those of the surroundings."""
+        share = self.shared_ends
+        return MAX_FIELD * (2.0 * math.sqrt(share) + math.sqrt(1.0 - 2.0 * share))
 
 
 def standard_normal_from_uniform(uniform: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from channel.link.expectation import PANELS, Expectation
 from channel.link.lengths import Lengths
 from channel.link.per_table import PerTable
 from channel.link.rays import with_reflection
+from channel.link.sight import Sight
 from channel.link.steps import STEPS_PER_M, in_steps
 from channel.phy.error_model import Band
 from channel.phy.interference import Interferer, sum_dbm
@@ -58,6 +59,7 @@ class Radio:
         self._interference_states = config.interference.states()
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self._expectation = Expectation(config, self._band)
+        self.sight = Sight(config, self._band) if getattr(config.propagation, "draws_sight", False) else None
         self._per_table = PerTable(self.per_unchecked)
         self._fixed_terms = self._make_fixed_terms()
         self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
@@ -409,10 +411,16 @@ class Radio:
         fine, coarse = np.zeros(shape), np.zeros(shape)
         for chance, states in self._interference_states:
             snr = power - self.noise_dbm(path, states)
-            fine += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS)
-            coarse += chance * self._expectation.averaged(snr, length, path.elevation_deg, PANELS // 2)
+            fine += chance * self._averaged(snr, length, path, PANELS)
+            coarse += chance * self._averaged(snr, length, path, PANELS // 2)
         kept = np.where(self.in_range(_separation(path)), self.kept_share, 0.0)
         return Delivery(kept * fine, kept * (np.abs(fine - coarse) + 1e-14))
+
+    def _averaged(self, snr_db: FloatArray, length: FloatArray, path: Path, panels: int) -> FloatArray:
+        """Return E[1 - PER] by quadrature over shadowing and fading, and over the line of sight if it is drawn."""
+        if self.sight is not None:
+            return self.sight.averaged(snr_db, length, path, panels)
+        return self._expectation.averaged(snr_db, length, path.elevation_deg, panels)
 
     def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, lengths: Lengths) -> FloatArray:
         """Return the probability of delivery from a table: fast, within 1e-5 of `delivery`.
@@ -426,7 +434,10 @@ class Radio:
         success = np.zeros_like(mean_power_dbm)
         for chance, states in self._interference_states:
             snr_db = mean_power_dbm - self.noise_dbm(path, states)
-            success += chance * self._expectation.from_table(snr_db, lengths, elevation)
+            if self.sight is None:
+                success += chance * self._expectation.from_table(snr_db, lengths, elevation)
+            else:
+                success += chance * self.sight.from_table(snr_db, lengths, path)
         return self.kept_share * success
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:

@@ -1,31 +1,43 @@
 """The random terms of many links at once, each from its own stream of draws.
 
-`RandomTerms.gain_db` is the one place where shadowing and fading enter: it takes links as columns (indices of both
-ends, sequence numbers, sim times, positions and velocities of shape (L, 3)) and the per-packet draws, and returns what
-they do to the received power, dB. A law that is drawn anew for each packet is a function of these draws; one that lasts
-over time or place asks `LinkDraws.words` for draws of its own, keyed by the names of the ends and of its stream.
+`RandomTerms.gain_db` is the one place where shadowing, fading and the line of sight enter: it takes links as columns
+(indices of both ends, sequence numbers, sim times, positions and velocities of shape (L, 3)) and the per-packet draws,
+and returns what they do to the received power, dB. A law that is drawn anew for each packet is a function of these
+draws; one that lasts over time or place is a field over both, see `channel.fading.terms`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
 from channel.draws import LinkDraws, Purpose, uniform_from_words
-from channel.fading.laws import coherence_blocks, coherence_time_s
-from channel.fading.shadow_field import ShadowField
+from channel.fading.link_words import LinkWords
 from channel.fading.shadowing import standard_normal_from_uniform
+from channel.fading.terms import LastingFading, LastingShadowing, LineOfSight
+from channel.fading.waves import link_places
+from channel.geometry import Path
 from channel.link.radio import Radio
 from channel.medium.links import Indices, Links
-from channel.phy.bursts import Timelines
 
-PairDraws = tuple[NDArray[np.int64], FloatArray]
 LEVEL = np.zeros(())
-FIRST_BLOCKS = -1
+
+
+class Lasting(NamedTuple):
+    """Terms of links that last over time or place, shape (L,) each; None: the radio has none such."""
+
+    shadow_normal: FloatArray | None = None
+    sight_normal: FloatArray | None = None
+    fading_gain_db: FloatArray | None = None
+
+
+NOTHING = Lasting()
 
 
 class RandomTerms:
@@ -44,86 +56,94 @@ class RandomTerms:
         config = radio.config
         self._config = config
         self._draws = draws
-        spacing_m = config.shadowing.decorrelation_m
-        by_place = config.shadowing.is_random and spacing_m is not None
-        self._field = ShadowField(draws, spacing_m) if by_place and spacing_m is not None else None
-        self.needs_velocity = config.fading.is_random and config.fading.coherence == "doppler"
-        self._shadowed = config.shadowing.is_random and not by_place
-        self._faded = config.fading.is_random and not self.needs_velocity
-        shadowing = (Purpose.SHADOWING,) if self._shadowed else ()
-        fading = (Purpose.FADING_I, Purpose.FADING_Q) if self._faded else ()
-        self.purposes = (Purpose.ERASURE, *shadowing, *fading)
-        self._timelines = Timelines(draws)
-        self._blocks: PairDraws | None = None
+        self._sight = radio.sight
+        run = draws.draws
+        self._fields = LinkWords(run.seed, draws.nodes, "fields")
+        self._bursts = LinkWords(run.seed, draws.nodes, "bursts")
+        shadowing, fading = config.shadowing, config.fading
+        lasting_fading = fading.is_random and fading.coherence != "packet"
+        lasting_shadowing = shadowing.is_random and shadowing.decorrelation_m is not None
+        self._fading = LastingFading(fading, run, config.frequency_hz) if lasting_fading else None
+        self._shadowing = LastingShadowing(shadowing, run) if lasting_shadowing else None
+        self._states = None if radio.sight is None else LineOfSight(run, radio.sight.decorrelation_m)
+        self._lasts = any(term is not None for term in (self._fading, self._shadowing, self._states))
+        self.needs_velocity = lasting_fading and fading.coherence == "block"
+        self._shadowed = shadowing.is_random and not lasting_shadowing
+        self._faded = fading.is_random and not lasting_fading
+        shadowing_draws = (Purpose.SHADOWING,) if self._shadowed else ()
+        fading_draws = (Purpose.FADING_I, Purpose.FADING_Q) if self._faded else ()
+        self.purposes = (Purpose.ERASURE, *shadowing_draws, *fading_draws)
+        self._slot: Indices | None = None
 
     @property
     def max_gain_db(self) -> float:
-        """The largest gain that any draw can give, dB; inf if a law does not tell."""
+        """The largest gain that any draw can give, dB; inf if a law does not tell, or the line of sight is drawn."""
+        if self._sight is not None:
+            return inf
         shadowing, fading = self._config.shadowing, self._config.fading
         largest = [getattr(law, "max_gain_db", inf) for law in (shadowing, fading) if law.is_random]
         return float(sum(largest))
 
     def gain_db(self, links: Links, uniform: Mapping[Purpose, FloatArray]) -> FloatArray | float:
-        """Return what shadowing and fading do to the power, shape (L,) or a number for all, dB.
+        """Return what shadowing, fading and the line of sight do to the power, shape (L,) or one number for all, dB.
 
         Args:
             links: the links.
             uniform: the draws for `purposes`, shape (L,) each.
         """
-        gain_db: FloatArray | float = 0.0
+        lasting = self._lasting(links) if self._lasts else NOTHING
+        normal = lasting.shadow_normal
         if self._shadowed:
             normal = standard_normal_from_uniform(uniform[Purpose.SHADOWING])
+        gain_db: FloatArray | float = 0.0
+        if self._sight is not None and lasting.sight_normal is not None:
+            gain_db = -self._sight.loss_db(links.path, lasting.sight_normal, normal)
+        elif normal is not None:
             gain_db = -self._config.shadowing.loss_db(normal)
-        elif self._field is not None:
-            gain_db = -self._config.shadowing.loss_db(self._normal_by_place(links))
         if self._faded:
             first, second = uniform[Purpose.FADING_I], uniform[Purpose.FADING_Q]
-            gain_db = gain_db + self._fading_gain_db(first, second, links)
-        elif self.needs_velocity:
-            first, second = self._of_blocks(links)
-            gain_db = gain_db + self._fading_gain_db(first, second, links)
+            gain_db = gain_db + self._config.fading.gain_db(first, second, self._elevation(links))
+        elif lasting.fading_gain_db is not None:
+            gain_db = gain_db + lasting.fading_gain_db
         return gain_db
 
-    def _normal_by_place(self, links: Links) -> FloatArray:
+    def _lasting(self, links: Links) -> Lasting:
+        """Return the terms that last: both directions of a pair share them at an instant, so they are made once."""
+        which = None
+        if links.packets.size > 1 and links.packets.sim_time_ns[0] == links.packets.sim_time_ns[-1]:
+            once, which = self._pairs(links)
+            links = _ends_at(links, once)
         path = links.path
-        assert self._field is not None
         assert path.position_tx_ned_m is not None
         assert path.position_rx_ned_m is not None
-        return self._field.standard_normal(links.tx, links.rx, path.position_tx_ned_m, path.position_rx_ned_m)
+        ends = path.position_tx_ned_m, path.position_rx_ned_m
+        places = link_places(self._fields, links.tx, links.rx, *ends, links.sim_time_ns)
+        shadow = None if self._shadowing is None else self._shadowing.standard_normal(places, path.distance_m)
+        sight = None if self._states is None else self._states.standard_normal(places)
+        fading = None
+        if self._fading is not None:
+            speed_mps = _relative_speed_mps(links) if self.needs_velocity else LEVEL
+            elevation = self._elevation(links)
+            fading = self._fading.gain_db(places, links.sim_time_ns, path.distance_m, speed_mps, elevation)
+        if which is None:
+            return Lasting(shadow, sight, fading)
+        return Lasting(*(None if each is None else each.take(which) for each in (shadow, sight, fading)))
 
-    def _fading_gain_db(self, first: FloatArray, second: FloatArray, links: Links) -> FloatArray:
-        fading = self._config.fading
-        return fading.gain_db(first, second, links.path.elevation_deg if fading.by_elevation else LEVEL)
-
-    def _of_blocks(self, links: Links) -> FloatArray:
-        """Return two uniform draws for the block of time of each link's pair, shape (2, L): one for both directions."""
-        speed_mps = _relative_speed_mps(links)
-        times_s = coherence_time_s(speed_mps, links.path.frequency_hz, self._config.fading.max_coherence_s)
-        octave, number = coherence_blocks(links.sim_time_ns, times_s)
+    def _pairs(self, links: Links) -> tuple[Indices, Indices]:
+        """Return one link of each pair, and for each link the place of its pair's among these."""
         low, high = self._draws.by_name(links.tx, links.rx)
+        if self._slot is None:
+            self._slot = np.empty(len(self._draws.nodes) ** 2, dtype=np.intp)
         pair = low * len(self._draws.nodes) + high
-        if self._blocks is None:
-            pairs = len(self._draws.nodes) ** 2
-            self._blocks = np.full((2, pairs), FIRST_BLOCKS, dtype=np.int64), np.empty((2, pairs))
-        block, draws = self._blocks
-        wanted = np.stack((octave, number))
-        other = np.flatnonzero((block[:, pair] != wanted).any(axis=0))
-        return self._drawn(wanted, low, high, pair, other) if other.size else draws[:, pair]
+        rows = np.arange(pair.size)
+        self._slot[pair] = rows  # of several links the last one stays
+        kept = self._slot[pair]
+        once = np.flatnonzero(kept == rows)
+        self._slot[pair[once]] = np.arange(once.size)
+        return once, self._slot[pair]
 
-    def _drawn(
-        self, wanted: NDArray[np.int64], low: Indices, high: Indices, pair: Indices, other: Indices
-    ) -> FloatArray:
-        """Draw for the pairs that are in other blocks than those that are kept, and keep these."""
-        assert self._blocks is not None
-        block, kept = self._blocks
-        draws = kept[:, pair]
-        for octave in np.unique(wanted[0, other]).tolist():
-            of = other[wanted[0, other] == octave]
-            stream = ("fading", str(octave))
-            words = self._draws.words(stream, low[of], high[of], np.maximum(wanted[1, of], 0))
-            draws[:, of] = uniform_from_words(words[:2])
-        block[:, pair[other]], kept[:, pair[other]] = wanted[:, other], draws[:, other]
-        return draws
+    def _elevation(self, links: Links) -> FloatArray:
+        return links.path.elevation_deg if self._config.fading.by_elevation else LEVEL
 
     def interferers_on(self, links: Links) -> tuple[bool | NDArray[np.bool_], ...]:
         """Return which interferers transmit, each True or by link: the same for every receiver."""
@@ -142,7 +162,36 @@ class RandomTerms:
 
     def burst_chances(self, links: Links) -> FloatArray:
         """Return the probability that each link loses its packet to a burst, shape (L,)."""
-        return self._config.bursts.loss(self._timelines, links.tx, links.rx, links.sim_time_ns)
+        words = self._bursts.of_direction(links.tx, links.rx)
+        return self._config.bursts.loss_at(words, links.sim_time_ns)
+
+
+def _ends_at(links: Links, rows: Indices) -> Links:
+    """Return some of the links, with what the terms that last ask for."""
+    path = links.path
+    assert path.position_tx_ned_m is not None
+    assert path.position_rx_ned_m is not None
+    velocities = links.velocity_tx_ned_mps, links.velocity_rx_ned_mps
+    return replace(
+        links,
+        packet=links.packet[rows],
+        tx=links.tx[rows],
+        rx=links.rx[rows],
+        path=Path(
+            path.frequency_hz,
+            path.distance_m[rows],
+            _at(path.height_tx_m, rows),
+            _at(path.height_rx_m, rows),
+            path.position_tx_ned_m.T.take(rows, axis=1).T,
+            path.position_rx_ned_m.T.take(rows, axis=1).T,
+        ),
+        velocity_tx_ned_mps=None if velocities[0] is None else velocities[0][rows],
+        velocity_rx_ned_mps=None if velocities[1] is None else velocities[1][rows],
+    )
+
+
+def _at(column: float | FloatArray, rows: Indices) -> float | FloatArray:
+    return column[rows] if isinstance(column, np.ndarray) else column
 
 
 def _relative_speed_mps(links: Links) -> FloatArray:

@@ -125,7 +125,8 @@ def _check(radio: Radio) -> None:
     pulsed = any(0.0 < each.duty < 1.0 for each in config.interference.interferers)
     for name, by_time in (
         ("shadowing.model", config.shadowing.decorrelation_m is not None),
-        ("fading.coherence", config.fading.is_random and config.fading.coherence == "doppler"),
+        ("fading.coherence", config.fading.is_random and config.fading.coherence != "packet"),
+        ("propagation.line_of_sight", radio.sight is not None),
         ("bursts.model", config.bursts.mean_loss > 0.0),
         ("interference.interferers", pulsed),
     ):

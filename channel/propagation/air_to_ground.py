@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -24,8 +24,50 @@ AL_HOURANI = {
 """a, b, excess loss with and without line of sight in dB (Al-Hourani et al. 2014, table II)."""
 
 
-class AlHourani(RangedVariant):
-    """Free space plus an excess loss, averaged over the probability of a line of sight by elevation angle.
+class SightState(NamedTuple):
+    """What a link is with a line of sight, or without one; fields broadcast against each other.
+
+    Attributes:
+        chance: probability of the state.
+        path_loss_db: in the state.
+        sigma_db: of the shadowing in the state, as the model's source has it; None: it has none.
+    """
+
+    chance: FloatArray
+    path_loss_db: FloatArray
+    sigma_db: FloatArray | None
+
+
+class _BySight(RangedVariant):
+    """What models with and without line of sight share."""
+
+    line_of_sight: Literal["drawn", "expected", "always", "never"] = Field(
+        default="drawn",
+        description="the state is drawn, and lasts over some way; or the mean in dB over both; or one of them",
+    )
+    sight_decorrelation_m: float = Field(
+        default=50.0, gt=0.0, description="drawn: way over which the correlation of the state falls to 1/e"
+    )
+
+    @property
+    def draws_sight(self) -> bool:
+        """Whether the line of sight is drawn."""
+        return self.line_of_sight == "drawn"
+
+    def sight_states(self, path: Path) -> tuple[SightState, SightState]:
+        """Return the state with line of sight and the one without."""
+        raise NotImplementedError
+
+    def path_loss_db(self, path: Path) -> FloatArray:
+        """Return the loss, dB: of the state, or the mean in dB over both."""
+        with_sight, without = self.sight_states(path)
+        weight = {"always": 1.0, "never": 0.0}.get(self.line_of_sight)
+        sight = with_sight.chance if weight is None else weight
+        return np.asarray(sight * with_sight.path_loss_db + (1.0 - sight) * without.path_loss_db)
+
+
+class AlHourani(_BySight):
+    """Free space plus an excess loss that depends on the line of sight, whose probability is one of elevation.
 
     Al-Hourani, Kandeepan, Lardner, "Optimal LAP altitude for maximum coverage", IEEE Wireless Commun. Lett. 3
     (2014), eq. 3 to 5. Made for 700 to 5800 MHz and one end on the ground.
@@ -39,24 +81,30 @@ class AlHourani(RangedVariant):
         a, b, _, _ = AL_HOURANI[self.environment]
         return np.asarray(1.0 / (1.0 + a * np.exp(-b * (path.elevation_deg - a))))
 
-    def path_loss_db(self, path: Path) -> FloatArray:
-        """Return the mean over both states, in dB."""
+    def sight_states(self, path: Path) -> tuple[SightState, SightState]:
+        """Return the state with line of sight and the one without."""
         frequency_hz = self.within("frequency_hz", path.frequency_hz, 700e6, 5800e6)
         self.within("height of the lower end", np.minimum(path.height_tx_m, path.height_rx_m), 0.0, 10.0)
         _, _, with_sight_db, without_db = AL_HOURANI[self.environment]
-        sight = self.line_of_sight_probability(path)
-        return friis_db(path.distance_m, frequency_hz) + sight * with_sight_db + (1.0 - sight) * without_db
+        sight, free_db = self.line_of_sight_probability(path), friis_db(path.distance_m, frequency_hz)
+        return SightState(sight, free_db + with_sight_db, None), SightState(
+            1.0 - sight, free_db + without_db, None
+        )
 
 
-class _AerialVehicle(RangedVariant):
+class _AerialVehicle(_BySight):
     """What the aerial scenarios of TR 36.777 share: the higher end is the aircraft."""
 
     heights_m: ClassVar[tuple[float, float]]
     farthest_m: ClassVar[float]
     """Validity: heights of the aircraft, and distance over the ground."""
-    line_of_sight: Literal["expected", "always", "never"] = Field(
-        default="expected", description="mean in dB over both states, or one of them"
-    )
+    sigma_db: ClassVar[tuple[float, float, float]]
+    """TR 36.777, table B-3: with line of sight a exp(-b h), h in m; without."""
+
+    @property
+    def has_sigmas(self) -> bool:
+        """Whether the states have a sigma of their own."""
+        return self.draws_sight
 
     def line_of_sight_probability(self, path: Path) -> FloatArray:
         """Return the probability of a line of sight (TR 36.777, table B-1)."""
@@ -66,14 +114,17 @@ class _AerialVehicle(RangedVariant):
         """Return the losses with and without line of sight."""
         raise NotImplementedError
 
-    def path_loss_db(self, path: Path) -> FloatArray:
-        """Return the loss, dB."""
+    def sight_states(self, path: Path) -> tuple[SightState, SightState]:
+        """Return the state with line of sight and the one without."""
         inside, height_m = self._inside(path)
-        with_sight, without = self._states_db(inside, height_m)
-        weight = {"always": 1.0, "never": 0.0}.get(self.line_of_sight)
-        sight = self.line_of_sight_probability(inside) if weight is None else weight
-        loss_db = sight * with_sight + (1.0 - sight) * without
-        return np.asarray(loss_db + spreading_db(path.distance_m, inside.distance_m))
+        spreading = spreading_db(path.distance_m, inside.distance_m)
+        with_sight_db, without_db = (each + spreading for each in self._states_db(inside, height_m))
+        sight = self.line_of_sight_probability(inside)
+        a, b, sigma_without_db = self.sigma_db
+        sigma_db = a * np.exp(-b * height_m)
+        return SightState(sight, with_sight_db, sigma_db), SightState(
+            1.0 - sight, without_db, np.asarray(sigma_without_db)
+        )
 
     def _inside(self, path: Path) -> tuple[Path, FloatArray]:
         """Return the path and the aircraft's height to count with."""
@@ -91,6 +142,7 @@ class UmaAv(_AerialVehicle):
 
     heights_m: ClassVar[tuple[float, float]] = (22.5, 300.0)
     farthest_m: ClassVar[float] = 4000.0
+    sigma_db: ClassVar[tuple[float, float, float]] = (4.64, 0.0066, 6.0)
     model: Literal["uma-av"] = "uma-av"
 
     def line_of_sight_probability(self, path: Path) -> FloatArray:
@@ -114,6 +166,10 @@ class RmaAv(_AerialVehicle):
 
     heights_m: ClassVar[tuple[float, float]] = (10.0, 300.0)
     farthest_m: ClassVar[float] = 10_000.0
+    sigma_db: ClassVar[tuple[float, float, float]] = (4.2, 0.0046, 6.0)
+    sight_decorrelation_m: float = Field(
+        default=60.0, gt=0.0, description="drawn: way over which the correlation of the state falls to 1/e"
+    )
     model: Literal["rma-av"] = "rma-av"
 
     def line_of_sight_probability(self, path: Path) -> FloatArray:

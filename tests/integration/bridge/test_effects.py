@@ -27,12 +27,12 @@ FADING = {
     "preset": "corrected",
     "frequency_hz": 100.0e6,
     "shadowing": {"model": "none"},
-    "fading": {"model": "rayleigh", "coherence": "doppler"},
+    "fading": {"model": "rayleigh", "coherence": "block"},
 }
 MOVING = STILL.replace(
     "radio: moon2020",
     "radio: {{preset: corrected, frequency_hz: 100.0e+6, shadowing: {{model: none}}, "
-    "fading: {{model: rayleigh, coherence: doppler}}}}",
+    "fading: {{model: rayleigh, coherence: block}}}}",
 ).replace(
     "home: {{north_m: 410}}, agent: {{type: still}}",
     "home: {{north_m: 50}}, agent: {{type: out_and_back, altitude_m: 20, distance_m: 120, speed_mps: 12}}",

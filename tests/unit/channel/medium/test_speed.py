@@ -1,4 +1,4 @@
-"""Fading that lasts for a coherence time sees how fast the two ends move, from their positions alone."""
+"""Fading in blocks of a coherence time sees how fast the two ends move, from their positions alone."""
 
 import math
 
@@ -16,7 +16,7 @@ LIGHT_MPS = 299_792_458.0
 LONGEST_S = 1.0
 ROUNDED_DB = 0.0021
 """Two powers in steps of 0.001 dB, each 0.0005 dB off, and the wanted powers at distances in mm."""
-FADING = {"model": "rayleigh", "coherence": "doppler", "max_coherence_s": LONGEST_S}
+FADING = {"model": "rayleigh", "coherence": "block", "max_coherence_s": LONGEST_S}
 RADIO = Radio(
     presets.load_radio(
         "corrected", {"frequency_hz": FREQUENCY_HZ, "shadowing": {"model": "none"}, "fading": FADING}

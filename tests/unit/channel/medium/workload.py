@@ -26,13 +26,29 @@ SCALE_M = {
 HILLS = [[0.0, 90.0, 0.0], [30.0, 0.0, 60.0], [0.0, 10.0, 0.0]]
 VARIANTS = {
     "al-hourani": {"propagation": {"model": "al-hourani", "outside": "warn"}},
+    "uma-av-own-sigma": {
+        "propagation": {"model": "uma-av", "outside": "clamp"},
+        "shadowing": {"model": "gudmundson", "sigma_db": None, "decorrelation_m": 20.0},
+    },
     "uma-av": {"propagation": {"model": "uma-av", "outside": "clamp"}},
     "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "outside": "warn"}},
     "terrain": {
         "propagation": {"model": "terrain", "outside": "border", "spacing_m": 150.0, "heights_m": HILLS}
     },
     "rayleigh": {"fading": {"model": "rayleigh", "coherence": "doppler"}},
+    "rayleigh-blocks": {"fading": {"model": "rayleigh", "coherence": "block"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
+    "rician-sphere": {
+        "fading": {"model": "rician", "k_db": 3.0, "coherence": "doppler", "scattering": "sphere"}
+    },
+    "surroundings": {
+        "shadowing": {
+            "model": "gudmundson",
+            "sigma_db": 5.0,
+            "decorrelation_m": 20.0,
+            "shared_ends": 0.4,
+        },
+    },
     "rician": {"fading": {"model": "rician", "k_db": 3.0, "k_overhead_db": 15.0}},
     "64qam": {"error": {"model": "uncoded-awgn", "modulation": "64qam"}},
     "ofdm-nist": {"error": {"model": "ofdm-nist", "rate_mbps": 12}},
