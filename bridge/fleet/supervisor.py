@@ -154,8 +154,9 @@ class Fleet:
         except AutopilotError as error:
             raise FleetError(str(error)) from error
         endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
-        nodes = [node.node for node in self._scenario.nodes]
-        self._keyring = Keyring.create(self._run.path / SECRETS_FOLDER, roster(nodes, self._hosts))
+        free = {node.node for node in self._scenario.nodes if not node.has_agent}
+        identities = roster(self._scenario.stations, self._hosts, free)
+        self._keyring = Keyring.create(self._run.path / SECRETS_FOLDER, identities)
         info = self._run.write(self._scenario, endpoint, self._replay, self._hosts, self._keyring)
         try:
             everybody = await self._start_ours()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from bridge.bus.identity.table import OWN, Role
@@ -45,12 +45,15 @@ def node_identity(node: str) -> str:
     return f"node-{node}"
 
 
-def roster(nodes: Iterable[str], hosts: Mapping[str, Sequence[str]]) -> tuple[Identity, ...]:
+def roster(
+    nodes: Iterable[str], hosts: Mapping[str, Sequence[str]], free: Collection[str] = ()
+) -> tuple[Identity, ...]:
     """All identities of a run.
 
     Args:
         nodes: ids of all nodes.
         hosts: which nodes each host process serves, by its name.
+        free: nodes whose agent is a program beside the run; no other program transmits.
 
     Raises:
         ValueError: two identities would have one name.
@@ -58,7 +61,7 @@ def roster(nodes: Iterable[str], hosts: Mapping[str, Sequence[str]]) -> tuple[Id
     identities = (
         Identity(PHYSICS, Role.PHYSICS),
         *(Identity(name, Role.HOST, tuple(served)) for name, served in hosts.items()),
-        *(Identity(node_identity(node), Role.NODE, (node,)) for node in nodes),
+        *(Identity(node_identity(node), Role.FREE if node in free else Role.NODE, (node,)) for node in nodes),
         Identity(SUPERVISOR, Role.SUPERVISOR),
         Identity(OPERATOR, Role.OPERATOR),
         Identity(OBSERVER, Role.OBSERVER),

@@ -22,16 +22,18 @@ class Role(Flag):
     HOST = auto()
     """A host process: aircraft bridges and agents of its nodes."""
     NODE = auto()
-    """A program of somebody's own that acts for one node: a free-running agent, a script."""
+    """A program of somebody's own beside a node that has an agent: a script."""
+    FREE = auto()
+    """A program of somebody's own that is a node's agent: it runs free of the clock."""
     SUPERVISOR = auto()
     OPERATOR = auto()
     OBSERVER = auto()
 
 
 NOBODY = Role(0)
-PHYSICS, RADIO, HOST, NODE = Role.PHYSICS, Role.RADIO, Role.HOST, Role.NODE
+PHYSICS, RADIO, HOST, NODE, FREE = Role.PHYSICS, Role.RADIO, Role.HOST, Role.NODE, Role.FREE
 SUPERVISOR, OPERATOR, OBSERVER = Role.SUPERVISOR, Role.OPERATOR, Role.OBSERVER
-OWN = HOST | NODE
+OWN = HOST | NODE | FREE
 """Who stands for nodes, and has to do with these only."""
 LOOKERS = OBSERVER | OPERATOR | SUPERVISOR
 """Who may look at everything that may be looked at at all."""
@@ -63,10 +65,10 @@ class Row:
 TABLE = (
     Row("node/{node}/state", writes=HOST, reads=OWN | LOOKERS),
     Row("node/{node}/cmd/*", serves=HOST, asks=OWN | OPERATOR),
-    Row("node/{node}/tx/**", writes=OWN, reads=RADIO),
+    Row("node/{node}/tx/**", writes=HOST | FREE, reads=RADIO),
     Row("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
     Row("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),
-    Row("node/{node}/agent", writes=OWN, reads=OWN | RADIO | LOOKERS),
+    Row("node/{node}/agent", writes=HOST | FREE, reads=OWN | RADIO | LOOKERS),
     Row("node/{node}/answer", writes=HOST, reads=OWN | RADIO | LOOKERS),
     Row("truth/*", writes=PHYSICS, reads=RADIO | LOOKERS),
     Row("clock", writes=PHYSICS, reads=OWN | PHYSICS | RADIO | LOOKERS),
@@ -86,5 +88,6 @@ SCOPES = {
     PHYSICS: ("clock/**",),
     HOST: ("node/{node}/**", "clock/**", "host/{self}/**"),
     NODE: ("node/{node}/**", "clock/**"),
+    FREE: ("node/{node}/**", "clock/**"),
 }
 """What may be named in a subscription; what comes is what the role reads. Lookers may name anything."""

@@ -89,7 +89,7 @@ def plain_config(user: str = "", password: str = "", **settings: Any) -> zenoh.C
 def guarded_router(path: Path, host: str = "127.0.0.1") -> Iterator[Guarded]:
     """Open the router; passwords go to ``path``."""
     hosts = {"host-0": ("0",), "host-1": ("1",)}
-    keyring = Keyring.create(path, roster(("0", "1"), hosts))
+    keyring = Keyring.create(path, roster(("0", "1", "2"), hosts, free=("0", "1")))
     endpoint = f"tcp/{host}:{free_port(host)}"
     with open_router(endpoint, Guard(RUN, keyring)) as session:
         yield Guarded(endpoint, session, keyring)

@@ -111,8 +111,9 @@ def do_what_strangers_do(run: Run) -> None:
         node.put_bytes(keys.answer("0"), b"garbage", must_arrive=True)
         node.put_bytes(keys.tx("1", "team"), b"x", attachment=Stamp(5, 0).to_bytes(), must_arrive=True)
         node.put_bytes(keys.rx("1", "0", "team"), b"never on the air", must_arrive=True)
-        # What it may write comes to the radio, which refuses and counts it: so does all that came before.
-        node.put_bytes(keys.tx("0", "team"), b"without a stamp", must_arrive=True)
+        node.put_bytes(keys.tx("0", "team"), b"an agent of ours speaks for it", must_arrive=True)
+    with run.join("host-0") as host:  # what it may write comes to the radio, which refuses and counts it
+        host.put_bytes(keys.tx("0", "team"), b"without a stamp", must_arrive=True)
 
 
 @pytest.mark.slow

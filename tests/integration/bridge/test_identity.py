@@ -48,6 +48,7 @@ WRITES = {
     "host-1": of_node("1", "state", "tx/main/all/team", "agent", "answer"),
     "node-0": of_node("0", "tx/main/all/team", "agent"),
     "node-1": of_node("1", "tx/main/all/team", "agent"),
+    "node-2": set(),  # an agent of ours speaks for it
     "supervisor": {"clock/start"},
     "operator": set(),
     "observer": set(),
@@ -63,6 +64,7 @@ READS = {
     "host-1": COMMON | {k for k in PUBLIC if k.startswith("node/1/")} | {"host/host-1/rx"},
     "node-0": COMMON | {k for k in PUBLIC if k.startswith("node/0/")},
     "node-1": COMMON | {k for k in PUBLIC if k.startswith("node/1/")},
+    "node-2": COMMON,
     "supervisor": PUBLIC,
     "operator": PUBLIC,
     "observer": PUBLIC,

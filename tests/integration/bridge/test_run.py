@@ -119,11 +119,11 @@ def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> Non
     run.wait_for("sim time")
     keys = Keys(run.directory.name)
     stamp = Stamp(1_000_000, 0).to_bytes()
-    with run.join("physics") as physics, run.join("host-0") as host, run.join("node-0") as node:
+    with run.join("physics") as physics, run.join("host-0") as host:
         physics.put_bytes(keys.tick("truths"), b"garbage", must_arrive=True)
         host.put_bytes(keys.answer("0"), b"garbage", must_arrive=True)
-        node.put_bytes(keys.tx("0", "team"), b"without a stamp", must_arrive=True)
-        node.put_bytes(keys.tx("0", "team", to="9"), b"to nobody", attachment=stamp, must_arrive=True)
+        host.put_bytes(keys.tx("0", "team"), b"without a stamp", must_arrive=True)
+        host.put_bytes(keys.tx("0", "team", to="9"), b"to nobody", attachment=stamp, must_arrive=True)
     assert run.finish() == 0, run.output.decode()
     summary = run.summary
     assert summary["refused"] == {"malformed": 2, "without_stamp": 1, "unknown_address": 1}
