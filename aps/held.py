@@ -82,6 +82,7 @@ class HeldDaemon(DaemonBase):
         self.link = HeldLink(parse_autopilot(config.autopilot), config.queue_limit_bytes)
         self._now_ns = 0
         super().__init__(config, self.link, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
+        self.commands.ftp = False
         self.takes_input = takes_input
         self.on_input: Callable[[Input], None] | None = None
         """Called with each input as it takes effect, in order: every frame of a client (even one that only

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -86,6 +87,7 @@ class HostedNode:
 
     def __init__(self, session: Session, run: RunDirectory, scenario: Scenario, ua: Aircraft) -> None:
         self._ua, self._scenario, self._session, self._keys = ua, scenario, session, run.keys
+        self._run = run
         self._loop = asyncio.get_running_loop()
         self._record = NodeRecord(run, ua.node)
         self.daemon = HeldDaemon(
@@ -110,7 +112,7 @@ class HostedNode:
     async def start(self) -> None:
         """Build the agent, and subscribe."""
         node, outlet = self._ua.node, AgentOutlet(self._outlets)
-        ua = UaClient(node, outlet, self._scenario.seed)
+        ua = UaClient(node, outlet, self._scenario.seed, self._run.agent_folder(node))
         make = agent_class(self._ua.agent)
         self.runner = AgentRunner(
             ua,
@@ -128,6 +130,8 @@ class HostedNode:
         self._session.subscribe(keys.rx(node, "*", "*"), partial(push, self._packet_came))
         self._session.subscribe(keys.comm_status(node), partial(push, self._comm_status_came))
         self._asked: Inbox[tuple[str, Query]] = Inbox(self._loop, self._asked_for, limit=ASKED_MAX)
+        looked_at: Inbox[Query] = Inbox(self._loop, self._look, limit=ASKED_MAX)
+        self._session.serve(keys.mavlink(node, "*"), looked_at.push)
         for verb in VERBS:
             self._session.serve(keys.command(node, verb), partial(self._push_asked, verb))
 
@@ -219,6 +223,21 @@ class HostedNode:
             reply(CommandEvent(CommandEvent.RESULT, False, str(error)))
             return
         self.node.operator_asked(verb, goal, reply)
+
+    def _look(self, query: Query) -> None:
+        """The last MAVLink message of a type: nothing is asked of the autopilot, so nothing is recorded."""
+        name = str(query.key_expr).rsplit("/", 1)[1]
+        try:
+            found = self.node.aircraft.last_message(name)
+        except ValueError:
+            found = None
+        try:
+            if found is not None:
+                key = self._keys.mavlink(self._ua.node, name)
+                query.reply(key, json.dumps(found).encode(), encoding="application/json")
+            query.drop()
+        except zenoh.ZError as error:
+            log.warning("mavlink/%s: whoever asked is gone: %s", name, error)
 
     def _replies(self, verb: str, query: Query) -> OnReply:
         key = self._keys.command(self._ua.node, verb)

@@ -15,6 +15,7 @@ RUN_FILE = "run.json"
 SCENARIO_FILE = "scenario.yaml"
 SUMMARY_FILE = "summary.json"
 LOG_FOLDER = "logs"
+AGENT_FOLDER = "agents"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +73,10 @@ class RunDirectory:
     def log_path(self, process: str) -> Path:
         """Where the output of a process goes."""
         return self.path / LOG_FOLDER / f"{process}.log"
+
+    def agent_folder(self, node: str) -> Path:
+        """Where a node's agent keeps files of its own; made by the agent that does."""
+        return self.path / AGENT_FOLDER / node
 
     def write(self, scenario: Scenario, endpoint: str, replay: Path | None = None) -> RunInfo:
         """Write what the run's processes read."""
