@@ -21,7 +21,16 @@ from aps.wire.dialect import (
 )
 from aps.wire.framer import Frame
 
-__all__ = ["LastMessage", "MessageBoard", "RequestExecution", "SendExecution", "as_json", "request", "send"]
+__all__ = [
+    "LastMessage",
+    "MessageBoard",
+    "RequestExecution",
+    "SendExecution",
+    "as_json",
+    "plain",
+    "request",
+    "send",
+]
 
 RATE_WINDOW_S: Final = 2.0
 """Least time over which a rate is counted."""
@@ -32,14 +41,17 @@ _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
 
 def as_json(fields: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a message as JSON can hold them: NaN and infinity become ``None``, bytes a list of numbers."""
-    return {name: _plain(value) for name, value in fields.items()}
+    return {name: plain(value) for name, value in fields.items()}
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it: see ``as_json``."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {name: plain(one) for name, one in value.items()}
     if isinstance(value, bytes | bytearray | list | tuple):
-        return [_plain(one) for one in value]
+        return [plain(one) for one in value]
     return value
 
 

@@ -82,6 +82,8 @@ class AircraftState:
     mission_state: str = ""
     """MISSION_STATE label: NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE; empty where the autopilot does not
     tell."""
+    mission_reached: int = -1
+    """Number of the item that was reached last."""
     waypoint_distance_m: float = NAN
     """Horizontal distance to the autopilot's active target (NAV_CONTROLLER_OUTPUT)."""
     home_lat_deg: float = NAN
@@ -145,6 +147,7 @@ _SOURCES: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {
     "velocity_ned_mps": ((32, 33),),
     **dict.fromkeys(("lat_deg", "lon_deg", "alt_amsl_m", "alt_rel_m"), _POSITION),
     **dict.fromkeys(("mission_current", "mission_total", "mission_state"), ((42,),)),
+    "mission_reached": ((46,),),
     "waypoint_distance_m": ((62,),),
     **dict.fromkeys(
         ("indicated_airspeed_mps", "groundspeed_mps", "climb_mps", "throttle_percent"),

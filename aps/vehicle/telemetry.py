@@ -188,6 +188,9 @@ class Telemetry:
         )  # both are extensions: 0 where they are not sent
         self._values["mission_state"] = enum_label("MISSION_STATE", state) if state else ""
 
+    def _mission_item_reached(self, fields: tuple[Any, ...]) -> None:
+        self._values["mission_reached"] = fields[0]
+
     def _nav_controller_output(self, fields: tuple[Any, ...]) -> None:
         self._values["waypoint_distance_m"] = float(fields[7])
 
@@ -282,6 +285,7 @@ _DECODERS: Final[dict[int, tuple[struct.Struct, _Handler, bool]]] = {
         (32, "<Iffffff", Telemetry._local_position_ned),
         (33, "<IiiiihhhH", Telemetry._global_position_int),
         (42, "<HHBB", Telemetry._mission_current),
+        (46, "<H", Telemetry._mission_item_reached),
         (62, "<fffffhhH", Telemetry._nav_controller_output),
         (74, "<ffffhH", Telemetry._vfr_hud),
         (147, "<iih10HhBBBb", Telemetry._battery_status),

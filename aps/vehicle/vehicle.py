@@ -84,6 +84,8 @@ class Vehicle:
         )
         self.texts: Callable[[StatusText], None] | None = None
         """Called with each text of the autopilot, if set."""
+        self.text_listeners: list[Callable[[StatusText], None]] = []
+        """Called likewise."""
         self.on_heard: Callable[[], None] | None = None
         """Called with the first heartbeat of each connection, if set."""
         self.heard = False
@@ -249,7 +251,8 @@ class Vehicle:
         if text is not None:
             _log.info("autopilot: %s", text.text)
             self.commands.on_text(text)
-            self.callbacks.call("the callback for texts", self.texts, text)
+            for listener in (self.texts, *self.text_listeners):
+                self.callbacks.call("a callback for texts", listener, text)
 
     # Our own messages.
 

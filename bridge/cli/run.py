@@ -57,6 +57,7 @@ class SpeedType(click.ParamType[float | str]):
 )
 @click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
+@click.option("--api", is_flag=True, default=None, help="Serve each UA's HTTP API, from port 8760 on.")
 @click.option(
     "--digest",
     is_flag=True,
@@ -77,6 +78,7 @@ def run(
     out: Path,
     first_slot: int | None,
     zenoh_port: int | None,
+    api: bool | None,
     digest: bool,
     as_json: bool,
     quiet: bool,
@@ -100,7 +102,7 @@ def run(
         raise click.UsageError(
             "--digest and --json: choose one; the JSON has the digest under its key digest"
         )
-    changes = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
+    changes = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed, "api": api}
     changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
     try:
         resolved = with_changes(read_scenario(scenario), {k: v for k, v in changes.items() if v is not None})

@@ -97,6 +97,7 @@ class HostedNode:
                 listen_port=scenario.aps_port(ua),
             )
         )
+        self.api_port = scenario.api_port(ua) if scenario.api else None
         self._outlets = ZenohOutlets(session, run.keys, ua.node)
         self.node = Node(
             ua.node, AircraftBridge(self.daemon, ua.node), self._outlets, self._record.write_input
@@ -304,6 +305,11 @@ async def _in_its_context(node: str, stack: AsyncExitStack, one: HostedNode) -> 
     try:
         await stack.enter_async_context(one.daemon)
         await one.start()
+        if one.api_port is not None:
+            from bridge.host.api import api_of  # FastAPI takes its time, and most runs do without
+
+            await stack.enter_async_context(api_of(one.daemon, one.node, one.api_port))
+            log.info("API of UA %s at http://127.0.0.1:%d", node, one.api_port)
     finally:
         current_node.reset(token)
 

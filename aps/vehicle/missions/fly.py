@@ -17,21 +17,30 @@ MISSION_TIMEOUT_S: Final = 24 * 3600.0
 STALE_S: Final = 5.0
 """A mission that still says COMPLETE so long after its start, by the autopilot's clock, is complete (it was short), not
 the one before."""
+_ITEM_REACHED: Final = 46
 
 
 @dataclass
 class _End:
-    """Whether the mission is complete: the state at the start may still be that of the flight before."""
+    """Whether the mission is complete: the state at the start may still be that of the flight before.
+
+    The autopilot says so; one that does not has reached the last item, or landed.
+    """
 
     start_ms: int
+    reached_ns: int
+    """When an item was last reached, before the start."""
     started: bool = False
 
     def is_there(self, now: AircraftState) -> bool:
         self.started |= now.mission_state == "ACTIVE"
         if now.mission_state == "COMPLETE":
             return self.started or now.time_boot_ms - self.start_ms > STALE_S * 1000.0
-        landed = self.started and not now.armed
-        return landed and 0 < now.mission_total <= now.mission_current
+        if not self.started or now.mission_total < 1:
+            return False
+        landed = not now.armed and now.mission_total <= now.mission_current
+        newly_reached = now.heard_ns.get(_ITEM_REACHED, -1) > self.reached_ns
+        return landed or (newly_reached and now.mission_reached == now.mission_total)
 
 
 def fly(state: AircraftState, first: int | None = None) -> Plan:
@@ -48,7 +57,7 @@ def fly(state: AircraftState, first: int | None = None) -> Plan:
         steps.insert(0, _current_step(state, first))
     start = command_long(state, int(mavlink.MAV_CMD_MISSION_START))
     steps.append(Step(start.message, command=start.command, optional=True))
-    end = _End(state.time_boot_ms)
+    end = _End(state.time_boot_ms, state.heard_ns.get(_ITEM_REACHED, -1))
     return Plan(
         "mission",
         tuple(steps),

@@ -48,6 +48,17 @@ def test_a_mission_that_ends_with_a_landing_is_done_when_disarmed():
     assert execution.result.reached
 
 
+def test_an_autopilot_that_never_says_complete_is_done_with_its_last_item():
+    before = replace(COPTER, mission_reached=3, heard_ns={46: 5})
+    execution, _ = started(before)
+    execution.poll(replace(AUTO, mission_current=3, mission_reached=3, heard_ns={46: 5}), 1)
+    assert execution.result is None  # that was the flight before
+    execution.poll(replace(AUTO, mission_current=3, mission_reached=2, heard_ns={46: 6}), 2)
+    assert execution.result is None
+    execution.poll(replace(AUTO, mission_current=3, mission_reached=3, heard_ns={46: 7}), 3)
+    assert execution.result.reached
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [({"mode": "LOITER"}, "mode changed to LOITER"), ({"armed": False}, "the UA is not armed")],
