@@ -19,6 +19,8 @@ from aps.api.routes import build
 __all__ = ["ApiServer"]
 
 BACKLOG = 64
+STOP_S = 5.0
+"""Until a server that does not end of itself is ended."""
 MAX_CONNECTIONS = 64
 MAX_FRAME_BYTES = 4096
 """Of what a client says on the stream, where nothing is expected."""
@@ -91,4 +93,6 @@ class ApiServer:
         self._stream.close()
         self._server.should_exit = True
         if self._task is not None:
+            await asyncio.wait({self._task}, timeout=STOP_S)
+            self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
