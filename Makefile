@@ -8,7 +8,7 @@ export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
 PYTEST := --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow repeat check bench bench-fdm bench-channel lock clean help
+.PHONY: demo test test-slow repeat check bench bench-fdm bench-channel bench-aps lock clean help
 
 help:  ## Show the targets.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -36,6 +36,9 @@ bench: $(VENV)/.dev  ## Run the benchmarks.
 
 bench-fdm: $(VENV)/.dev  ## Run the benchmarks of the flight dynamics (ARDUPILOT_HOME adds those with arducopter).
 	$(BIN)/python -m benchmarks fdm fdm_ardupilot fdm_placement fdm_fleet fdm_fuzz
+
+bench-aps: $(VENV)/.dev  ## Run the benchmarks of the MAVLink daemon.
+	$(BIN)/python -m benchmarks aps aps_fairness aps_routers
 
 bench-channel: $(VENV)/.dev  ## Run the benchmarks of the channel.
 	$(BIN)/python -m benchmarks channel

@@ -1,4 +1,4 @@
-"""``python -m aps``: the daemon of one UA from the command line."""
+"""``python -m aps``, ``lostlink aps``: the daemons of one or several UA from the command line."""
 
 from __future__ import annotations
 
@@ -7,48 +7,71 @@ import asyncio
 import errno
 import json
 import logging
-import math
+import re
 import signal
 import sys
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Sequence
+from contextlib import AsyncExitStack
+from pathlib import Path
 
-from aps.daemon import Daemon, DaemonConfig
-from aps.links.autopilot_link import parse_autopilot, parse_host_port
+from aps.config import DaemonConfig
+from aps.daemon import Daemon
+from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
+from aps.status import plain_state
 from aps.vehicle.telemetry import AircraftState
 
 EXAMPLES = """\
 examples:
   python -m aps --autopilot tcp:127.0.0.1:5760 --sysid 1 --listen 127.0.0.1:6760
   python -m aps --index 1                    # the same for UA 1: sysid 2, ports 5770 and 6770
+  python -m aps --autopilot serial:/dev/ttyACM0:115200 --udp-out 127.0.0.1:14550 --tlog logs
+  python -m aps --udp-out 192.168.1.7:14550,max-hz=*:2    # thinned for a slow way
+  python -m aps --config daemons.yaml        # several daemons in one process
+  python -m aps status                       # a live table of the running daemons and their links
   python -m aps --json --rate-hz 5 | jq .alt_rel_m
 then, for one:
   mavproxy.py --master tcp:127.0.0.1:6760
-  QGroundControl: Application Settings, Comm Links, TCP, 127.0.0.1 port 6760
+  QGroundControl: Application Settings, Comm Links, TCP, 127.0.0.1 port 6760 (with --udp-out ...:14550: nothing)
 """
-AUTOPILOT_PORT = 5760
-LISTEN_PORT = 6760
-PORT_STRIDE = 10
+_log = logging.getLogger("aps")
+
+STATISTICS_PERIOD_S = 60.0
+_HELP = {
+    "tcp_server": "serve MAVLink clients there, too (127.0.0.1:6760 + 10 I); :PORT is on loopback, port 0 any free one",
+    "tcp": "connect to a ground station's TCP server",
+    "udp_out": "send to a ground station's UDP port, and hear what comes back",
+    "udp_in": "wait for ground stations on a UDP port",
+    "serial": "a serial line to a ground station, DEVICE:BAUD",
+}
 
 
-def _arguments() -> argparse.ArgumentParser:
+def _arguments(prog: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m aps",
+        prog=prog,
         description="MAVLink daemon of one UA: connects to its autopilot, owns the stream rates, "
-        "and serves any number of MAVLink clients over TCP.",
-        epilog=EXAMPLES,
+        "and serves any number of MAVLink clients.",
+        epilog=EXAMPLES.replace("python -m aps", prog),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "--index", type=int, default=0, metavar="I", help="UA index: sets the defaults below (0)"
     )
-    parser.add_argument("--autopilot", metavar="tcp:HOST:PORT", help="autopilot (tcp:127.0.0.1:5760 + 10 I)")
-    parser.add_argument("--sysid", type=int, metavar="N", help="system id of the UA (I + 1)")
     parser.add_argument(
-        "--listen",
-        metavar="HOST:PORT",
-        help="where clients connect (127.0.0.1:6760 + 10 I); port 0: any free one",
+        "--autopilot",
+        action="append",
+        metavar="LINK",
+        help="way to the autopilot: tcp:HOST:PORT, udp-in:HOST:PORT, udp-out:HOST:PORT or serial:DEVICE:BAUD "
+        "(tcp:127.0.0.1:5760 + 10 I); repeated: further ways to the same one",
     )
+    parser.add_argument("--sysid", type=int, metavar="N", help="system id of the UA (I + 1)")
+    for kind in LINK_KINDS:
+        names = [f"--{kind.replace('_', '-')}", *(["--listen"] if kind == "tcp_server" else [])]
+        place = "DEVICE:BAUD" if kind == "serial" else "HOST:PORT"
+        parser.add_argument(
+            *names, dest=kind, action="append", metavar=place, help=f"{_HELP[kind]}; repeatable"
+        )
+    parser.add_argument("--tlog", type=Path, metavar="DIR", help="record every frame in .tlog files there")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="daemons from a YAML file instead")
     parser.add_argument("--json", action="store_true", help="print the state as JSON lines on stdout")
     parser.add_argument(
         "--rate-hz", type=float, default=1.0, metavar="R", help="rate of --json, in the autopilot's time (1)"
@@ -57,85 +80,141 @@ def _arguments() -> argparse.ArgumentParser:
     return parser
 
 
-def _config(arguments: argparse.Namespace) -> DaemonConfig:
-    index = arguments.index
-    if not 0 <= index <= 254:
-        raise ValueError(f"--index must be in 0..254, not {index}")
+def _configs(arguments: argparse.Namespace) -> list[DaemonConfig]:
     if not arguments.rate_hz > 0.0:
         raise ValueError(f"--rate-hz must be positive, not {arguments.rate_hz}")
-    listen = arguments.listen or f"127.0.0.1:{LISTEN_PORT + PORT_STRIDE * index}"
-    host, port = parse_host_port(listen, lowest_port=0)
-    sysid = arguments.sysid if arguments.sysid is not None else index + 1
-    if not 1 <= sysid <= 255:
-        raise ValueError(f"--sysid must be in 1..255, not {sysid}")
-    autopilot = arguments.autopilot or f"tcp:127.0.0.1:{AUTOPILOT_PORT + PORT_STRIDE * index}"
-    parse_autopilot(autopilot)
-    return DaemonConfig(autopilot=autopilot, sysid=sysid, listen_host=host, listen_port=port)
+    if arguments.config is not None:
+        try:
+            return [daemon.config() for daemon in read_settings(arguments.config).daemons]
+        except SettingsError:
+            raise
+        except ValueError as error:
+            raise SettingsError(f"{arguments.config}: {error}") from error
+    if not 0 <= arguments.index <= 254:
+        raise ValueError(f"--index must be in 0..254, not {arguments.index}")
+    if arguments.sysid is not None and not 1 <= arguments.sysid <= 255:
+        raise ValueError(f"--sysid must be in 1..255, not {arguments.sysid}")
+    given = {kind: tuple(getattr(arguments, kind) or ()) for kind in (*LINK_KINDS, "autopilot")}
+    settings = DaemonSettings(index=arguments.index, sysid=arguments.sysid, tlog=arguments.tlog, **given)
+    return [settings.config()]
 
 
 def state_line(state: AircraftState) -> str:
     """The state as one line of JSON; what is not known is null."""
-    values = asdict(state) | {"wind_body_mps": state.wind_body_mps}
-    return json.dumps({"event": "state", **{name: _jsonable(value) for name, value in values.items()}})
+    return json.dumps({"event": "state", **plain_state(state)})
 
 
-def _jsonable(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_jsonable(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
+def _ready(daemon: Daemon, *, as_json: bool) -> str:
+    config = daemon.config
+    listen = f"{config.listen_host}:{daemon.listen_port}"
+    if as_json:
+        ready = {"event": "ready", "sysid": config.sysid, "listen": listen, "autopilot": config.autopilot}
+        return json.dumps(ready)
+    return f"READY aps sysid={config.sysid} listen={listen} autopilot={config.autopilot}"
 
 
-async def _serve(config: DaemonConfig, *, as_json: bool, rate_hz: float) -> BaseException | None:
-    """Serve until a signal; returns what the daemon failed of, if it did."""
+async def _serve(configs: Sequence[DaemonConfig], *, as_json: bool, rate_hz: float) -> BaseException | None:
+    """Serve until a signal; returns what a daemon failed of, if one did."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
-    async with Daemon(config) as daemon:
-        daemon.on_failure = lambda _: stop.set()
-        listen = f"{config.listen_host}:{daemon.listen_port}"
-        if as_json:
-            ready = {"event": "ready", "sysid": config.sysid, "listen": listen, "autopilot": config.autopilot}
-            print(json.dumps(ready), flush=True)
-            daemon.subscribe(lambda state: print(state_line(state), flush=True), rate_hz)
-        else:
-            print(f"READY aps sysid={config.sysid} listen={listen} autopilot={config.autopilot}", flush=True)
-        await stop.wait()
-        return daemon.failure
+    async with AsyncExitStack() as stack:
+        daemons = [await stack.enter_async_context(Daemon(config)) for config in configs]
+        for daemon in daemons:
+            daemon.on_failure = lambda _: stop.set()
+            print(_ready(daemon, as_json=as_json), flush=True)
+            if as_json:
+                daemon.subscribe(lambda state: print(state_line(state), flush=True), rate_hz)
+        while not stop.is_set():
+            try:
+                async with asyncio.timeout(STATISTICS_PERIOD_S):
+                    await stop.wait()
+            except TimeoutError:
+                _log_statistics(daemons)
+        _log_statistics(daemons)
+        return next((daemon.failure for daemon in daemons if daemon.failure is not None), None)
 
 
-def main(argv: list[str] | None = None) -> int:
+def _log_statistics(daemons: Sequence[Daemon]) -> None:
+    """What happened on the links, one line per daemon."""
+    for daemon in daemons:
+        told = daemon.statistics()
+        totals = {name: count for name, count in told["client_totals"].items() if count}
+        up = [link["peer"] for link in told["autopilot_links"] if link["up"]]
+        _log.info(
+            "system %d: autopilot %s, %d clients, %s",
+            daemon.config.sysid,
+            f"on {', '.join(up)}" if up else "not heard",
+            len(told["clients"]),
+            ", ".join(f"{name} {count}" for name, count in totals.items()) or "nothing from or to them yet",
+        )
+
+
+def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     """Run until SIGTERM or SIGINT; returns the exit status."""
-    arguments = _arguments().parse_args(argv)
+    given = sys.argv[1:] if argv is None else argv
+    if given[:1] == ["status"]:
+        return _status(given[1:], prog)
+    arguments = _arguments(prog).parse_args(given)
     logging.basicConfig(
         level=logging.WARNING if arguments.quiet else logging.INFO,
         format="%(asctime)s %(name)s: %(message)s",
         stream=sys.stderr,
     )
     try:
-        config = _config(arguments)
+        configs = _configs(arguments)
+        failure = asyncio.run(_serve(configs, as_json=arguments.json, rate_hz=arguments.rate_hz))
     except ValueError as error:
-        print(f"aps: {error}", file=sys.stderr)
-        return 2
-    try:
-        failure = asyncio.run(_serve(config, as_json=arguments.json, rate_hz=arguments.rate_hz))
+        return _refuse(str(error))
     except BrokenPipeError:
         return 0
     except OSError as error:
-        print(f"aps: {_explain(error, config)}", file=sys.stderr)
-        return 2
+        return _refuse(_explain(error))
     if failure is not None:
         print(f"aps: the daemon failed: {failure}", file=sys.stderr)
     return 0 if failure is None else 1
 
 
-def _explain(error: OSError, config: DaemonConfig) -> str:
-    where = f"{config.listen_host}:{config.listen_port}"
-    if error.errno == errno.EADDRINUSE:
-        return f"port {config.listen_port} is in use on {config.listen_host}: choose another with --listen HOST:PORT"
-    return f"cannot listen on {where}: {error.strerror or error} (see --listen)"
+def _status(argv: Sequence[str], prog: str) -> int:
+    """Show the running daemons."""
+    parser = argparse.ArgumentParser(
+        prog=f"{prog} status",
+        description="Show the running daemons of this user on this machine, and their links.",
+    )
+    parser.add_argument("--once", action="store_true", help="look once, instead of every second until Ctrl-C")
+    parser.add_argument("--json", action="store_true", help="print JSON, with all counters")
+    parser.add_argument("--period", type=float, default=1.0, metavar="S", help="between two looks (1)")
+    arguments = parser.parse_args(argv)
+    from aps.status_view import watch  # a daemon does without rich
+
+    try:
+        return watch(arguments.period, once=arguments.once, as_json=arguments.json)
+    except OSError as error:
+        return _refuse(str(error))
+
+
+def _refuse(text: str) -> int:
+    for line in text.splitlines():
+        print(f"aps: {line}", file=sys.stderr)
+    return 2
+
+
+_ADDRESS = re.compile(r"\('([^']*)', (\d+)")
+"""How asyncio tells which address it could not bind."""
+
+
+def _explain(error: OSError) -> str:
+    text = error.strerror or str(error)
+    place = _ADDRESS.search(text)
+    if error.errno == errno.EADDRINUSE and place is not None:
+        return (
+            f"port {place[2]} is in use on {place[1]}: choose another with --listen HOST:PORT "
+            "(or the option that named it)"
+        )
+    if place is not None:
+        return f"cannot listen on {place[1]}:{place[2]}: {text} (see --listen)"
+    return text if error.filename is None else f"{error.filename}: {text}"
 
 
 if __name__ == "__main__":

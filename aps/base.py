@@ -3,37 +3,31 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from aps.config import DaemonConfig
-from aps.core import AUTOPILOT_LINK, Core
-from aps.links.endpoints import Client, ClientServer
-from aps.links.outbox import FrameQueue
+from aps.core import Core
+from aps.links.address import Address, parse_address
+from aps.links.drivers import Driver, make_driver
+from aps.links.link import Link, Role
+from aps.links.table import LinkTable
+from aps.links.tcp import TcpServer
+from aps.logs.tlog import TlogWriter
+from aps.status import StatusServer, plain_state
 from aps.timeouts import SILENCE_TIMEOUT_S
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.subscription import Subscription
 from aps.vehicle.telemetry import AircraftState
+from aps.wire.framer import Frame
 
-__all__ = ["DaemonBase", "Link"]
+__all__ = ["DaemonBase"]
 
-
-class Link(Protocol):
-    """The connection to the autopilot."""
-
-    connections: int
-    """How often a connection was made."""
-
-    @property
-    def up(self) -> bool:
-        """Whether there is a connection now."""
-
-    @property
-    def outbox(self) -> FrameQueue:
-        """What waits to be sent."""
+_log = logging.getLogger(__name__)
 
 
 class DaemonBase(ABC):
@@ -41,41 +35,53 @@ class DaemonBase(ABC):
 
     Args:
         config: its settings.
-        link: the connection to the autopilot.
         clock: what time it is, ns, on a clock that never goes back.
         wake: called when a command has queued messages or changed deadlines.
         silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
 
     Raises:
         ValueError: a setting is out of range.
-        OSError: the port is taken (on entering the context).
+        OSError: the port is taken (on entering the context), or the tlog cannot be written.
     """
 
     def __init__(
         self,
         config: DaemonConfig,
-        link: Link,
         clock: Callable[[], int],
         wake: Callable[[], None],
         silence_s: float = SILENCE_TIMEOUT_S,
     ) -> None:
         self.config = config
-        self.core = Core(config, link.outbox, clock, wake, silence_s)
-        self.server = ClientServer(
-            self._client_opened,
-            self._client_data,
-            self._client_closed,
-            first_link=AUTOPILOT_LINK + 1,
-            limit_bytes=config.queue_limit_bytes,
+        self.core = Core(config, clock, wake, silence_s)
+        self.links = LinkTable(
+            self._link_opened,
+            self._link_frames,
+            self._link_closed,
+            clock,
+            first_id=1,
             max_clients=config.max_clients,
+            frames_per_s=config.client_frames_per_s,
         )
+        listen = Address("tcp-server", config.listen_host, config.listen_port)
+        self.server = TcpServer(listen, self.links, config.queue_limit_bytes)
+        self._addresses = [parse_address(text) for text in config.links]
         self.vehicle = self.core.vehicle
         self.commands = self.vehicle.commands
-        self.framer, self.router = self.core.framer, self.core.router
+        self.hub, self.router = self.core.hub, self.core.router
         self.streams, self.telemetry = self.vehicle.streams, self.vehicle.telemetry
         self.failure: BaseException | None = None
         """What ended the daemon's own work, if something did."""
-        self._link, self._clock = link, clock
+        self.on_failure: Callable[[BaseException], None] | None = None
+        """Called, if set, when the daemon fails of itself (see ``failure``): a defect of ours or a host name that
+        cannot even be looked up, not an autopilot that is away."""
+        self.connections = 0
+        """How often a link to the autopilot was made."""
+        self.tlog: TlogWriter | None = None
+        """The record of all frames, if there is one."""
+        self._clock = clock
+        self.drivers: list[Driver] = [self.server]
+        self._status: StatusServer | None = None
+        self._tasks: dict[Driver, asyncio.Task[None]] = {}
         self._heard_event = asyncio.Event()
         self.vehicle.on_heard = self._heard_event.set
 
@@ -87,7 +93,7 @@ class DaemonBase(ABC):
     @property
     def link_up(self) -> bool:
         """Whether there is a connection to the autopilot."""
-        return self._link.up
+        return self.core.link_up
 
     @property
     def listen_port(self) -> int:
@@ -126,28 +132,101 @@ class DaemonBase(ABC):
 
     def statistics(self) -> dict[str, Any]:
         """Counters of everything, as plain data."""
+        now_ns = self._clock()
         return {
             "autopilot": {
-                "connections": self._link.connections,
+                "connections": self.connections,
                 "reboots": self.telemetry.reboots,
-                "framer": asdict(self.framer.counters),
-                "outbox": asdict(self._link.outbox.counters),
+                **self.core.autopilot_statistics(now_ns),
             },
-            **self.core.statistics(),
-            "clients": [
-                {
-                    "peer": client.peer,
-                    "framer": asdict(client.framer.counters),
-                    "outbox": asdict(client.outbox.counters),
-                }
-                for client in self.server.clients.values()
+            "autopilot_links": [
+                dict(link.statistics(now_ns))
+                for link in self.hub.links.values()
+                if link.role is Role.AUTOPILOT
             ],
-            "turned_away": self.server.turned_away,
+            **self.core.statistics(),
+            **self.links.statistics(),
+            **({} if self.tlog is None else {"tlog": asdict(self.tlog.counters)}),
             "failure": None if self.failure is None else repr(self.failure),
         }
 
+    def told(self) -> dict[str, Any]:
+        """State and counters as plain data: what ``lostlink aps status`` shows; what is not known is ``None``."""
+        return {"sysid": self.config.sysid, "state": plain_state(self.state), "statistics": self.statistics()}
+
+    # Recording.
+
+    def _open_tlog(self, clock_us: Callable[[], int]) -> None:
+        """Begin to record, if the settings say so."""
+        config = self.config
+        if config.tlog_directory is not None:
+            name = config.tlog_name or f"mavlink-{config.sysid}"
+            self.tlog = TlogWriter(
+                config.tlog_directory, name, clock_us, config.tlog_file_bytes, config.tlog_files
+            )
+            self.hub.taps.append(self._record)
+
+    def _record(self, raw: bytes, _: Link) -> None:
+        if self.tlog is not None:
+            self.tlog.write(raw)
+
+    # Links at run time.
+
+    async def open(self, address: str, role: Role = Role.CLIENT) -> Driver:
+        """Open links at a place, now and for as long as the daemon runs, or until ``shut``.
+
+        Args:
+            address: as ``aps.links.address.parse_address`` reads it.
+            role: what is there.
+
+        Raises:
+            ValueError: the address cannot be read.
+            OSError: a port is taken.
+        """
+        return await self._start(
+            make_driver(parse_address(address, role), self.links, self.config.queue_limit_bytes)
+        )
+
+    async def shut(self, driver: Driver) -> None:
+        """Close what ``open`` has opened, with its links."""
+        self.drivers.remove(driver)
+        task = self._tasks.pop(driver, None)
+        if task is not None:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+        driver.close()
+
+    async def _start(self, driver: Driver) -> Driver:
+        await driver.start()
+        if driver not in self.drivers:
+            self.drivers.append(driver)
+        self._tasks[driver] = asyncio.create_task(driver.run(), name=f"link {driver.address}")
+        self._tasks[driver].add_done_callback(self._driver_ended)
+        return driver
+
+    def _driver_ended(self, task: asyncio.Task[None]) -> None:
+        error = None if task.cancelled() else task.exception()
+        if error is not None:
+            self._failed(error)
+
+    def _failed(self, error: BaseException) -> None:
+        """Say so in every way: the daemon is of no use."""
+        _log.error("the daemon of system %d failed", self.config.sysid, exc_info=error)
+        self.failure = error
+        self._heard_event.set()  # nobody shall wait for ever
+        self.vehicle.callbacks.call("the callback for failures", self.on_failure, error)
+        self.commands.interrupt_all(f"the daemon failed: {error!r}")
+
     async def __aenter__(self) -> Self:
-        await self.server.listen(self.config.listen_host, self.config.listen_port)
+        try:
+            await self._start(self.server)
+            for address in self._addresses:
+                await self._start(make_driver(address, self.links, self.config.queue_limit_bytes))
+        except BaseException:
+            await self._stop()
+            raise
+        self._status = StatusServer(str(self.listen_port), self.told)
+        await self._status.start()
         return self
 
     async def __aexit__(
@@ -157,23 +236,29 @@ class DaemonBase(ABC):
         traceback: TracebackType | None,
     ) -> None:
         self.commands.interrupt_all("the daemon stops")
-        self.server.close()
+        await self._stop()
 
-    def _autopilot_up(self) -> None:
-        self.core.autopilot_up(self._clock())
-
-    def _autopilot_down(self) -> None:
-        self._heard_event.clear()
-        self.core.autopilot_down()
-
-    @abstractmethod
-    def _client_opened(self, client: Client) -> None:
-        """A client is there."""
-
-    @abstractmethod
-    def _client_data(self, client: Client, data: bytes) -> None:
-        """Bytes from a client."""
+    async def _stop(self) -> None:
+        if self._status is not None:
+            self._status.close()
+        tasks = list(self._tasks.values())
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for driver in self.drivers:
+            driver.close()
+        self.links.close()
+        if self.tlog is not None:
+            self.tlog.close()
 
     @abstractmethod
-    def _client_closed(self, client: Client) -> None:
-        """A client is gone."""
+    def _link_opened(self, link: Link) -> None:
+        """A link is there."""
+
+    @abstractmethod
+    def _link_frames(self, link: Link, frames: Sequence[Frame], size_bytes: int) -> None:
+        """Frames from a link."""
+
+    @abstractmethod
+    def _link_closed(self, link: Link) -> None:
+        """A link is gone."""

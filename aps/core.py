@@ -1,34 +1,32 @@
-"""The daemon's logic: one vehicle, and the routing between its autopilot and the clients. No I/O, no asyncio, no clock.
+"""The daemon's logic: a hub, and at home there one vehicle. No I/O, no asyncio, no clock.
 
-Frames and instants go in; what is to be sent is put into the queues in front of the links. Who reads the
+Links, frames and instants go in; what is to be sent is put into the queues in front of the links. Who reads the
 links, writes the queues and says what time it is are the shells: ``aps.daemon`` by wall time,
 ``aps.held`` by sim time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Final, Protocol
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any, Final
 
 from aps.config import NS_PER_S, DaemonConfig
+from aps.hub.answers import Answers
+from aps.hub.hub import Hub
 from aps.hub.routing import Router
+from aps.links.link import Link, Role
 from aps.timeouts import HEARTBEAT_PERIOD_S, SILENCE_TIMEOUT_S
+from aps.vehicle.status_text import STATUSTEXT_ID
 from aps.vehicle.vehicle import Vehicle
 from aps.wire.dialect import AUTOPILOT_COMPID, ONBOARD_COMPUTER_COMPID
-from aps.wire.framer import Frame, Framer
+from aps.wire.framer import Frame
 
-__all__ = ["AUTOPILOT_LINK", "Core", "Queue"]
+__all__ = ["Core"]
 
-AUTOPILOT_LINK: Final = 0
-"""Link id of the autopilot; clients have others."""
 HEARTBEAT_PERIOD_NS: Final = round(HEARTBEAT_PERIOD_S * NS_PER_S)
 
-
-class Queue(Protocol):
-    """What waits to be sent on one link."""
-
-    def put(self, frame: bytes) -> None:
-        """Queue one frame."""
+_log = logging.getLogger(__name__)
 
 
 class Core:
@@ -36,7 +34,6 @@ class Core:
 
     Args:
         config: its settings.
-        to_autopilot: what waits to be sent to the autopilot.
         clock: the shell's clock, ns, for what users start and ask between two events.
         wake: called when a command has queued messages or changed deadlines.
         silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
@@ -47,79 +44,104 @@ class Core:
     def __init__(
         self,
         config: DaemonConfig,
-        to_autopilot: Queue,
         clock: Callable[[], int],
         wake: Callable[[], None],
         silence_s: float = SILENCE_TIMEOUT_S,
     ) -> None:
         self.config = config
-        self.vehicle = Vehicle(
-            config.sysid, config.stream_rates_hz, to_autopilot.put, clock, wake, silence_s, config.autopilot
-        )
         self.router = Router(
             config.sysid,
             ONBOARD_COMPUTER_COMPID,
             AUTOPILOT_COMPID,
             round(config.route_expiry_s * NS_PER_S),
         )
-        self.framer = Framer()
-        self.link_up = False
-        self._queues: dict[int, Queue] = {AUTOPILOT_LINK: to_autopilot}
+        self.hub = Hub(self.router, self)
+        self.vehicle = Vehicle(
+            config.sysid,
+            config.stream_rates_hz,
+            self.hub.send_to_autopilot,
+            clock,
+            wake,
+            silence_s,
+            config.autopilot,
+        )
+        self.answers = Answers(config.sysid, ONBOARD_COMPUTER_COMPID)
         self._heartbeat_due_ns = 0
-        self.router.add_link(AUTOPILOT_LINK, autopilot=True)
+        self._changed = False
+        self._latest_primary: Link | None = None
 
     def statistics(self) -> dict[str, Any]:
         """Counters of the logic, as plain data."""
-        return {
-            "routes": {outcome.value: count for outcome, count in self.router.counters.items()},
-            **self.vehicle.statistics(),
-        }
+        return {**self.hub.statistics(), "answers": self.answers.counters, **self.vehicle.statistics()}
 
-    # The autopilot's link.
+    def autopilot_statistics(self, now_ns: int) -> dict[str, Any]:
+        """Counters of the link to the autopilot that is used, or was the last one, as plain data."""
+        link = self._latest_primary
+        return {} if link is None else dict(link.statistics(now_ns))
 
-    def autopilot_up(self, now_ns: int) -> None:
-        """There is a connection."""
-        self.link_up = True
-        self.framer.reset()
-        self._heartbeat_due_ns = now_ns  # introduce ourselves at once
-        self.vehicle.link_up()
+    @property
+    def link_up(self) -> bool:
+        """Whether there is a link to the autopilot."""
+        return self.router.primary is not None
 
-    def autopilot_down(self) -> None:
-        """The connection is gone."""
-        self.link_up = False
-        self.vehicle.link_down()
+    # Links.
 
-    def autopilot_data(self, data: bytes, now_ns: int) -> None:
-        """Bytes from the autopilot, in any chunking."""
-        changed = False
-        for frame in self.framer.receive(data):
-            changed |= self.vehicle.receive(frame, now_ns)
-            for link in self.router.route(frame, AUTOPILOT_LINK, now_ns).links:
-                self._queues[link].put(frame.raw)
-        if changed:
+    def link_opened(self, link: Link, now_ns: int) -> None:
+        """A link is there."""
+        primary = self.router.primary
+        self.hub.add(link)
+        if link.role is Role.AUTOPILOT:
+            link.framer.reset()
+            self._heartbeat_due_ns = now_ns  # introduce ourselves at once
+        self._follow_primary(primary, now_ns)
+
+    def link_closed(self, link_id: int, now_ns: int) -> None:
+        """A link is gone, and its wishes with it (see ``on_time`` for what follows from that)."""
+        primary = self.router.primary
+        role = self.hub.links[link_id].role
+        self.hub.remove(link_id)
+        if role is Role.CLIENT:
+            self.vehicle.client_left(link_id)
+        self._follow_primary(primary, now_ns)
+
+    def _follow_primary(self, before: int | None, now_ns: int) -> None:
+        """The link to the autopilot may be another one now."""
+        primary = self.router.primary
+        if primary == before:
+            return
+        if before is not None:
+            self.vehicle.link_down()
+        if primary is not None:
+            self._latest_primary = self.hub.primary
+            self._heartbeat_due_ns = now_ns
+            self.vehicle.link_up()
+
+    def frames(self, link: Link, frames: Sequence[Frame], now_ns: int) -> None:
+        """Frames from a link, in order (call ``on_time`` after the last ones of clients)."""
+        self.hub.receive(frames, link, now_ns)
+        if self._changed:
+            self._changed = False
             self.vehicle.state_changed(now_ns)
 
-    # The clients' links.
+    # What the hub has for us (aps.hub.hub.Local).
 
-    def client_opened(self, link: int, queue: Queue) -> None:
-        """A client is there; ``queue`` is what waits to be sent to it."""
-        self.router.add_link(link)
-        self._queues[link] = queue
+    def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> bool:
+        """A frame came from an autopilot's link; returns whether it concerns others, too."""
+        if link.id != self.router.primary:
+            return True
+        self._changed |= self.vehicle.receive(frame, now_ns)
+        return frame.msg_id != STATUSTEXT_ID or not self.vehicle.answers_us(frame)
 
-    def client_closed(self, link: int) -> None:
-        """A client is gone, and its wishes with it (see ``on_time`` for what follows from that)."""
-        self.router.remove_link(link)
-        del self._queues[link]
-        self.vehicle.client_left(link)
+    def addressed(self, frame: Frame, link: Link, alone: bool) -> None:
+        """A frame came that is for us, or for everybody."""
+        if alone:
+            answer = self.answers.reply(frame, link.id)
+            if answer is not None:
+                self.hub.send(answer, link)
 
-    def client_frame(self, frame: Frame, link: int, now_ns: int) -> None:
-        """A frame from a client (call ``on_time`` after the last of several)."""
-        for other in self.router.route(frame, link, now_ns).links:
-            raw: bytes | None = frame.raw
-            if other == AUTOPILOT_LINK:
-                raw = self.vehicle.client_frame(frame, link)
-            if raw is not None:
-                self._queues[other].put(raw)
+    def to_autopilot(self, frame: Frame, link: Link) -> bytes | None:
+        """A client's frame is about to go to the autopilot: the bytes to send in its place, or ``None``."""
+        return self.vehicle.client_frame(frame, link.id)
 
     # Time.
 
@@ -132,8 +154,26 @@ class Core:
         """Do what is due: heartbeat, expiry of routes, stream requests, commands."""
         if now_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = now_ns + HEARTBEAT_PERIOD_NS
-            if self.link_up:
-                # To the autopilot alone: a script that takes the first heartbeat for the vehicle's would take ours.
-                self.vehicle.heartbeat()
+            self._choose_primary(now_ns)
+            self._send_heartbeat()
             self.router.expire(now_ns)
         self.vehicle.on_time(now_ns)
+
+    def _send_heartbeat(self) -> None:
+        # To the autopilot alone: a script that takes the first heartbeat for the vehicle's would take ours.
+        links = [link for link in self.hub.links.values() if link.role is Role.AUTOPILOT]
+        heartbeat = self.vehicle.heartbeat() if links else b""
+        for link in links:
+            self.hub.send(heartbeat, link)
+
+    def _choose_primary(self, now_ns: int) -> None:
+        """Change over to another of the autopilot's links when there are no heartbeats on the primary one."""
+        before = self.hub.primary
+        if before is None or before.traffic.up(now_ns):
+            return
+        for link in self.hub.links.values():
+            if link.role is Role.AUTOPILOT and link.traffic.up(now_ns):
+                _log.warning("no heartbeat from the autopilot on %s: using %s", before.name, link.name)
+                self.router.use(link.id)
+                self._follow_primary(before.id, now_ns)
+                return

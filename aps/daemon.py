@@ -12,20 +12,19 @@ system 255 would even when the real ground station is gone.
 from __future__ import annotations
 
 import asyncio
-import logging
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
 from aps.base import DaemonBase
 from aps.config import NS_PER_S, DaemonConfig
-from aps.links.autopilot_link import AutopilotLink, parse_autopilot
-from aps.links.endpoints import Client
+from aps.links.address import parse_autopilot
+from aps.links.drivers import make_driver
+from aps.links.link import Link, Role
+from aps.wire.framer import Frame
 
 __all__ = ["Daemon", "DaemonConfig"]
-
-_log = logging.getLogger(__name__)
 
 
 class Daemon(DaemonBase):
@@ -33,29 +32,22 @@ class Daemon(DaemonBase):
 
     Raises:
         ValueError: a setting is out of range.
-        OSError: the port is taken (on entering the context).
+        OSError: the port is taken (on entering the context), or the tlog cannot be written.
     """
 
     def __init__(self, config: DaemonConfig) -> None:
-        self.link = AutopilotLink(
-            parse_autopilot(config.autopilot),
-            self._autopilot_data,
-            self._autopilot_up,
-            self._autopilot_down,
-            config.queue_limit_bytes,
-        )
-        super().__init__(config, self.link, time.monotonic_ns, self._wake)
-        self.on_failure: Callable[[BaseException], None] | None = None
-        """Called, if set, when the daemon fails of itself (see ``failure``): a defect of ours or a host name that
-        cannot even be looked up, not an autopilot that is away."""
+        self._autopilots = [parse_autopilot(text) for text in (config.autopilot, *config.more_autopilots)]
+        super().__init__(config, time.monotonic_ns, self._wake)
+        self._open_tlog(lambda: time.time_ns() // 1000)
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = 0
-        self._link_task: asyncio.Task[None] | None = None
+        self._running = False
 
     async def __aenter__(self) -> Self:
         await super().__aenter__()
-        self._link_task = asyncio.create_task(self.link.run(), name="autopilot link")
-        self._link_task.add_done_callback(self._link_ended)
+        self._running = True
+        for address in self._autopilots:
+            await self._start(make_driver(address, self.links, self.config.queue_limit_bytes))
         self._wake()
         return self
 
@@ -65,52 +57,34 @@ class Daemon(DaemonBase):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        self._running = False
         await super().__aexit__(kind, error, traceback)
-        if self._link_task is not None:
-            self._link_task.cancel()
-            await asyncio.gather(self._link_task, return_exceptions=True)
         if self._timer is not None:
             self._timer.cancel()
 
-    def _link_ended(self, task: asyncio.Task[None]) -> None:
-        error = None if task.cancelled() else task.exception()
-        if error is not None:
-            self._failed(error)
-
-    def _failed(self, error: BaseException) -> None:
-        """Say so in every way: without its link or its timer the daemon is of no use."""
-        _log.error("the daemon of system %d failed", self.config.sysid, exc_info=error)
-        self.failure = error
-        self._heard_event.set()  # nobody shall wait for ever
-        self.vehicle.callbacks.call("the callback for failures", self.on_failure, error)
-        self.commands.interrupt_all(f"the daemon failed: {error!r}")
-
     # What happens.
 
-    def _autopilot_data(self, data: bytes) -> None:
-        self.core.autopilot_data(data, time.monotonic_ns())
-        for client in self.server.clients.values():
-            client.outbox.flush()
+    def _link_opened(self, link: Link) -> None:
+        if link.role is Role.AUTOPILOT:
+            self.connections += 1
+        self.core.link_opened(link, time.monotonic_ns())
         self._wake()
 
-    def _client_opened(self, client: Client) -> None:
-        self.core.client_opened(client.link, client.outbox)
-
-    def _client_closed(self, client: Client) -> None:
-        self.core.client_closed(client.link)
+    def _link_closed(self, link: Link) -> None:
+        up = self.link_up
+        self.core.link_closed(link.id, time.monotonic_ns())
+        if up and not self.link_up:
+            self._heard_event.clear()
         self._on_time()
 
-    def _client_data(self, client: Client, data: bytes) -> None:
-        now_ns = time.monotonic_ns()
-        for frame in client.framer.receive(data):
-            self.core.client_frame(frame, client.link, now_ns)
-        for other in self.server.clients.values():
-            other.outbox.flush()
-        self._on_time()
-
-    def _autopilot_up(self) -> None:
-        super()._autopilot_up()
-        self._wake()
+    def _link_frames(self, link: Link, frames: Sequence[Frame], _size_bytes: int) -> None:
+        if frames:
+            self.core.frames(link, frames, time.monotonic_ns())
+            self.links.flush()
+        if link.role is Role.CLIENT:
+            self._on_time()
+        else:
+            self._wake()
 
     # Time.
 
@@ -120,9 +94,10 @@ class Daemon(DaemonBase):
 
     def _wake(self) -> None:
         """Send what waits for the autopilot, and have ``_on_timer`` run at the earliest deadline."""
-        self.link.outbox.flush()
-        task = self._link_task
-        if self.failure is not None or task is None or task.cancelling() or task.done():
+        primary = self.hub.primary
+        if primary is not None:
+            primary.outbox.flush()
+        if self.failure is not None or not self._running:
             return
         due_ns = self.core.deadline_ns()
         if self._timer is not None:

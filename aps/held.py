@@ -22,19 +22,23 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from types import TracebackType
-from typing import Any
+from typing import Any, Final
 
 from aps.base import DaemonBase
 from aps.config import DaemonConfig
 from aps.inputs import Input, InputQueue
-from aps.links.autopilot_link import parse_autopilot
-from aps.links.endpoints import Client
-from aps.links.held_link import HeldLink
+from aps.links.address import parse_autopilot
+from aps.links.held import HeldLink
+from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.timeouts import HELD_SILENCE_TIMEOUT_S
 from aps.wire.framer import Frame
 
 __all__ = ["ExchangeCounters", "HeldDaemon"]
+
+AUTOPILOT_ID: Final = 0
+"""Id of the autopilot's link; an input's is 1 or higher."""
+_EXCHANGE: Final = "exchange"
 
 _log = logging.getLogger(__name__)
 
@@ -75,14 +79,25 @@ class HeldDaemon(DaemonBase):
 
     Raises:
         ValueError: a setting is out of range.
-        OSError: the port is taken (on entering the context).
+        OSError: the port is taken (on entering the context), or the tlog cannot be written.
     """
 
     def __init__(self, config: DaemonConfig, *, takes_input: bool = True) -> None:
-        self.link = HeldLink(parse_autopilot(config.autopilot), config.queue_limit_bytes)
+        address = parse_autopilot(config.autopilot)
+        if address.kind != "tcp" or config.more_autopilots:
+            raise ValueError(
+                f"a held autopilot has one link, tcp:HOST:PORT, not {config.autopilot!r} and more"
+            )
+        if address.opening.rules.key is not None:
+            raise ValueError(
+                "a held autopilot's link cannot be signed: signatures have the time of the machine"
+            )
+        self.link = HeldLink(address, config.queue_limit_bytes)
         self._now_ns = 0
-        super().__init__(config, self.link, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
+        super().__init__(config, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
         self.commands.ftp = False
+        self.link.id = AUTOPILOT_ID
+        self._open_tlog(lambda: config.tlog_epoch_us + self._now_ns // 1000)
         self.takes_input = takes_input
         self.on_input: Callable[[Input], None] | None = None
         """Called with each input as it takes effect, in order: every frame of a client (even one that only
@@ -95,18 +110,17 @@ class HeldDaemon(DaemonBase):
         """Called with the reason when the result may depend on wall time: the flight may not repeat."""
         self.counters = ExchangeCounters()
         self._inputs = InputQueue()
-        self._paused: list[Client] = []
+        self._paused: list[Link] = []
         self._in_exchange = False
-        self._connections = 0
 
     @property
     def takes_input(self) -> bool:
         """Whether what clients send is taken. One that connects while it is not only listens, for good."""
-        return not self.server.listeners
+        return not self.links.listeners
 
     @takes_input.setter
     def takes_input(self, takes_input: bool) -> None:
-        self.server.listeners = not takes_input
+        self.links.listeners = not takes_input
 
     async def __aexit__(
         self,
@@ -116,6 +130,11 @@ class HeldDaemon(DaemonBase):
     ) -> None:
         await super().__aexit__(kind, error, traceback)
         self.link.close()
+
+    @property
+    def link_up(self) -> bool:
+        """Whether there is a connection to the autopilot (as far as the latest exchange could see)."""
+        return self.link.up
 
     async def connect(self) -> None:
         """Try, with back-off (wall time), until there is a connection; returns at once if there is one.
@@ -132,7 +151,7 @@ class HeldDaemon(DaemonBase):
         """
         self._inputs.inject(inputs)
         for item in inputs:
-            self.server.reserve(item.link)
+            self.links.reserve(item.link)
 
     def begin_exchange(self, now_ns: int) -> None:
         """Hear the autopilot and the clients, and decide; nothing is written yet.
@@ -179,15 +198,16 @@ class HeldDaemon(DaemonBase):
             self._wall_time(
                 "the autopilot does not read: its connection took only a part of what was to be written"
             )
-        for client in self.server.clients.values():
-            client.outbox.flush()
+        self.links.flush()
 
     # The autopilot.
 
     def _hear_autopilot(self) -> None:
-        if self.link.connections != self._connections:
-            self._connections = self.link.connections
-            self._autopilot_up()
+        if self.link.connections != self.connections:
+            if self.core.link_up:
+                self.core.link_closed(AUTOPILOT_ID, self._now_ns)
+            self.connections = self.link.connections
+            self.core.link_opened(self.link, self._now_ns)
         was_up = self.link.up
         data = self.link.read()
         self.counters.read_bytes = len(data)
@@ -196,10 +216,11 @@ class HeldDaemon(DaemonBase):
             self.counters.overfull_reads += 1
             self._wall_time(f"the autopilot wrote {len(data)} bytes at once: it may have had to wait")
         self._tell_bytes("from_autopilot", data)
-        self.core.autopilot_data(data, self._now_ns)
+        self.core.frames(self.link, self.link.receive(data, self._now_ns), self._now_ns)
         if was_up and not self.link.up:
             self.counters.link_losses += 1
-            self._autopilot_down()
+            self._heard_event.clear()
+            self.core.link_closed(AUTOPILOT_ID, self._now_ns)
             if self.on_link_down is not None:
                 self.on_link_down()
 
@@ -214,23 +235,28 @@ class HeldDaemon(DaemonBase):
 
     # What comes from outside.
 
-    def _client_opened(self, client: Client) -> None:
-        self._inputs.opened(client.link)
+    def _link_opened(self, link: Link) -> None:
+        if link.connectionless and link.id > 0:
+            self.links.renumber(link, listener=True)  # until it speaks: a port that is sent to is no input
+        self._inputs.opened(link.id)
 
-    def _client_closed(self, client: Client) -> None:
-        self._inputs.closed(client.link)
-        self.server.leaving = self._inputs.closing
+    def _link_closed(self, link: Link) -> None:
+        self._inputs.closed(link.id)
+        self.links.leaving = self._inputs.closing
 
-    def _client_data(self, client: Client, data: bytes) -> None:
-        frames = client.framer.receive(data)
-        if client.link < 0:
+    def _link_frames(self, link: Link, frames: Sequence[Frame], size_bytes: int) -> None:
+        if link.id < 0 and link.connectionless and self.takes_input and frames:
+            self._inputs.closed(link.id)
+            self.links.renumber(link, listener=False)
+            self._inputs.opened(link.id)
+        if link.id < 0:
             self.counters.inputs_ignored += len(frames)
         else:
-            self._inputs.frames(client.link, frames)
-        if self._inputs.received(client.link, len(data)):
+            self._inputs.frames(link.id, frames)
+        if self._inputs.received(link.id, size_bytes) and link not in self._paused:
             self.counters.clients_paused += 1
-            self._paused.append(client)
-            client.pause_reading()
+            self._paused.append(link)
+            link.hold(_EXCHANGE)
 
     def _take_inputs(self) -> None:
         for item, frame in self._inputs.take():
@@ -239,19 +265,19 @@ class HeldDaemon(DaemonBase):
                 if self.on_input is not None:
                     self.on_input(item)
             self._take(item, frame)
-        self.server.leaving = 0
-        for client in self._paused:
-            client.resume_reading()
+        self.links.leaving = 0
+        for link in self._paused:
+            link.release(_EXCHANGE)
         self._paused.clear()
 
     def _take(self, item: Input, frame: Frame | None) -> None:
         if frame is not None:
-            self.core.client_frame(frame, item.link, self._now_ns)
+            link = self.hub.links[item.link]
+            self.core.frames(link, [frame], self._now_ns)
         elif item.kind == "open":
-            client = self.server.clients.get(item.link)
-            self.core.client_opened(item.link, FrameQueue() if client is None else client.outbox)
+            self.core.link_opened(self.links.links.get(item.link) or _nobody(item.link), self._now_ns)
         else:
-            self.core.client_closed(item.link)
+            self.core.link_closed(item.link, self._now_ns)
 
     def statistics(self) -> dict[str, Any]:
         """Counters of everything, as plain data."""
@@ -263,3 +289,10 @@ class HeldDaemon(DaemonBase):
             },
             "inputs_pending": len(self._inputs),
         }
+
+
+def _nobody(link_id: int) -> Link:
+    """In the place of a client of a record, or of one that has left already."""
+    link = Link("", FrameQueue())
+    link.id = link_id
+    return link

@@ -23,6 +23,11 @@ FIRST_RETRY_S: Final = 0.1
 LONGEST_RETRY_S: Final = 2.0
 """Between attempts, doubling: short, since a simulated autopilot is there within a second or two."""
 
+UDP_RETRY_S: Final = 1.0
+"""Between attempts to open a UDP socket whose peer's name cannot be looked up yet."""
+PEER_SILENCE_S: Final = 20.0
+"""For a UDP peer that says nothing, until it counts as gone: twenty missing heartbeats."""
+
 # The daemon's clock: messages and their answers.
 
 HEARTBEAT_PERIOD_S: Final = 1.0

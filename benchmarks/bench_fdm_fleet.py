@@ -1,6 +1,7 @@
-"""The real-time factor that a fleet reaches when it aims at 1, over the number of UA: physics and autopilots alone.
+"""The real-time factor that a fleet reaches, over the number of UA: physics and autopilots alone.
 
     python -m benchmarks.bench_fdm_fleet --autopilot arducopter standin --plot docs/img/fdm-fleet.png
+    python -m benchmarks.bench_fdm_fleet --autopilot standin --speed max --hover --coupling serial --sizes 2 8 16 32
 
 Writes a table in Markdown, and the plot if asked. The figure depends on the machine and on what else it does.
 """
@@ -8,13 +9,21 @@ Writes a table in Markdown, and the plot if asked. The figure depends on the mac
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import platform
+import socket
 import sys
-from collections.abc import Callable, Sequence
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import get_args
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from benchmarks.bench_fdm import load
 from benchmarks.bench_fdm_ardupilot import (
@@ -26,38 +35,111 @@ from benchmarks.bench_fdm_ardupilot import (
     running,
 )
 from fdm.exchange.exchange import default_port
-from fdm.exchange.settings import Coupling
+from fdm.exchange.settings import Coupling, core_count
 
 LIMIT = 0.95
 Points = dict[int, tuple[float, float]]
 """Per fleet size: real-time factor, cores that the exchange takes."""
 
 
-def standin_command(instance: int) -> list[str]:
-    """What starts a stand-in on the physics at UDP 9002 + 10 * `instance`."""
+HOVER_M = 10.0
+HOVERS_FROM_S = 14.0
+"""Sim time at which stand-ins that were asked to take off have done so."""
+GUIDED = 4
+
+
+def standin_options(instance: int) -> list[str]:
+    """Options of a stand-in on the physics at UDP 9002 + 10 * `instance`."""
     place = HOME.position
     home = f"{place.lat_deg},{place.lon_deg},{place.alt_amsl_m},{HOME.yaw_deg}"
-    command = [sys.executable, "-m", "bridge.standin", "--fdm-port", str(default_port(instance))]
-    return [*command, "--mavlink-port", "0", "--home", home]
+    ports = ["--fdm-port", str(default_port(instance)), "--mavlink-port", str(mavlink_port(instance))]
+    return [*ports, "--home", home]
 
 
-def curve(
-    command: Callable[[int], Sequence[str]],
-    sizes: Sequence[int],
-    first: int,
-    warm_up_s: float,
-    seconds: float,
-    workers: int,
-    coupling: Coupling,
-) -> Points:
+def mavlink_port(instance: int) -> int:
+    """TCP port of a stand-in."""
+    return 5760 + 10 * instance
+
+
+def standin_commands(instances: Sequence[int], processes: int) -> list[list[str]]:
+    """What starts stand-ins, spread over `processes`."""
+    commands = []
+    for first in range(min(processes, len(instances))):
+        options: list[str] = []
+        for instance in instances[first::processes]:
+            options += [*(["+"] if options else []), *standin_options(instance)]
+        commands.append([sys.executable, "-m", "bridge.standin", *options])
+    return commands
+
+
+def take_off(instance: int) -> None:
+    """Have a stand-in take off; returns when it has accepted, and leaves it alone then."""
+    codec = dialect.MAVLink(None, 255, 190)
+    codec.robust_parsing = True
+    steps = [(176, (1, GUIDED)), (400, (1,)), (22, (0, 0, 0, 0, 0, 0, HOVER_M))]
+    with socket.create_connection(("127.0.0.1", mavlink_port(instance)), timeout=60.0) as client:
+        for command, parameters in steps:
+            padded = (*parameters, *([0.0] * (7 - len(parameters))))
+            accepted = False
+            while not accepted:
+                client.sendall(dialect.MAVLink_command_long_message(1, 1, command, 0, *padded).pack(codec))
+                accepted = any(
+                    message.get_type() == "COMMAND_ACK" and message.result == 0
+                    for message in codec.parse_buffer(client.recv(65536)) or []
+                )
+
+
+@contextlib.contextmanager
+def taking_off(instances: Sequence[int]) -> Iterator[None]:
+    """Have all take off in the background."""
+    threads = [threading.Thread(target=_take_off_soon, args=(one,), daemon=True) for one in instances]
+    for thread in threads:
+        thread.start()
+    yield
+    for thread in threads:
+        thread.join(10.0)
+        if thread.is_alive():
+            raise RuntimeError("a stand-in did not take off")
+
+
+def _take_off_soon(instance: int) -> None:
+    while True:
+        try:
+            return take_off(instance)
+        except ConnectionRefusedError:  # it is not there yet
+            time.sleep(0.05)
+
+
+@dataclass(frozen=True, slots=True)
+class How:
+    """How to measure: see the options."""
+
+    first: int
+    warm_up_s: float
+    seconds: float
+    workers: int
+    coupling: Coupling
+    speed: float
+    hover: bool
+
+
+def curve(commands: Callable[[Sequence[int]], list[list[str]]], sizes: Sequence[int], how: How) -> Points:
     """Measure each fleet size."""
     points: Points = {}
     for size in sizes:
-        instances = range(first, first + size)
-        with running(command, instances):
-            ports = [default_port(instance) for instance in instances]
+        instances = range(how.first, how.first + size)
+        started = commands(instances)
+        with running(started.__getitem__, range(len(started))), contextlib.ExitStack() as stack:
+            if how.hover:
+                stack.enter_context(taking_off(instances))
             points[size] = factor_with_physics(
-                ports, warm_up_s, seconds, speed=1.0, workers=min(workers, size), coupling=coupling
+                [default_port(instance) for instance in instances],
+                how.warm_up_s,
+                how.seconds,
+                speed=how.speed,
+                workers=min(how.workers, size),
+                coupling=how.coupling,
+                from_sim_s=HOVERS_FROM_S if how.hover else 0.0,
             )
         print(
             f"  {size} UA: real-time factor {points[size][0]:.3f}, exchange {points[size][1]:.2f} cores",
@@ -79,7 +161,7 @@ def table(curves: dict[str, Points]) -> str:
     return "\n".join(lines)
 
 
-def plot(curves: dict[str, Points], file: Path) -> None:
+def plot(curves: dict[str, Points], file: Path, speed: float) -> None:
     """Draw the curves to `file`."""
     from matplotlib.figure import Figure
 
@@ -87,10 +169,17 @@ def plot(curves: dict[str, Points], file: Path) -> None:
     axes = figure.add_subplot()
     for name, points in curves.items():
         axes.plot(list(points), [factor for factor, _ in points.values()], marker="o", label=name)
-    axes.axhline(LIMIT, color="grey", linestyle=":", label=f"{LIMIT}")
-    axes.set(xlabel="UA", ylabel="real-time factor reached (1 wanted)", ylim=(0, 1.05))
+    if speed == 1.0:
+        axes.axhline(LIMIT, color="grey", linestyle=":", label=f"{LIMIT}")
+    axes.set(xlabel="UA", ylabel=f"real-time factor reached (wanted: {speed:g})")
+    axes.set_ylim(bottom=0.0)
     axes.legend()
     figure.savefig(file, dpi=120)
+
+
+def speed_of(text: str) -> float:
+    """A real-time factor, or inf for `max`."""
+    return inf if text == "max" else float(text)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -104,6 +193,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--warm-up", type=float, default=3.0, help="wall time before the measure, s")
     parser.add_argument("--seconds", type=float, default=5.0, help="wall time of each measure")
     parser.add_argument("--instance", type=int, default=FIRST_INSTANCE, help="the first UA's, below 250")
+    parser.add_argument("--speed", type=speed_of, default=1.0, help="real-time factor to aim at, or max")
+    parser.add_argument("--hover", action="store_true", help="measure stand-ins in hover, not on the ground")
+    parser.add_argument(
+        "--standin-processes", type=int, default=core_count(), help="processes of the stand-ins (a core each)"
+    )
     parser.add_argument("--workers", type=int, default=1, help="processes of the exchange")
     couplings = get_args(Coupling)
     parser.add_argument("--coupling", choices=couplings, nargs="+", default=list(couplings))
@@ -113,38 +207,42 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--plot", type=Path, help="file of the plot")
     options = parser.parse_args(arguments)
     binary, more = find_arducopter(), [path.resolve() for path in options.parameters]
-    commands: dict[str, Callable[[int], Sequence[str]]] = {"standin": standin_command}
+    commands: dict[str, Callable[[Sequence[int]], list[list[str]]]] = {
+        "standin": lambda instances: standin_commands(instances, options.standin_processes)
+    }
     if binary is not None:
-        commands["arducopter"] = lambda instance: arducopter_command(binary, instance, more)
+        commands["arducopter"] = lambda instances: [arducopter_command(binary, i, more) for i in instances]
     curves: dict[str, Points] = {}
     for name in options.autopilot:
         if name not in commands:
             print("fdm fleet with arducopter: skipped, as neither ARDUPILOT_HOME nor PATH leads to one")
             continue
         print(
-            f"fdm fleet with {name}, speed 1, {os.cpu_count()} cores, {options.workers} worker(s), "
+            f"fdm fleet with {name}, speed {options.speed:g}, {os.cpu_count()} cores, {options.workers} worker(s), "
             f"load average {load()} before"
         )
         for coupling in options.coupling:
             print(f" {coupling} coupling")
-            curves[f"{name}, {coupling}"] = curve(
-                commands[name],
-                options.sizes,
+            how = How(
                 options.instance,
                 options.warm_up,
                 options.seconds,
                 options.workers,
                 coupling,
+                options.speed,
+                options.hover and name == "standin",
             )
+            curves[f"{name}, {coupling}"] = curve(commands[name], options.sizes, how)
     print(table(curves))
     if options.plot is not None:
-        plot(curves, options.plot)
+        plot(curves, options.plot, options.speed)
     print(
         json.dumps(
             {
                 "bench": "fdm_fleet",
                 "cores": os.cpu_count(),
                 "python": platform.python_version(),
+                "speed": "max" if options.speed == inf else options.speed,
                 "curves": curves,
             }
         )

@@ -16,7 +16,7 @@ from typing import get_args
 
 from benchmarks.bench_fdm import load
 from benchmarks.bench_fdm_ardupilot import arducopter_command, factor_with_physics, find_arducopter, running
-from benchmarks.bench_fdm_fleet import standin_command
+from benchmarks.bench_fdm_fleet import standin_commands
 from fdm.exchange.aircraft_spec import default_port
 from fdm.exchange.settings import Coupling, Placement
 
@@ -29,7 +29,9 @@ def measure_round(ua: int, coupling: Coupling, instance: int, seconds: float) ->
     instances = range(instance, instance + ua)
     for placement in get_args(Placement):
         warm_up_s = 4.0 if placement == "auto" and ua == 1 and coupling == "serial" else 1.0
-        with running(lambda i: arducopter_command(binary, i) if binary else standin_command(i), instances):
+        with running(
+            lambda i: arducopter_command(binary, i) if binary else standin_commands([i], 1)[0], instances
+        ):
             factors[placement], _ = factor_with_physics(
                 [default_port(i) for i in instances],
                 min(warm_up_s, 4.0 * seconds),

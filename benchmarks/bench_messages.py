@@ -81,7 +81,7 @@ def for_rosbags(message: Message) -> Any:
 
 def _for_rosbags(value: Any, kind: str, is_sequence: bool) -> Any:
     if is_sequence and kind in PRIMITIVES:
-        return np.asarray(value, dtype=PRIMITIVES[kind])
+        return np.asarray(list(value), dtype=PRIMITIVES[kind])
     if is_sequence:
         return [_for_rosbags(item, kind, False) for item in value]
     return for_rosbags(value) if isinstance(value, Message) else value

@@ -13,8 +13,8 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing as mp
-import os
 import statistics
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from typing import Any
 
 from bridge.bus.keys import Keys
 from bridge.bus.session import AGENT, Sample, Session, Stamp, free_port, open_client, open_router
-from bridge.radio.deliveries import DeliveriesWriter
+from bridge.radio.deliveries import DeliveryColumns
 from bridge.radio.virtual_radio import Forward, VirtualRadio
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
@@ -37,7 +37,7 @@ PACKETS = 1500
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
-def bare_fan_out(session: Session, nodes: list[str]) -> Callable[[Sample], None]:
+def bare_fan_out(session: Session, nodes: list[str], _folder: Path) -> Callable[[Sample], None]:
     """A packet to one key per receiver, with nothing decided."""
     keys = [KEYS.rx(node, "0", "team") for node in nodes[1:]]
 
@@ -48,11 +48,11 @@ def bare_fan_out(session: Session, nodes: list[str]) -> Callable[[Sample], None]
     return forward
 
 
-def radio_router(session: Session, nodes: list[str]) -> Callable[[Sample], None]:
+def radio_router(session: Session, nodes: list[str], folder: Path) -> Callable[[Sample], None]:
     """Our core with its record, in Zenoh's thread (its process adds a queue of its own)."""
     medium = Medium(Radio(load_radio("moon2020")), seed=1, nodes=nodes)
     core = VirtualRadio(KEYS, medium, nodes)
-    writer = DeliveriesWriter(Path(os.devnull))
+    writer = DeliveryColumns(folder, nodes)
     for tick_ns in (0, 3600 * 10**9):
         for i, node in enumerate(nodes):
             core.on_truth(node, tick_ns, (100.0 if i else 0.0, float(i), -40.0), LEVEL)
@@ -73,9 +73,9 @@ def radio_router(session: Session, nodes: list[str]) -> Callable[[Sample], None]
 
 def serve(kind: str, endpoint: str, nodes: list[str], pipe: Connection) -> None:
     """The measured process: reports its CPU time whenever asked."""
-    with open_router(endpoint) as session:
+    with open_router(endpoint) as session, tempfile.TemporaryDirectory() as folder:
         make = {"bare": bare_fan_out, "router": radio_router}[kind]
-        session.subscribe(KEYS.tx("*", "*"), make(session, nodes))
+        session.subscribe(KEYS.tx("*", "*"), make(session, nodes, Path(folder)))
         pipe.send("ready")
         while pipe.recv() == "cpu":
             pipe.send(time.process_time())

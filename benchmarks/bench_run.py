@@ -41,7 +41,7 @@ def scenario_of(changes: Mapping[str, Any], duration_s: float | None) -> dict[st
     content |= {key: value for key, value in changes.items() if key != LONE}
     content["ports"] = {"zenoh": 0, "first_slot": SLOT}
     if LONE in changes:
-        content["ua"] = content["ua"][1:]
+        content["nodes"] = content["nodes"][1:]
     if duration_s is not None:
         content["duration_s"] = duration_s
     return content

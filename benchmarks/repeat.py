@@ -104,7 +104,7 @@ def fly(line: Line, changes: Mapping[str, Any], out: Path, slot: int) -> tuple[P
         for step in path:
             part = part.setdefault(step, {})
         part[last] = value
-    for ua in content["ua"]:
+    for ua in content["nodes"]:
         if "class" in ua["agent"]:
             ua["agent"]["class"] = str(line.scenario.parent / ua["agent"]["class"])
     out.mkdir(parents=True, exist_ok=True)

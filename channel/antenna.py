@@ -5,6 +5,8 @@ Body axes are forward, right, down. Azimuth is from forward to the right, elevat
 
 from __future__ import annotations
 
+import math
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -12,11 +14,16 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from channel.checks import FloatArray
-from channel.units import db_from_ratio
+from channel.units import db_from_ratio, ratio_from_db
 from channel.variant import Settings, Variant
 
 DIPOLE_PEAK = 1.640922
 """Directivity of a half-wave dipole, 2.151 dBi (Balanis, Antenna Theory, sec. 4.6)."""
+PEAK_DB = 10.0 * math.log10(DIPOLE_PEAK)
+
+
+Vector = tuple[FloatArray, FloatArray, FloatArray]
+"""Its components, each of one shape."""
 
 
 class AntennaModel(Protocol):
@@ -68,15 +75,18 @@ class HalfWaveDipole(_Directed):
 
     def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
         """Return 10 log10(1.64 (cos(pi/2 cos t) / sin t)^2) for the angle t from the axis."""
-        along = np.clip(direction_frd[..., 2], -1.0, 1.0)
-        across = np.sqrt(np.maximum(1.0 - along**2, 1e-12))
-        pattern = (np.cos(0.5 * np.pi * along) / across) ** 2
+        along = np.minimum(np.abs(direction_frd[..., 2]), 1.0)
+        field = np.cos(0.5 * np.pi * along)
+        pattern = field * field / np.maximum(1.0 - along * along, 1e-12)
         depth = np.maximum(db_from_ratio(np.maximum(pattern, 1e-30)), -self.null_depth_db)
-        return np.asarray(depth + db_from_ratio(DIPOLE_PEAK) - self.loss_db)
+        return depth + (PEAK_DB - self.loss_db)
 
 
 class Sector(_Directed):
-    """A sector antenna: -12 (angle / beamwidth)^2 dB in azimuth and elevation (3GPP TR 36.814, table A.2.1.1-2)."""
+    """A sector antenna: -12 (angle / beamwidth)^2 dB in azimuth and elevation (3GPP TR 36.814, table A.2.1.1-2).
+
+    Each falls no further than its own limit, and both together no further than `front_to_back_db`.
+    """
 
     model: Literal["sector"] = "sector"
     gain_db: float = Field(default=14.0, ge=-100.0, le=100.0, description="in the middle of the sector")
@@ -88,13 +98,17 @@ class Sector(_Directed):
         default=25.0, ge=0.0, le=200.0, description="how far the gain falls at most"
     )
 
+    side_lobe_db: float = Field(
+        default=20.0, ge=0.0, le=200.0, description="how far it falls at most above and below the beam"
+    )
+
     def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
         """Return the gain, dB."""
         azimuth, elevation = azimuth_elevation_deg(direction_frd)
         off = (azimuth - self.azimuth_deg + 180.0) % 360.0 - 180.0
         across = np.minimum(12.0 * (off / self.azimuth_beamwidth_deg) ** 2, self.front_to_back_db)
         tilt = (elevation - self.elevation_deg) / self.elevation_beamwidth_deg
-        upright = np.minimum(12.0 * tilt**2, self.front_to_back_db)
+        upright = np.minimum(12.0 * tilt**2, self.side_lobe_db)
         return np.asarray(self.gain_db - np.minimum(across + upright, self.front_to_back_db))
 
 
@@ -119,13 +133,17 @@ class Pattern(_Directed):
             raise ValueError("azimuths have to span less than 360 degrees: the pattern wraps around")
         return self
 
-    def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
-        """Return the gain, dB."""
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Azimuths, the first again after a full turn; elevations; gains in dB, shape (azimuths, elevations)."""
         rows = np.asarray(self.pattern)
         azimuths, elevations = np.unique(rows[:, 0]), np.unique(rows[:, 1])
         grid = rows[np.lexsort((rows[:, 1], rows[:, 0])), 2].reshape(len(azimuths), len(elevations))
-        grid = np.concatenate((grid, grid[:1]))
-        azimuths = np.append(azimuths, azimuths[0] + 360.0)
+        return np.append(azimuths, azimuths[0] + 360.0), elevations, np.concatenate((grid, grid[:1]))
+
+    def towards_db(self, direction_frd: FloatArray, /) -> FloatArray:
+        """Return the gain, dB."""
+        azimuths, elevations, grid = self._table
         azimuth, elevation = azimuth_elevation_deg(direction_frd)
         i, u = _cell(azimuths, (azimuth - azimuths[0]) % 360.0 + azimuths[0])
         if len(elevations) == 1:
@@ -137,28 +155,38 @@ class Pattern(_Directed):
 
 
 class Polarisation(Settings):
-    """Loss between two linearly polarised antennas along the bodies' verticals: 20 log10 |cos angle|."""
+    """Loss between two linearly polarised antennas along the bodies' verticals, with finite cross-polar discrimination.
+
+    The field of each goes as the part a of its axis across the way. The share of power that arrives is
+    ((a1 . a2)^2 + q) / (|a1|^2 |a2|^2 + q), q = X / (1 - X), X = 10^(-cross_polar_db / 10): X + (1 - X) cos^2 where
+    both are seen from abeam; without a jump where one is seen along its axis and has no direction of its own.
+    """
 
     cross_polar_db: float = Field(
-        default=20.0, ge=0.0, le=100.0, description="the loss is never more than this"
+        default=20.0, gt=0.0, le=100.0, description="the loss is never more than this"
     )
 
     def loss_db(
         self, attitude_tx_wxyz: FloatArray, attitude_rx_wxyz: FloatArray, way_ned: FloatArray
     ) -> FloatArray:
         """Return the loss in dB for attitudes of shape (..., 4) and unit vectors from tx to rx, shape (..., 3)."""
-        down = np.array([0.0, 0.0, 1.0])
-        field_tx = _across(rotate(attitude_tx_wxyz, down), way_ned)
-        field_rx = _across(rotate(attitude_rx_wxyz, down), way_ned)
-        cosine = np.abs(np.sum(field_tx * field_rx, axis=-1))
-        return np.asarray(np.minimum(-2.0 * db_from_ratio(np.clip(cosine, 1e-10, 1.0)), self.cross_polar_db))
+        tx, rx = _down_axis(attitude_tx_wxyz), _down_axis(attitude_rx_wxyz)
+        way = way_ned[..., 0], way_ned[..., 1], way_ned[..., 2]
+        along_tx, along_rx = _dot(tx, way), _dot(rx, way)
+        leak = float(ratio_from_db(-self.cross_polar_db))
+        leak /= 1.0 - leak
+        together = np.square(_dot(tx, rx) - along_tx * along_rx)  # of the parts across the way
+        both = (1.0 - along_tx * along_tx) * (1.0 - along_rx * along_rx)
+        return np.asarray(np.maximum(db_from_ratio((both + leak) / (together + leak)), 0.0))
 
 
 def rotate(attitude_wxyz: FloatArray, vector: FloatArray) -> FloatArray:
     """Return vectors of body axes in the north-east-down frame; both broadcast, shapes (..., 4) and (..., 3)."""
-    w, xyz = attitude_wxyz[..., :1], attitude_wxyz[..., 1:]
-    twice = 2.0 * np.cross(xyz, vector)
-    return np.asarray(vector + w * twice + np.cross(xyz, twice))
+    w, x, y, z = (attitude_wxyz[..., k] for k in range(4))
+    a, b, c = (vector[..., k] for k in range(3))
+    p, q, r = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    turned = (a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p)
+    return np.stack(turned, axis=-1)
 
 
 def to_body(attitude_wxyz: FloatArray, vector_ned: FloatArray) -> FloatArray:
@@ -177,8 +205,11 @@ def _cell(grid: FloatArray, value: FloatArray) -> tuple[NDArray[np.intp], FloatA
     return index, (value - grid[index]) / (grid[index + 1] - grid[index])
 
 
-def _across(axis: FloatArray, way: FloatArray) -> FloatArray:
-    """Return the part of an axis that is square to the way, of length 1."""
-    part = axis - np.sum(axis * way, axis=-1, keepdims=True) * way
-    length = np.sqrt(np.sum(part**2, axis=-1, keepdims=True))
-    return np.asarray(part / np.maximum(length, 1e-9))
+def _down_axis(attitude_wxyz: FloatArray) -> Vector:
+    """Return where the body's down axis points, in north-east-down."""
+    w, x, y, z = (attitude_wxyz[..., k] for k in range(4))
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+def _dot(a: Vector, b: Vector) -> FloatArray:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -14,6 +14,7 @@ from channel.fading.shadowing import (
     NoShadowing,
     OneSidedNormalShadowing,
 )
+from channel.own import own_models
 from channel.phy.bursts import GilbertElliott, NoBursts
 from channel.phy.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
@@ -21,9 +22,11 @@ from channel.phy.noise import FixedNoise, ThermalNoise
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
+from channel.propagation.gain_map import GainMap
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss, TwoRay
+from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
 from channel.propagation.terrain import Terrain
+from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.variant import Settings, Variant
 
 Propagation = Annotated[
@@ -31,26 +34,38 @@ Propagation = Annotated[
     | LogDistance
     | NoPathLoss
     | TwoRay
+    | TwoSlope
     | OkumuraHata
     | Cost231Hata
     | AlHourani
     | UmaAv
     | RmaAv
-    | Terrain,
+    | Terrain
+    | GainMap,
     Field(discriminator="model"),
+    *own_models("propagation", "path_loss_db"),
 ]
 Shadowing = Annotated[
     NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,
     Field(discriminator="model"),
 ]
-Fading = Annotated[NoFading | Rayleigh | Rician | Nakagami, Field(discriminator="model")]
-Antenna = Annotated[Isotropic | HalfWaveDipole | Sector | Pattern, Field(discriminator="model")]
+Fading = Annotated[
+    NoFading | Rayleigh | Rician | Nakagami,
+    Field(discriminator="model"),
+    *own_models("fading", "gain_db", "rule"),
+]
+Antenna = Annotated[
+    Isotropic | HalfWaveDipole | Sector | Pattern,
+    Field(discriminator="model"),
+    *own_models("antenna", "needs_direction", "towards_db"),
+]
 Atmosphere = Annotated[NoAtmosphere | ItuAtmosphere, Field(discriminator="model")]
 Bursts = Annotated[NoBursts | GilbertElliott, Field(discriminator="model")]
 Noise = Annotated[FixedNoise | ThermalNoise, Field(discriminator="model")]
 Error = Annotated[
     ErfcBytes | UncodedAwgn | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
     Field(discriminator="model"),
+    *own_models("error", "breaks_db", "ber", "per"),
 ]
 
 
@@ -105,8 +120,16 @@ class RadioConfig(Settings):
     default_height_m: float = Field(default=40.0, gt=0.0, description="of both ends, where none is given")
     min_distance_m: float = Field(default=1.0, gt=0.0, description="shorter distances count as this")
     max_range_m: float | None = Field(default=None, gt=0.0, description="nothing is received beyond it")
-    offset_db: float = Field(default=0.0, description="added to the received power (the paper's delta)")
+    offset_db: float = Field(
+        default=0.0, description="added to what is received, wanted or not (the paper's delta)"
+    )
+    cable_loss_db: float = Field(
+        default=0.0, ge=0.0, le=100.0, description="between radio and antenna, at each end"
+    )
     propagation: Propagation = Field(default_factory=FreeSpace)
+    earth_radius_factor: float | None = Field(
+        default=4.0 / 3.0, gt=0.0, le=100.0, description="by which the air bends rays; null: a flat Earth"
+    )
     atmosphere: Atmosphere = Field(default_factory=NoAtmosphere, description="gases and rain")
     shadowing: Shadowing = Field(default_factory=NoShadowing)
     fading: Fading = Field(default_factory=NoFading)
@@ -114,6 +137,7 @@ class RadioConfig(Settings):
     interference: Interference = Field(default_factory=Interference)
     error: Error = Field(default_factory=UncodedAwgn)
     length: Length = Field(default_factory=PayloadLength)
+    mtu_bytes: int = Field(default=65535, ge=1, le=1 << 20, description="longest payload that it takes")
     nominal_payload_bytes: int = Field(default=40, ge=0, le=65535, description="where no length is given")
     base_loss: float = Field(
         default=0.0,

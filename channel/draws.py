@@ -1,30 +1,33 @@
 """Counter-based draws: a number depends on who asks for what, never on when or in which order.
 
 Philox4x64-10 (Salmon et al. 2011, numpy's `Philox`) is keyed by (run seed, transmitter, receiver, stream); its
-counter is the packet's sequence number. One counter step gives four 64-bit words, one per purpose. The scalar
-and the vectorised functions read the same words.
+counter is the packet's sequence number. One counter step gives four 64-bit words, one per purpose. `Draws` gives the
+words of named streams, `LinkDraws` those of many links at once, by the indices of their ends: the same words.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import ChannelInputError, FloatArray
+from channel.philox import WORDS_PER_COUNT, PhiloxRuns, Words, philox_words
 
-WORDS_PER_COUNT = 4
+__all__ = ["WORDS_PER_COUNT", "Draws", "LinkDraws", "Purpose", "stream_key", "uniform_from_words"]
+
 BLOCK_PACKETS = 128
-"""Sequence numbers drawn at once per link; a draw does not depend on it."""
-KEPT_BLOCKS = 2
-MAX_STREAMS = 20_000
-"""Streams kept open; those that are closed and opened again draw the same numbers."""
-BEFORE_ZERO = (2**64 - 1,) * 4
+"""Sequence numbers that are drawn ahead of need per link of a small fleet; a draw does not depend on it."""
+AHEAD_MAX_NODES = 64
+"""In larger fleets nothing is drawn ahead: the blocks of all links would take too much memory."""
 MAX_SEQ = 2**63 - 1
+MAX_STREAMS = 20_000
+"""Named streams whose keys are kept."""
+
+Indices = NDArray[np.intp]
 
 
 class Purpose(Enum):
@@ -42,7 +45,7 @@ class Purpose(Enum):
         self.word = word
 
 
-def stream_key(seed: int, *names: str) -> NDArray[np.uint64]:
+def stream_key(seed: int, *names: str) -> Words:
     """Return the 128-bit Philox key of a named stream, as two words.
 
     BLAKE2b over the seed and the names, each with its length before it: stable between processes, Python
@@ -55,74 +58,12 @@ def stream_key(seed: int, *names: str) -> NDArray[np.uint64]:
     return np.frombuffer(digest.digest(), dtype="<u8").astype(np.uint64)
 
 
-def uniform_from_words(words: NDArray[np.uint64]) -> FloatArray:
+def uniform_from_words(words: Words) -> FloatArray:
     """Return numbers of the open interval (0, 1) from 64-bit words: the middle of one of 2^52 equal cells."""
     uniform = (words >> np.uint64(12)).astype(np.float64)
     uniform += 0.5
     uniform *= 2.0**-52
     return uniform
-
-
-class Table:
-    """Rows of numbers by sequence number, made in blocks; the last two blocks are kept.
-
-    Args:
-        make: returns the rows of one block, shape (BLOCK_PACKETS, receivers), for the block's number.
-    """
-
-    def __init__(self, make: Callable[[int], FloatArray]) -> None:
-        self._make = make
-        self._blocks: OrderedDict[int, FloatArray] = OrderedDict()
-
-    def row(self, seq: int) -> FloatArray:
-        """Return the row of a sequence number, shape (receivers,)."""
-        number, offset = divmod(seq, BLOCK_PACKETS)
-        rows = self._blocks.get(number)
-        if rows is None:
-            rows = self._blocks[number] = self._make(number)
-            if len(self._blocks) > KEPT_BLOCKS:
-                self._blocks.popitem(last=False)
-        row: FloatArray = rows[offset]
-        return row
-
-
-class Fan:
-    """The draws of one transmitter's packets at its receivers: the numbers of `Draws.uniform`, ahead of need.
-
-    Args:
-        draws: the run's draws.
-        tx: transmitting node.
-        receivers: receiving nodes.
-    """
-
-    def __init__(self, draws: Draws, tx: str, receivers: Sequence[str]) -> None:
-        self._draws = draws
-        self._tx = tx
-        self._receivers = tuple(receivers)
-        self._uniforms: dict[Purpose, Table] = {}
-        self._words: dict[str, tuple[int, NDArray[np.uint64]]] = {}
-
-    def uniforms(self, purpose: Purpose) -> Table:
-        """Return the draws for a purpose."""
-        table = self._uniforms.get(purpose)
-        if table is None:
-            table = self._uniforms[purpose] = self.derived(purpose, lambda uniform: uniform)
-        return table
-
-    def derived(self, purpose: Purpose, law: Callable[[FloatArray], FloatArray]) -> Table:
-        """Return what a function makes of the draws for a purpose, element by element."""
-        return Table(lambda block: law(self._block(purpose, block)))
-
-    def _block(self, purpose: Purpose, block: int) -> FloatArray:
-        """Return a block of draws; the words of the last one are kept, for the other purposes of the stream."""
-        number, words = self._words.get(purpose.stream, (-1, None))
-        if words is None or number != block:
-            words = np.empty((BLOCK_PACKETS, len(self._receivers), WORDS_PER_COUNT), dtype=np.uint64)
-            for column, rx in enumerate(self._receivers):
-                names = (self._tx, rx, purpose.stream)
-                words[:, column] = self._draws.words(names, block * BLOCK_PACKETS, BLOCK_PACKETS)
-            self._words[purpose.stream] = block, words
-        return uniform_from_words(np.ascontiguousarray(words[:, :, purpose.word]))
 
 
 class Draws:
@@ -134,11 +75,10 @@ class Draws:
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
-        self._fans: dict[tuple[str, tuple[str, ...]], Fan] = {}
-        self._streams: dict[tuple[str, ...], tuple[np.random.Philox, int]] = {}
-        """Each with the counter that it draws next."""
+        self._runs = PhiloxRuns()
+        self._keys: dict[tuple[str, ...], Words] = {}
 
-    def words(self, names: tuple[str, ...], first: int, count: int) -> NDArray[np.uint64]:
+    def words(self, names: tuple[str, ...], first: int, count: int) -> Words:
         """Return the words of `count` successive counter values from `first` on, shape (count, 4).
 
         Raises:
@@ -146,34 +86,138 @@ class Draws:
         """
         if not 0 <= first <= MAX_SEQ:
             raise ChannelInputError("seq", first, f"an integer from 0 to {MAX_SEQ}")
-        philox, at = self._streams.get(names) or self._stream(names)
-        if at != first:
-            philox.advance(first - at)
-        self._streams[names] = philox, first + count
-        return philox.random_raw(count * WORDS_PER_COUNT).reshape(count, WORDS_PER_COUNT)
+        key = self._keys.get(names)
+        if key is None:
+            if len(self._keys) >= MAX_STREAMS:
+                self._keys.clear()
+            key = self._keys[names] = stream_key(self.seed, *names)
+        return self.run(key, first, count)
 
-    def _stream(self, names: tuple[str, ...]) -> tuple[np.random.Philox, int]:
-        """Return a stream before its counter 0: numpy steps the counter before it draws."""
-        if len(self._streams) >= MAX_STREAMS:
-            self._streams.clear()
-        return np.random.Philox(key=stream_key(self.seed, *names), counter=BEFORE_ZERO), 0
+    def run(self, key: Words, first: int, count: int) -> Words:
+        """Return what `words` returns, for a key."""
+        return self._runs.words(key, first, count)
 
     def uniform(self, purpose: Purpose, tx: str, rx: str, seq: int) -> float:
         """Return the draw of one packet on one link, in the open interval (0, 1)."""
         words = self.words((tx, rx, purpose.stream), seq, 1)
         return float(uniform_from_words(words[0, purpose.word]))
 
-    def fan(self, tx: str, receivers: Sequence[str]) -> Fan:
-        """Return the draws of one transmitter's packets at its receivers."""
-        names = tx, tuple(receivers)
-        fan = self._fans.get(names)
-        if fan is None:
-            fan = self._fans[names] = Fan(self, *names)
-        return fan
 
-    def uniforms(self, purpose: Purpose, tx: str, receivers: Sequence[str], seq: int) -> FloatArray:
-        """Return the draws of one packet to many receivers, shape (receivers,); equal to `uniform` of each."""
-        return self.fan(tx, receivers).uniforms(purpose).row(seq)
+class LinkDraws:
+    """Draws of many links at once, each link given by the indices of its ends.
+
+    Args:
+        draws: the run's draws.
+        nodes: names of all nodes.
+    """
+
+    def __init__(self, draws: Draws, nodes: Sequence[str]) -> None:
+        self.draws = draws
+        self.nodes = tuple(nodes)
+        order = np.array(sorted(range(len(self.nodes)), key=self.nodes.__getitem__), dtype=np.intp)
+        self._rank = np.argsort(order)
+        self._keys: dict[tuple[str, ...], tuple[Words, NDArray[np.bool_]]] = {}
+        self._ahead: dict[tuple[Purpose, ...], _Ahead] = {}
+
+    def by_name(self, tx: Indices, rx: Indices) -> tuple[Indices, Indices]:
+        """Return the ends of links in the order of their names: what both directions of a pair share is keyed so."""
+        turned = self._rank[tx] > self._rank[rx]
+        return np.where(turned, rx, tx), np.where(turned, tx, rx)
+
+    def keys(self, stream: tuple[str, ...], tx: Indices, rx: Indices) -> Words:
+        """Return the keys of one stream, given by the names after the link's, in this direction, shape (2, L)."""
+        size = len(self.nodes)
+        if stream not in self._keys:
+            self._keys[stream] = np.empty((2, size * size), np.uint64), np.zeros(size * size, bool)
+        keys, known = self._keys[stream]
+        at = tx * size + rx
+        if not known[at].all():
+            for link in np.unique(at[~known[at]]).tolist():
+                names = self.nodes[link // size], self.nodes[link % size]
+                keys[:, link] = stream_key(self.draws.seed, *names, *stream)
+                known[link] = True
+        return keys[:, at]
+
+    def words(self, stream: tuple[str, ...], tx: Indices, rx: Indices, counters: NDArray[np.int64]) -> Words:
+        """Return the words of each link at its counter, shape (4, L): those of `Draws.words`."""
+        return philox_words(self.keys(stream, tx, rx), counters)
+
+    def uniforms(
+        self, purposes: tuple[Purpose, ...], packets: tuple[Indices, NDArray[np.int64]], *links: Indices
+    ) -> FloatArray:
+        """Return the draws of packets at receivers for purposes of one stream, in one call.
+
+        Args:
+            purposes: of one stream.
+            packets: transmitter and sequence number of each packet, shape (P,) each.
+            *links: row of the packet and receiver of each link, shape (L,) each.
+
+        Returns:
+            Shape (purposes, L): equal to `Draws.uniform` of each.
+        """
+        packet, rx = links
+        tx, seq = packets
+        if len(self.nodes) > AHEAD_MAX_NODES:
+            return self._at_once(purposes, tx[packet], rx, seq[packet])
+        ahead = self._ahead.get(purposes)
+        if ahead is None:
+            ahead = self._ahead[purposes] = _Ahead(self, purposes)
+        there, row = ahead.rows(tx, seq)
+        uniform = ahead.take(row[packet] + rx)
+        if not there.all():
+            late = np.flatnonzero(~there[packet])
+            of = packet[late]
+            uniform[:, late] = self._at_once(purposes, tx[of], rx[late], seq[of])
+        return uniform
+
+    def _at_once(
+        self, purposes: tuple[Purpose, ...], tx: Indices, rx: Indices, seq: NDArray[np.int64]
+    ) -> FloatArray:
+        words = self.words((purposes[0].stream,), tx, rx, seq)
+        return uniform_from_words(words[[each.word for each in purposes]])
+
+
+class _Ahead:
+    """The draws of one block of sequence numbers of each transmitter, at all receivers.
+
+    Args:
+        links: whose draws.
+        purposes: of one stream.
+    """
+
+    def __init__(self, links: LinkDraws, purposes: tuple[Purpose, ...]) -> None:
+        size = len(links.nodes)
+        self._links = links
+        self._purposes = purposes
+        self._block = np.full(size, -1, dtype=np.int64)
+        self._table = np.zeros((len(purposes), size, BLOCK_PACKETS, size))
+        self._flat = self._table.reshape(len(purposes), -1)
+
+    def rows(self, tx: Indices, seq: NDArray[np.int64]) -> tuple[NDArray[np.bool_], Indices]:
+        """Return whether the draws of packets are in the table, and where the row of each begins.
+
+        A transmitter's block moves on with its sequence numbers, never back.
+        """
+        block, slot = np.divmod(seq, BLOCK_PACKETS)
+        for i in np.flatnonzero(block > self._block[tx]).tolist():
+            self._fill(int(tx[i]), int(block[i]))
+        return block == self._block[tx], (tx * BLOCK_PACKETS + slot) * len(self._block)
+
+    def take(self, at: Indices) -> FloatArray:
+        """Return the draws at places in the table, shape (purposes, L)."""
+        return self._flat.take(at, axis=1)
+
+    def _fill(self, tx: int, block: int) -> None:
+        if block <= self._block[tx]:
+            return
+        others = np.flatnonzero(np.arange(len(self._block)) != tx)
+        keys = self._links.keys((self._purposes[0].stream,), np.full_like(others, tx), others)
+        words = np.zeros((len(self._block), BLOCK_PACKETS, WORDS_PER_COUNT), dtype=np.uint64)
+        for rx, key in zip(others.tolist(), np.ascontiguousarray(keys.T), strict=True):
+            words[rx] = self._links.draws.run(key, block * BLOCK_PACKETS, BLOCK_PACKETS)
+        for row, purpose in zip(self._table, self._purposes, strict=True):
+            row[tx] = uniform_from_words(words[:, :, purpose.word]).T
+        self._block[tx] = block
 
 
 def check_seed(seed: int) -> int:

@@ -26,6 +26,8 @@ class Path(NamedTuple):
         position_rx_ned_m: shape (..., 3), or None.
         attitude_tx_wxyz: body to north-east-down, shape (..., 4); None: level, nose north.
         attitude_rx_wxyz: likewise.
+        reflected_gain_db: what both antennas have more along the ray that flat ground reflects than along the direct
+            one, or None: nothing.
     """
 
     frequency_hz: float | FloatArray
@@ -36,6 +38,7 @@ class Path(NamedTuple):
     position_rx_ned_m: FloatArray | None = None
     attitude_tx_wxyz: FloatArray | None = None
     attitude_rx_wxyz: FloatArray | None = None
+    reflected_gain_db: FloatArray | None = None
 
     @property
     def ground_distance_m(self) -> FloatArray:
@@ -57,6 +60,15 @@ class Path(NamedTuple):
         way = self.position_rx_ned_m - self.position_tx_ned_m
         length = np.sqrt(np.sum(way**2, axis=-1, keepdims=True))
         return np.where(length > 0.0, way / np.maximum(length, 1e-9), NORTH)
+
+
+def reflected_ways_ned(path: Path) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors from tx and from rx to where flat ground reflects the ray between them, shape (..., 3)."""
+    way = path.way_ned
+    level = way[..., :2] * path.distance_m[..., np.newaxis]
+    down = np.broadcast_to(np.add(path.height_tx_m, path.height_rx_m), level.shape[:-1])[..., np.newaxis]
+    length = np.sqrt(np.sum(level * level, axis=-1, keepdims=True) + down * down)
+    return np.concatenate((level, down), axis=-1) / length, np.concatenate((-level, down), axis=-1) / length
 
 
 def separation_m(tx_ned_m: FloatArray, rx_ned_m: FloatArray) -> FloatArray:

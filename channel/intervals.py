@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import bdtr, betaincinv
 
-from channel import checks
+from channel import checks, special
 from channel.checks import FloatArray
 
 CONFIDENCE = 0.99
@@ -41,7 +40,7 @@ def _quantile(n: FloatArray, p: FloatArray, level: float) -> FloatArray:
     low, high = np.full(n.shape, -1.0), n.astype(np.float64)
     while np.any(high - low > 1.0):
         middle = np.floor((low + high) / 2.0)
-        enough = (bdtr(np.maximum(middle, 0.0), n.astype(np.int64), p) >= level) & (middle >= 0.0)
+        enough = (special.bdtr(np.maximum(middle, 0.0), n.astype(np.int64), p) >= level) & (middle >= 0.0)
         low, high = np.where(enough, low, np.minimum(middle, high - 1.0)), np.where(enough, middle, high)
     return high
 
@@ -62,6 +61,6 @@ def proportion_interval(
     if np.any(k > n):
         raise checks.ChannelInputError("successes", float(np.max(k - n)), "at most the trials")
     tail = (1.0 - float(checks.finite("confidence", confidence, 0.0, 1.0, low_open=True))) / 2.0
-    low = np.where(k > 0.0, betaincinv(np.maximum(k, 1.0), n - k + 1.0, tail), 0.0)
-    high = np.where(k < n, betaincinv(k + 1.0, np.maximum(n - k, 1.0), 1.0 - tail), 1.0)
+    low = np.where(k > 0.0, special.betaincinv(np.maximum(k, 1.0), n - k + 1.0, tail), 0.0)
+    high = np.where(k < n, special.betaincinv(k + 1.0, np.maximum(n - k, 1.0), 1.0 - tail), 1.0)
     return low, high

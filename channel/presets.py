@@ -13,6 +13,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from channel.config import RadioConfig
+from channel.own import CLASS_KEY, class_path
+from channel.propagation.terrain import Terrain
 
 Tree = dict[str, Any]
 
@@ -74,9 +76,25 @@ def seen_from(folder: Path, mapping: Mapping[str, Any]) -> Tree:
     return tree
 
 
+def at_origin(config: RadioConfig, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> RadioConfig:
+    """Return the radio with a run's origin put into what lies on the Earth: terrain from a file.
+
+    Raises:
+        PresetError: the file does not cover the place.
+    """
+    if not isinstance(config.propagation, Terrain):
+        return config
+    try:
+        law = config.propagation.at_origin(lat_deg, lon_deg, alt_amsl_m)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise PresetError(_problem(first, "propagation", {}), key="propagation") from error
+    return config.model_copy(update={"propagation": law})
+
+
 def radio_to_yaml(config: RadioConfig) -> str:
     """Return the YAML text that `load_radio` reads back as the same radio."""
-    tree = config.model_dump(mode="json", by_alias=True, exclude_defaults=False, exclude_none=True)
+    tree = config.model_dump(mode="json", by_alias=True)
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
 
 
@@ -89,11 +107,16 @@ def merged(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> Tree:
     for key, value in overrides.items():
         old = out.get(key)
         if isinstance(old, Mapping) and isinstance(value, Mapping):
-            same_model = "model" not in value or value["model"] == old.get("model")
-            out[key] = merged(old, value) if same_model else dict(value)
+            named = _named(value)
+            out[key] = merged(old, value) if named in (None, _named(old)) else dict(value)
         else:
             out[key] = value
     return out
+
+
+def _named(group: Mapping[str, Any]) -> object:
+    """Return which model a group names, None if none."""
+    return group.get(CLASS_KEY, group.get("model"))
 
 
 def overrides_from_settings(settings: Iterable[str]) -> Tree:
@@ -175,13 +198,17 @@ def _read(file: Path, extending: tuple[Path, ...]) -> Tree:
 
 
 def _with_tables(tree: Mapping[str, Any], beside: Path, prefix: str = "") -> Tree:
-    """Return the tree with each key `x_file`, a CSV as seen from a directory, replaced by its rows under `x`."""
+    """Return the tree with files as seen from a directory: a CSV's rows under `x` for `x_file`, classes by path."""
     out: Tree = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):
             out[str(key)] = _with_tables(value, beside, f"{prefix}{key}.")
         elif str(key).endswith("_file"):
             out[key.removesuffix("_file")] = _csv_rows(beside / str(value), f"{prefix}{key}")
+        elif key == CLASS_KEY:
+            out[key] = class_path(str(value), beside)
+        elif key == "file" and value is not None:
+            out[key] = str((beside / str(value)).absolute())
         else:
             out[str(key)] = value
     return out

@@ -1,4 +1,4 @@
-"""Ranges in which a model was measured: outside them it warns once, refuses, or says nothing, as configured."""
+"""Ranges in which a model was measured: outside them it refuses, or warns once, or counts the nearest place inside."""
 
 from __future__ import annotations
 
@@ -11,34 +11,47 @@ from pydantic import Field, PrivateAttr
 from channel.checks import ChannelInputError, FloatArray
 from channel.variant import Variant
 
+OUTSIDE_KEY = "`outside: warn` goes on with the formula, `outside: clamp` with the nearest place inside"
+
 
 class ValidityWarning(UserWarning):
     """A model is used outside the range that it was made for."""
 
 
+class OutsideValidityError(ChannelInputError):
+    """A model is used outside the range that it was made for, and refuses."""
+
+
 class RangedVariant(Variant):
     """A model with a validity range."""
 
-    outside: Literal["warn", "refuse", "ignore"] = Field(
-        default="warn", description="what to do outside the model's validity range"
+    outside: Literal["refuse", "warn", "clamp"] = Field(
+        default="refuse", description="what to do outside the model's validity range"
     )
     _warned: set[str] = PrivateAttr(default_factory=set)
 
-    def within(self, name: str, value: FloatArray | float, low: float, high: float) -> None:
-        """Act as configured if any of the values lies outside [low, high].
+    def within(self, name: str, value: FloatArray | float, low: float, high: float) -> FloatArray:
+        """Return the values to count with: as they are, or with `clamp` the nearest of [low, high].
 
         Raises:
-            ChannelInputError: it does, and the model is to refuse.
+            OutsideValidityError: a value lies outside, and the model is to refuse.
         """
-        if self.outside == "ignore" or name in self._warned:
-            return
-        array = np.asarray(value)
+        array = np.asarray(value, dtype=np.float64)
+        if self.outside == "clamp":
+            return np.clip(array, low, high)
+        if self.outside == "warn" and name in self._warned:
+            return array
         bad = (array < low) | (array > high)
-        if not bad.any():
-            return
-        first = float(array[bad].flat[0])
-        allowed = f"{low:g} to {high:g}, the validity range of {getattr(self, 'model', type(self).__name__)}"
+        if bad.any():
+            self._say(name, float(array[bad].flat[0]), f"{low:g} to {high:g}")
+        return array
+
+    def _say(self, name: str, value: float, allowed: str) -> None:
+        model = getattr(self, "model", type(self).__name__)
         if self.outside == "refuse":
-            raise ChannelInputError(name, first, allowed)
+            raise OutsideValidityError(
+                name, value, f"{allowed}, the validity range of {model}; {OUTSIDE_KEY}"
+            )
         self._warned.add(name)
-        warnings.warn(f"{name} = {first:g}: outside {allowed}", ValidityWarning, stacklevel=3)
+        message = f"{name} = {value:g}: outside {allowed}, the validity range of {model}"
+        warnings.warn(message, ValidityWarning, stacklevel=4)

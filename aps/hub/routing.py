@@ -6,22 +6,26 @@ The rules (those of ArduPilot's MAVLink_routing, see "Routing" in mavlink.io's g
 - no target, or target system 0: every other link;
 - target system of another UA or ground station: only links that have seen that system;
 - our own UA's system with a component: only links that have seen that component (component 0: all that have
-  seen the system);
+  seen the system). A component that nobody has seen: the autopilot, which decides;
 - HEARTBEAT: every other link but those already known to reach its sender (this is what ends loops);
 - RADIO and RADIO_STATUS describe one link and are never forwarded;
-- what claims to come from ourselves, or from the autopilot on any link but the autopilot's, is a loop or a
-  forgery and goes nowhere.
+- what we have sent ourselves and comes back, and what claims to come from the autopilot on any link but the
+  autopilot's, is a loop or a forgery and goes nowhere. Another component that shares our ids is heard: MAVROS
+  and other programs on board are component 191, too.
 
 ArduPilot sends untargeted frames of others only to links with a learned route. Here every link counts as
 having one from the start, since many clients only listen (a dashboard, a pymavlink script): they would
 otherwise see no telemetry at all.
+
+One vehicle may have several autopilot links. One of them is the primary: what is for the autopilot goes there
+alone, and only from there its untargeted messages are forwarded, so that nobody gets anything twice.
 
 Routes are learned from the sender of each frame and expire when it is silent; a closed link's go at once.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -34,6 +38,8 @@ NS_PER_S: Final = 1_000_000_000
 DEFAULT_ROUTE_EXPIRY_NS: Final = round(ROUTE_EXPIRY_S * NS_PER_S)
 MAX_LEARNED: Final = 1024
 """Bound on remembered (system, component) pairs: a peer that sends from random ids cannot fill the memory."""
+MAX_OWN: Final = 256
+"""Frames of our own that are remembered, to know them when they come back."""
 
 _HEARTBEAT: Final = 0
 _LINK_LOCAL: Final = frozenset({109, 166})
@@ -52,6 +58,8 @@ class Outcome(Enum):
     NO_ROUTE = "no_route"
     """No other link has seen the target."""
     LOOP = "loop"
+    STANDBY = "standby"
+    """From the autopilot by a link that is not the primary one."""
 
 
 class Route(NamedTuple):
@@ -66,14 +74,15 @@ class Route(NamedTuple):
 
 _LINK_LOCAL_ROUTE: Final = Route(Outcome.LINK_LOCAL, (), True)
 _LOOP_ROUTE: Final = Route(Outcome.LOOP, (), False)
-_LOCAL_ROUTE: Final = Route(Outcome.LOCAL, (), True)
+_STANDBY_ROUTE: Final = Route(Outcome.STANDBY, (), True)
 
 
 class Router:
     """Routing table of one daemon.
 
     Args:
-        sysid: system id of the UA, shared by its autopilot and by us.
+        sysid: system id of the UA, shared by its autopilot and by us; ``None``: there is no UA here (a ground
+            station's hub).
         compid: our own component id.
         autopilot_compid: the autopilot's component id.
         route_expiry_ns: a learned route is forgotten after this silence, in the clock of ``now_ns``.
@@ -81,7 +90,7 @@ class Router:
 
     def __init__(
         self,
-        sysid: int,
+        sysid: int | None,
         compid: int,
         autopilot_compid: int = 1,
         route_expiry_ns: int = DEFAULT_ROUTE_EXPIRY_NS,
@@ -93,33 +102,68 @@ class Router:
         self.autopilot_compid = autopilot_compid
         self.route_expiry_ns = route_expiry_ns
         self.counters: Counter[Outcome] = Counter()
-        self._autopilot_link: int | None = None
+        self._links: dict[int, None] = {}
+        self._autopilots: set[int] = set()
+        self._primary: int | None = None
         self._others: dict[int, tuple[int, ...]] = {}
+        """Link -> where its untargeted frames go, of those that have sent some since links last changed."""
         self._seen: dict[int, dict[int, int]] = {}
         """sysid << 8 | compid -> link -> instant of the latest frame, ns."""
+        self._own: deque[bytes] = deque(maxlen=MAX_OWN)
+        self._own_set: Counter[bytes] = Counter()
 
     @property
     def links(self) -> tuple[int, ...]:
         """Ids of the open links."""
-        return tuple(self._others)
+        return tuple(self._links)
+
+    @property
+    def primary(self) -> int | None:
+        """The autopilot's link that is used; ``None`` when there is none."""
+        return self._primary
 
     def add_link(self, link: int, *, autopilot: bool = False) -> None:
         """Open a link. The autopilot's is known to reach the UA's system before it has spoken."""
-        if link in self._others:
+        if link in self._links:
             raise ValueError(f"link {link} is already open")
+        self._links[link] = None
         if autopilot:
-            self._autopilot_link = link
-        self._rebuild([*self._others, link])
+            self._autopilots.add(link)
+            self._primary = link if self._primary is None else self._primary
+        self._others.clear()
+
+    def use(self, link: int) -> None:
+        """Make one of the autopilot's links the primary one.
+
+        Raises:
+            ValueError: it is none.
+        """
+        if link not in self._autopilots:
+            raise ValueError(f"link {link} is no autopilot's; those are {sorted(self._autopilots)}")
+        self._primary = link
+        self._others.clear()
 
     def remove_link(self, link: int) -> None:
         """Close a link and forget what was learned on it."""
-        if link == self._autopilot_link:
-            self._autopilot_link = None
+        del self._links[link]
+        self._autopilots.discard(link)
+        if link == self._primary:
+            self._primary = min(self._autopilots, default=None)
         for key in [
             key for key, links in self._seen.items() if links.pop(link, None) is not None and not links
         ]:
             del self._seen[key]
-        self._rebuild([other for other in self._others if other != link])
+        self._others.clear()
+
+    def sent(self, raw: bytes) -> None:
+        """We have sent this frame: when it comes back, it is a loop."""
+        if len(self._own) == MAX_OWN:
+            oldest = self._own[0]
+            self._own_set[oldest] -= 1
+            if not self._own_set[oldest]:
+                del self._own_set[oldest]
+        self._own.append(raw)
+        self._own_set[raw] += 1
 
     def expire(self, now_ns: int) -> None:
         """Drop routes whose sender has been silent (they are ignored from their expiry on in any case)."""
@@ -132,7 +176,7 @@ class Router:
 
     def knows(self, link: int, sysid: int, compid: int, now_ns: int) -> bool:
         """Whether a link is known to reach a component."""
-        if link == self._autopilot_link and sysid == self.sysid and compid == self.autopilot_compid:
+        if link in self._autopilots and sysid == self.sysid and compid == self.autopilot_compid:
             return True
         seen_ns = self._seen.get(sysid << 8 | compid, {}).get(link)
         return seen_ns is not None and now_ns - seen_ns <= self.route_expiry_ns
@@ -140,26 +184,29 @@ class Router:
     def route(self, frame: Frame, source: int, now_ns: int) -> Route:
         """Decide one frame that came in on ``source`` and learn its sender."""
         sysid = frame.sysid
-        if sysid == self.sysid and self._is_loop(frame.compid, source):
+        ours = sysid == self.sysid
+        if ours and self._is_loop(frame, source):
             route = _LOOP_ROUTE
         else:
             if sysid:
                 self._learn(sysid << 8 | frame.compid, source, now_ns)
-            if frame.msg_id == _HEARTBEAT:
-                route = self._heartbeat(frame, source, now_ns)
-            elif frame.msg_id in _LINK_LOCAL:
+            if frame.msg_id in _LINK_LOCAL:
                 route = _LINK_LOCAL_ROUTE
-            elif frame.target_system == 0:
-                route = Route(Outcome.BROADCAST, self._others.get(source, ()), True)
-            else:
+            elif frame.target_system:
                 route = self._targeted(frame, source, now_ns)
+            elif ours and frame.compid == self.autopilot_compid and source != self._primary:
+                route = _STANDBY_ROUTE
+            elif frame.msg_id == _HEARTBEAT:
+                route = self._heartbeat(frame, source, now_ns)
+            else:
+                route = Route(Outcome.BROADCAST, self._others_of(source), True)
         self.counters[route.outcome] += 1
         return route
 
-    def _is_loop(self, compid: int, source: int) -> bool:
-        if compid == self.autopilot_compid:
-            return source != self._autopilot_link
-        return compid == self.compid
+    def _is_loop(self, frame: Frame, source: int) -> bool:
+        if frame.compid == self.autopilot_compid:
+            return source not in self._autopilots
+        return frame.compid == self.compid and frame.raw in self._own_set
 
     def _learn(self, key: int, source: int, now_ns: int) -> None:
         links = self._seen.get(key)
@@ -175,7 +222,7 @@ class Router:
     def _heartbeat(self, frame: Frame, source: int, now_ns: int) -> Route:
         links = tuple(
             link
-            for link in self._others.get(source, ())
+            for link in self._others_of(source)
             if not self.knows(link, frame.sysid, frame.compid, now_ns)
         )
         return Route(Outcome.HEARTBEAT, links, True)
@@ -183,14 +230,16 @@ class Router:
     def _targeted(self, frame: Frame, source: int, now_ns: int) -> Route:
         system, component = frame.target_system, frame.target_component
         ours = system == self.sysid
-        if ours and component == self.compid:
-            return _LOCAL_ROUTE
         if ours and component:
             links = tuple(
-                link for link in self._others.get(source, ()) if self.knows(link, system, component, now_ns)
+                link for link in self._others_of(source) if self.knows(link, system, component, now_ns)
             )
         else:
             links = self._reaching_system(system, source, now_ns)
+        if ours and component == self.compid:
+            return Route(Outcome.TARGETED if links else Outcome.LOCAL, links, True)
+        if ours and component and not links and self._primary is not None and source not in self._autopilots:
+            links = (self._primary,)  # nobody has seen it: the autopilot decides
         to_us = ours and component == 0
         return Route(Outcome.TARGETED if links else Outcome.NO_ROUTE, links, to_us)
 
@@ -203,9 +252,16 @@ class Router:
             for link, seen_ns in links.items()
             if seen_ns >= oldest_ns
         }
-        if system == self.sysid and self._autopilot_link is not None:
-            reached.add(self._autopilot_link)
-        return tuple(link for link in self._others.get(source, ()) if link in reached)
+        if system == self.sysid and self._primary is not None:
+            reached.add(self._primary)
+        return tuple(link for link in self._others_of(source) if link in reached)
 
-    def _rebuild(self, links: list[int]) -> None:
-        self._others = {link: tuple(other for other in links if other != link) for link in links}
+    def _others_of(self, source: int) -> tuple[int, ...]:
+        """Where a link's untargeted frames go: worked out when one comes, since links may come and go in hundreds."""
+        others = self._others.get(source)
+        if others is None and source in self._links:
+            autopilots = self._autopilots
+            beyond = set(autopilots) if source in autopilots else autopilots - {self._primary}
+            others = tuple(link for link in self._links if link != source and link not in beyond)
+            self._others[source] = others
+        return others or ()

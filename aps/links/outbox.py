@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,9 +14,17 @@ __all__ = ["DEFAULT_LIMIT_BYTES", "FrameQueue", "Outbox", "OutboxCounters"]
 
 DEFAULT_LIMIT_BYTES: Final = 256 * 1024
 """About 5000 messages, or 20 s of a busy link."""
-TRANSPORT_HIGH_WATER_BYTES: Final = 64 * 1024
-KERNEL_BUFFER_BYTES: Final = 128 * 1024
-"""The kernel would buffer megabytes for a peer that does not read: minutes of stale telemetry."""
+KERNEL_BUFFER_BYTES: Final = 32 * 1024
+"""Asked of the kernel, which grants twice as much. It would buffer megabytes for a peer that does not read: minutes of
+stale telemetry."""
+WRITE_BYTES: Final = 4 * 1024
+"""Handed to the transport at once; what the kernel does not take of it cannot give way any more."""
+_NOTSENT_LOWAT: Final[int | None] = getattr(socket, "TCP_NOTSENT_LOWAT", None)
+"""Linux and macOS: the kernel takes nothing more while so much has not been sent yet."""
+STALL_S: Final = 1.0
+"""A peer that has not read for so long has stalled ..."""
+STALLED_LIMIT_BYTES: Final = 8 * 1024
+"""... and only so much of the newest is kept for it: when it reads again, it wants to know how things are."""
 
 
 @dataclass(slots=True)
@@ -28,6 +38,8 @@ class OutboxCounters:
     """Oldest frames dropped because the peer did not read."""
     dropped_closed: int = 0
     """Frames for a peer that is not there, or that went away with frames waiting."""
+    stalls: int = 0
+    """How often the peer stopped reading for so long that only the newest was kept for it."""
 
 
 class FrameQueue:
@@ -66,12 +78,26 @@ class FrameQueue:
             return
         self._waiting.append(frame)
         self._waiting_bytes += len(frame)
-        while self._waiting_bytes > self.limit_bytes:
+        if self._waiting_bytes > self.limit_bytes:
+            self._drop_oldest(self.limit_bytes)
+
+    def _drop_oldest(self, limit_bytes: int) -> None:
+        while self._waiting_bytes > limit_bytes:
             self._waiting_bytes -= len(self._waiting.popleft())
             self.counters.dropped_full += 1
 
+    def flush(self) -> None:
+        """Write what waits, if the queue has a way to do so by itself."""
+
     def take(self, limit_bytes: int) -> bytes:
         """The oldest frames, whole, as many as fit into ``limit_bytes``."""
+        waiting = self._waiting
+        if len(waiting) == 1 and self._waiting_bytes <= limit_bytes:  # the common case
+            data = waiting.popleft()
+            self._waiting_bytes = 0
+            self.counters.written_frames += 1
+            self.counters.written_bytes += len(data)
+            return data
         if self._waiting_bytes <= limit_bytes:
             frames = list(self._waiting)
             self._waiting.clear()
@@ -93,10 +119,15 @@ class Outbox(FrameQueue):
     Frames put between two calls of ``flush`` leave in one write.
     """
 
-    def __init__(self, limit_bytes: int = DEFAULT_LIMIT_BYTES) -> None:
+    def __init__(
+        self, limit_bytes: int = DEFAULT_LIMIT_BYTES, clock_s: Callable[[], float] = time.monotonic
+    ) -> None:
         super().__init__(limit_bytes)
+        self._clock_s = clock_s
         self._transport: asyncio.Transport | None = None
         self._paused = False
+        self._paused_s = 0.0
+        self._stalled = False
 
     @property
     def paused(self) -> bool:
@@ -105,11 +136,15 @@ class Outbox(FrameQueue):
 
     def open(self, transport: asyncio.Transport) -> None:
         """The connection is there."""
-        transport.set_write_buffer_limits(high=TRANSPORT_HIGH_WATER_BYTES)
+        transport.set_write_buffer_limits(
+            high=0
+        )  # what the kernel does not take waits here, where the oldest give way
         connection = transport.get_extra_info("socket")
         if connection is not None:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BUFFER_BYTES)
-        self._transport, self._paused = transport, False
+            if connection.family in (socket.AF_INET, socket.AF_INET6) and _NOTSENT_LOWAT is not None:
+                connection.setsockopt(socket.IPPROTO_TCP, _NOTSENT_LOWAT, WRITE_BYTES)
+        self._transport, self._paused, self._stalled = transport, False, False
         self.admit()
 
     def close(self) -> None:
@@ -119,14 +154,25 @@ class Outbox(FrameQueue):
 
     def flush(self) -> None:
         """Hand everything to the transport, unless it is full."""
-        if not self._paused and self._waiting and self._transport is not None:
-            self._transport.write(self.take(self.limit_bytes))
+        if self._paused:
+            if self._waiting_bytes > STALLED_LIMIT_BYTES:
+                self._check_stall()
+            return
+        while self._waiting and not self._paused and self._transport is not None:
+            self._transport.write(self.take(WRITE_BYTES))
+
+    def _check_stall(self) -> None:
+        if not self._stalled and self._clock_s() - self._paused_s >= STALL_S:
+            self._stalled = True
+            self.counters.stalls += 1
+        if self._stalled:
+            self._drop_oldest(STALLED_LIMIT_BYTES)
 
     def pause(self) -> None:
         """The transport's buffer is full."""
-        self._paused = True
+        self._paused, self._paused_s = True, self._clock_s()
 
     def resume(self) -> None:
         """The transport's buffer has room again."""
-        self._paused = False
+        self._paused = self._stalled = False
         self.flush()

@@ -7,6 +7,7 @@ forwards frames, is not known here.
 from __future__ import annotations
 
 import logging
+import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -40,6 +41,7 @@ _COMMANDS: Final = frozenset({75, 76})
 """COMMAND_INT and COMMAND_LONG: what is answered by a COMMAND_ACK."""
 _COMMAND_ACK: Final = 77
 _ACK: Final = struct.Struct("<HBBiBB")
+_NO_STREAM: Final = re.compile(rb"No ap_message for mavlink id \((\d+)\)")
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
 
@@ -137,6 +139,11 @@ class Vehicle:
                 self._from_foreign(frame)
         return changed
 
+    def answers_us(self, frame: Frame) -> bool:
+        """Whether a STATUSTEXT is ArduPilot's word on a stream that we have asked for and it does not have."""
+        found = _NO_STREAM.match(frame.payload[1:])
+        return found is not None and self.streams.asks_for(int(found[1]))
+
     def state_changed(self, now_ns: int) -> None:
         """Tell the subscribers and commands, after all frames that came at once."""
         if self.subscriptions:
@@ -153,9 +160,9 @@ class Vehicle:
         """A client is gone, and its wishes with it (see ``on_time`` for what follows from that)."""
         self.streams.client_left(link)
 
-    def heartbeat(self) -> None:
-        """Send ours to the autopilot."""
-        self._send([onboard_computer_heartbeat()], None)
+    def heartbeat(self) -> bytes:
+        """Our own heartbeat, for the autopilot's links."""
+        return self._encoder.encode(onboard_computer_heartbeat())
 
     def deadline_ns(self) -> int | None:
         """When ``on_time`` is due even if nothing happens."""
@@ -247,12 +254,14 @@ class Vehicle:
             counters.late += 1
 
     def _status_text(self, frame: Frame) -> None:
+        if self.answers_us(frame):
+            return
         text = self._assembler.take(frame)
         if text is not None:
             _log.info("autopilot: %s", text.text)
             self.commands.on_text(text)
             for listener in (self.texts, *self.text_listeners):
-                self.callbacks.call("a callback for texts", listener, text)
+                self.callbacks.call("the callback for texts", listener, text)
 
     # Our own messages.
 

@@ -57,6 +57,11 @@ def _field_offset(message: Any, field: str) -> int:
     raise LookupError(f"{message.msgname}.{field} is not in its own layout")
 
 
+def _target_field(message: Any) -> str:
+    """Name of the target system's field: the definitions have one that is called otherwise."""
+    return "target" if message.msgname == "MANUAL_CONTROL" else "target_system"
+
+
 CRC_EXTRA: Final[dict[int, bytes]] = {
     msg_id: bytes([message.crc_extra]) for msg_id, message in mavlink.mavlink_map.items()
 }
@@ -65,7 +70,12 @@ CRC_EXTRA: Final[dict[int, bytes]] = {
 TARGET_OFFSETS: Final[dict[int, tuple[int, int]]] = {
     msg_id: offsets
     for msg_id, message in mavlink.mavlink_map.items()
-    if (offsets := (_field_offset(message, "target_system"), _field_offset(message, "target_component")))[0]
+    if (
+        offsets := (
+            _field_offset(message, _target_field(message)),
+            _field_offset(message, "target_component"),
+        )
+    )[0]
     >= 0
 }
 """Message id -> payload offsets of (target_system, target_component); -1 where there is no component."""
@@ -117,8 +127,9 @@ def message_class(name: str) -> Any:
     Raises:
         ValueError: there is no message of this name.
     """
-    found = getattr(mavlink, f"MAVLink_{name.lower()}_message", None)
-    if found is None or not name.isidentifier():
+    known = isinstance(name, str) and name.isidentifier()
+    found = getattr(mavlink, f"MAVLink_{name.lower()}_message", None) if known else None
+    if found is None:
         raise ValueError(f"there is no MAVLink message {name!r}")
     return found
 

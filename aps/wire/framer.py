@@ -12,8 +12,9 @@ v2 ``FD len incompat compat seq sys comp id24`` payload crc16 [signature 13 byte
 The checksum is CRC-16/MCRF4XX over all but the start marker, and one byte from the message's definition.
 
 An id that the tables lack has no such byte, but exactly 256 of the 65536 checksums can be had with *some*
-byte: an unknown message whose checksum is one of them passes (and is routed), so garbage that looks like an
-unknown message is still refused 255 times of 256.
+byte: one of 256 pieces of garbage that look like an unknown message would pass. So an unknown message is believed,
+and routed, only with evidence: its checksum is one of these, and its sender has been heard on this stream before
+with a message that the tables have.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ CRC_BYTES: Final = 2
 SIGNATURE_BYTES: Final = 13
 INCOMPAT_SIGNED: Final = 0x01
 MAX_FRAME_BYTES: Final = HEADER_V2_BYTES + 255 + CRC_BYTES + SIGNATURE_BYTES
+
+MAX_SENDERS: Final = 256
+"""Bound on remembered senders; beyond it all are forgotten."""
 
 # Only what framing needs: length, [incompat,] sysid, compid, message id.
 _HEADER_V1: Final = struct.Struct("<xBxBBB")
@@ -94,6 +98,8 @@ class FramerCounters:
     frames_v1: int = 0
     signed: int = 0
     unknown_id: int = 0
+    unknown_sender: int = 0
+    """Start markers of unknown messages whose sender had not been heard before."""
     bad_crc: int = 0
     """Start markers whose frame had a wrong checksum."""
     bad_flags: int = 0
@@ -103,13 +109,21 @@ class FramerCounters:
 
 
 class Framer:
-    """Cuts one byte stream into frames. Keeps at most one incomplete frame (280 bytes) between calls."""
+    """Cuts one byte stream into frames. Keeps at most one incomplete frame (280 bytes) between calls.
 
-    __slots__ = ("_pending", "counters")
+    Args:
+        trusting: whether an unknown message is believed without having heard its sender: for bytes that are known
+            to be frames, those of a record for one.
+    """
 
-    def __init__(self) -> None:
+    __slots__ = ("_pending", "_senders", "_trusting", "counters")
+
+    def __init__(self, *, trusting: bool = False) -> None:
+        self._trusting = trusting
         self.counters = FramerCounters()
         self._pending = b""
+        self._senders: set[int] = set()
+        """sysid << 8 | compid of senders of known messages."""
 
     @property
     def pending_bytes(self) -> int:
@@ -120,6 +134,12 @@ class Framer:
         """Forget an incomplete frame (the stream begins anew, e.g. after a reconnect)."""
         self.counters.skipped_bytes += len(self._pending)
         self._pending = b""
+        self._senders.clear()
+
+    def _heard(self, sender: int) -> None:
+        if len(self._senders) >= MAX_SENDERS:
+            self._senders.clear()
+        self._senders.add(sender)
 
     def receive(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream and return the frames that they complete, in order."""
@@ -128,6 +148,7 @@ class Framer:
         position = 0
         frames: list[Frame] = []
         append, unpack_v2, definition_of = frames.append, _HEADER_V2.unpack_from, _DEFINITIONS.get
+        senders = self._senders
         # This loop is the whole cost of a message: kept inline, without calls to our own functions.
         while end - position >= HEADER_V1_BYTES + CRC_BYTES:
             magic = buffer[position]
@@ -160,6 +181,12 @@ class Framer:
             received = raw[crc_at] | raw[crc_at + 1] << 8
             if extra:
                 good = mcrf4xx(raw[1:crc_at] + extra) == received
+                if good and sysid << 8 | compid not in senders:
+                    self._heard(sysid << 8 | compid)
+            elif sysid << 8 | compid not in senders and not self._trusting:
+                self.counters.unknown_sender += 1
+                position = self._skip(buffer, position)
+                continue
             else:
                 good = _could_be_crc(raw[1:crc_at], received)
                 self.counters.unknown_id += good

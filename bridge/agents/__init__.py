@@ -11,7 +11,7 @@ from bridge.agents.hold import Hold
 from bridge.agents.out_and_back import OutAndBack
 from bridge.agents.own import AgentError, load_class
 from bridge.agents.still import Still
-from bridge.scenario.model import AgentConfig, OwnAgent
+from bridge.scenario.agents import AgentConfig, OwnAgent
 
 AGENTS: dict[str, type[Agent]] = {"hold": Hold, "out_and_back": OutAndBack, "still": Still}
 

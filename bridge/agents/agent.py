@@ -18,7 +18,9 @@ from bridge.agents.commands import CommandFailed
 from bridge.agents.latest import LatestPackages
 from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint
 from bridge.bus.session import Stamp
-from bridge.scenario.model import Aircraft, OwnAgent, Transmit
+from bridge.scenario.agents import OwnAgent
+from bridge.scenario.model import Transmit
+from bridge.scenario.nodes import Aircraft, GroundNode
 
 READY_TIMEOUT_S = 180.0
 """Sim time; ArduPilot's estimator takes about 40 s."""
@@ -34,9 +36,9 @@ class Agent:
         rng: the agent's own random numbers, seeded by run and node: the same in every repetition of the run.
     """
 
-    def __init__(self, ua: UaClient, aircraft: Aircraft, transmit: Transmit) -> None:
+    def __init__(self, ua: UaClient, config: Aircraft | GroundNode, transmit: Transmit) -> None:
         self.ua = ua
-        self.aircraft = aircraft
+        self.config = config
         self.transmit_config = transmit
         self.waypoints: tuple[Waypoint, ...] = ()
         self.measurements_dbm: tuple[float, ...] = ()
@@ -48,7 +50,7 @@ class Agent:
     @property
     def options(self) -> Mapping[str, Any]:
         """What the scenario gives to an agent of type ``own``."""
-        config = self.aircraft.agent
+        config = self.config.agent
         return config.options if isinstance(config, OwnAgent) else {}
 
     async def fly(self) -> None:

@@ -1,12 +1,14 @@
 """A script beside a run: watches a node and commands its aircraft, over Zenoh and in wall time.
 
-It cannot transmit, since one sender, the node's agent, numbers its packets:
+It cannot transmit as a node that has an agent, since one sender numbers a node's packets; as a node whose agent is
+``free`` it can:
 
     async with connect_ua("tcp/127.0.0.1:7447", run="20261121T120000Z-separation", node="1") as ua:
         await ua.wait_for(lambda state: state.armed)
         await ua.rtl()
 
-What it commands takes effect at the next tick, and is recorded as an input of the run.
+What it commands takes effect at the next tick, and is recorded as an input of the run. The clock does not wait for it:
+a run with a ``free`` node that transmits may not repeat.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from bridge.bus.messages import (
     Clock,
     CommandEvent,
     CommandGoal,
+    CommunicationStatus,
     DecodeError,
     decode,
 )
@@ -38,19 +41,37 @@ log = logging.getLogger("beside")
 
 
 class ZenohOutlet:
-    """Commands go to the aircraft as queries."""
+    """Commands go to the aircraft as queries; packets to the radio, if the node has no other sender."""
 
-    def __init__(self, session: Session, keys: Keys, node: str) -> None:
+    def __init__(self, session: Session, keys: Keys, node: str, *, is_sender: bool) -> None:
         self._session, self._keys, self._node = session, keys, node
+        self._is_sender = is_sender
         self._loop = asyncio.get_running_loop()
 
-    def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:  # noqa: ARG002
-        """Refuse: only the agent numbers the node's packets."""
-        raise PermissionError(f"only the agent of UA {self._node} may transmit: it numbers the packets")
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+        """Give a packet to the radio.
+
+        Raises:
+            PermissionError: another one numbers the node's packets.
+        """
+        if not self._is_sender:
+            raise PermissionError(
+                f"only the agent of node {self._node} may transmit: it numbers the packets. To transmit from here, "
+                "give the node an agent of type free, and connect_ua(..., is_sender=True)"
+            )
+        self._session.put_bytes(
+            self._keys.tx(self._node, channel, to=to),
+            payload,
+            encoding=encoding,
+            attachment=stamp.to_bytes(),
+            must_arrive=True,
+        )
 
     def report(self, status: AgentStatus) -> None:
-        """Only the agent reports; a script's words go to its log."""
+        """A sender's word is published, as an agent's; another script's goes to its log."""
         log.info("%s", status.activity)
+        if self._is_sender:
+            self._session.put(self._keys.agent(self._node), status, must_arrive=True)
 
     def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
         """Ask the aircraft's queryable."""
@@ -97,7 +118,8 @@ class _Feed:
         self._ua.take_state(decode(sample.payload.to_bytes(), AircraftState))
 
     def _comm_status_came(self, sample: Sample) -> None:
-        self._ua.take_comm_status(sample.payload.to_bytes())
+        payload = sample.payload.to_bytes()
+        self._ua.take_comm_status(lambda: self._ua.read(payload, CommunicationStatus))
 
     def _packet_came(self, sample: Sample) -> None:
         sender, channel = str(sample.key_expr).split("/")[-2:]
@@ -116,14 +138,27 @@ def _event_of(reply: zenoh.Reply) -> CommandEvent:
 
 
 @asynccontextmanager
-async def connect_ua(endpoint: str, run: str, node: str) -> AsyncIterator[UaClient]:
-    """Join a run beside the agent of ``node``.
+async def connect_ua(
+    endpoint: str, run: str, node: str, *, is_sender: bool = False
+) -> AsyncIterator[UaClient]:
+    """Join a run beside the agent of ``node``, or in place of one.
+
+    Args:
+        endpoint: of the run's router.
+        run: name of the run.
+        node: id of the node.
+        is_sender: transmit as the node, whose agent in the scenario is of type ``free``. Numbers begin at 0: one
+            program transmits as a node in a run.
 
     Raises:
         SessionError: if there is no router at ``endpoint``.
     """
     with open_client(endpoint) as session:
         keys = Keys(run)
-        ua = UaClient(node, ZenohOutlet(session, keys, node))
+        ua = UaClient(node, ZenohOutlet(session, keys, node, is_sender=is_sender))
         _Feed(session, keys, ua)
-        yield ua
+        try:
+            yield ua
+        finally:
+            if is_sender:
+                ua.report("leaves")

@@ -15,7 +15,7 @@ from typing import Protocol, TypeVar
 
 from bridge.agents.commands import CommandFailed, Commands, failure
 from bridge.agents.own_files import OwnFiles
-from bridge.bus.keys import checked_chunk
+from bridge.bus.keys import ALL, checked_chunk
 from bridge.bus.messages import (
     AgentStatus,
     AircraftState,
@@ -37,10 +37,14 @@ OnEvent = Callable[[CommandEvent | None], object]
 """Told of each event of a command; None: there will be no more."""
 
 
+LookAtStatus = Callable[[], CommunicationStatus | None]
+"""Makes, or reads, a communication status; None if it is none."""
+
+
 class Outlet(Protocol):
     """Where what a node says goes."""
 
-    def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
         """Give a packet to the radio.
 
         Raises:
@@ -73,7 +77,7 @@ class UaClient(Commands):
         self.seed = seed
         self.state: AircraftState | None = None
         self._comm_status: CommunicationStatus | None = None
-        self._new_comm_status: bytes | None = None
+        self._new_comm_status: LookAtStatus | None = None
         self.malformed = 0
         """Packets and the like that the agent could not read."""
         self.sim_time_ns = 0
@@ -92,9 +96,9 @@ class UaClient(Commands):
     @property
     def comm_status(self) -> CommunicationStatus | None:
         """Which other nodes were heard, newest; None before anything was transmitted. Decoded when it is looked at."""
-        payload, self._new_comm_status = self._new_comm_status, None
-        if payload is not None:
-            self._comm_status = self.read(payload, CommunicationStatus) or self._comm_status
+        look, self._new_comm_status = self._new_comm_status, None
+        if look is not None:
+            self._comm_status = look() or self._comm_status
         return self._comm_status
 
     def read(self, payload: bytes, cls: type[M]) -> M | None:
@@ -135,20 +139,26 @@ class UaClient(Commands):
 
     # --- what goes out
 
-    def transmit(self, channel: str, payload: bytes | Message) -> int:
+    def transmit(self, channel: str, payload: bytes | Message, *, to: str = ALL) -> int:
         """Give a packet to the radio, stamped with the present sim time. Returns its sequence number.
 
+        Args:
+            channel: last part of the keys.
+            payload: what is transmitted.
+            to: the node that it is for; every other one if not given.
+
         Raises:
-            ValueError: ``channel`` cannot be part of a key.
+            ValueError: ``channel`` or ``to`` cannot be part of a key.
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
         checked_chunk(channel)
+        checked_chunk(to)
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else None
         raw = encode(payload) if isinstance(payload, Message) else payload
         seq = self.sent
         if self.is_over:
             return seq
-        self._outlet.transmit(channel, raw, encoding, Stamp(seq, self.sim_time_ns))
+        self._outlet.transmit(to, channel, raw, encoding, Stamp(seq, self.sim_time_ns))
         self.sent += 1
         return seq
 
@@ -207,9 +217,9 @@ class UaClient(Commands):
             except Exception as error:  # somebody's own code: it is for whoever waits
                 future.set_exception(error)
 
-    def take_comm_status(self, payload: bytes) -> None:
-        """Which other nodes were heard: a CommunicationStatus in CDR."""
-        self._new_comm_status = payload
+    def take_comm_status(self, look: LookAtStatus) -> None:
+        """Which other nodes were heard: ``look`` is called if the agent wants to know."""
+        self._new_comm_status = look
 
     def take_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:
         """A packet that the radio delivered; raises what the callbacks raise."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bridge.agents.agent import Agent
-from bridge.scenario.model import HoldAgent
+from bridge.scenario.agents import HoldAgent
 
 
 class Hold(Agent):
@@ -11,7 +11,7 @@ class Hold(Agent):
 
     async def fly(self) -> None:
         """Take off; GUIDED then holds by itself."""
-        config = self.aircraft.agent
+        config = self.config.agent
         assert isinstance(config, HoldAgent)
         await self.take_off(config.altitude_m)
         self.ua.report(f"holds at {config.altitude_m:g} m")

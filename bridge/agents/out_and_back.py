@@ -6,7 +6,7 @@ import math
 
 from bridge.agents.agent import Agent
 from bridge.bus.messages import AircraftState, Waypoint
-from bridge.scenario.model import OutAndBackAgent
+from bridge.scenario.agents import OutAndBackAgent
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
 
@@ -15,7 +15,7 @@ class OutAndBack(Agent):
 
     async def fly(self) -> None:
         """Take off, fly out, fly back."""
-        config = self.aircraft.agent
+        config = self.config.agent
         assert isinstance(config, OutAndBackAgent)
         home = await self.take_off(config.altitude_m)
         self.waypoints = _waypoints(home, config)

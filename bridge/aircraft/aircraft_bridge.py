@@ -8,21 +8,20 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 from aps.held import HeldDaemon
+from aps.inputs import Input
 from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
 from aps.vehicle.telemetry import AircraftState
+from bridge.aircraft.body import OnEvent
 from bridge.bus import messages
 from bridge.bus.messages import CommandEvent, CommandGoal, Header, Vector3
 
 __all__ = ["AircraftBridge", "state_message"]
 
-STATE_RATE_HZ = 10
-"""How often the state is published, sim time; the node's agent sees it at every tick."""
-OnEvent = Callable[[CommandEvent], object]
 log = logging.getLogger("aircraft")
 
 
@@ -38,7 +37,19 @@ class AircraftBridge:
         self.daemon = daemon
         self._node = node
         self._now_ns = 0
-        self._next_state_ns = 0
+
+    @property
+    def takes_input(self) -> bool:
+        """Whether MAVLink clients and operators are listened to."""
+        return self.daemon.takes_input
+
+    @takes_input.setter
+    def takes_input(self, takes_input: bool) -> None:
+        self.daemon.takes_input = takes_input
+
+    def inject(self, inputs: Sequence[Input]) -> None:
+        """Take what clients said, from a record."""
+        self.daemon.inject(list(inputs))
 
     def begin(self, now_ns: int) -> None:
         """Hear the autopilot and its clients, who have said all that they say before ``now_ns``."""
@@ -52,14 +63,6 @@ class AircraftBridge:
     def state(self) -> messages.AircraftState:
         """Table I of the paper, as the bytes heard by this instant tell it."""
         return state_message(self.daemon.state, self._node, self._now_ns)
-
-    def state_is_due(self) -> bool:
-        """Whether the state is published at this tick: STATE_RATE_HZ on the mean, at any tick rate from that up."""
-        if self._now_ns < self._next_state_ns:
-            return False
-        period_ns = 1_000_000_000 // STATE_RATE_HZ
-        self._next_state_ns = (self._now_ns // period_ns + 1) * period_ns
-        return True
 
     def start(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
         """Begin to carry out ``verb``; ``on_event`` is told of progress and, once, of the result."""

@@ -111,9 +111,13 @@ class Keys:
         """Which other nodes' latest packets reached this one."""
         return f"{self.prefix}/node/{node}/comm_status"
 
-    def link(self, tx: str, rx: str) -> str:
-        """Power, SNR, PER and counts of one directed link."""
-        return f"{self.prefix}/link/{tx}/{rx}"
+    def heard(self, host: str) -> str:
+        """What the radio has for the nodes of one host; made at the end of each tick."""
+        return f"{self.prefix}/host/{host}/heard"
+
+    def tick(self, record: str) -> str:
+        """What became of a tick, one batch of columns per tick: truths, fates, links or communication."""
+        return f"{self.prefix}/tick/{record}"
 
     def alive(self, process: str) -> str:
         """Liveliness token of a process of the run, declared once it is ready."""

@@ -20,6 +20,8 @@ from zenoh.handlers import Callback
 from bridge.bus.messages import Message, encode, encoding_of
 
 CONNECT_TIMEOUT_S = 10.0
+CONNECT_RETRY = {"period_init_ms": 50, "period_max_ms": 50, "period_increase_factor": 1}
+"""The processes of a run start together, so that most knock before the router is there (Zenoh: each second)."""
 STUCK_READER_S = 1.0
 """How long the router waits for a reader that takes nothing before it cuts it off (Zenoh's default: 5 s)."""
 AGENT = b"agent"
@@ -106,6 +108,17 @@ class Session:
         """
         self._kept.append(self._inner.declare_subscriber(key_expr, Callback(callback, indirect=False)))
 
+    def interest(self, key_expr: str) -> Callable[[], bool]:
+        """A question that costs a microsecond: whether anybody subscribes to what ``key_expr`` matches."""
+        publisher = self._inner.declare_publisher(key_expr)
+        self._kept.append(publisher)
+
+        def is_wanted() -> bool:
+            status: Any = publisher.matching_status
+            return bool(status.matching)
+
+        return is_wanted
+
     def serve(self, key: str, callback: Callable[[Query], object]) -> None:
         """Call ``callback`` for each query on ``key``, in Zenoh's own thread: it must only hand it on."""
         self._kept.append(self._inner.declare_queryable(key, Callback(callback, indirect=False)))
@@ -172,6 +185,7 @@ def open_router(endpoint: str) -> Session:
         ("mode", "router"),
         ("listen/endpoints", [endpoint]),
         ("listen/exit_on_failure", True),
+        ("scouting/delay", 0),  # nobody is looked for, so nobody need be waited for
         ("transport/link/tx/queue/congestion_control/block/wait_before_close", int(STUCK_READER_S * 1e6)),
     ]
     return _open(settings, f"cannot listen on {endpoint}")
@@ -188,6 +202,7 @@ def open_client(endpoint: str, *, timeout_s: float = CONNECT_TIMEOUT_S) -> Sessi
         ("connect/endpoints", [endpoint]),
         ("connect/timeout_ms", int(timeout_s * 1000)),
         ("connect/exit_on_failure", True),
+        ("connect/retry", CONNECT_RETRY),
     ]
     return _open(settings, f"no Zenoh router answered at {endpoint} within {timeout_s:g} s")
 

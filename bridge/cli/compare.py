@@ -20,7 +20,7 @@ RUN_PATH = click.Path(path_type=Path)
 @click.argument("run_b", type=RUN_PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def compare(run_a: Path, run_b: Path, as_json: bool) -> None:
-    """Compare the runs in the directories RUN_A and RUN_B: true states, MAVLink, packets and deliveries.csv.
+    """Compare the runs in the directories RUN_A and RUN_B: true states, MAVLink, packets and deliveries.
 
     Prints `identical` and what was compared, or the first difference in sim time with both values. Ends with
     status 0 if the runs are identical, 1 if not, 2 if one cannot be read.

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from bridge.record.difference import Comparison, Difference, seconds
-from bridge.record.names import RECORD
+from bridge.record.tables.schema import TABLES
 
 SCHEMA = 1
 PROGRESS_PERIOD_S = 2.0
@@ -19,10 +19,10 @@ def as_text(comparison: Comparison, run_a: Path, run_b: Path) -> str:
     """One line if the runs are identical, else the first difference with both values."""
     if comparison.difference is not None:
         return _difference_text(comparison.difference, run_a, run_b)
-    streams = sum(name != RECORD for name in comparison.streams)
-    parts = [f"{streams} streams"] if streams else []
-    parts += ["the record"] if RECORD in comparison.streams else []
-    return f"identical: {' and '.join(parts)}, {comparison.entries} entries, {comparison.ticks} ticks"
+    tables = [table.name for table in TABLES if table.name in comparison.streams]
+    streams = len(comparison.streams) - len(tables)
+    parts = [*tables, *([f"{streams} streams"] if streams else [])]
+    return f"identical: {', '.join(parts)}; {comparison.entries} entries, {comparison.ticks} ticks"
 
 
 def _difference_text(found: Difference, run_a: Path, run_b: Path) -> str:

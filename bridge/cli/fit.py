@@ -1,4 +1,4 @@
-"""`lostlink fit`: from a CSV, or from the logs of the two ends of a flight."""
+"""`lostlink fit`: from a run, a table, or the logs of the two ends of a flight."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ AUTOPILOT_LOGS = frozenset({".tlog", ".bin"})
 
 
 @click.command()
-@click.argument("log", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("log", type=click.Path(path_type=Path))
 @click.argument("sent", required=False, type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--sender", "sender_sysid", type=click.IntRange(1, 255), help="MAVLink system of the sender.")
 @click.option(
@@ -41,10 +41,11 @@ def fit(
     rssi_scale: str,
     **options: Any,
 ) -> None:
-    """Fit a radio to a flight: to a CSV, or to the LOG of the receiver and that of the sender, SENT.
+    """Fit a radio to a flight: to a table of packets, or to the LOG of the receiver and that of the sender, SENT.
 
-    A CSV has one row per packet: distance_m (or positions), delivered, and optional rssi_dbm and length_bytes.
-    Otherwise LOG is a .tlog recorded at the receiving end, and SENT the sender's own .tlog or .bin.
+    A table is the directory of a run, a Parquet file or a CSV. It has one row per packet: distance_m (or positions, in
+    a CSV), delivered or fate, and optional rssi_dbm and length_bytes. Otherwise LOG is a .tlog recorded at the
+    receiving end, and SENT the sender's own .tlog or .bin.
 
     The radio to start from needs log-distance propagation and normal or one-sided-normal shadowing; it gives the error
     model, powers and gains. Prints each parameter with its 95 % interval, or that the data do not determine it.
@@ -52,6 +53,7 @@ def fit(
     \b
     Examples:
       lostlink fit flight.csv --out mine.yaml --plot fit.png
+      lostlink fit runs/20261121T120000Z-separation --radio moon2020
       lostlink fit flight.csv --radio corrected --hold shadowing.sigma_db --json
       lostlink fit ground.tlog ua1.bin --radio corrected --receiver-at 40.13,-105.24,1580 --out mine.yaml
       lostlink link --radio mine.yaml --distance 300         what the fitted radio does
@@ -61,13 +63,32 @@ def fit(
         raise BadInput(
             f"{log}: the sender's own log (.tlog or .bin) is missing: it says where the sender was"
         )
+    if sent is None and log.is_dir():
+        run_fit(request, log.name, lambda base: _from_run(base, log))
+        return
     if sent is None:
-        from channel.fit.flight_log import read_csv_log
+        from channel.fit.columns import read_log
 
-        run_fit(request, log.stem, lambda base: read_csv_log(log, base))
+        run_fit(request, log.stem, lambda base: read_log(log, base))
         return
     place = None if receiver_at is None else _place(receiver_at)
     run_fit(request, log.stem, lambda base: _from_logs(base, log, sent, sender_sysid, place, rssi_scale))
+
+
+def _from_run(base: RadioConfig, run: Path) -> FlightLog:
+    import numpy as np
+
+    from bridge.record.tables.parquet import read_table
+    from bridge.record.tables.schema import DELIVERIES
+    from channel.fit.columns import log_of_columns
+
+    names = ("distance_m", "fate", "length_bytes")
+    try:
+        batches = list(read_table(run, DELIVERIES, names))
+    except (OSError, ValueError) as error:
+        raise BadInput(str(error)) from error
+    columns = {name: np.concatenate([np.empty(0), *(batch[name] for batch in batches)]) for name in names}
+    return log_of_columns(columns, base, str(run))
 
 
 def _from_logs(

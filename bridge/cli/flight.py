@@ -23,9 +23,12 @@ from bridge.cli.report import (
     write_summary,
 )
 from bridge.fleet.supervisor import Ending, Fleet, FleetError, Observer
+from bridge.record.tables.parquet import finish_tables
 from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve_radio import radio_of
+from bridge.timeouts import NEWS_PERIOD_S
 
 EXIT_FAILED = 1
 
@@ -141,9 +144,22 @@ class Flight:
         self._error = self._error or error
         return Ending.FAILED
 
+    def _finish_tables(self) -> None:
+        news = Every(NEWS_PERIOD_S)
+
+        def tell(table: str, rows: int) -> None:
+            if not self.quiet and news.is_due():
+                self.console.print(f"writes {table}.parquet: {rows} rows so far", highlight=False)
+
+        finish_tables(self.directory.path, tell)
+
     def _report(self, ending: Ending, sim_time_ns: int) -> dict[str, Any]:
         wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
         timing = Timing(sim_time_ns / 1e9, wall_s)
+        try:
+            self._finish_tables()
+        except (OSError, ValueError) as error:
+            ending = self._break_off(f"its tables could not be written as Parquet: {error}")
         summary = summarise(
             self.scenario, self.directory, timing, ending.value, self._unfinished, error=self._error
         )

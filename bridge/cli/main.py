@@ -3,20 +3,42 @@
 from __future__ import annotations
 
 import sys
-from importlib import metadata
+from importlib import import_module, metadata
 
 import click
 
-from bridge.cli.compare import compare
-from bridge.cli.doctor import doctor
-from bridge.cli.echo import echo
-from bridge.cli.fit import fit
-from bridge.cli.refly import refly
-from bridge.cli.run import run
-from channel.cli.commands import main as channel_commands
+COMMANDS = {
+    "run": "bridge.cli.run",
+    "refly": "bridge.cli.refly",
+    "compare": "bridge.cli.compare",
+    "export": "bridge.cli.export",
+    "aps": "bridge.cli.aps",
+    "doctor": "bridge.cli.doctor",
+    "echo": "bridge.cli.echo",
+    "link": "channel.cli.commands",
+    "radios": "channel.cli.commands",
+    "figures": "channel.cli.commands",
+    "fit": "bridge.cli.fit",
+}
+"""The module of each command, which has its name there too. Only that of the command given is imported."""
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+class Commands(click.Group):
+    """A group whose commands are imported when they are asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """The names, as in the help."""
+        return sorted(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """The command of a name; None if there is none."""
+        if cmd_name not in COMMANDS:
+            return None
+        command = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
+        return command if isinstance(command, click.Command) else None
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(metadata.version("lostlink"), prog_name="lostlink")
 def lostlink() -> None:
     """Fly real ArduPilot stacks on JSBSim airframes; drop packets between them as a channel model predicts.
@@ -29,10 +51,6 @@ def lostlink() -> None:
       lostlink echo 'lostlink/**/node/*/rx/**'       what the radio delivers, during a run
       lostlink doctor                              what is installed, found and free
     """
-
-
-for command in (run, refly, compare, doctor, echo, *channel_commands.commands.values(), fit):
-    lostlink.add_command(command)
 
 
 def main() -> None:

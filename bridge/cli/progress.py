@@ -12,12 +12,13 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from bridge.bus.messages import AgentStatus, Clock, Link, Message
+from bridge.bus.messages import AgentStatus, Clock, Links, Message
 
 REFRESH_PER_S = 4
 LINE_PERIOD_S = 2.0
 """How often a line is printed where the output is not a terminal."""
 LINKS_SHOWN_MAX = 12
+LINKS_IN_A_LINE_MAX = 4
 
 
 class Progress:
@@ -28,7 +29,7 @@ class Progress:
         self._quiet = quiet
         self._phase = ""
         self._clock = Clock()
-        self._links: dict[tuple[str, str], Link] = {}
+        self._links = Links()
         self._activity: dict[str, str] = {}
         self._next_line = 0.0
         self._live: Live | None = None
@@ -59,8 +60,8 @@ class Progress:
                 self._phase = "flies"
             self._clock = message
             self._maybe_line()
-        elif isinstance(message, Link):
-            self._links[message.tx, message.rx] = message
+        elif isinstance(message, Links):
+            self._links = message
         elif isinstance(message, AgentStatus):
             self._activity[message.header.frame_id] = message.activity
             if self._live is None and not self._quiet:
@@ -70,7 +71,8 @@ class Progress:
         if self._live is not None or self._quiet or monotonic() < self._next_line:
             return
         self._next_line = monotonic() + LINE_PERIOD_S
-        links = "".join(f"; {_one_line(link)}" for link in list(self._links.values())[:4])
+        rows = range(min(len(self._links.tx), LINKS_IN_A_LINE_MAX))
+        links = "".join(f"; {_one_line(self._links, row)}" for row in rows)
         self._console.print(f"{self._time()}{links}", highlight=False, soft_wrap=True)
 
     def _time(self) -> str:
@@ -96,21 +98,26 @@ class Progress:
             "delivered, %",
         ):
             table.add_column(name, justify="right", style="cyan" if name == "link" else None)
-        for link in list(self._links.values())[:LINKS_SHOWN_MAX]:
-            share = 100 * link.delivered / link.sent if link.sent else math.nan
+        links = self._links
+        for row in range(min(len(links.tx), LINKS_SHOWN_MAX)):
+            sent, delivered = links.sent[row], links.delivered[row]
             table.add_row(
-                f"{link.tx} -> {link.rx}",
-                f"{link.distance_m:.1f}",
-                f"{link.received_power_dbm:.1f}",
-                f"{link.per:.3f}",
-                f"{link.delivered} / {link.sent}",
-                f"{share:.1f}",
+                _name(links, row),
+                f"{links.distance_m[row]:.1f}",
+                f"{links.received_power_dbm[row]:.1f}",
+                f"{links.per[row]:.3f}",
+                f"{delivered} / {sent}",
+                f"{100 * delivered / sent if sent else math.nan:.1f}",
             )
         return table
 
 
-def _one_line(link: Link) -> str:
+def _name(links: Links, row: int) -> str:
+    return f"{links.node[links.tx[row]]} -> {links.node[links.rx[row]]}"
+
+
+def _one_line(links: Links, row: int) -> str:
     return (
-        f"{link.tx} -> {link.rx}: {link.distance_m:.0f} m, {link.received_power_dbm:.0f} dBm, "
-        f"{link.delivered}/{link.sent} delivered"
+        f"{_name(links, row)}: {links.distance_m[row]:.0f} m, {links.received_power_dbm[row]:.0f} dBm, "
+        f"{links.delivered[row]}/{links.sent[row]} delivered"
     )

@@ -12,8 +12,9 @@ from bridge.record.difference import Comparison
 from bridge.record.ending import Extent, extent_of
 from bridge.record.events import read_reports
 from bridge.record.inputs import all_inputs
-from bridge.record.names import RECORD_FILE, streams_of
+from bridge.record.names import streams_of
 from bridge.record.provenance import differences, read_provenance
+from bridge.record.tables.schema import DELIVERIES
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
 from bridge.scenario.model import Scenario
@@ -104,15 +105,13 @@ def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
     if _is_live(run):
         raise ValueError(f"{run}: this run has not ended yet")
     has_streams = bool(streams_of(run))
-    if not has_streams and not (run / RECORD_FILE).exists():
-        raise ValueError(
-            f"{run}: it has neither {RECORD_FILE} nor streams/: there is nothing to compare with"
-        )
+    if not has_streams and not DELIVERIES.is_in(run):
+        raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
     scenario = with_changes(read_scenario(str(run / SCENARIO_FILE)), changes)
     all_inputs(run)
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
-        remarks.append(f"note: {run} has no streams/: only its {RECORD_FILE} can be compared")
+        remarks.append(f"note: {run} has no streams/: only its tables can be compared")
     return Plan(run, scenario, extent_of(run), tuple(remarks))
 
 

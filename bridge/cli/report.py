@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,9 @@ from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from channel.intervals import binomial_interval, proportion_interval
 from channel.link.radio import Radio
+from channel.validity import OutsideValidityError
 
-SCHEMA = 1
+SCHEMA = 2
 FIGURE_FILE = "probability_of_delivery.png"
 BIN_SENT_MIN = 50
 """Bins with fewer packets are shown but not judged."""
@@ -161,6 +163,16 @@ def _is_outside(row: dict[str, Any]) -> bool:
     return _is_judged(row) and not row["ci99"][0] <= row["measured"] <= row["ci99"][1]
 
 
+def _model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> tuple[Any, Any]:
+    """The model by distance; where a distance alone says too little, what it predicted for the places of each bin."""
+    distance_m = np.linspace(1.0, farthest_m, 600)
+    with suppress(OutsideValidityError):
+        if not getattr(radio.config.propagation, "needs_places", False):
+            return distance_m, radio.probability_of_delivery(distance_m)
+    points = sorted((_middle(row), row["predicted"]) for row in bins)
+    return [middle for middle, _ in points], [predicted for _, predicted in points]
+
+
 def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Path) -> None:
     """Measured probability of delivery over the model's curve, as in Moon et al. 2020, Fig. 6."""
     import matplotlib
@@ -170,8 +182,8 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Pa
 
     figure, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
     farthest_m = max((row["distance_max_m"] for row in summary["bins"]), default=100.0)
-    distance_m = np.linspace(1.0, farthest_m, 600)
-    axes.plot(distance_m, radio.probability_of_delivery(distance_m), color="0.3", label="model", zorder=1)
+    distance_m, closed = _model_curve(summary["bins"], radio, farthest_m)
+    axes.plot(distance_m, closed, color="0.3", label="model", zorder=1)
     links = sorted({(row["tx"], row["rx"]) for row in summary["bins"]})
     for index, (tx, rx) in enumerate(links):
         aside_m = 3.0 * (index - (len(links) - 1) / 2) / max(1, len(links) - 1)

@@ -59,6 +59,12 @@ class SpeedType(click.ParamType[float | str]):
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
 @click.option("--api", is_flag=True, default=None, help="Serve each UA's HTTP API, from port 8760 on.")
 @click.option(
+    "--udp-out",
+    multiple=True,
+    metavar="HOST:PORT|none",
+    help="Send every UA's MAVLink there, too. Repeatable. Without it 127.0.0.1:14550 and 14540 + I at --speed 1.",
+)
+@click.option(
     "--digest",
     is_flag=True,
     help="Print one line last: the digest of all that repeats. Not with --json, which has it under digest.",
@@ -79,16 +85,17 @@ def run(
     first_slot: int | None,
     zenoh_port: int | None,
     api: bool | None,
+    udp_out: tuple[str, ...],
     digest: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
     """Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
 
-    Writes OUT/<time>-<scenario>/ with summary.json, deliveries.csv, a figure, the scenario as resolved, what
-    happened at each tick (streams/, inputs/) and a log per process. Ends with status 0 if the measured deliveries
-    agree with the channel's model (also when --duration ends the run before its tasks: summary.json names the
-    unfinished ones), 1 if not or if the run broke off, 2 if it could not start.
+    Writes OUT/<time>-<scenario>/ with summary.json, deliveries.parquet, truth.parquet, a figure, the scenario as
+    resolved, what happened at each tick (streams/, inputs/) and a log per process. Ends with status 0 if the measured
+    deliveries agree with the channel's model (also when --duration ends the run before its tasks: summary.json names
+    the unfinished ones), 1 if not or if the run broke off, 2 if it could not start.
 
     \b
     Examples:
@@ -102,8 +109,10 @@ def run(
         raise click.UsageError(
             "--digest and --json: choose one; the JSON has the digest under its key digest"
         )
-    changes = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed, "api": api}
+    changes: dict[str, Any] = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
+    changes["api"] = api
     changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
+    changes["mavlink.udp_out"] = [place for place in udp_out if place != "none"] if udp_out else None
     try:
         resolved = with_changes(read_scenario(scenario), {k: v for k, v in changes.items() if v is not None})
         preflight(resolved, ardupilot_dir)

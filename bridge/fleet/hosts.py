@@ -1,22 +1,43 @@
-"""Which host process a node's aircraft bridge and agent run in."""
+"""Which processes the nodes share: aircraft bridges and agents have hosts, stand-in autopilots processes of theirs."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 from bridge.scenario.model import Scenario
 from fdm.exchange.settings import core_count
 
+PREFIX = "host-"
 
-def host_groups(scenario: Scenario) -> tuple[tuple[str, ...], ...]:
-    """The nodes of each host, spread evenly. No result depends on it.
 
-    ``per-ua``: a host for each node. A number: so many hosts, but no more than nodes. ``auto``: as many as cores.
+def host_groups(scenario: Scenario) -> dict[str, tuple[str, ...]]:
+    """The regulated nodes of each host by its name; ``auto`` gives as many hosts as cores.
+
+    Nodes whose agent is ``isolated`` have a host of their own besides.
     """
-    nodes = scenario.nodes
-    wanted = {"auto": core_count(), "per-ua": len(nodes)}.get(str(scenario.hosts))
-    count = max(1, min(len(nodes), int(scenario.hosts) if wanted is None else wanted))
-    return tuple(nodes[index::count] for index in range(count))
+    alone = [
+        node.node for node in scenario.nodes if node.is_regulated and getattr(node.agent, "isolated", False)
+    ]
+    nodes = [node for node in scenario.regulated if node not in alone]
+    shared = _spread(nodes, scenario.hosts, core_count())
+    named = {f"{PREFIX}{index}": group for index, group in enumerate(shared)}
+    return named | {f"{PREFIX}of-{node}": (node,) for node in alone}
 
 
-def host_of(scenario: Scenario, node: str) -> str:
+def standin_groups(scenario: Scenario) -> tuple[tuple[str, ...], ...]:
+    """The UA of each process of stand-ins; ``auto`` gives half as many processes as cores: physics needs the others."""
+    return _spread([ua.node for ua in scenario.ua], scenario.hosts, max(1, core_count() // 2))
+
+
+def _spread(nodes: Sequence[str], hosts: str | int, auto: int) -> tuple[tuple[str, ...], ...]:
+    """Nodes spread evenly over processes, at most one each. No result depends on it."""
+    if not nodes:
+        return ()
+    wanted = {"auto": auto, "per-ua": len(nodes)}.get(str(hosts))
+    count = max(1, min(len(nodes), int(hosts) if wanted is None else wanted))
+    return tuple(tuple(nodes[index::count]) for index in range(count))
+
+
+def host_of(groups: Mapping[str, Sequence[str]], node: str) -> str:
     """The name of the process that a node runs in."""
-    return next(f"host-{i}" for i, nodes in enumerate(host_groups(scenario)) if node in nodes)
+    return next(name for name, nodes in groups.items() if node in nodes)

@@ -6,8 +6,6 @@ import socket
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-import psutil
-
 from bridge.scenario.model import Scenario
 
 HOST = "127.0.0.1"
@@ -83,6 +81,8 @@ def _remedy(use: PortUse) -> str:
 
 def _owner(use: PortUse) -> str:
     """By whom a port is held, as far as this user may know."""
+    import psutil  # late: few ports are in use
+
     kind = "udp4" if use.transport == "UDP" else "tcp4"
     try:
         for connection in psutil.net_connections(kind):

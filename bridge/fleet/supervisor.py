@@ -14,18 +14,19 @@ from typing import Any, TypeVar
 
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
-from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Link, Message, decode
+from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Links, Message, decode
 from bridge.bus.session import Sample, Session, SessionError, free_port, open_client
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.autopilots.launchers import LAUNCHERS
 from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.environment import environment_of
-from bridge.fleet.hosts import host_groups, host_of
+from bridge.fleet.hosts import PREFIX, host_groups
 from bridge.fleet.ports import HOST, conflicts, ports_of
 from bridge.record.events import DIED, KILLED, Report
 from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import RunDirectory
-from bridge.scenario.model import OwnAgent, Scenario
+from bridge.scenario.agents import FreeAgent, OwnAgent
+from bridge.scenario.model import Scenario
 from bridge.scenario.named_files import named_files
 from bridge.scenario.resolve import airframe_of, home_of, wind_of
 from bridge.timeouts import (
@@ -102,6 +103,7 @@ class Fleet:
         self._failure: FleetError | None = None
         self._environment = environment_of(os.environ)
         self._launcher = launcher_of(scenario, ardupilot_dir)
+        self._hosts = host_groups(scenario)
         self._children: list[Child] = []
         self._router: Child | None = None
         self._session: Session | None = None
@@ -111,7 +113,9 @@ class Fleet:
         self._control: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=None)
         self._shown: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=SHOWN_MAX)
         self.not_done = {
-            ua.node for ua in scenario.ua if ua.agent.has_task or not isinstance(ua.agent, OwnAgent)
+            node.node
+            for node in scenario.nodes
+            if node.agent.has_task or not isinstance(node.agent, OwnAgent | FreeAgent)
         }
         """Nodes whose agents have not flown what they were to fly: also one that was only to hold."""
         self.killed: list[str] = []
@@ -147,38 +151,46 @@ class Fleet:
         except AutopilotError as error:
             raise FleetError(str(error)) from error
         endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
-        info = self._run.write(self._scenario, endpoint, self._replay)
-        self._observer.on_phase("starts the radio router")
-        self._router = await self._start(self._python("router"))
+        info = self._run.write(self._scenario, endpoint, self._replay, self._hosts)
         try:
+            everybody = await self._start_ours()
+            keys = Keys(info.run)
             self._session = await self._unless_over(_connect(endpoint))
-            self._listen(self._session, Keys(info.run))
-            await self._start_all(self._session, Keys(info.run))
+            self._listen(self._session, keys)
+            await self._unless_over(self._all_alive(self._session, keys, everybody))
+            self._session.put(keys.clock_start, Header(), must_arrive=True)
+            if not self._launcher.waits_for_physics:
+                await self._start_autopilots()
+            self._observer.on_phase("waits for the autopilots")
             return await self._unless_over(self._watch_clock())
         except _Over:
             return self._outcome.result()
 
-    async def _start_all(self, session: Session, keys: Keys) -> None:
+    async def _start_ours(self) -> set[str]:
+        """Start our own processes, all at once; return the names of those that say when they are ready."""
+        self._observer.on_phase("starts the radio router")
+        self._router = await self._start(self._python("router"))
         self._observer.on_phase("starts flight dynamics, MAVLink daemons and agents")
         specs = [self._python("physics")]
-        for index, nodes in enumerate(host_groups(self._scenario)):
-            specs.append(self._python("host", f"host-{index}", nodes))
+        specs += [self._python("host", name, nodes) for name, nodes in self._hosts.items()]
         for spec in specs:
             await self._start(spec)
-        everybody = {"router", *(spec.name for spec in specs)}
-        await self._unless_over(self._all_alive(session, keys, everybody))
-        session.put(keys.clock_start, Header(), must_arrive=True)
-        self._observer.on_phase(f"starts autopilots ({self._scenario.autopilot})")
-        for ua in self._scenario.ua:
-            home = home_of(ua, self._scenario.origin)
-            plan = LaunchPlan(self._run, self._scenario, ua, airframe_of(ua), home)
-            try:
-                autopilot = self._launcher.process(plan)
-            except AutopilotError as error:
-                raise FleetError(str(error)) from error
-            if autopilot is not None:
+        if self._launcher.waits_for_physics:
+            await self._start_autopilots()
+        return {"router", *(spec.name for spec in specs)}
+
+    async def _start_autopilots(self) -> None:
+        scenario = self._scenario
+        self._observer.on_phase(f"starts autopilots ({scenario.autopilot})")
+        plans = [
+            LaunchPlan(self._run, scenario, ua, airframe_of(ua), home_of(ua, scenario.origin))
+            for ua in scenario.ua
+        ]
+        try:
+            for autopilot in self._launcher.processes(plans):
                 await self._start(replace(autopilot, environment=self._environment))
-        self._observer.on_phase("waits for the autopilots")
+        except AutopilotError as error:
+            raise FleetError(str(error)) from error
 
     def _python(self, module: str, name: str = "", nodes: Sequence[str] = ()) -> ProcessSpec:
         name = name or module
@@ -228,7 +240,7 @@ class Fleet:
         """End everything: hosts first, so that nobody transmits into a dying router; the router last."""
         self._settle(Ending.INTERRUPTED)
         self._observer.on_phase("ends all processes")
-        hosts = [child for child in self._children if child.spec.name.startswith("host-")]
+        hosts = [child for child in self._children if child.spec.name.startswith(PREFIX)]
         others = [c for c in self._children if c not in hosts and c is not self._router]
         self.killed += await end_all(hosts, AGENT_GRACE_S)
         self.killed += await end_all(others, FLIGHT_GRACE_S)
@@ -262,7 +274,7 @@ class Fleet:
         subscribe(keys.clock, Clock, control)
         subscribe(keys.clock_end, Header, control)
         subscribe(keys.agent("*"), AgentStatus, control)
-        subscribe(keys.link("*", "*"), Link, shown)
+        subscribe(keys.tick("links"), Links, shown)
         ending: Inbox[Sample] = Inbox(asyncio.get_running_loop(), self._on_ending)
         session.subscribe(keys.ending, ending.push)
 
@@ -312,9 +324,11 @@ class Fleet:
     def _on_agent(self, status: AgentStatus) -> None:
         node = status.header.frame_id
         if status.failed:
-            log = self._run.log_path(host_of(self._scenario, node))
+            log = self._run.log_path(f"node-{node}")
             self._fail_with_the_tick(
-                FleetError(f"the agent of UA {node} failed: {status.activity}; its log is {log}")
+                FleetError(
+                    f"the agent of {self._scenario.title(node)} failed: {status.activity}; its log is {log}"
+                )
             )
         if status.done:
             self.not_done.discard(node)

@@ -12,13 +12,13 @@ It knows no session and no event loop: what goes out goes to its `Outlets`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from aps.inputs import Input
-from bridge.agents.client import OnEvent, UaClient
+from bridge.agents.client import LookAtStatus, OnEvent, UaClient
 from bridge.agents.runner import AgentRunner, Arrival
-from bridge.aircraft.aircraft_bridge import AircraftBridge
+from bridge.aircraft.body import Body, StatePace
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.session import Stamp
 from bridge.record.inputs import RecordedInput
@@ -29,7 +29,7 @@ OnReply = Callable[[CommandEvent], object]
 class Outlets(Protocol):
     """Where what a node says goes: Zenoh, in a run."""
 
-    def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
         """Give a packet to the radio; called in the agent's thread."""
 
     def report(self, status: AgentStatus) -> None:
@@ -68,7 +68,7 @@ class Node:
     """One node.
 
     Args:
-        aircraft: its aircraft, with a held daemon.
+        body: its aircraft, with a held daemon; or what a ground node has in its place.
         outlets: where what it says goes.
         record_input: told of each input from outside as it takes effect, with its tick.
     """
@@ -76,23 +76,23 @@ class Node:
     def __init__(
         self,
         node: str,
-        aircraft: AircraftBridge,
+        body: Body,
         outlets: Outlets,
         record_input: Callable[[RecordedInput], object],
     ) -> None:
         self.node = node
-        self.aircraft = aircraft
+        self.body = body
+        self._pace = StatePace()
         self._outlets = outlets
         self._record_input = record_input
         self._now_ns = 0
         self._agent_outlet: AgentOutlet | None = None
         self._runner: AgentRunner | None = None
         self._packets: list[Packet] = []
-        self._comm_status: bytes | None = None
+        self._comm_status: LookAtStatus | None = None
         self._events: list[tuple[OnEvent, CommandEvent]] = []
         self._asked: list[tuple[str, CommandGoal, OnReply]] = []
         self._replay: list[RecordedInput] = []
-        aircraft.daemon.on_input = self._client_did
 
     def join(self, runner: AgentRunner, outlet: AgentOutlet) -> None:
         """Give the node its agent."""
@@ -101,23 +101,23 @@ class Node:
     def repeat(self, inputs: list[RecordedInput]) -> None:
         """Take inputs from a record, at their ticks, and none from outside."""
         self._replay = list(reversed(inputs))
-        self.aircraft.daemon.takes_input = False
+        self.body.takes_input = False
 
     # What comes from other processes, between ticks.
 
     def packet_came(self, packet: Packet) -> None:
-        """The radio delivered a packet: it is for the next tick."""
+        """The radio delivered a packet: it is for the next tick. They come in canonical order."""
         self._packets.append(packet)
 
-    def comm_status_came(self, payload: bytes) -> None:
-        """The radio tells who was heard, as CDR of a CommunicationStatus."""
-        self._comm_status = payload
+    def comm_status_came(self, look: LookAtStatus) -> None:
+        """The radio tells who was heard."""
+        self._comm_status = look
 
     def operator_asked(self, verb: str, goal: CommandGoal, on_reply: OnReply) -> None:
         """Somebody outside wants the aircraft to do something: it is for the next tick, and recorded."""
-        if not self.aircraft.daemon.takes_input:
+        if not self.body.takes_input:
             text = "this run repeats a record: it takes no commands"
-            on_reply(CommandEvent(CommandEvent.RESULT, False, text))
+            on_reply(CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
             return
         self._asked.append((verb, goal, on_reply))
 
@@ -131,27 +131,29 @@ class Node:
     def tick(self, now_ns: int) -> None:
         """Hear the autopilot and the outside, and let the agent live; `finish` is to follow when it is idle."""
         self._begin(now_ns)
-        state = self.aircraft.state()
-        assert self._runner is not None, "a node ticks with its agent"
-        self._runner.tick(now_ns, self._arrivals(state))
-        if self.aircraft.state_is_due():
+        state = self.body.state()
+        if self._pace.is_due(now_ns):
             self._outlets.state(state)
+        if self._runner is None:  # nobody of ours flies it
+            self._end()
+        else:
+            self._runner.tick(now_ns, self._arrivals(state))
 
     def finish(self) -> None:
         """The agent has done all that it does at this tick."""
         assert self._agent_outlet is not None, "a node ticks with its agent"
         commands, self._agent_outlet.commands = self._agent_outlet.commands, []
         for verb, goal, on_event in commands:
-            self.aircraft.start(verb, goal, lambda event, tell=on_event: self._tell(tell, event))  # type: ignore[misc]
+            self.body.start(verb, goal, lambda event, tell=on_event: self._tell(tell, event))  # type: ignore[misc]
         self._end()
 
     def _begin(self, now_ns: int) -> None:
         self._now_ns = now_ns
         recorded = self._due_of_the_record()
-        self.aircraft.daemon.inject(
+        self.body.inject(
             [Input(i.link, i.kind, i.data) for i in recorded if i.kind != "command" and i.link is not None]
         )
-        self.aircraft.begin(now_ns)
+        self.body.begin(now_ns)
         for item in recorded:
             if item.verb is not None and item.goal is not None:
                 self._start_asked(item.verb, item.goal, lambda _: None)
@@ -160,7 +162,7 @@ class Node:
             self._start_asked(verb, goal, on_reply)
 
     def _end(self) -> None:
-        self.aircraft.end()
+        self.body.end()
         self._outlets.answer(self._now_ns)
 
     def _due_of_the_record(self) -> list[RecordedInput]:
@@ -171,9 +173,10 @@ class Node:
 
     def _start_asked(self, verb: str, goal: CommandGoal, on_reply: OnReply) -> None:
         self._record_input(RecordedInput.command(self._now_ns, verb, goal))
-        self.aircraft.start(verb, goal, on_reply)
+        self.body.start(verb, goal, on_reply)
 
-    def _client_did(self, item: Input) -> None:
+    def client_did(self, item: Input) -> None:
+        """A MAVLink client's input takes effect at this instant."""
         self._record_input(RecordedInput(self._now_ns, item.kind, item.link, item.raw))
 
     def _tell(self, on_event: OnEvent, event: CommandEvent) -> None:
@@ -187,14 +190,15 @@ class Node:
         if status is not None:
             arrivals.append(lambda ua: ua.take_comm_status(status))
         packets, self._packets = self._packets, []
-        packets.sort(key=lambda p: (p.stamp.sim_time_ns, p.sender, p.stamp.seq))
-        arrivals += [_packet(packet) for packet in packets]
+        if packets:
+            arrivals.append(lambda ua: _give(packets, ua))
         events, self._events = self._events, []
         return arrivals + [_event(on_event, event) for on_event, event in events]
 
 
-def _packet(packet: Packet) -> Arrival:
-    return lambda ua: ua.take_packet(packet.sender, packet.channel, packet.payload, packet.stamp)
+def _give(packets: Sequence[Packet], ua: UaClient) -> None:
+    for packet in packets:
+        ua.take_packet(packet.sender, packet.channel, packet.payload, packet.stamp)
 
 
 def _event(on_event: OnEvent, event: CommandEvent) -> Arrival:

@@ -19,6 +19,7 @@ class NodeRecord:
     Args:
         run: where it is written; it may name another run whose inputs are to be repeated.
         node: the node id.
+        has_autopilot: whether there is MAVLink to record.
 
     Attributes:
         now_ns: the instant that what is written belongs to.
@@ -29,17 +30,19 @@ class NodeRecord:
         OSError: a file cannot be made or read.
     """
 
-    def __init__(self, run: RunDirectory, node: str) -> None:
+    def __init__(self, run: RunDirectory, node: str, *, has_autopilot: bool = True) -> None:
         self.now_ns = 0
         replay = run.info.replay
         self.replay: list[RecordedInput] | None = inputs_of(Path(replay), node) if replay else None
-        self._report = Report(run.path, f"ua-{node}")
+        self._report = Report(run.path, f"node-{node}")
         self._node = node
         self._reasons: set[str] = set()
         self._inputs = InputWriter(names.inputs_path(run.path, node))
+        files = {"from_autopilot": names.from_autopilot(node), "to_autopilot": names.to_autopilot(node)}
         self._mavlink = {
-            "from_autopilot": StreamWriter(names.from_autopilot(node).path(run.path)),
-            "to_autopilot": StreamWriter(names.to_autopilot(node).path(run.path)),
+            direction: StreamWriter(stream.path(run.path))
+            for direction, stream in files.items()
+            if has_autopilot
         }
 
     def write_mavlink(self, direction: str, data: bytes) -> None:
@@ -55,7 +58,7 @@ class NodeRecord:
         if reason in self._reasons:
             return
         self._reasons.add(reason)
-        text = f"UA {self._node}: {reason}"
+        text = f"node {self._node}: {reason}"
         self._report.event(self.now_ns, self._node, "wall_time", text)
         self._report.may_not_repeat(f"{text} (at {self.now_ns / 1e9:.2f} s)")
 

@@ -9,16 +9,17 @@ from __future__ import annotations
 import logging
 import sys
 import threading
+from collections.abc import Sequence
 
-from bridge.bus.messages import DecodeError, Header, decode, encode, encoding_of
+from bridge.bus.messages import DecodeError, Header, Truths, decode
 from bridge.bus.session import Sample, Session, open_client
-from bridge.physics.truth_message import clock_message, truth_message
-from bridge.record import names
+from bridge.physics.truth_message import clock_message, ground_truth_message, truth_message
+from bridge.physics.truth_table import TruthColumns
 from bridge.record.events import Report
-from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
+from bridge.scenario.ground_track import GroundTrack
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
 from bridge.timeouts import FLUSH_PERIOD_S, START_S
@@ -48,7 +49,10 @@ class Physics:
         self._scenario, self._session, self._keys = run.scenario, session, run.keys
         self._origin = origin_of(self._scenario.origin)
         self._report = report
-        self._truth = {node: StreamWriter(names.truth(node).path(run.path)) for node in self._scenario.nodes}
+        stations = self._scenario.stations
+        self._table = TruthColumns(run.path, stations)
+        self._wanted = {node: session.interest(self._keys.truth(node)) for node in stations}
+        self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in self._scenario.ground]
         self._truths: list[TrueState] = []
         self._flush = Every(FLUSH_PERIOD_S)
         self._started = threading.Event()
@@ -103,8 +107,7 @@ class Physics:
     def close(self) -> None:
         """Close sockets and files."""
         self.exchange.close()
-        for writer in self._truth.values():
-            writer.close()
+        self._table.close()
 
     def _on_tick(self, status: ClockStatus) -> None:
         truths, self._truths = self._truths, []
@@ -112,21 +115,23 @@ class Physics:
             header = Header.at(status.sim_time_ns, "")
             self._session.put(self._keys.clock_exchange, header, must_arrive=True)
             return
-        for truth in truths:
-            self._publish(status.sim_time_ns, truth)
+        self._publish(status.sim_time_ns, truths)
         if self._flush.is_due():
-            for writer in self._truth.values():
-                writer.flush()
+            self._table.flush()
             self._report.flush()
         self._session.put(self._keys.clock, clock_message(status), must_arrive=True)
 
-    def _publish(self, tick_ns: int, truth: TrueState) -> None:
-        node, message = str(truth.ua_id), truth_message(truth, self._origin)
-        payload = encode(message)
-        self._truth[node].write(tick_ns, payload)
-        self._session.put_bytes(
-            self._keys.truth(node), payload, encoding=encoding_of(type(message)), must_arrive=True
-        )
+    def _publish(self, tick_ns: int, truths: Sequence[TrueState]) -> None:
+        """Record and publish the true states of all nodes; those on the ground are where the scenario says."""
+        messages = [truth_message(truth, self._origin) for truth in truths]
+        messages += [ground_truth_message(node, track.at(tick_ns), tick_ns) for node, track in self._ground]
+        self._table.append(tick_ns, messages)
+        for message in messages:
+            node = message.header.frame_id
+            if self._wanted[node]():
+                self._session.put(self._keys.truth(node), message)
+        batch = Truths(Header.at(tick_ns, ""), tuple(messages))
+        self._session.put(self._keys.tick("truths"), batch, must_arrive=True)
 
     def _on_event(self, event: UaEvent) -> None:
         node = str(event.ua_id)
@@ -147,7 +152,7 @@ class Physics:
 def serve(run: RunDirectory) -> None:
     """Host the run's UA until a signal ends it."""
     report = Report(run.path, "physics")
-    with open_client(run.info.endpoint) as session:
+    with open_client(run.info.endpoint, timeout_s=START_S) as session:
         physics = Physics(session, run, report)
         on_stop_signal(physics.stop)
         session.declare_alive(run.keys.alive("physics"))

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from bridge.bus import messages
 from bridge.bus.messages import Header, Quaternion, Vector3
+from bridge.scenario.ground_track import GroundPlaceAt
 from fdm.clock.fleet_clock import ClockStatus
 from fdm.model.geodesy import GeodeticPosition, ned_from_geodetic
 from fdm.model.truth import TrueState
+
+STANDARD_GRAVITY_MPS2 = 9.80665
 
 
 def truth_message(truth: TrueState, origin: GeodeticPosition) -> messages.Truth:
@@ -25,6 +28,19 @@ def truth_message(truth: TrueState, origin: GeodeticPosition) -> messages.Truth:
         Vector3(*truth.specific_force_frd_mps2),
         truth.airspeed_mps,
         Vector3(*truth.wind_ned_mps),
+    )
+
+
+def ground_truth_message(node: str, place: GroundPlaceAt, sim_time_ns: int) -> messages.Truth:
+    """The true state of a node on the ground: it is level, and feels its weight."""
+    return messages.Truth(
+        Header.at(sim_time_ns, node),
+        place.position.lon_deg,
+        place.position.lat_deg,
+        place.position.alt_amsl_m,
+        Vector3(*place.position_ned_m),
+        Vector3(*place.velocity_ned_mps),
+        specific_force_frd_mps2=Vector3(0.0, 0.0, -STANDARD_GRAVITY_MPS2),
     )
 
 

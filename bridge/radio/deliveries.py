@@ -1,72 +1,128 @@
-"""The record of a run: `deliveries.csv`, a row per packet and intended receiver, and the books in `ledger.json`."""
+"""The record of the radio: `deliveries`, a row per packet and intended receiver, and the counters in `ledger.json`."""
 
 from __future__ import annotations
 
-import csv
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TextIO, TypeVar
+from typing import TypeVar
 
-from bridge.record.names import RECORD_FILE
+from numpy.typing import ArrayLike
+
+from bridge.bus.keys import ALL
+from bridge.radio.senders import EVERYBODY, Cause, Gap
+from bridge.radio.virtual_radio import Settled
+from bridge.record.tables.journal import TableWriter
+from bridge.record.tables.schema import DELIVERIES
+from channel.medium import reception as medium
 from channel.medium.ledger import Ledger
 
-DELIVERIES = RECORD_FILE
 LEDGER = "ledger.json"
-COLUMNS = (
-    "sim_time_ns",
-    "tx",
-    "rx",
-    "seq",
-    "length_bytes",
-    "distance_m",
-    "received_power_dbm",
-    "snr_db",
-    "per",
-    "fate",
-)
+FATES = (*(fate.value for fate in medium.FATES), *(cause.value for cause in Cause))
+"""What became of a packet at one receiver; rows have places in this."""
 
 
-@dataclass(frozen=True, slots=True)
-class DeliveryRow:
-    """One row. What the channel never computed (a packet that the host lost, say) is NaN."""
+class DeliveryColumns:
+    """Writes what became of packets, a row per packet and intended receiver.
 
-    sim_time_ns: int
-    tx: str
-    rx: str
-    seq: int
-    length_bytes: int
-    distance_m: float
-    received_power_dbm: float
-    snr_db: float
-    per: float
-    fate: str
+    Args:
+        run: the run directory.
+        nodes: ids of all nodes.
+    """
 
+    def __init__(self, run: Path, nodes: Sequence[str]) -> None:
+        self.everybody = len(nodes)
+        labels = {"tx": nodes, "rx": (*nodes, ALL), "fate": FATES}
+        self._writer = TableWriter(run, DELIVERIES, labels)
+        self.flush, self.close = self._writer.flush, self._writer.close
 
-class DeliveriesWriter:
-    """Writes rows as they are settled; what was written is on disk after `flush`."""
+    def append(
+        self,
+        rows: int,
+        *,
+        sim_time_ns: ArrayLike,
+        tx: ArrayLike,
+        rx: ArrayLike,
+        seq: ArrayLike,
+        length_bytes: ArrayLike,
+        distance_m: ArrayLike,
+        received_power_dbm: ArrayLike,
+        snr_db: ArrayLike,
+        per: ArrayLike,
+        fate: ArrayLike,
+        packets: ArrayLike = 1,
+    ) -> None:
+        """Append rows: arrays of that length, or one value for all of them.
 
-    def __init__(self, path: Path) -> None:
-        self._file: TextIO = path.open("w", newline="", encoding="ascii")
-        self._file.write(",".join(COLUMNS) + "\n")
+        Args:
+            rows: how many.
+            sim_time_ns: of transmission.
+            tx: places in ``nodes``.
+            rx: places in ``nodes``, or ``everybody``.
+            seq: the senders' sequence numbers.
+            length_bytes: as the error model counts it.
+            distance_m: rounded to 1 mm; nan where the channel computed nothing, as in the next three.
+            received_power_dbm: rounded to 0.001 dB.
+            snr_db: rounded to 0.001 dB.
+            per: rounded to 1e-7.
+            fate: places in FATES.
+            packets: how many a row stands for: those that were lost together have one.
 
-    def write(self, rows: Iterable[DeliveryRow]) -> None:
-        """Append rows: powers to 0.001 dB, distances to 1 mm, PER to seven digits."""
-        for r in rows:
-            self._file.write(
-                f"{r.sim_time_ns},{r.tx},{r.rx},{r.seq},{r.length_bytes},{r.distance_m:.3f},"
-                f"{r.received_power_dbm:.3f},{r.snr_db:.3f},{r.per:.7g},{r.fate}\n"
-            )
+        Raises:
+            ValueError: an array has another length.
+            TypeError: an array has numbers of another kind.
+        """
+        self._writer.append(
+            rows,
+            sim_time_ns=sim_time_ns,
+            tx=tx,
+            rx=rx,
+            seq=seq,
+            length_bytes=length_bytes,
+            distance_m=distance_m,
+            received_power_dbm=received_power_dbm,
+            snr_db=snr_db,
+            per=per,
+            fate=fate,
+            packets=packets,
+        )
 
-    def flush(self) -> None:
-        """Hand everything to the operating system."""
-        self._file.flush()
+    def write(self, settled: Settled) -> None:
+        """Append what became of packets: a row for each reception, and one for packets that were lost together."""
+        r, p = settled.receptions, settled.receptions.packets
+        self.append(
+            len(r.rx),
+            sim_time_ns=p.sim_time_ns[r.packet],
+            tx=p.tx[r.packet],
+            rx=r.rx,
+            seq=p.seq[r.packet],
+            length_bytes=p.length_bytes[r.packet],
+            distance_m=r.distance_m,
+            received_power_dbm=r.received_power_dbm,
+            snr_db=r.snr_db,
+            per=r.per,
+            fate=r.fate,
+        )
+        for gap in settled.gaps:
+            self._write_gap(gap)
 
-    def close(self) -> None:
-        """Flush and close."""
-        self._file.close()
+    def _write_gap(self, gap: Gap) -> None:
+        self.append(
+            1,
+            sim_time_ns=gap.sim_time_ns,
+            tx=gap.tx,
+            rx=self.everybody if gap.to == EVERYBODY else gap.to,
+            seq=gap.first_seq,
+            packets=gap.packets,
+            length_bytes=gap.length_bytes,
+            distance_m=math.nan,
+            received_power_dbm=math.nan,
+            snr_db=math.nan,
+            per=math.nan,
+            fate=FATES.index(gap.cause.value),
+        )
 
 
 Refusal = TypeVar("Refusal", bound=StrEnum)
@@ -110,26 +166,3 @@ def write_ledger(
         encoding="ascii",
     )
     partial.replace(path)
-
-
-def read_deliveries(path: Path) -> Iterator[DeliveryRow]:
-    """The rows of a `deliveries.csv`.
-
-    Raises:
-        ValueError: if the columns are not ours or a row is broken, with its line.
-    """
-    with path.open(newline="", encoding="ascii") as file:
-        reader = csv.reader(file)
-        if tuple(next(reader, ())) != COLUMNS:
-            raise ValueError(f"{path}:1: columns have to be {','.join(COLUMNS)}")
-        for row in reader:
-            try:
-                yield _delivery(row)
-            except (ValueError, IndexError) as error:
-                raise ValueError(f"{path}:{reader.line_num}: not a delivery: {error}") from error
-
-
-def _delivery(row: list[str]) -> DeliveryRow:
-    distance_m, received_power_dbm, snr_db, per = (float(value) for value in row[5:9])
-    sent = (int(row[0]), row[1], row[2], int(row[3]), int(row[4]))
-    return DeliveryRow(*sent, distance_m, received_power_dbm, snr_db, per, row[9])

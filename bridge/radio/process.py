@@ -9,10 +9,13 @@ import threading
 from collections.abc import Callable, Iterable
 
 from bridge.bus.keys import Keys
-from bridge.bus.messages import AgentStatus, Clock, Header, Truth, decode
+from bridge.bus.messages import AgentStatus, Clock, Header, Truths, decode
 from bridge.bus.session import Sample, Session, Stamp, open_router
-from bridge.radio.deliveries import DELIVERIES, LEDGER, DeliveriesWriter, write_ledger
-from bridge.radio.virtual_radio import Action, Forward, Refused, VirtualRadio
+from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
+from bridge.radio.publisher import TickPublisher
+from bridge.radio.ring import Ring
+from bridge.radio.senders import Refused
+from bridge.radio.virtual_radio import Settled, VirtualRadio
 from bridge.record import names
 from bridge.record.events import Report
 from bridge.record.packets import SentPacket, encode_packet
@@ -20,16 +23,18 @@ from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, on_stop_signal, parse_arguments
-from bridge.scenario.resolve_radio import radio_of
+from bridge.scenario.resolve_radio import radios_of
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.medium.medium import Medium
+from channel.validity import OutsideValidityError
 
 IDLE_S = 5.0
 REFUSALS_LOGGED_MAX = 20
 QUEUE_MAX = 200_000
-"""Samples that may wait; more packets than that are dropped and counted, as a host that cannot keep up drops them."""
+QUEUE_MAX_BYTES = 256 << 20
+"""Packets that may wait; more than that are dropped and counted, as a host that cannot keep up drops them."""
 log = logging.getLogger("router")
-Handler = Callable[[str, Sample], list[Action]]
+Handler = Callable[[str, Sample], None]
 
 
 class RouterProcess:
@@ -37,22 +42,26 @@ class RouterProcess:
 
     def __init__(self, session: Session, run: RunDirectory) -> None:
         scenario, keys = run.scenario, run.keys
+        radios = radios_of(scenario)
         self._keys: Keys = keys
         self._session = session
         self._run = run
-        medium = Medium(radio_of(scenario), seed=scenario.seed, nodes=scenario.nodes)
-        self._core = VirtualRadio(
-            keys,
-            medium,
-            scenario.nodes,
+        ring = Ring(
+            scenario.regulated,
             tasks=scenario.nodes_with_a_task,
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
+        medium = Medium(radios[scenario.stations[0]], seed=scenario.seed, nodes=scenario.stations)
+        mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
+        self._core = VirtualRadio(medium, ring, mtu_bytes)
+        self._publisher = TickPublisher(session, keys, scenario.stations, run.info.hosts)
+        self._free = {node.node for node in scenario.nodes if not node.has_agent}
         self._report = Report(run.path, "router")
-        self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.nodes}
-        self._writer = DeliveriesWriter(run.path / DELIVERIES)
+        self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.stations}
+        self._writer = DeliveryColumns(run.path, scenario.stations)
         self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
+        self._queued_bytes = 0
         self._overload = 0
         self._overload_lock = threading.Lock()
         for key_expr, handler in self._handlers():
@@ -60,14 +69,17 @@ class RouterProcess:
 
     def _enqueue(self, handler: Handler, sample: Sample) -> None:
         """Called in Zenoh's threads."""
-        if handler == self._on_packet and self._queue.qsize() >= QUEUE_MAX:
+        if handler == self._on_packet:
             with self._overload_lock:
-                self._overload += 1
-        else:
-            self._queue.put((handler, sample))
+                length = len(sample.payload)
+                if self._queue.qsize() >= QUEUE_MAX or self._queued_bytes + length > QUEUE_MAX_BYTES:
+                    self._overload += 1
+                    return
+                self._queued_bytes += length
+        self._queue.put((handler, sample))
 
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
-        yield self._keys.truth("*"), self._on_truth
+        yield self._keys.tick("truths"), self._on_truths
         yield self._keys.tx("*", "*", to="*", radio="*"), self._on_packet
         yield self._keys.answer("*"), self._on_answer
         yield self._keys.clock, self._on_clock
@@ -79,22 +91,35 @@ class RouterProcess:
 
     def run(self) -> None:
         """Serve until `stop`, then write what is left of the record, however long that takes."""
+        finish = self._finish
         try:
             self._serve()
+        except OutsideValidityError:  # the packet has no fate: the books cannot be closed
+            finish = self._close_files
+            raise
         finally:
-            try:
-                self._perform(self._core.finish())
-            finally:
-                self._writer.close()
-                for writer in self._packets.values():
-                    writer.close()
-            if self._overload:
-                self._core.refused[Refused.OVERLOAD] += self._overload
-                self._report.may_not_repeat(f"{self._overload} packets came faster than the radio took them")
-            if self._core.refused[Refused.OVERLOAD] and not self._overload:
-                self._report.may_not_repeat("a node transmitted more packets in a tick than the radio takes")
-            self._report.close()
-            write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
+            finish()
+
+    def _finish(self) -> None:
+        try:
+            self._write(self._core.finish())
+        finally:
+            self._close_files()
+        self._tell_overload()
+        self._report.close()
+        write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
+
+    def _close_files(self) -> None:
+        self._writer.close()
+        for writer in self._packets.values():
+            writer.close()
+
+    def _tell_overload(self) -> None:
+        if self._overload:
+            self._core.refused[Refused.OVERLOAD] += self._overload
+            self._report.may_not_repeat(f"{self._overload} packets came faster than the radio took them")
+        elif self._core.refused[Refused.OVERLOAD]:
+            self._report.may_not_repeat("a node transmitted more packets in a tick than the radio takes")
 
     def _tell_progress(self, share: float) -> None:
         """Tell the supervisor, which waits as long as it hears of progress."""
@@ -124,7 +149,7 @@ class RouterProcess:
         self._report.flush()
 
     def _tell_what_is_waited_for(self) -> None:
-        nodes = self._core.waiting_for
+        nodes = self._core.ring.waiting_for
         if nodes:
             log.warning("nodes %s have not answered the latest tick", ", ".join(nodes))
         else:
@@ -132,71 +157,68 @@ class RouterProcess:
 
     def _handle(self, handler: Handler, sample: Sample) -> None:
         try:
-            actions = handler(str(sample.key_expr), sample)
+            handler(str(sample.key_expr), sample)
+        except OutsideValidityError:  # the radio's own: the run ends
+            raise
         except ValueError as error:  # bytes that are no message, or numbers that no radio can work with
-            self._refuse(Refused.MALFORMED, f"{sample.key_expr}: {error}")
-            return
-        self._perform(actions)
+            self._core.refused[Refused.MALFORMED] += 1
+            self._tell_refusal(f"{sample.key_expr}: {error}")
 
-    def _refuse(self, reason: Refused, text: str) -> None:
-        self._core.refused[reason] += 1
-        if self._core.refused[reason] <= REFUSALS_LOGGED_MAX:
-            log.warning("refused (%s): %s", reason.value, text)
+    def _tell_refusal(self, text: str) -> None:
+        if self._core.refused.total() <= REFUSALS_LOGGED_MAX:
+            log.warning("refused %s; refused so far: %s", text, dict(self._core.refused))
 
-    def _perform(self, actions: Iterable[Action]) -> None:
-        for action in actions:
-            if isinstance(action, Forward):
-                packet = action.packet
-                self._session.put_bytes(
-                    action.key,
-                    packet.payload,
-                    encoding=packet.encoding,
-                    attachment=action.attachment,
-                    must_arrive=True,
-                )
-            else:
-                self._session.put(action.key, action.message, must_arrive=action.must_arrive)
-        self._writer.write(self._core.settled)
-        self._core.settled.clear()
-        for packet in self._core.transmitted:
-            sent = SentPacket(packet.seq, packet.sim_time_ns, packet.channel, packet.payload)
-            self._packets[packet.tx].write(packet.sim_time_ns, encode_packet(sent))
-        self._core.transmitted.clear()
+    # What comes.
 
-    def _on_truth(self, key: str, sample: Sample) -> list[Action]:
-        truth = decode(sample.payload.to_bytes(), Truth)
-        q = truth.attitude
-        return self._core.on_truth(
-            self._keys.last_chunk(key), truth.header.stamp.ns, truth.position_ned_m.xyz, (q.w, q.x, q.y, q.z)
-        )
+    def _on_truths(self, _key: str, sample: Sample) -> None:
+        self._core.on_truths(decode(sample.payload.to_bytes(), Truths).truth)
 
-    def _on_packet(self, key: str, sample: Sample) -> list[Action]:
-        to = self._keys.address_of(key)
-        refused = self._core.refused.total()
-        self._core.on_packet(
-            to.node, to.channel, sample.payload.to_bytes(), sample.encoding, Stamp.from_sample(sample)
-        )
-        if self._core.refused.total() == refused + 1 <= REFUSALS_LOGGED_MAX:
-            log.warning("refused a packet on %s; refused so far: %s", key, dict(self._core.refused))
-        return []
+    def _on_packet(self, key: str, sample: Sample) -> None:
+        address, payload = self._keys.address_of(key), sample.payload.to_bytes()
+        with self._overload_lock:
+            self._queued_bytes -= len(payload)
+        if not self._core.on_packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
+            self._tell_refusal(f"a packet on {key}")
+        elif address.node in self._free:
+            self._free.discard(address.node)
+            text = f"a program that the clock does not wait for transmits as node {address.node}"
+            self._report.may_not_repeat(text)
 
-    def _on_answer(self, key: str, sample: Sample) -> list[Action]:
-        return self._core.on_answer(
-            self._keys.node_of(key), decode(sample.payload.to_bytes(), Header).stamp.ns
-        )
-
-    def _on_clock(self, _key: str, sample: Sample) -> list[Action]:
+    def _on_clock(self, _key: str, sample: Sample) -> None:
         self._core.on_tick(decode(sample.payload.to_bytes(), Clock).header.stamp.ns)
-        return []
 
-    def _on_agent(self, key: str, sample: Sample) -> list[Action]:
-        status = decode(sample.payload.to_bytes(), AgentStatus)
-        self._core.on_sent_total(self._keys.node_of(key), status.sent)
+    def _on_agent(self, key: str, sample: Sample) -> None:
+        node, status = self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus)
+        self._core.on_sent_total(node, status.sent)
         if status.failed:
-            self._core.on_failed()
+            self._core.ring.end()
         if status.done:
-            self._core.on_done(self._keys.node_of(key))
-        return []
+            self._core.ring.done(node)
+
+    def _on_answer(self, key: str, sample: Sample) -> None:
+        sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
+        closed = self._core.on_answer(self._keys.node_of(key), sim_time_ns)
+        if closed is None:
+            return
+        header = Header.at(closed.sim_time_ns, "")
+        if not closed.is_tick:
+            self._session.put(self._keys.clock_release, header, must_arrive=True)
+            return
+        settled = self._core.settle()
+        self._publisher.to_nodes(closed.sim_time_ns, settled)
+        release = self._keys.clock_end if closed.is_end else self._keys.clock_release
+        self._session.put(release, header, must_arrive=True)
+        self._publisher.to_observers(closed.sim_time_ns, settled, self._core.ledger, is_end=closed.is_end)
+        self._write(settled)
+
+    # The record.
+
+    def _write(self, settled: Settled) -> None:
+        self._writer.write(settled)
+        for packet in self._core.transmitted:
+            sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)
+            self._packets[self._core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(sent))
+        self._core.transmitted.clear()
 
 
 def serve(run: RunDirectory) -> None:

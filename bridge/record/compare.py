@@ -1,7 +1,7 @@
-"""The first difference between two runs, over all streams in the order of sim time.
+"""The first difference between two runs, over all streams and tables in the order of sim time.
 
-Within a tick the order is that of cause: truth, what the autopilot said, what it was told, packets, record. Files are
-read side by side and only as far as needed; of each, one tick is in memory.
+Within a tick the order is that of cause: truth, what the autopilot said, what it was told, packets, deliveries. Files
+are read side by side and only as far as needed; of each, one tick or some rows are in memory.
 """
 
 from __future__ import annotations
@@ -9,11 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from bridge.record.compare_record import compare_record
+import numpy as np
+from numpy.typing import NDArray
+
 from bridge.record.difference import Comparison, Difference, seconds
 from bridge.record.explain import NOTHING, describe, explain
-from bridge.record.names import RECORD, RECORD_FILE, Kind, Stream, streams_of
+from bridge.record.names import Kind, Stream, streams_of
 from bridge.record.streams import Entry, read_stream
+from bridge.record.tables.compare import compare_table
+from bridge.record.tables.schema import DELIVERIES, TABLES, TRUTH, Table
 
 BEFORE_BYTES = 600
 """Of what both streams had, so much is kept: two MAVLink frames of the longest kind."""
@@ -68,21 +72,22 @@ def examine(
         _check_run(run)
     work = _Work(run_a, run_b, NEVER_NS if until_ns is None else until_ns, a_was_cut, on_progress)
     in_a, in_b = set(streams_of(run_a)), set(streams_of(run_b))
-    streams = sorted(in_a | in_b, key=_order)
-    for stream in streams:
-        work.take(work.compare_stream(stream, in_a, in_b))
-    names = [str(stream) for stream in streams]
-    if (run_a / RECORD_FILE).exists() or (run_b / RECORD_FILE).exists():
-        names.append(RECORD)
-        work.take(compare_record(run_a, run_b, until_ns, a_was_cut=a_was_cut, count=work.count_line))
-    return Comparison(work.first, tuple(names), work.entries, work.ticks)
+    parts: list[Stream | Table] = [TRUTH, *sorted(in_a | in_b, key=_order), DELIVERIES]
+    for each in parts:
+        if isinstance(each, Stream):
+            work.take(str(each), work.compare_stream(each, in_a, in_b))
+        elif each.is_in(run_a) or each.is_in(run_b):
+            work.take(each.name, work.compare_table(each))
+    return Comparison(work.first, tuple(work.names), work.entries, work.ticks)
 
 
 def _check_run(run: Path) -> None:
     if not run.is_dir():
         raise NotARun(f"{run}: no such directory")
-    if not (run / RECORD_FILE).exists() and not streams_of(run):
-        raise NotARun(f"{run}: not the directory of a run: it has neither {RECORD_FILE} nor streams/")
+    if not any(table.is_in(run) for table in TABLES) and not streams_of(run):
+        raise NotARun(
+            f"{run}: not the directory of a run: it has neither deliveries, nor truth, nor streams/"
+        )
 
 
 def _order(stream: Stream) -> tuple[int, int, str]:
@@ -98,26 +103,44 @@ class _Work:
     ) -> None:
         self.run_a, self.run_b = run_a, run_b
         self.first: Difference | None = None
+        self.names: list[str] = []
         self.entries = 0
         self.ticks = 0
         self._limit_ns = self._until_ns = until_ns
         self._a_was_cut = a_was_cut
         self._on_progress = on_progress
 
-    def take(self, found: Difference | None) -> None:
-        """Keep a difference if it comes before the one so far."""
+    def take(self, name: str, found: Difference | None) -> None:
+        """Keep the name of what was compared, and a difference if it comes before the one so far."""
+        self.names.append(name)
         if found is not None and (self.first is None or found.tick_ns < self.first.tick_ns):
             self.first = found
             self._limit_ns = found.tick_ns - 1
 
-    def count_line(self) -> None:
-        """Count an equal line of the record."""
-        self._count(RECORD)
-
-    def _count(self, name: str) -> None:
-        self.entries += 1
-        if self._on_progress is not None and self.entries % PROGRESS_ENTRIES == 0:
+    def _count(self, name: str, by: int = 1) -> None:
+        before = self.entries // PROGRESS_ENTRIES
+        self.entries += by
+        if self._on_progress is not None and self.entries // PROGRESS_ENTRIES > before:
             self._on_progress(name, self.entries)
+
+    def compare_table(self, table: Table) -> Difference | None:
+        """The first difference within a table, up to the limit."""
+        ticks = 0
+        last_ns = -1
+
+        def count(tick_ns: NDArray[np.int64]) -> None:
+            nonlocal ticks, last_ns
+            ticks += int(np.count_nonzero(np.diff(tick_ns, prepend=last_ns)))
+            last_ns = int(tick_ns[-1])
+            self._count(table.name, len(tick_ns))
+
+        until_ns = None if self._limit_ns == NEVER_NS else self._limit_ns
+        found = compare_table(
+            self.run_a, self.run_b, table, until_ns, a_was_cut=self._a_was_cut, on_equal=count
+        )
+        if table is TRUTH:
+            self.ticks = max(self.ticks, ticks)
+        return found
 
     def compare_stream(self, stream: Stream, in_a: set[Stream], in_b: set[Stream]) -> Difference | None:
         """The first difference within a stream, up to the limit."""

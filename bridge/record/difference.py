@@ -12,9 +12,9 @@ class Difference:
 
     Attributes:
         tick_ns: sim time.
-        node: whose stream it is; in the record, the sender of the packet ("" in its first line).
-        stream: its name, such as ``truth/0``; ``record`` is `deliveries.csv`.
-        what: the field, message, byte or line that differs; ``the stream`` if one run lacks it or it ends there.
+        node: whose stream it is; in the deliveries, the sender of the packet.
+        stream: its name, such as ``packets/0``, or the table's: ``truth`` or ``deliveries``.
+        what: the column, message, byte or row that differs; ``the stream`` if one run lacks it or it ends there.
         a: what the first run has, as text.
         b: what the second run has.
     """
@@ -37,9 +37,9 @@ class Comparison:
 
     Attributes:
         difference: None if the runs are identical.
-        streams: names of all streams of either run.
-        entries: pairs of entries (and lines of the record) that are equal.
-        ticks: of the stream with the most.
+        streams: names of all streams and tables of either run.
+        entries: pairs of entries (and rows of tables) that are equal.
+        ticks: of the stream or table with the most.
     """
 
     difference: Difference | None

@@ -1,6 +1,6 @@
-"""One SHA-256 per stream of a run, and one over all: two runs with the same line did the same.
+"""One SHA-256 per stream and table of a run, and one over all: two runs with the same line did the same.
 
-A stream's digest is that of its file, which holds ticks and payloads and nothing else: ``sha256sum`` gives the same.
+A digest is that of the file, which holds nothing of wall time: ``sha256sum`` gives the same.
 """
 
 from __future__ import annotations
@@ -9,19 +9,20 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from bridge.record.names import RECORD, RECORD_FILE, streams_of
+from bridge.record.names import streams_of
+from bridge.record.tables.schema import TABLES
 
 
 def digests(run: Path) -> dict[str, str]:
-    """SHA-256 (hex) by stream name, and that of `deliveries.csv` as ``record``; what is not there is left out.
+    """SHA-256 (hex) by name of stream or table, of the Parquet file; what is not there is left out.
 
     Raises:
         OSError: a file cannot be read.
         ValueError: there is a stream file with a foreign name.
     """
     found = {str(stream): file_digest(stream.path(run)) for stream in streams_of(run)}
-    if (run / RECORD_FILE).exists():
-        found[RECORD] = file_digest(run / RECORD_FILE)
+    paths = {table.name: table.parquet_path(run) for table in TABLES}
+    found |= {name: file_digest(path) for name, path in paths.items() if path.exists()}
     return found
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.record.events import KILLED, read_reports
-from bridge.record.names import Kind, streams_of
-from bridge.record.streams import read_stream
+from bridge.record.tables.parquet import read_table
+from bridge.record.tables.schema import TRUTH
 from bridge.run.directory import SUMMARY_FILE
 
 WHOLE = ("done", "duration")
@@ -46,8 +45,8 @@ def extent_of(run: Path) -> Extent:
     """How much of the run in ``run`` can be flown again.
 
     Raises:
-        ValueError: it was interrupted before any sim time was whole, or a stream is damaged.
-        OSError: a stream cannot be read.
+        ValueError: it was interrupted before any sim time was whole, or its truth is damaged.
+        OSError: its truth cannot be read.
     """
     ending = _ending(run)
     was_cut = ending not in IN_ORDER or any(event.kind == KILLED for event in read_reports(run).events)
@@ -67,14 +66,14 @@ def last_whole_tick(run: Path) -> int | None:
     """Sim time in ns of the last tick but one that has truth: when a tick begins, the one before it is closed.
 
     Raises:
-        ValueError, OSError: a truth stream is damaged or cannot be read.
+        ValueError, OSError: the truth is damaged or cannot be read.
     """
-    ticks: set[int] = set()
-    for stream in streams_of(run):
-        if stream.kind is Kind.TRUTH:
-            last = deque((entry.tick_ns for entry in read_stream(stream.path(run))), maxlen=2)
-            ticks.update(last)
-    return sorted(ticks)[-2] if len(ticks) > 1 else None
+    if not TRUTH.is_in(run):
+        return None
+    last: set[int] = set()
+    for batch in read_table(run, TRUTH, (TRUTH.tick,)):
+        last = set(sorted(last | set(batch[TRUTH.tick].tolist()))[-2:])
+    return min(last) if len(last) > 1 else None
 
 
 def _ending(run: Path) -> str | None:

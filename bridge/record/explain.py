@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import zip_longest
 from typing import Any, Final, NamedTuple
 
 from aps.wire.dialect import message_fields, message_name
 from aps.wire.framer import Frame, Framer
-from bridge.bus.messages import DecodeError, Truth, decode
 from bridge.record.names import Kind
 from bridge.record.packets import SentPacket, decode_packet
 
@@ -41,8 +39,6 @@ def explain(kind: Kind, a: bytes, b: bytes, before: bytes = b"") -> Explained:
 
 def describe(kind: Kind, payload: bytes, before: bytes = b"") -> str:
     """A payload that the other side does not have."""
-    if kind is Kind.TRUTH:
-        return f"a truth of {len(payload)} bytes"
     if kind is Kind.PACKETS:
         try:
             packet = decode_packet(payload)
@@ -57,26 +53,6 @@ def first_byte(a: bytes, b: bytes) -> Explained:
     """The first byte that differs, with those after it."""
     index = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
     return Explained(f"byte {index}", _hex(a, index), _hex(b, index))
-
-
-def _truth(a: bytes, b: bytes, _before: bytes) -> Explained:
-    try:
-        old, new = dict(_leaves(decode(a, Truth))), dict(_leaves(decode(b, Truth)))
-    except DecodeError:
-        return first_byte(a, b)
-    for name, value in old.items():
-        if repr(value) != repr(new[name]):  # nan equals nan, and -0.0 is not 0.0
-            return Explained(name, repr(value), repr(new[name]))
-    return first_byte(a, b)
-
-
-def _leaves(message: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for field in dataclasses.fields(message):
-        value = getattr(message, field.name)
-        if dataclasses.is_dataclass(value):
-            yield from _leaves(value, f"{prefix}{field.name}.")
-        else:
-            yield f"{prefix}{field.name}", value
 
 
 def _packet(a: bytes, b: bytes, _before: bytes) -> Explained:
@@ -110,7 +86,7 @@ def _mavlink(a: bytes, b: bytes, before: bytes) -> Explained:
 
 def _frames(payload: bytes, before: bytes) -> list[Frame]:
     """Frames that end within ``payload``."""
-    framer = Framer()
+    framer = Framer(trusting=True)
     framer.receive(before)
     return framer.receive(payload)
 
@@ -148,7 +124,6 @@ def _short(text: str) -> str:
 
 
 _EXPLAINERS: Final[dict[Kind, Callable[[bytes, bytes, bytes], Explained]]] = {
-    Kind.TRUTH: _truth,
     Kind.FROM_AUTOPILOT: _mavlink,
     Kind.TO_AUTOPILOT: _mavlink,
     Kind.PACKETS: _packet,

@@ -216,7 +216,7 @@ def _frame(value: object) -> bytes:
     from aps.wire.framer import Framer  # as in frame_name
 
     data = _bytes(value)
-    framer = Framer()
+    framer = Framer(trusting=True)
     if [frame.raw for frame in framer.receive(data)] == [data]:
         return data
     if not data:

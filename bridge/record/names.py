@@ -9,9 +9,6 @@ from typing import Self
 
 from bridge.bus.keys import checked_chunk
 
-RECORD = "record"
-"""The name of `deliveries.csv` among the streams."""
-RECORD_FILE = "deliveries.csv"
 STREAM_FOLDER = "streams"
 INPUT_FOLDER = "inputs"
 REPORT_FOLDER = "reports"
@@ -23,7 +20,6 @@ NODE_LENGTH_MAX = 200
 class Kind(StrEnum):
     """What a stream holds, in the order in which things happen within a tick."""
 
-    TRUTH = "truth"
     FROM_AUTOPILOT = "from_autopilot"
     TO_AUTOPILOT = "to_autopilot"
     PACKETS = "packets"
@@ -69,14 +65,9 @@ class Stream:
             case [kind, node] if kind in _OTHERS:
                 return cls(Kind(kind), node)
         raise ValueError(
-            f"{name!r} is not the name of a stream: there are truth/<node>, mavlink/<node>/from_autopilot, "
+            f"{name!r} is not the name of a stream: there are mavlink/<node>/from_autopilot, "
             "mavlink/<node>/to_autopilot and packets/<node>"
         )
-
-
-def truth(node: str) -> Stream:
-    """True state of ``node`` at each tick: CDR of `bridge.bus.messages.Truth`."""
-    return Stream(Kind.TRUTH, node)
 
 
 def from_autopilot(node: str) -> Stream:

@@ -16,7 +16,7 @@ from typing import Any, Final, Literal
 from bridge.record.digests import file_digest
 from bridge.record.names import PROVENANCE_FILE
 
-PACKAGES: Final = ("numpy", "scipy", "jsbsim", "pymavlink", "eclipse-zenoh")
+PACKAGES: Final = ("numpy", "scipy", "jsbsim", "pymavlink", "eclipse-zenoh", "pyarrow")
 SERIOUS: Final = ("jsbsim",)
 """Packages whose version changes flights in more than last bits."""
 VARIABLES: Final = ("NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES")

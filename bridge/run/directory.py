@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,6 +17,7 @@ SCENARIO_FILE = "scenario.yaml"
 SUMMARY_FILE = "summary.json"
 LOG_FOLDER = "logs"
 AGENT_FOLDER = "agents"
+TLOG_FOLDER = "tlog"
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +29,14 @@ class RunInfo:
         endpoint: of its Zenoh router.
         pid: process id of its supervisor.
         replay: directory of the run whose inputs it repeats; "" if it takes those from outside.
+        hosts: by name, the ids of the nodes in each.
     """
 
     run: str
     endpoint: str
     pid: int
     replay: str = ""
+    hosts: dict[str, list[str]] = field(default_factory=dict)
 
     @property
     def is_live(self) -> bool:
@@ -78,9 +82,16 @@ class RunDirectory:
         """Where a node's agent keeps files of its own; made by the agent that does."""
         return self.path / AGENT_FOLDER / node
 
-    def write(self, scenario: Scenario, endpoint: str, replay: Path | None = None) -> RunInfo:
+    def write(
+        self,
+        scenario: Scenario,
+        endpoint: str,
+        replay: Path | None = None,
+        hosts: Mapping[str, Sequence[str]] | None = None,
+    ) -> RunInfo:
         """Write what the run's processes read."""
-        info = RunInfo(self.path.name, endpoint, os.getpid(), str(replay.resolve()) if replay else "")
+        groups = {name: list(nodes) for name, nodes in (hosts or {}).items()}
+        info = RunInfo(self.path.name, endpoint, os.getpid(), str(replay.resolve()) if replay else "", groups)
         (self.path / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info

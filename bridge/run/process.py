@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import logging
 import signal
 import sys
@@ -11,10 +10,13 @@ from collections.abc import Callable, Coroutine
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bridge.bus.session import SessionError
 from bridge.run.directory import RunDirectory
+
+if TYPE_CHECKING:
+    import asyncio
 
 current_node: ContextVar[str] = ContextVar("current_node", default="")
 """The node that is being worked for, for the log of a process that has several."""
@@ -29,14 +31,36 @@ class Arguments:
     nodes: tuple[str, ...] = ()
 
 
-class _NodeFilter(logging.Filter):
-    """Puts the node into each record: of the context, or of the agent's thread."""
+class NodeLogs(logging.Handler):
+    """Writes what is logged for a node to the node's own log, and the rest to stderr, the log of the process.
 
-    def filter(self, record: logging.LogRecord) -> bool:
+    A record's node is that of the context, or of the agent's thread.
+    """
+
+    def __init__(self, run: RunDirectory, form: str) -> None:
+        super().__init__()
+        self._run = run
+        self._form = logging.Formatter(form)
+        self._rest = logging.StreamHandler(sys.stderr)
+        self._rest.setFormatter(self._form)
+        self._of_nodes: dict[str, logging.Handler] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one record."""
         thread = record.threadName or ""
         node = thread.removeprefix("agent-") if thread.startswith("agent-") else current_node.get()
-        record.node = f"UA {node} " if node else ""
-        return True
+        if node:
+            self._handler_of(node).handle(record)
+        else:
+            self._rest.handle(record)
+
+    def _handler_of(self, node: str) -> logging.Handler:
+        handler = self._of_nodes.get(node)
+        if handler is None:
+            path = self._run.log_path(f"node-{node}")
+            handler = self._of_nodes[node] = logging.FileHandler(path, encoding="utf-8", delay=True)
+            handler.setFormatter(self._form)
+        return handler
 
 
 def parse_arguments(name: str, description: str, *, has_nodes: bool = False) -> Arguments:
@@ -47,12 +71,11 @@ def parse_arguments(name: str, description: str, *, has_nodes: bool = False) -> 
     if has_nodes:
         parser.add_argument("--nodes", required=True, help="node ids of its UA, such as 0,1")
     arguments = parser.parse_args()
-    handler = logging.StreamHandler(sys.stderr)
-    handler.addFilter(_NodeFilter())
-    form = "%(asctime)s %(levelname)s %(node)s%(name)s: %(message)s"
-    logging.basicConfig(level=logging.INFO, handlers=[handler], format=form)
+    run = RunDirectory(Path(arguments.run_dir))
+    logs = NodeLogs(run, "%(asctime)s %(levelname)s %(name)s: %(message)s")
+    logging.basicConfig(level=logging.INFO, handlers=[logs])
     nodes = tuple(arguments.nodes.split(",")) if has_nodes else ()
-    return Arguments(RunDirectory(Path(arguments.run_dir)), arguments.name, nodes)
+    return Arguments(run, arguments.name, nodes)
 
 
 def on_stop_signal(stop: Callable[[], object]) -> None:
@@ -73,6 +96,7 @@ def exit_status(body: Callable[[], object]) -> int:
 
 def run_until_stopped(body: Callable[[asyncio.Event], Coroutine[Any, Any, None]]) -> int:
     """Run ``body(stop)`` in an asyncio loop, where SIGTERM and SIGINT set ``stop``. Returns the exit status."""
+    import asyncio  # late: physics and router do without
 
     async def main() -> None:
         stop = asyncio.Event()

@@ -11,20 +11,12 @@ from typing import Any, get_args
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from bridge.scenario.model import (
-    AgentConfig,
-    Aircraft,
-    FlightDynamics,
-    HomePlace,
-    Origin,
-    OwnAgent,
-    Ports,
-    Scenario,
-    Transmit,
-)
+from bridge.scenario.agents import AgentConfig, GroundAgentConfig, OwnAgent
+from bridge.scenario.model import FlightDynamics, Mavlink, Origin, Ports, Scenario, Transmit
+from bridge.scenario.nodes import Aircraft, GroundNode, GroundPlace, HomePlace, TrackPoint
 from bridge.scenario.own_class import clash_of, mistake_in
 from bridge.scenario.resolve import airframe_of, wind_of
-from bridge.scenario.resolve_radio import radio_of
+from bridge.scenario.resolve_radio import radio_from
 from channel.presets import PresetError, seen_from
 from fdm.air.weather import WeatherConfig
 from fdm.errors import AirframeError, WindError
@@ -144,50 +136,74 @@ def _with_files_from(folder: Path, scenario: Scenario) -> Scenario:
     def place(name: str, *suffixes: str) -> str:
         return str(folder / Path(name).expanduser()) if Path(name).suffix in suffixes else name
 
-    def placed(ua: Aircraft) -> Aircraft:
-        agent = ua.agent
-        if isinstance(agent, OwnAgent):
-            agent = agent.model_copy(update={"class_": f"{place(agent.place, '.py')}:{agent.class_name}"})
-        return ua.model_copy(update={"airframe": place(ua.airframe, ".yaml", ".yml"), "agent": agent})
+    def placed(node: Aircraft | GroundNode) -> Aircraft | GroundNode:
+        changes: dict[str, Any] = {}
+        if isinstance(node.agent, OwnAgent):
+            class_ = f"{place(node.agent.place, '.py')}:{node.agent.class_name}"
+            changes["agent"] = node.agent.model_copy(update={"class_": class_})
+        if isinstance(node.radio, str):
+            changes["radio"] = place(node.radio, ".yaml", ".yml")
+        if isinstance(node, Aircraft):
+            changes["airframe"] = place(node.airframe, ".yaml", ".yml")
+        return node.model_copy(update=changes)
 
     radio = scenario.radio
     files = {
         "radio": place(radio, ".yaml", ".yml") if isinstance(radio, str) else radio,
         "wind": place(scenario.wind, ".yaml", ".yml"),
-        "ua": tuple(placed(ua) for ua in scenario.ua),
+        "nodes": tuple(placed(node) for node in scenario.nodes),
     }
     return scenario.model_copy(update=files)
 
 
 def _with_known_names(source: _Source, folder: Path, scenario: Scenario) -> Scenario:
-    """See that what the scenario names is there and right; a radio's tables are read in."""
+    """See that what the scenario names is there and right; the radios' tables are read in."""
     mistakes: list[str] = []
-    try:
-        if not isinstance(scenario.radio, str):
-            scenario = scenario.model_copy(update={"radio": seen_from(folder, scenario.radio)})
-        radio_of(scenario)
-    except PresetError as error:
-        line = source.line_of(("radio", *error.key.split(".")))
-        mistakes.append(f"{source.name}:{line}: radio: {error}")
+    scenario = _with_known_radios(source, folder, scenario, mistakes)
     try:
         wind_of(scenario)
     except WindError as error:
         mistakes.append(f"{source.name}:{source.line_of(('wind',))}: wind: {error}")
-    for index, ua in enumerate(scenario.ua):
-        try:
-            airframe_of(ua)
-        except AirframeError as error:
-            line = source.line_of(("ua", index, "airframe"))
-            mistakes.append(f"{source.name}:{line}: ua.{index}.airframe: {error}")
-        if isinstance(ua.agent, OwnAgent) and (mistake := mistake_in(ua.agent.place, ua.agent.class_name)):
-            line = source.line_of(("ua", index, "agent", "class"))
-            mistakes.append(f"{source.name}:{line}: ua.{index}.agent.class: {mistake}")
-    clash = clash_of([ua.agent.place for ua in scenario.ua if isinstance(ua.agent, OwnAgent)])
+    for index, node in enumerate(scenario.nodes):
+        if isinstance(node, Aircraft):
+            try:
+                airframe_of(node)
+            except AirframeError as error:
+                line = source.line_of(("nodes", index, "airframe"))
+                mistakes.append(f"{source.name}:{line}: nodes.{index}.airframe: {error}")
+        if isinstance(node.agent, OwnAgent) and (
+            mistake := mistake_in(node.agent.place, node.agent.class_name)
+        ):
+            line = source.line_of(("nodes", index, "agent", "class"))
+            mistakes.append(f"{source.name}:{line}: nodes.{index}.agent.class: {mistake}")
+    clash = clash_of([node.agent.place for node in scenario.nodes if isinstance(node.agent, OwnAgent)])
     if clash:
-        mistakes.append(f"{source.name}:{source.line_of(('ua',))}: ua: {clash}")
+        mistakes.append(f"{source.name}:{source.line_of(('nodes',))}: nodes: {clash}")
     if mistakes:
         raise ScenarioError("\n".join(mistakes))
     return scenario
+
+
+def _with_known_radios(source: _Source, folder: Path, scenario: Scenario, mistakes: list[str]) -> Scenario:
+    """The scenario with the tables of its radios read in: the one for all, and those of single nodes."""
+
+    def read(setting: str | dict[str, Any], place: tuple[str | int, ...]) -> str | dict[str, Any]:
+        try:
+            seen = setting if isinstance(setting, str) else seen_from(folder, setting)
+            radio_from(seen, scenario.origin)
+        except PresetError as error:
+            line = source.line_of((*place, *error.key.split(".")))
+            mistakes.append(f"{source.name}:{line}: {'.'.join(map(str, place))}: {error}")
+            return setting
+        return seen
+
+    nodes = tuple(
+        node.model_copy(update={"radio": read(node.radio, ("nodes", index, "radio"))})
+        if node.radio is not None
+        else node
+        for index, node in enumerate(scenario.nodes)
+    )
+    return scenario.model_copy(update={"radio": read(scenario.radio, ("radio",)), "nodes": nodes})
 
 
 def _refuse_duplicate_keys(source: _Source, node: yaml.Node) -> None:
@@ -221,7 +237,7 @@ def _mistakes(source: _Source, error: ValidationError) -> Iterator[str]:
 
 def _is_union_tag(step: str | int) -> bool:
     """Pydantic puts the chosen branch of a union into the path; it is not a key of the file."""
-    return isinstance(step, str) and (step in _AGENTS or "[" in step or step in {"str", "float"})
+    return isinstance(step, str) and (step in _AGENTS or "[" in step or step in {"str", "float", *KINDS})
 
 
 def _explain(item: Any, path: tuple[str | int, ...]) -> str:
@@ -231,24 +247,35 @@ def _explain(item: Any, path: tuple[str | int, ...]) -> str:
     if item["type"] == "missing":
         return "is required"
     if item["type"] in {"union_tag_not_found", "union_tag_invalid"}:
-        return f"type has to be one of: {', '.join(_AGENTS)}"
-    if path in {("ua",), ("fdm",)}:
+        if path and path[-1] != "agent":
+            return f"kind has to be one of: {', '.join(KINDS)}"
+        kinds = _GROUND_AGENTS if "ground" in item["loc"] else _AGENTS
+        return f"type has to be one of: {', '.join(kinds)}"
+    if path in {("nodes",), ("fdm",)}:
         return str(item["msg"]).removeprefix("Value error, ")
     return f"{item['msg'].removeprefix('Value error, ')} (got {item['input']!r})"
 
 
-_AGENTS: dict[str, type[BaseModel]] = {
-    get_args(model.model_fields["type"].annotation)[0]: model for model in get_args(get_args(AgentConfig)[0])
-}
+def _by_type(config: Any) -> dict[str, type[BaseModel]]:
+    return {
+        get_args(model.model_fields["type"].annotation)[0]: model for model in get_args(get_args(config)[0])
+    }
+
+
+_AGENTS = _by_type(AgentConfig)
+_GROUND_AGENTS = _by_type(GroundAgentConfig)
+KINDS = ("ua", "ground")
 _MODELS: dict[str, type[BaseModel]] = {
     "origin": Origin,
     "home": HomePlace,
     "transmit": Transmit,
     "ports": Ports,
     "fdm": FlightDynamics,
+    "mavlink": Mavlink,
     "sensor_noise": SensorNoise,
     "weather": WeatherConfig,
-    "ua": Aircraft,
+    "place": GroundPlace,
+    "track": TrackPoint,
 }
 
 
@@ -257,6 +284,8 @@ def _allowed_keys(parent: tuple[str | int, ...], loc: tuple[str | int, ...]) -> 
     model: type[BaseModel] = Scenario
     if names and names[-1] == "agent":
         model = next(_AGENTS[str(step)] for step in loc if step in _AGENTS)
+    elif names and names[-1] == "nodes":
+        model = GroundNode if "ground" in loc else Aircraft
     elif names:
         model = _MODELS[names[-1]]
     return [field.alias or name for name, field in model.model_fields.items()]

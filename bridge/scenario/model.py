@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 import yaml
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    JsonValue,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
+from bridge.scenario.nodes import Aircraft, GroundNode, NodeConfig
+from bridge.scenario.parts import (
+    Finite,
+    Latitude,
+    Longitude,
+    Parameters,
+    Part,
+    Port,
+    Positive,
+    RadioSetting,
+    Slug,
+)
 from bridge.timeouts import STALL_S
 from fdm.air.weather import WeatherConfig
 from fdm.clock.status import SPEED_RANGE
@@ -24,16 +28,12 @@ from fdm.wire.legacy import legacy_ports
 
 SCHEMA = 1
 MAX = "max"
+AUTO = "auto"
+START_TIME_UNIX_S = 1_700_000_000
+"""GPS time of autopilots at boot, and time of the records at sim time 0: the host's time would not repeat."""
+MAVSDK_SLOTS, MAVSDK_STEP = 10, 60
+"""So many UA have the ports that PX4 gives MAVSDK; those of the others lie higher by this."""
 SPEED_MIN, SPEED_MAX = 0.1, SPEED_RANGE[1]
-
-Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
-Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Port = Annotated[int, Field(strict=True, ge=0, le=65535)]
-Parameters = dict[Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]{0,15}$")], Finite]
-"""Parameters of an autopilot; MAVLink gives their names 16 characters."""
-Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 
 def _speed(value: object) -> object:
@@ -56,19 +56,20 @@ def _hosts(value: object) -> object:
     raise ValueError("has to be 'auto', 'per-ua' or a number of processes, at least 1")
 
 
-def _radio(value: object) -> object:
-    if isinstance(value, str | dict):
-        return value
-    raise ValueError(
-        "has to be the name of a radio preset, or a mapping with 'preset' and what differs from it"
-    )
+def _udp_out(value: object) -> object:
+    """See that each can be opened: a mistake is better found before the start."""
+    if not isinstance(value, list | tuple):
+        if value == AUTO:
+            return value
+        raise ValueError("has to be 'auto', or a list of HOST:PORT")
+    from aps.links.address import parse_address  # pymavlink takes its time, and few scenarios name any
+
+    for text in value:
+        parse_address(f"udp-out:{text}")
+    return tuple(value)
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Origin(_Part):
+class Origin(Part):
     """Where the fleet's north-east-down frame has its zero."""
 
     lat_deg: Latitude
@@ -76,68 +77,7 @@ class Origin(_Part):
     alt_amsl_m: Finite
 
 
-class HomePlace(_Part):
-    """Home of a UA relative to the fleet's origin."""
-
-    north_m: Finite = 0.0
-    east_m: Finite = 0.0
-    heading_deg: Finite = 0.0
-
-
-class HoldAgent(_Part):
-    """Takes off and holds over home until the others are done."""
-
-    has_task: ClassVar[bool] = False
-    type: Literal["hold"]
-    altitude_m: Positive
-
-
-class OutAndBackAgent(_Part):
-    """Takes off, flies straight out, turns and flies back."""
-
-    has_task: ClassVar[bool] = True
-    type: Literal["out_and_back"]
-    altitude_m: Positive
-    distance_m: Positive
-    bearing_deg: Finite = 0.0
-    speed_mps: Positive = 10.0
-
-
-class StillAgent(_Part):
-    """Stays on the ground and transmits: for links without flight, and for tests."""
-
-    has_task: ClassVar[bool] = False
-    type: Literal["still"]
-
-
-class OwnAgent(_Part):
-    """An agent of the user's own: a subclass of `bridge.agents.Agent`, in a file or an installed module."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, populate_by_name=True, ser_json_inf_nan="constants"
-    )
-
-    type: Literal["own"]
-    class_: Annotated[str, Field(alias="class", pattern=r"^.+:[A-Za-z_]\w*$")]
-    has_task: bool = True
-    options: dict[str, JsonValue] = {}
-
-    @property
-    def place(self) -> str:
-        """The file (ending in .py) or module that the class is in."""
-        return self.class_.rpartition(":")[0]
-
-    @property
-    def class_name(self) -> str:
-        """The name of the class there."""
-        return self.class_.rpartition(":")[2]
-
-
-AgentConfig = Annotated[HoldAgent | OutAndBackAgent | StillAgent | OwnAgent, Field(discriminator="type")]
-"""``has_task``: the agent has an end of its own, which the run waits for."""
-
-
-class FlightDynamics(_Part):
+class FlightDynamics(Part):
     """How the flight dynamics are served.
 
     Attributes:
@@ -160,28 +100,7 @@ class FlightDynamics(_Part):
     placement: Placement = "auto"
 
 
-class Aircraft(_Part):
-    """One UA."""
-
-    id: Annotated[int, Field(strict=True, ge=0, le=249)]
-    airframe: str = "f450"
-    home: HomePlace = HomePlace()
-    sensor_noise: SensorNoise | None = None
-    parameters: Parameters = {}
-    agent: AgentConfig
-
-    @property
-    def node(self) -> str:
-        """Its node id."""
-        return str(self.id)
-
-    @property
-    def sysid(self) -> int:
-        """Its MAVLink system id."""
-        return self.id + 1
-
-
-class Transmit(_Part):
+class Transmit(Part):
     """What every agent gives to the radio."""
 
     channel: Slug = "team"
@@ -189,18 +108,37 @@ class Transmit(_Part):
     frequency_mhz: Annotated[int, Field(strict=True, ge=1, le=65535)] = 2412
 
 
-class Ports(_Part):
-    """First port of each kind; UA I uses ``first + 10 * (I + first_slot)``. 0 for zenoh: any free port."""
+class Ports(Part):
+    """First port of each kind; UA I uses ``first + 10 * (I + first_slot)``. 0 for zenoh: any free port.
+
+    ``gcs`` and ``mavsdk`` are sent to: all UA share the first; slot S = I + first_slot has ``mavsdk + S`` (from slot 10
+    on ``mavsdk + 60 + S``, beyond the ground station's).
+    """
 
     fdm: Port = 9002
     autopilot: Port = 5760
     aps: Port = 6760
     api: Port = 8760
+    gcs: Port = 14550
+    mavsdk: Port = 14540
     zenoh: Port = 7447
     first_slot: Annotated[int, Field(strict=True, ge=0, le=4000)] = 0
 
 
-class Scenario(_Part):
+class Mavlink(Part):
+    """What the MAVLink daemons do unasked.
+
+    Attributes:
+        udp_out: where each sends its UA's MAVLink: HOST:PORT with rules (docs/aps.md); auto = to ``ports.gcs`` and
+            ``ports.mavsdk`` on this machine in real time (``speed: 1``), nowhere otherwise.
+        tlog: whether each records it as a .tlog file in the run's directory.
+    """
+
+    udp_out: Annotated[Literal["auto"] | tuple[str, ...], BeforeValidator(_udp_out)] = "auto"
+    tlog: bool = True
+
+
+class Scenario(Part):
     """A whole run."""
 
     schema_version: Literal[1] = Field(alias="schema")
@@ -215,14 +153,15 @@ class Scenario(_Part):
     hosts: Annotated[int | str, BeforeValidator(_hosts)] = "auto"
     api: bool = False
     origin: Origin
-    radio: Annotated[str | dict[str, Any], BeforeValidator(_radio)]
+    radio: RadioSetting
     wind: str = "calm"
     weather: WeatherConfig = WeatherConfig()
     transmit: Transmit = Transmit()
-    parameters: Parameters = {}
+    parameters: Parameters = Field(default_factory=dict)
     ports: Ports = Ports()
+    mavlink: Mavlink = Mavlink()
     fdm: FlightDynamics = FlightDynamics()
-    ua: Annotated[tuple[Aircraft, ...], Field(min_length=1)]
+    nodes: Annotated[tuple[NodeConfig, ...], Field(min_length=1)]
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
@@ -256,14 +195,16 @@ class Scenario(_Part):
             raise ValueError("coupling parallel needs scheme json: a legacy peer is served serially")
         return fdm
 
-    @field_validator("ua")
+    @field_validator("nodes")
     @classmethod
-    def _ids_differ(cls, aircraft: tuple[Aircraft, ...]) -> tuple[Aircraft, ...]:
-        ids = [ua.id for ua in aircraft]
+    def _ids_differ(cls, nodes: tuple[Aircraft | GroundNode, ...]) -> tuple[Aircraft | GroundNode, ...]:
+        ids = [node.node for node in nodes]
         twice = sorted({i for i in ids if ids.count(i) > 1})
         if twice:
             raise ValueError(f"id {twice[0]} is used more than once")
-        return aircraft
+        if not any(isinstance(node, Aircraft) for node in nodes):
+            raise ValueError("there has to be a UA: the flight dynamics keep the time")
+        return nodes
 
     @property
     def tick_period_ns(self) -> int:
@@ -276,23 +217,42 @@ class Scenario(_Part):
         return 1_000_000_000 // (self.mavlink_rate_hz or self.tick_rate_hz)
 
     @property
-    def nodes(self) -> tuple[str, ...]:
-        """All node ids."""
-        return tuple(ua.node for ua in self.ua)
+    def ua(self) -> tuple[Aircraft, ...]:
+        """The nodes that are UA."""
+        return tuple(node for node in self.nodes if isinstance(node, Aircraft))
+
+    @property
+    def ground(self) -> tuple[GroundNode, ...]:
+        """The nodes that are on the ground."""
+        return tuple(node for node in self.nodes if isinstance(node, GroundNode))
+
+    @property
+    def stations(self) -> tuple[str, ...]:
+        """Ids of the nodes that are in the medium."""
+        return tuple(node.node for node in self.nodes)
+
+    @property
+    def regulated(self) -> tuple[str, ...]:
+        """Ids of the nodes that the clock waits for."""
+        return tuple(node.node for node in self.nodes if node.is_regulated)
 
     @property
     def nodes_with_a_task(self) -> frozenset[str]:
         """Nodes whose agents have an end of their own, which the run waits for."""
-        return frozenset(ua.node for ua in self.ua if ua.agent.has_task)
+        return frozenset(node.node for node in self.nodes if node.agent.has_task)
+
+    def title(self, node_id: str) -> str:
+        """What a node is called where people read: ``UA 1``, ``node gcs``."""
+        return f"{'UA' if isinstance(self.node(node_id), Aircraft) else 'node'} {node_id}"
 
     @property
     def speed_factor(self) -> float:
         """Target real-time factor; ``inf`` for max."""
         return float("inf") if self.speed == MAX else float(self.speed)
 
-    def aircraft(self, node: str) -> Aircraft:
-        """The UA with this node id."""
-        return next(ua for ua in self.ua if ua.node == node)
+    def node(self, node_id: str) -> Aircraft | GroundNode:
+        """The node with this id."""
+        return next(node for node in self.nodes if node.node == node_id)
 
     def fdm_port(self, ua: Aircraft) -> int:
         """UDP port of the flight dynamics exchange of ``ua``."""
@@ -311,6 +271,16 @@ class Scenario(_Part):
     def aps_port(self, ua: Aircraft) -> int:
         """TCP port of the MAVLink server of ``ua``."""
         return self._port(self.ports.aps, ua)
+
+    def udp_outputs(self, ua: Aircraft) -> tuple[str, ...]:
+        """Where the MAVLink of ``ua`` is sent: HOST:PORT."""
+        if self.mavlink.udp_out != AUTO:
+            return tuple(self.mavlink.udp_out)
+        if self.speed_factor != 1.0:
+            return ()
+        slot = self.instance(ua)
+        mavsdk = self.ports.mavsdk + slot + (MAVSDK_STEP if slot >= MAVSDK_SLOTS else 0)
+        return tuple(f"127.0.0.1:{port}" for port in (self.ports.gcs, mavsdk) if port and port <= 65535)
 
     def instance(self, ua: Aircraft) -> int:
         """ArduPilot's instance number: what its ports are counted by."""

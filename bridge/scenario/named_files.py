@@ -8,39 +8,48 @@ from typing import Any
 
 import yaml
 
-from bridge.scenario.model import OwnAgent, Scenario
+from bridge.scenario.agents import OwnAgent
+from bridge.scenario.model import Scenario
 
 TREES = (".yaml", ".yml")
-TABLES = (".csv", ".nc")
+TABLES = (".csv", ".nc", ".nc4", ".h5", ".tif", ".tiff", ".hgt")
+CODE = ".py"
 
 
 def named_files(scenario: Scenario) -> list[Path]:
-    """Absolute paths, sorted: own agents, airframes with their flight models, winds with their maps, radios.
+    """Absolute paths, sorted: own agents, airframes with their flight models, winds and radios with what they name.
 
     What ships goes by name and belongs to lostlink; modules that are installed are not looked for.
     """
     named = [scenario.wind, *(ua.airframe for ua in scenario.ua)]
-    named += [scenario.radio] if isinstance(scenario.radio, str) else _texts(scenario.radio)
+    for radio in (scenario.radio, *(node.radio for node in scenario.nodes)):
+        named += [radio] if isinstance(radio, str) else _texts(radio)
     found: set[Path] = set()
     for name in named:
-        _add(Path(name), found)
-    for ua in scenario.ua:
-        if isinstance(ua.agent, OwnAgent) and ua.agent.place.endswith(".py"):
-            found.add(Path(ua.agent.place).absolute())
+        _add(_file_of(name), found)
+    for node in scenario.nodes:
+        if isinstance(node.agent, OwnAgent) and node.agent.place.endswith(".py"):
+            found.add(Path(node.agent.place).absolute())
     return sorted(found)
 
 
 def _add(path: Path, found: set[Path]) -> None:
     """Take a file, and those that it names as seen from its directory."""
     path = path.absolute()
-    if path.suffix not in (*TREES, *TABLES) or path in found or not path.is_file():
+    if path.suffix not in (*TREES, *TABLES, CODE) or path in found or not path.is_file():
         return
     found.add(path)
     if path.suffix in TREES:
         tree = _tree(path)
         for text in _texts(tree):
-            _add(path.parent / text, found)
+            _add(path.parent / _file_of(text), found)
         found.update(_flight_model(tree, path.parent))
+
+
+def _file_of(text: str) -> Path:
+    """The file of a text that names one, or a class in one: ``file.py:Name``."""
+    file, colon, _ = text.rpartition(":")
+    return Path(file) if colon and file.endswith(CODE) else Path(text)
 
 
 def _tree(path: Path) -> Any:

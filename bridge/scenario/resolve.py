@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from bridge.scenario.model import Aircraft, Origin, Scenario
+from bridge.scenario.model import Origin, Scenario
+from bridge.scenario.nodes import Aircraft
 from fdm.air.wind import WindConfig, load_wind
 from fdm.exchange.aircraft_spec import LegacyPeer
 from fdm.exchange.hosted_aircraft import Disturb

@@ -1,49 +1,84 @@
-"""Command line of the stand-in autopilot."""
+"""Command line of the stand-in autopilot: ``OPTIONS [+ OPTIONS]...``, the options of one autopilot after the other."""
 
 from __future__ import annotations
 
 import argparse
 import gc
 import sys
+import traceback
 from collections.abc import Sequence
+from pathlib import Path
 
 from bridge.standin.autopilot import Autopilot
 from bridge.standin.control.mixer import UnknownFrameError
-from bridge.standin.process import Process
+from bridge.standin.process import AutopilotError, Process
+from bridge.standin.sockets import AutopilotSockets
 from bridge.standin.vehicle.location import Location
 from bridge.standin.vehicle.parameters import Parameters, UnknownParameterError
 
-EXIT_ERROR = 2
+EXIT_FAILED, EXIT_ERROR = 1, 2
+SEPARATOR = "+"
 GC_THRESHOLD = 50_000
 START_TIME_UNIX_S = 1_700_000_000
 RATE_HZ_MIN, RATE_HZ_MAX = 100, 2000
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the autopilot until SIGTERM or SIGINT; return the exit code."""
-    options = _parser().parse_args(arguments)
+    """Run the autopilots until SIGTERM or SIGINT; return the exit code."""
+    words = sys.argv[1:] if arguments is None else arguments
+    options = [_parser().parse_args(one) for one in _split(words)]
     try:
-        process = _prepare(options)
+        served = [_prepare(one) for one in options]
     except (OSError, UnknownFrameError) as error:
         print(f"standin: {error}", file=sys.stderr)
         return EXIT_ERROR
+    process = Process(served)
     process.stop_on_signals()
-    print(
-        f"ready: sysid {options.sysid}, MAVLink tcp:{options.host}:{process.mavlink_port}, "
-        f"physics udp:{options.fdm_host}:{options.fdm_port}",
-        flush=True,
-    )
+    for one, sockets in zip(options, served, strict=True):
+        _tell(one, _ready(one, sockets))
     gc.collect()
     gc.freeze()
     gc.set_threshold(GC_THRESHOLD)  # the frames' tuples would set it off every few of them, for nothing
     try:
         process.run()
+    except AutopilotError as error:
+        failed = options[served.index(error.autopilot)]
+        _tell(failed, traceback.format_exc())
+        print(f"{error}; its log is {failed.log}" if failed.log else error, file=sys.stderr)
+        return EXIT_FAILED
     finally:
         process.close()
     return 0
 
 
-def _prepare(options: argparse.Namespace) -> Process:
+def _split(words: Sequence[str]) -> list[list[str]]:
+    """The options of each autopilot."""
+    groups: list[list[str]] = [[]]
+    for word in words:
+        if word == SEPARATOR:
+            groups.append([])
+        else:
+            groups[-1].append(word)
+    return groups
+
+
+def _ready(options: argparse.Namespace, sockets: AutopilotSockets) -> str:
+    return (
+        f"ready: sysid {options.sysid}, MAVLink tcp:{options.host}:{sockets.mavlink_port}, "
+        f"physics udp:{options.fdm_host}:{options.fdm_port}\n"
+    )
+
+
+def _tell(options: argparse.Namespace, text: str) -> None:
+    """Write to an autopilot's own log."""
+    if options.log is None:
+        print(text, end="", flush=True)
+    else:
+        with options.log.open("a", encoding="utf-8") as log:
+            log.write(text)
+
+
+def _prepare(options: argparse.Namespace) -> AutopilotSockets:
     parameters = Parameters()
     for name, value in options.parameter:
         parameters.set(name, value)
@@ -51,14 +86,19 @@ def _prepare(options: argparse.Namespace) -> Process:
     autopilot = Autopilot(
         options.home, parameters, frame_rate_hz=options.rate_hz, boot_unix_us=options.start_time * 1_000_000
     )
-    return Process(autopilot, (options.fdm_host, options.fdm_port), (options.host, options.mavlink_port))
+    physics, mavlink = (options.fdm_host, options.fdm_port), (options.host, options.mavlink_port)
+    return AutopilotSockets(autopilot, physics, mavlink, options.name or f"system {options.sysid}")
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m bridge.standin",
-        description="A small multirotor autopilot with ArduPilot SITL's interfaces. It is not ArduPilot.",
+        usage="%(prog)s OPTIONS [+ OPTIONS]...",
+        description="A small multirotor autopilot with ArduPilot SITL's interfaces. It is not ArduPilot. "
+        "Several fly in one process if the options of each, but the first, come after a +.",
     )
+    parser.add_argument("--name", help="what messages call it (default: its system id)")
+    parser.add_argument("--log", type=Path, help="file for what it has to say (default: standard output)")
     parser.add_argument("--sysid", type=_bounded_int(1, 255), default=1, help="MAVLink system id (default 1)")
     parser.add_argument("--fdm-host", default="127.0.0.1", help="host of the physics")
     parser.add_argument("--fdm-port", type=_bounded_int(1, 65535), default=9002, help="its UDP port")

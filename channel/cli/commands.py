@@ -157,6 +157,25 @@ def figures(out: Path, seed: int) -> None:
 
 
 @click.command()
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Directory to write to."
+)
+def laws(out: Path) -> None:
+    """Draw the laws of the channel as PNG: path loss, two rays and the horizon, antennas, error models.
+
+    \b
+    Examples:
+      lostlink laws --out laws
+    """
+    from channel.cli.law_plots import write_law_plots
+
+    with writing(out), _warnings_on_stderr():
+        files = write_law_plots(out)
+    for file in files:
+        click.echo(str(file))
+
+
+@click.command()
 @click.argument("log", type=click.Path(dir_okay=False, path_type=Path))
 @fit_options
 def fit(log: Path, **options: Any) -> None:
@@ -171,9 +190,9 @@ def fit(log: Path, **options: Any) -> None:
       lostlink fit flight.csv --radio corrected --out mine.yaml --plot fit.png
       lostlink fit flight.csv --radio corrected --set noise.noise_figure_db=4 --hold shadowing.sigma_db --json
     """
-    from channel.fit.flight_log import read_csv_log
+    from channel.fit.columns import read_log
 
-    run_fit(FitRequest(**options), log.stem, lambda base: read_csv_log(log, base))
+    run_fit(FitRequest(**options), log.stem, lambda base: read_log(log, base))
 
 
 @click.group()
@@ -181,5 +200,5 @@ def main() -> None:
     """Radio channel: link budgets, presets, figures and calibration."""
 
 
-for _command in (link, radios, figures, fit):
+for _command in (link, radios, figures, laws, fit):
     main.add_command(_command)

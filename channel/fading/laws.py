@@ -6,14 +6,17 @@ import math
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
-from scipy.special import gammaincinv, i0e, ndtri
 
+from channel import special
 from channel.checks import FloatArray
 from channel.fading.quadrature import gauss_legendre, standard_normal_rule, uniform_from_normal
 from channel.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 from channel.variant import Variant
 
+SMALLEST_DRAW = 2.0**-53
+"""Uniform draws end half a cell before 0 and 1."""
 LOWEST_GAIN = 1e-20
 """Power gains are held above -200 dB, so that their logarithm is finite."""
 CLARKE = 9.0 / (16.0 * math.pi)
@@ -22,7 +25,10 @@ NS_PER_S = 1e9
 
 
 class FadingModel(Protocol):
-    """A random power gain, given as a function of two uniform variables."""
+    """A random power gain, given as a function of two uniform variables.
+
+    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw.
+    """
 
     @property
     def is_random(self) -> bool:
@@ -96,6 +102,11 @@ class Rayleigh(_Coherent):
 
     model: Literal["rayleigh"] = "rayleigh"
 
+    @property
+    def max_gain_db(self) -> float:
+        """-ln of the smallest draw, dB."""
+        return float(db_from_ratio(-math.log(SMALLEST_DRAW)))
+
     def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
         """Return -ln(u) in dB."""
         return db_from_ratio(np.maximum(-np.log(first), LOWEST_GAIN))
@@ -112,14 +123,19 @@ class Nakagami(_Coherent):
     model: Literal["nakagami"] = "nakagami"
     m: float = Field(ge=0.5, le=100.0, description="0.5: worse than Rayleigh; large: steady")
 
+    @property
+    def max_gain_db(self) -> float:
+        """The quantile at the largest draw, dB."""
+        return float(db_from_ratio(special.gammaincinv(self.m, 1.0 - SMALLEST_DRAW) / self.m))
+
     def gain_db(self, first: FloatArray, _second: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
         """Return the quantile of the gamma law at u, in dB."""
-        return db_from_ratio(np.maximum(gammaincinv(self.m, first) / self.m, LOWEST_GAIN))
+        return db_from_ratio(np.maximum(special.gammaincinv(self.m, first) / self.m, LOWEST_GAIN))
 
     def rule(self, _elevation_deg: FloatArray, panels: int, /) -> tuple[FloatArray, FloatArray]:
         """Return nodes equal in the normal quantile of the gain."""
         z, weights = standard_normal_rule(panels)
-        gain = gammaincinv(self.m, uniform_from_normal(z)) / self.m
+        gain = special.gammaincinv(self.m, uniform_from_normal(z)) / self.m
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN)), weights
 
 
@@ -144,6 +160,13 @@ class Rician(_Coherent):
         """Whether K rises with elevation."""
         return self.k_overhead_db is not None
 
+    @property
+    def max_gain_db(self) -> float:
+        """Both parts at their largest, at the elevation where that is most, dB."""
+        elevation = np.linspace(0.0, 90.0, 901)
+        smallest, largest = np.array(SMALLEST_DRAW), np.array(1.0 - SMALLEST_DRAW)
+        return float(np.max(self.gain_db(largest, smallest, elevation)))
+
     def k_ratio(self, elevation_deg: FloatArray) -> FloatArray:
         """Return K as a ratio at an elevation angle in degrees."""
         rise = 0.0 if self.k_overhead_db is None else self.k_overhead_db - self.k_db
@@ -153,8 +176,8 @@ class Rician(_Coherent):
         """Return |sqrt(K / (K + 1)) + (x + i y) / sqrt(2 (K + 1))|^2 in dB, x and y normal."""
         k = self.k_ratio(elevation_deg)
         spread = np.sqrt(0.5 / (k + 1.0))
-        in_phase = np.sqrt(k / (k + 1.0)) + spread * ndtri(first)
-        gain = np.square(in_phase) + np.square(spread * ndtri(second))
+        in_phase = np.sqrt(k / (k + 1.0)) + spread * special.ndtri(first)
+        gain = np.square(in_phase) + np.square(spread * special.ndtri(second))
         return db_from_ratio(np.maximum(gain, LOWEST_GAIN))
 
     def rule(self, elevation_deg: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:
@@ -165,7 +188,7 @@ class Rician(_Coherent):
         t, weights = gauss_legendre(panels)
         amplitude = low + (high - low) * t
         density = amplitude / spread**2 * np.exp(-0.5 * ((amplitude - direct) / spread) ** 2)
-        density = density * i0e(amplitude * direct / spread**2)
+        density = density * special.i0e(amplitude * direct / spread**2)
         gain_db = db_from_ratio(np.maximum(amplitude**2, LOWEST_GAIN))
         return gain_db, weights * (high - low) * density
 
@@ -176,10 +199,13 @@ def coherence_time_s(speed_mps: FloatArray, frequency_hz: FloatArray | float, lo
     return np.asarray(np.minimum(CLARKE / np.maximum(doppler_hz, CLARKE / longest_s), longest_s))
 
 
-def coherence_block(sim_time_ns: int, coherence_s: float) -> tuple[int, int]:
-    """Return which block of fading an instant falls into: the block's length as a power of two in ns, its number.
+def coherence_blocks(
+    sim_time_ns: NDArray[np.int64], coherence_s: FloatArray
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return which blocks of fading instants fall into: each block's length as a power of two in ns, its number.
 
     Lengths are rounded down to powers of two, so that a speed that wavers does not draw anew each time.
     """
-    octave = max(int(coherence_s * NS_PER_S).bit_length() - 1, 0)
+    _, bits = np.frexp(np.floor(coherence_s * NS_PER_S))
+    octave = np.maximum(bits.astype(np.int64) - 1, 0)
     return octave, sim_time_ns >> octave

@@ -6,8 +6,8 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import ndtr
 
+from channel import special
 from channel.checks import FloatArray
 
 LIMIT_SIGMA = 8.3
@@ -61,4 +61,4 @@ def split_normal_rule(breaks: FloatArray, panels: int) -> tuple[FloatArray, Floa
 
 def uniform_from_normal(standard_normal: FloatArray) -> FloatArray:
     """Return the normal law's distribution function, kept inside (0, 1)."""
-    return np.clip(ndtr(standard_normal), 1e-300, 1.0 - 2.0**-53)
+    return np.clip(special.ndtr(standard_normal), 1e-300, 1.0 - 2.0**-53)

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, Protocol
 
 import numpy as np
 from pydantic import Field
-from scipy.special import ndtr, ndtri
 
+from channel import special
 from channel.checks import FloatArray
+from channel.fading.shadow_field import WAVES
 from channel.variant import Variant
+
+MAX_NORMAL = 8.209536151601387
+"""The farthest from 0 that a draw of a standard normal variable gets: uniform draws end half a cell before 0 and 1."""
 
 
 class ShadowingModel(Protocol):
-    """A random loss, given as a function of one standard normal variable."""
+    """A random loss, given as a function of one standard normal variable.
+
+    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw.
+    """
 
     @property
     def is_random(self) -> bool:
@@ -63,6 +71,11 @@ class NoShadowing(_PerPacket):
         """0."""
         return 0.0
 
+    @property
+    def max_gain_db(self) -> float:
+        """0."""
+        return 0.0
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return zeros."""
         return np.zeros_like(standard_normal)
@@ -88,6 +101,11 @@ class OneSidedNormalShadowing(_PerPacket):
         """Sigma."""
         return self.sigma_db
 
+    @property
+    def max_gain_db(self) -> float:
+        """0: shadowing can only cost."""
+        return 0.0
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return sigma |z|."""
         return self.sigma_db * np.abs(standard_normal)
@@ -112,6 +130,11 @@ class NormalShadowing(_PerPacket):
     def spread_db(self) -> float:
         """Sigma."""
         return self.sigma_db
+
+    @property
+    def max_gain_db(self) -> float:
+        """Sigma times the largest draw."""
+        return MAX_NORMAL * self.sigma_db
 
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return -sigma z: a loss for negative draws, a gain for positive ones."""
@@ -142,6 +165,11 @@ class CorrelatedShadowing(Variant):
         """Sigma."""
         return self.sigma_db
 
+    @property
+    def max_gain_db(self) -> float:
+        """Sigma times the field where all its waves meet."""
+        return math.sqrt(2.0 * WAVES) * self.sigma_db
+
     def loss_db(self, standard_normal: FloatArray) -> FloatArray:
         """Return -sigma z."""
         return -self.sigma_db * standard_normal
@@ -153,14 +181,14 @@ class CorrelatedShadowing(Variant):
 
 def standard_normal_from_uniform(uniform: FloatArray) -> FloatArray:
     """Return z with the standard normal law for u ~ U(0, 1), the open interval."""
-    return np.asarray(ndtri(uniform))
+    return np.asarray(special.ndtri(uniform))
 
 
 def normal_below(loss_db: FloatArray, sigma_db: float) -> FloatArray:
     """Return the distribution function of N(0, sigma^2); a step at 0 if sigma is 0."""
     if sigma_db == 0.0:
         return np.asarray(loss_db >= 0.0, dtype=np.float64)
-    return np.asarray(ndtr(loss_db / sigma_db))
+    return np.asarray(special.ndtr(loss_db / sigma_db))
 
 
 def one_sided_below(loss_db: FloatArray, sigma_db: float) -> FloatArray:

@@ -183,9 +183,9 @@ def _check(log: FlightLog, base: RadioConfig) -> None:
 def _check_base(base: RadioConfig) -> None:
     """Refuse a base with terms that a fit does not take into account."""
     for name, value, allowed in (
-        ("propagation.model", base.propagation.model, ("log-distance",)),
+        ("propagation.model", getattr(base.propagation, "model", "own"), ("log-distance",)),
         ("shadowing.model", base.shadowing.model, ("normal", "one-sided-normal")),
-        ("fading.model", base.fading.model, ("none",)),
+        ("fading.model", getattr(base.fading, "model", "own"), ("none",)),
         ("bursts.model", base.bursts.model, ("none",)),
         ("atmosphere.model", base.atmosphere.model, ("none",)),
     ):

@@ -86,7 +86,7 @@ def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
     """Read a CSV with a heading.
 
     Columns: `distance_m`, or tx_lat_deg, tx_lon_deg, tx_alt_m and the same for rx; `delivered` (1/0, true/false) or
-    `fate` (delivered, or the cause of the loss, as in deliveries.csv); optional `length_bytes` and `rssi_dbm`
+    `fate` (delivered, or the cause of the loss, as in a run's deliveries); optional `length_bytes` and `rssi_dbm`
     (empty where there is none). Others are left alone, and so are lost packets whose distance is not known.
 
     Raises:
@@ -116,7 +116,7 @@ def read_csv_log(file: Path, base: RadioConfig) -> FlightLog:
     """Return what `read_flight_log` returns, with the lengths as a radio counts them.
 
     A radio with a fixed length has it for every packet, and where the log has none the nominal one counts. The lengths
-    of a log that has some are taken as they are: `deliveries.csv` has them as the error model counted them.
+    of a log that has some are taken as they are: a run's deliveries have them as the error model counted them.
     """
     nominal = base.length.length_bytes(base.nominal_payload_bytes)
     log = read_flight_log(file, nominal)

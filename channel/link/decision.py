@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from channel.checks import FloatArray
+from channel.link.lengths import Lengths
 from channel.link.radio import Radio
-from channel.link.steps import STEPS_PER_DB, STEPS_PER_M, STEPS_PER_ONE, in_steps
+from channel.link.steps import STEPS_PER_DB, STEPS_PER_M, in_steps
 
 
 class Signal(NamedTuple):
@@ -33,7 +34,7 @@ def signal_of(
     distance_m: FloatArray,
     power_dbm: FloatArray,
     noise_dbm: FloatArray | float,
-    length_bytes: int,
+    lengths: Lengths,
 ) -> Signal:
     """Return what receivers get, rounded (see `steps`): the error rate is that of the rounded SNR.
 
@@ -42,10 +43,10 @@ def signal_of(
         distance_m: between the ends.
         power_dbm: with the drawn shadowing and fading.
         noise_dbm: noise floor and interference.
-        length_bytes: as the error model counts it.
+        lengths: as the error model counts them.
     """
     snr_db = in_steps(power_dbm - noise_dbm, STEPS_PER_DB)
-    per = in_steps(radio.per_unchecked(snr_db, length_bytes), STEPS_PER_ONE)
+    per = radio.per_in_steps(snr_db, lengths)
     if math.isfinite(radio.max_range_m):
         per = np.where(radio.in_range(distance_m), per, 1.0)
     return Signal(in_steps(distance_m, STEPS_PER_M), in_steps(power_dbm, STEPS_PER_DB), snr_db, per)

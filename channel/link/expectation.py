@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 
 from channel.checks import FloatArray
 from channel.config import RadioConfig
 from channel.fading.quadrature import POINTS_PER_PANEL, split_normal_rule, standard_normal_rule
+from channel.link.curves import Curves
+from channel.link.lengths import Lengths
 from channel.phy.error_model import Band
 
 PANELS = 32
 CHUNK_VALUES = 1 << 19
 """Integrands are evaluated in chunks of about this many values: bounds memory, changes no result."""
-CURVE_STEP_DB = 0.02
+CURVE_STEPS_PER_DB = 50
+CURVE_STEP_DB = 1.0 / CURVE_STEPS_PER_DB
 CURVE_RANGE_DB = (-150.0, 400.0)
 LEVEL = np.zeros(1)
+DEGREES = 91
+"""Elevations from 0 to 90 degrees."""
 
 
 class Expectation:
@@ -31,7 +35,7 @@ class Expectation:
     def __init__(self, config: RadioConfig, band: Band) -> None:
         self._config = config
         self._band = band
-        self._curve = lru_cache(maxsize=128)(self._make_curve)
+        self._curves = Curves(CURVE_STEPS_PER_DB, self._make_curve)
 
     def averaged(
         self, snr_db: FloatArray, length_bytes: FloatArray, elevation_deg: FloatArray, panels: int = PANELS
@@ -86,23 +90,27 @@ class Expectation:
         return shadowing.loss_db(nodes), weights
 
     def from_table(
-        self, snr_db: FloatArray, length_bytes: int, elevation_deg: FloatArray | None
+        self, snr_db: FloatArray, lengths: Lengths, elevation_deg: FloatArray | None
     ) -> FloatArray:
-        """Return E[1 - PER] from a table in steps of 0.02 dB: fast, within 1e-5 of the quadrature.
+        """Return E[1 - PER] from curves in steps of 0.02 dB: fast, within 1e-5 of the quadrature.
 
         With fading that depends on elevation, angles are rounded to whole degrees.
         """
         if elevation_deg is None:
-            success: FloatArray = np.interp(snr_db, *self._curve(length_bytes, 0))
-            return success
-        degrees = np.round(elevation_deg).astype(int)
-        out = np.empty(np.shape(snr_db))
-        for degree in np.unique(degrees):
-            here = degrees == degree
-            out[here] = np.interp(snr_db[here], *self._curve(length_bytes, int(degree)))
-        return out
+            rows = self._curves.rows([(length, 0) for length in lengths.distinct])
+            which = int(rows[0]) if isinstance(lengths.which, int) else rows[lengths.which]
+            return self._curves.between(snr_db, which)
+        degrees = np.rint(elevation_deg).astype(np.intp)
+        kind = degrees + DEGREES * np.asarray(lengths.which)
+        kinds = np.flatnonzero(np.bincount(kind.ravel()))
+        row_of_kind = np.zeros(int(kinds[-1]) + 1 if kinds.size else 1, dtype=np.intp)
+        keys = [(lengths.distinct[each // DEGREES], each % DEGREES) for each in kinds.tolist()]
+        row_of_kind[kinds] = self._curves.rows(keys)
+        return self._curves.between(snr_db, row_of_kind[kind])
 
-    def _make_curve(self, length_bytes: int, degree: int) -> tuple[FloatArray, FloatArray]:
+    def _make_curve(self, kind: tuple[int, int]) -> tuple[int, FloatArray]:
+        """Return the averages for a length and an elevation in degrees, and where on the grid they begin."""
+        length_bytes, degree = kind
         grid_db = np.arange(*CURVE_RANGE_DB, CURVE_STEP_DB)
         success = 1.0 - self._config.error.per(grid_db, float(length_bytes), self._band)
         gain_db, weights = self._config.fading.rule(np.array([float(degree)]), PANELS)
@@ -110,7 +118,8 @@ class Expectation:
             success = averaged_over_loss(success, CURVE_STEP_DB, self._config.shadowing.chance_below)
         if self._config.fading.is_random:
             grid_db, success = _smeared(grid_db, success, gain_db.ravel(), weights.ravel())
-        return _trimmed(grid_db, success)
+        grid_db, success = _trimmed(grid_db, success)
+        return round(float(grid_db[0]) * CURVE_STEPS_PER_DB), success
 
 
 def averaged_over_loss(

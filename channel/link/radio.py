@@ -14,14 +14,16 @@ from channel.config import RadioConfig
 from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
 from channel.link.budget import BudgetTerm, Link, total
 from channel.link.expectation import PANELS, Expectation
+from channel.link.lengths import Lengths
+from channel.link.per_table import PerTable
+from channel.link.rays import with_reflection
 from channel.link.steps import STEPS_PER_M, in_steps
 from channel.phy.error_model import Band
 from channel.phy.interference import Interferer, sum_dbm
 from channel.propagation.atmosphere import ItuAtmosphere
+from channel.propagation.diffraction import bulge_loss_db
 
-States = tuple[bool, ...]
-NEEDS_PLACES = frozenset({"terrain"})
-"""Propagation models that ask where the ends are, not only how far apart and how high."""
+States = tuple[bool | NDArray[np.bool_], ...]
 MAX_WAY_M = 1e12
 """Farther than any radio, and near enough that squares do not overflow."""
 MAX_FREQUENCY_HZ = 1e12
@@ -54,12 +56,13 @@ class Radio:
         self._interference_states = config.interference.states()
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self._expectation = Expectation(config, self._band)
+        self._per_table = PerTable(self.per_unchecked)
         self._fixed_terms = self._make_fixed_terms()
         self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
         self.needs_places = (
             self.needs_attitude
             or bool(config.interference.interferers)
-            or config.propagation.model in NEEDS_PLACES
+            or getattr(config.propagation, "needs_places", False)
         )
 
     def length_bytes(self, payload_bytes: int) -> int:
@@ -205,28 +208,46 @@ class Radio:
             terms.append(
                 BudgetTerm("polarisation_db", -config.polarisation.loss_db(attitude_tx, attitude_rx, way))
             )
+        if config.cable_loss_db:
+            terms.append(BudgetTerm("transmit_cable_db", -config.cable_loss_db))
+            terms.append(BudgetTerm("receive_cable_db", -config.cable_loss_db))
         return (*terms, BudgetTerm("offset_db", config.offset_db))
 
     def budget(self, path: Path) -> tuple[BudgetTerm, ...]:
         """Return the terms of the received power without its random part, in order."""
         before = self._fixed_terms if self._fixed_terms is not None else self._terms_before_path(path)
+        path = with_reflection(
+            path, self.config.propagation, self.config.antenna, self.config.receiving_antenna
+        )
         return (*before, *self._terms_of_the_way(path))
 
     def _terms_of_the_way(self, path: Path) -> tuple[BudgetTerm, ...]:
-        """Return what the way takes: gases and rain if they are configured, and the path loss last."""
-        loss = BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path))
+        """Return what the way takes: gases and rain if they are configured, the horizon, and the path loss last."""
+        terms = []
         air = self.config.atmosphere
-        if not isinstance(air, ItuAtmosphere):
-            return (loss,)
-        gas = -air.gas_loss_db(path.distance_m, path.frequency_hz)
-        rain = -air.rain_loss_db(path.distance_m, path.frequency_hz)
-        return BudgetTerm("gas_db", gas), BudgetTerm("rain_db", rain), loss
+        if isinstance(air, ItuAtmosphere):
+            terms.append(BudgetTerm("gas_db", -air.gas_loss_db(path.distance_m, path.frequency_hz)))
+            terms.append(BudgetTerm("rain_db", -air.rain_loss_db(path.distance_m, path.frequency_hz)))
+        bulge_db = self._bulge_db(path)
+        if bulge_db is not None:
+            terms.append(BudgetTerm("horizon_db", -bulge_db))
+        loss = BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path))
+        return (*terms, loss)
+
+    def _bulge_db(self, path: Path) -> FloatArray | None:
+        """Return what the bulge of the Earth takes, dB; None: nothing."""
+        factor = self.config.earth_radius_factor
+        if factor is None or getattr(self.config.propagation, "has_earth", False):
+            return None
+        return bulge_loss_db(path, factor)
 
     def _loss_db(self, path: Path) -> FloatArray:
         """Return what the way takes, all terms together, dB."""
         if isinstance(self.config.atmosphere, ItuAtmosphere):
             return np.negative(total(self._terms_of_the_way(path)))
-        return self.config.propagation.path_loss_db(path)
+        loss_db = self.config.propagation.path_loss_db(path)
+        bulge_db = self._bulge_db(path)
+        return loss_db if bulge_db is None else loss_db + bulge_db
 
     def mean_power_dbm(self, path: Path) -> FloatArray:
         """Return the received power without its random part, dBm: the sum of `budget`."""
@@ -239,14 +260,16 @@ class Radio:
 
         Args:
             path: the links.
-            transmitting: which interferers are on; all of them if not given.
+            transmitting: which interferers are on, for all links or by link; all of them if not given.
         """
         interferers = self.config.interference.interferers
         if not interferers:
             return self.noise_floor_dbm
         on = (True,) * len(interferers) if transmitting is None else transmitting
         powers = [
-            self._interference_dbm(each, path) for each, is_on in zip(interferers, on, strict=True) if is_on
+            np.where(is_on, self._interference_dbm(each, path), -np.inf)
+            for each, is_on in zip(interferers, on, strict=True)
+            if is_on is not False
         ]
         return sum_dbm(self.noise_floor_dbm, powers)
 
@@ -260,7 +283,9 @@ class Radio:
         attitude = LEVEL_WXYZ if path.attitude_rx_wxyz is None else path.attitude_rx_wxyz
         gain_db = self.config.receiving_antenna.towards_db(to_body(attitude, -way.way_ned))
         offset_hz = 0.0 if interferer.frequency_hz is None else carrier - self.config.frequency_hz
-        kept_db = gain_db - self.config.interference.rejection_db(offset_hz)
+        way = with_reflection(way, self.config.propagation, None, self.config.receiving_antenna)
+        received_db = gain_db + self.config.offset_db - self.config.cable_loss_db
+        kept_db = received_db - self.config.interference.rejection_db(offset_hz)
         return np.asarray(interferer.power_dbm + kept_db - self._loss_db(way))
 
     def per(self, snr_db: ArrayLike, length_bytes: ArrayLike) -> FloatArray:
@@ -275,6 +300,14 @@ class Radio:
     def per_unchecked(self, snr_db: FloatArray, length_bytes: FloatArray | float) -> FloatArray:
         """Return what `per` returns, for what is known to be right."""
         return self.config.error.per(snr_db, length_bytes, self._band)
+
+    def per_in_steps(self, snr_db: FloatArray, lengths: Lengths) -> FloatArray:
+        """Return the packet error rate to 1e-7, at SNRs in whole steps of 0.001 dB: from a table, once it pays."""
+        return self._per_table.per(snr_db, lengths)
+
+    def hopeless_below_db(self, lengths: Lengths) -> FloatArray | float:
+        """Return the SNR below which every packet is erased: the error rate to 1e-7 is 1; -inf if there is none."""
+        return self._per_table.hopeless_below_db(lengths)
 
     def in_range(self, distance_m: FloatArray) -> NDArray[np.bool_]:
         """Return whether distances, to the millimetre in which they are written, are within the range."""
@@ -352,19 +385,19 @@ class Radio:
         kept = np.where(self.in_range(_separation(path)), self.kept_share, 0.0)
         return Delivery(kept * fine, kept * (np.abs(fine - coarse) + 1e-14))
 
-    def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, length_bytes: int) -> FloatArray:
+    def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, lengths: Lengths) -> FloatArray:
         """Return the probability of delivery from a table: fast, within 1e-5 of `delivery`.
 
         Args:
             mean_power_dbm: as `mean_power_dbm` gives it for `path`.
             path: the links, range aside.
-            length_bytes: as the error model counts it.
+            lengths: as the error model counts them.
         """
         elevation = path.elevation_deg if self.config.fading.by_elevation else None
         success = np.zeros_like(mean_power_dbm)
         for chance, states in self._interference_states:
             snr_db = mean_power_dbm - self.noise_dbm(path, states)
-            success += chance * self._expectation.from_table(snr_db, length_bytes, elevation)
+            success += chance * self._expectation.from_table(snr_db, lengths, elevation)
         return self.kept_share * success
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:

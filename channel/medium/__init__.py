@@ -1,1 +1,1 @@
-"""Who receives which packet: tracks, settling, ledger."""
+"""Who receives which packet: packets, tracks, links, settling, ledger."""

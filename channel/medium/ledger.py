@@ -8,14 +8,19 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from channel.checks import ChannelInputError
+from channel.checks import ChannelInputError, FloatArray
 from channel.intervals import binomial_interval
-from channel.medium.reception import Fate, Reception
+from channel.link.steps import STEPS_PER_ONE
+from channel.medium.bins import Bins
+from channel.medium.reception import DELIVERED, EVERYBODY, FATES, NO_POSITION, Packets, Receptions
 
 BIN_WIDTH_M = 20.0
 BINS_AT_ONCE = 4096
 """Bins whose intervals are computed in one call."""
+MAX_BINS = 1 << 32
+"""Of one link."""
 
 
 class LedgerError(Exception):
@@ -70,40 +75,88 @@ class BinSummary(NamedTuple):
 
 
 class Ledger:
-    """Books of one medium.
+    """Books of one medium, in whole numbers.
 
     Args:
+        nodes: names of all nodes, in the order of the medium's.
         bin_width_m: width of the distance bins.
+        causes: of losses that are not the channel's, such as the host's.
+
+    Attributes:
+        causes: names of what can become of a packet: the channel's fates by their numbers, then the other causes.
+        sent: packets booked out, by transmitter and intended receiver, shape (nodes, nodes).
+        settled: of these, by what became of them, shape (nodes, nodes, causes).
     """
 
-    def __init__(self, bin_width_m: float = BIN_WIDTH_M) -> None:
+    def __init__(
+        self, nodes: Iterable[str], bin_width_m: float = BIN_WIDTH_M, causes: Iterable[str] = ()
+    ) -> None:
         if not bin_width_m > 0.0:
             raise ChannelInputError("bin_width_m", bin_width_m, "> 0")
+        self.nodes = tuple(nodes)
         self.bin_width_m = bin_width_m
-        self.links: dict[tuple[str, str], LinkAccount] = {}
-        self._bins: dict[tuple[str, str, int], list[float]] = {}
+        self.causes = (*(fate.value for fate in FATES), *causes)
+        count = len(self.nodes)
+        self.sent = np.zeros((count, count), dtype=np.int64)
+        self.settled = np.zeros((count, count, len(self.causes)), dtype=np.int64)
+        self._others = ~np.eye(count, dtype=bool)
+        self._bins = Bins(3)
 
-    def sent(self, tx: str, receivers: Iterable[str]) -> None:
-        """Book one packet out to each intended receiver."""
-        for rx in receivers:
-            self._account(tx, rx).sent += 1
+    def send(self, packets: Packets) -> None:
+        """Book packets out to their intended receivers."""
+        everybody = packets.to == EVERYBODY
+        count = len(self.nodes)
+        self.sent += np.bincount(packets.tx[everybody], minlength=count)[:, np.newaxis] * self._others
+        np.add.at(self.sent, (packets.tx[~everybody], packets.to[~everybody]), 1)
 
-    def settle(self, receptions: Iterable[Reception]) -> None:
+    def settle(self, receptions: Receptions) -> None:
         """Book the fates of packets that were booked out before."""
-        for reception in receptions:
-            account = self._account(reception.tx, reception.rx)
-            if reception.fate is Fate.DELIVERED:
-                account.delivered += 1
-            else:
-                account.lost[reception.fate.value] += 1
-            self._book_bin(reception)
+        link = receptions.tx * len(self.nodes) + receptions.rx
+        np.add.at(self.settled.reshape(-1), link * len(self.causes) + receptions.fate, 1)
+        placed = receptions.fate != NO_POSITION
+        distance_m, arrived = receptions.distance_m, receptions.fate == DELIVERED
+        steps = np.rint(receptions.probability_of_delivery * STEPS_PER_ONE).astype(np.int64)
+        if not placed.all():
+            link, distance_m, arrived, steps = (
+                link[placed],
+                distance_m[placed],
+                arrived[placed],
+                steps[placed],
+            )
+        number = np.minimum(np.floor_divide(distance_m, self.bin_width_m), MAX_BINS - 1).astype(np.int64)
+        self._bins.add(link * MAX_BINS + number, np.ones_like(steps), arrived.astype(np.int64), steps)
 
-    def lose(self, tx: str, receivers: Iterable[str], cause: str) -> None:
-        """Book one packet out and lost at once: to a cause that is not the channel's, such as the host."""
-        for rx in receivers:
-            account = self._account(tx, rx)
-            account.sent += 1
-            account.lost[cause] += 1
+    def lose(self, tx: str, cause: str, count: int = 1, to: str | None = None) -> None:
+        """Book packets out and lost at once: to a cause that is not the channel's, such as the host.
+
+        Args:
+            tx: transmitting node.
+            cause: one of `causes`.
+            count: how many packets.
+            to: the one addressee of all; everybody if not given.
+        """
+        sender, row = self.nodes.index(tx), self.causes.index(cause)
+        receivers = self._others[sender].copy() if to is None else np.equal(self.nodes, to)
+        self.sent[sender, receivers] += count
+        self.settled[sender, receivers, row] += count
+
+    def account(self, tx: str, rx: str) -> LinkAccount:
+        """Return the counts of one directed link."""
+        ends = self.nodes.index(tx), self.nodes.index(rx)
+        counts = self.settled[ends].tolist()
+        lost = {
+            cause: n
+            for i, (cause, n) in enumerate(zip(self.causes, counts, strict=True))
+            if n and i != DELIVERED
+        }
+        return LinkAccount(int(self.sent[ends]), counts[DELIVERED], Counter(lost))
+
+    @property
+    def links(self) -> dict[tuple[str, str], LinkAccount]:
+        """The counts of each directed link on which something was booked, by the names of its ends."""
+        booked = np.argwhere((self.sent > 0) | self.settled.any(axis=-1)).tolist()
+        ends = [(self.nodes[tx], self.nodes[rx]) for tx, rx in booked]
+        return {link: self.account(*link) for link in ends}
 
     def check(self, in_flight: int | None = None) -> None:
         """Make sure that sent = delivered + lost + in flight on every link.
@@ -114,58 +167,47 @@ class Ledger:
         Raises:
             LedgerError: it is not so; the error names the link and its counts.
         """
-        for (tx, rx), account in self.links.items():
-            if account.in_flight < 0:
-                raise LedgerError(f"link {tx} -> {rx}: more fates than packets sent: {account}")
-        total = sum(account.in_flight for account in self.links.values())
+        still_open = self.sent - self.settled.sum(axis=-1)
+        for tx, rx in np.argwhere(still_open < 0).tolist():
+            link = self.nodes[tx], self.nodes[rx]
+            raise LedgerError(
+                f"link {link[0]} -> {link[1]}: more fates than packets sent: {self.account(*link)}"
+            )
+        total = int(still_open.sum())
         if in_flight is not None and total != in_flight:
             raise LedgerError(f"{total} fates open by the books, {in_flight} in the medium")
 
     def bins(self, progress: Callable[[float], object] = lambda _: None) -> list[BinSummary]:
-        """Return the distance bins in order of link and distance, those with packets in them.
+        """Return the distance bins in order of the ends' names and distance, those with packets in them.
 
         Args:
             progress: told which share is done, now and then: a large fleet has a hundred thousand bins.
         """
-        rows = sorted(self._bins.items())
+        keys, counts = self._bins.rows()
+        link, number = np.divmod(keys, MAX_BINS)
+        order = self._by_name(link)
+        link, number, counts = link[order], number[order], counts[:, order]
         summaries: list[BinSummary] = []
-        for begin in range(0, len(rows), BINS_AT_ONCE):
-            progress(begin / len(rows))
-            summaries += self._summaries(rows[begin : begin + BINS_AT_ONCE])
+        for begin in range(0, keys.size, BINS_AT_ONCE):
+            progress(begin / keys.size)
+            part = slice(begin, begin + BINS_AT_ONCE)
+            summaries += self._summaries(link[part], number[part] * self.bin_width_m, counts[:, part])
         return summaries
 
-    def _summaries(self, rows: list[tuple[tuple[str, str, int], list[float]]]) -> list[BinSummary]:
-        sent, delivered, expected = np.array([row for _, row in rows]).T
-        predicted = np.clip(expected / sent, 0.0, 1.0)
+    def _by_name(self, link: NDArray[np.int64]) -> NDArray[np.intp]:
+        """Return the order of rows, rising by link and distance, in which the links are sorted by names."""
+        rank = np.empty(len(self.nodes), dtype=np.intp)
+        rank[sorted(range(len(self.nodes)), key=self.nodes.__getitem__)] = np.arange(len(self.nodes))
+        tx, rx = np.divmod(link, max(len(self.nodes), 1))
+        return np.lexsort((rank[rx], rank[tx]))
+
+    def _summaries(
+        self, link: NDArray[np.int64], edge_m: FloatArray, counts: NDArray[np.int64]
+    ) -> list[BinSummary]:
+        sent, delivered, steps = counts
+        predicted = np.clip(steps / STEPS_PER_ONE / sent, 0.0, 1.0)
         low, high = binomial_interval(sent, predicted)
-        measured = delivered / sent
-        return [
-            BinSummary(
-                tx=tx,
-                rx=rx,
-                distance_min_m=index * self.bin_width_m,
-                distance_max_m=index * self.bin_width_m + self.bin_width_m,
-                sent=int(row[0]),
-                delivered=int(row[1]),
-                measured=float(measured[i]),
-                predicted=float(predicted[i]),
-                ci99_low=float(low[i]),
-                ci99_high=float(high[i]),
-            )
-            for i, ((tx, rx, index), row) in enumerate(rows)
-        ]
-
-    def _account(self, tx: str, rx: str) -> LinkAccount:
-        account = self.links.get((tx, rx))
-        if account is None:
-            account = self.links[tx, rx] = LinkAccount()
-        return account
-
-    def _book_bin(self, reception: Reception) -> None:
-        if reception.fate is Fate.NO_POSITION:
-            return
-        key = (reception.tx, reception.rx, int(reception.distance_m // self.bin_width_m))
-        row = self._bins.setdefault(key, [0.0, 0.0, 0.0])
-        row[0] += 1.0
-        row[1] += reception.fate is Fate.DELIVERED
-        row[2] += reception.probability_of_delivery
+        columns = [edge_m, edge_m + self.bin_width_m, sent, delivered, delivered / sent, predicted, low, high]
+        ends = [divmod(each, len(self.nodes)) for each in link.tolist()]
+        rows = zip(ends, *(column.tolist() for column in columns), strict=True)
+        return [BinSummary(self.nodes[tx], self.nodes[rx], *numbers) for (tx, rx), *numbers in rows]

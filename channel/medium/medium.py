@@ -1,28 +1,32 @@
 """The medium: who receives which packet. Takes truth and packets with their sim time, gives fates; no I/O, no clock.
 
 A packet waits until the truth at or after its instant is there for every node, so that its fate depends on the
-seed, the positions and its sequence number alone: not on the order of arrival, nor on who else flies.
+seed, the positions and its sequence number alone: not on the order of arrival, nor on who else flies. Packets go in
+and receptions come out as columns: all that can be settled is settled in one pass.
 """
 
 from __future__ import annotations
 
-import heapq
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from channel.checks import ChannelInputError
-from channel.draws import MAX_SEQ, Draws, check_seed
+from channel.draws import MAX_SEQ, Draws, LinkDraws, check_seed
 from channel.link.radio import Radio
-from channel.medium.reception import Fate, Packet, Reception
+from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
-from channel.medium.tracks import Tracks, truth_row
+from channel.medium.tracks import FOREVER, Tracks, truth_rows
 
-__all__ = ["Fate", "Medium", "Reception"]
+__all__ = ["EVERYBODY", "FATES", "Fate", "Medium", "Packets", "Receptions"]
 
 MAX_TRUTH_AGE_NS = 1_000_000_000
 MAX_LENGTH_BYTES = 1 << 24
+
+Which = str | Sequence[str] | NDArray[np.intp]
+"""A node's name, or names or indices of several nodes."""
 
 
 class Medium:
@@ -31,8 +35,12 @@ class Medium:
     Args:
         radio: the same at every node.
         seed: the run's seed.
-        nodes: names of all nodes; every other node is an intended receiver of each packet.
+        nodes: names of all nodes; every other node is an intended receiver of each packet to everybody.
         max_truth_age_ns: how far a node's truth may lag behind the newest before it is used as it is.
+
+    Attributes:
+        nodes: their names; columns of packets and receptions name a node by its place here.
+        index: of each name.
     """
 
     def __init__(
@@ -40,89 +48,155 @@ class Medium:
     ) -> None:
         self.radio = radio
         self.nodes = tuple(nodes)
-        if len(set(self.nodes)) != len(self.nodes):
+        self.index = {node: i for i, node in enumerate(self.nodes)}
+        if len(self.index) != len(self.nodes):
             raise ChannelInputError("nodes", self.nodes, "names that differ")
         self.draws = Draws(check_seed(seed))
-        self._tracks = Tracks(self.nodes, max_truth_age_ns)
-        self._settling = Settling(radio, self.draws, self.nodes, self._tracks)
-        self._waiting: list[Packet] = []
+        self._tracks = Tracks(len(self.nodes), max_truth_age_ns)
+        self._settling = Settling(radio, LinkDraws(self.draws, self.nodes), self._tracks)
+        self._waiting: list[Packets] = []
 
     @property
     def in_flight(self) -> int:
         """How many fates are still open: packets that wait for truth, times their receivers."""
-        return len(self._waiting) * (len(self.nodes) - 1)
+        others = len(self.nodes) - 1
+        return sum(int(np.sum(np.where(part.to == EVERYBODY, others, 1))) for part in self._waiting)
+
+    def packets(
+        self,
+        *,
+        tx: str | Sequence[str],
+        seq: ArrayLike,
+        sim_time_ns: ArrayLike = 0,
+        length_bytes: ArrayLike = 0,
+        to: str | None = None,
+    ) -> Packets:
+        """Return packets by the names of their nodes, in canonical order; the columns broadcast.
+
+        Args:
+            tx: transmitting node, one for all or one each.
+            seq: sequence numbers.
+            sim_time_ns: when they were sent.
+            length_bytes: of their payloads.
+            to: the one addressee of all; everybody if not given.
+
+        Raises:
+            ChannelInputError: an unknown node, or a number that is not whole.
+        """
+        sender = np.asarray(self._indices("tx", tx))
+        receiver = EVERYBODY if to is None else self._index("to", to)
+        numbers = {"sim_time_ns": sim_time_ns, "seq": seq, "length_bytes": length_bytes}
+        when, number, length = (_whole(name, value) for name, value in numbers.items())
+        columns = np.broadcast_arrays(when, sender, number, length, np.intp(receiver))
+        return Packets(*(np.atleast_1d(column) for column in columns)).in_order()
 
     def observe(
         self,
-        node: str,
-        sim_time_ns: int,
+        node: Which,
+        sim_time_ns: ArrayLike,
         position_ned_m: ArrayLike,
         attitude_wxyz: ArrayLike | None = None,
-    ) -> list[Reception]:
-        """Take in where a node was, in the frame common to all; return the fates that this settles.
+    ) -> None:
+        """Take in where a node was, or several, in the frame common to all.
 
         How fast it was follows from this and the position before it.
+
+        Args:
+            node: a name, or several nodes, each once: names or indices.
+            sim_time_ns: when; of several nodes one for all, or one each.
+            position_ned_m: shape (3,), or (nodes, 3).
+            attitude_wxyz: body to north-east-down, shape (4,) or (nodes, 4); level with the nose north if not given.
 
         Raises:
             ChannelInputError: an unknown node, a value that is not finite or a time that is not whole.
         """
-        row = truth_row(position_ned_m, attitude_wxyz)
-        when_ns = sim_time_ns if type(sim_time_ns) is int else _whole("sim_time_ns", sim_time_ns)
-        moved = self._tracks.observe(self._index("node", node), when_ns, row)
-        return self._settle() if moved else []
+        indices = np.atleast_1d(self._indices("node", node))
+        rows = np.atleast_2d(truth_rows(position_ned_m, attitude_wxyz))
+        if len(rows) != len(indices):
+            raise ChannelInputError(
+                "position_ned_m", f"{len(rows)} rows", f"{len(indices)}, one for each node"
+            )
+        self._tracks.observe(indices, _whole("sim_time_ns", sim_time_ns), rows)
 
-    def place(
-        self, node: str, position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None = None
-    ) -> list[Reception]:
+    def place(self, node: str, position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None = None) -> None:
         """Put a node where it stays for the whole run (a ground station): no packet waits for its truth."""
-        moved = self._tracks.place(self._index("node", node), truth_row(position_ned_m, attitude_wxyz))
-        return self._settle() if moved else []
+        rows = truth_rows(position_ned_m, attitude_wxyz)
+        if rows.ndim != 1:
+            raise ChannelInputError("position_ned_m", f"array of shape {rows.shape[:-1]} x 3", "shape (3,)")
+        self._tracks.place(self._index("node", node), rows)
 
-    def transmit(self, tx: str, seq: int, sim_time_ns: int, length_bytes: int) -> list[Reception]:
-        """Send a packet to every other node; return the fates that are settled by now, its own or none.
+    def send(self, packets: Packets) -> None:
+        """Keep packets until they can be settled.
 
-        Args:
-            tx: transmitting node.
-            seq: its sequence number; the same number on the same link always draws the same fate.
-            sim_time_ns: when it was sent.
-            length_bytes: of the payload; the radio says what it counts as.
+        The same sequence number on the same link always draws the same fate.
 
         Raises:
-            ChannelInputError: an unknown node, a negative sequence number or length, or a number that is not whole.
+            ChannelInputError: a node that is not there, a negative sequence number or length, a packet to its own
+                transmitter.
         """
-        if not (type(seq) is type(sim_time_ns) is type(length_bytes) is int):
-            seq, sim_time_ns = _whole("seq", seq), _whole("sim_time_ns", sim_time_ns)
-            length_bytes = _whole("length_bytes", length_bytes)
-        if not 0 <= seq <= MAX_SEQ:
-            raise ChannelInputError("seq", seq, f"an integer from 0 to {MAX_SEQ}")
-        if not 0 <= length_bytes <= MAX_LENGTH_BYTES:
-            raise ChannelInputError("length_bytes", length_bytes, f"0 to {MAX_LENGTH_BYTES}")
-        packet = Packet(sim_time_ns, self._index("tx", tx), seq, self.radio.length_bytes(length_bytes))
-        if sim_time_ns <= self._tracks.frontier_ns:
-            return self._settling.receptions(packet)
-        heapq.heappush(self._waiting, packet)
-        return []
+        count = len(self.nodes)
+        _within("tx", packets.tx, 0, count - 1)
+        _within("to", packets.to, EVERYBODY, count - 1)
+        _within("seq", packets.seq, 0, MAX_SEQ)
+        _within("length_bytes", packets.length_bytes, 0, MAX_LENGTH_BYTES)
+        _within("sim_time_ns", packets.sim_time_ns, -FOREVER, FOREVER)
+        if (packets.to == packets.tx).any():
+            node = int(packets.tx[packets.to == packets.tx][0])
+            raise ChannelInputError("to", self.nodes[node], "a node other than the transmitter")
+        if packets.size:
+            self._waiting.append(packets)
 
-    def flush(self) -> list[Reception]:
+    def settle(self) -> Receptions:
+        """Return all fates that can be told by now: of packets up to which the truth of every node is known."""
+        if not self._waiting:
+            return self._settling.receptions(NO_PACKETS)
+        waiting = Packets.joined(self._waiting)
+        ready = waiting.sim_time_ns <= self._tracks.frontier_ns()
+        self._waiting = [] if ready.all() else [waiting.at(~ready)]
+        return self._settling.receptions(waiting.at(ready).in_order())
+
+    def flush(self) -> Receptions:
         """Settle everything that still waits, with the newest positions there are."""
-        return self._settle(everything=True)
+        waiting, self._waiting = self._waiting, []
+        packets = Packets.joined(waiting).in_order() if waiting else NO_PACKETS
+        return self._settling.receptions(packets)
+
+    def counted_bytes(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the lengths of packets as the error model counts them, shape (P,)."""
+        return self._settling.counted_bytes(packets)
 
     def _index(self, name: str, node: str) -> int:
         try:
-            return self._tracks.index[node]
+            return self.index[node]
         except KeyError:
             raise ChannelInputError(name, node, f"one of {', '.join(self.nodes)}") from None
 
-    def _settle(self, *, everything: bool = False) -> list[Reception]:
-        settled: list[Reception] = []
-        while self._waiting and (everything or self._waiting[0].sim_time_ns <= self._tracks.frontier_ns):
-            settled += self._settling.receptions(heapq.heappop(self._waiting))
-        return settled
+    def _indices(self, name: str, node: Which) -> NDArray[np.intp]:
+        if isinstance(node, str):
+            return np.array(self._index(name, node), dtype=np.intp)
+        if not isinstance(node, np.ndarray):
+            return np.array([self._index(name, each) for each in node], dtype=np.intp)
+        _within(name, node, 0, len(self.nodes) - 1)
+        return node
 
 
-def _whole(name: str, value: int) -> int:
-    """Return numpy's integers, too, as Python's; a float would not name an instant or a packet."""
-    try:
-        return operator.index(value)
-    except TypeError as error:
-        raise ChannelInputError(name, value, "an integer") from error
+def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
+    """Return whole numbers, numpy's or Python's; a float would not name an instant or a packet."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "iu":
+        try:
+            array = np.asarray(operator.index(value))  # type: ignore[arg-type]
+        except TypeError as error:
+            raise ChannelInputError(name, value, "an integer") from error
+    if array.dtype.kind == "O" or (array.dtype.kind == "u" and (array > MAX_SEQ).any()):
+        raise ChannelInputError(name, value, "an integer of 64 bits")
+    return array.astype(np.int64, copy=False)
+
+
+def _within(name: str, values: NDArray[np.int64] | NDArray[np.intp], low: int, high: int) -> None:
+    """Refuse columns that are not of whole numbers in a range."""
+    if values.dtype.kind != "i":
+        raise ChannelInputError(name, f"array of {values.dtype}", "an array of integers")
+    if values.size and not (low <= int(values.min()) and int(values.max()) <= high):
+        bad = values[(values < low) | (values > high)]
+        raise ChannelInputError(name, int(bad[0]), f"an integer from {low} to {high}")

@@ -1,9 +1,18 @@
-"""What became of a packet at one receiver."""
+"""Packets and what became of them at their receivers, as columns."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from channel.checks import FloatArray
+
+EVERYBODY = -1
+"""In `Packets.to`: every other node is an intended receiver."""
 
 
 class Fate(Enum):
@@ -17,43 +26,83 @@ class Fate(Enum):
     NO_POSITION = "no_position"
 
 
-class Reception(NamedTuple):
-    """One packet at one receiver.
+FATES = tuple(Fate)
+"""By the numbers in `Receptions.fate`."""
+DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, NO_POSITION = range(len(FATES))
+
+
+class Packets(NamedTuple):
+    """P packets as columns, in canonical order: by sim time, transmitter, sequence number.
 
     Attributes:
-        sim_time_ns: when it was transmitted.
-        tx: transmitting node.
-        rx: intended receiver.
-        seq: the transmitter's sequence number.
-        length_bytes: as the error model counted it.
+        sim_time_ns: when each was sent, int64, shape (P,).
+        tx: transmitting node, as its index in `Medium.nodes`, intp.
+        seq: the transmitter's sequence number, int64.
+        length_bytes: of the payload, as given, int64.
+        to: index of the one addressee, or EVERYBODY, intp.
+    """
+
+    sim_time_ns: NDArray[np.int64]
+    tx: NDArray[np.intp]
+    seq: NDArray[np.int64]
+    length_bytes: NDArray[np.int64]
+    to: NDArray[np.intp]
+
+    @property
+    def size(self) -> int:
+        """How many packets."""
+        return len(self.tx)
+
+    def at(self, rows: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Packets:
+        """Return some of the packets."""
+        return Packets(*(column[rows] for column in self))
+
+    def in_order(self) -> Packets:
+        """Return the packets in canonical order."""
+        return self.at(np.lexsort((self.seq, self.tx, self.sim_time_ns)))
+
+    @classmethod
+    def joined(cls, parts: list[Packets]) -> Packets:
+        """Return the packets of all parts."""
+        return cls(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+NO_PACKETS = Packets(*(np.empty(0, dtype=kind) for kind in (np.int64, np.intp, np.int64, np.int64, np.intp)))
+
+
+@dataclass(frozen=True, slots=True)
+class Receptions:
+    """R receptions as columns: by packet, then by receiving node.
+
+    Attributes:
+        packets: what was settled, in canonical order.
+        packet: row of `packets`, shape (R,).
+        rx: intended receiver, as its index in `Medium.nodes`.
         distance_m: between the two at that instant, to 1 mm; NaN with `Fate.NO_POSITION`, as are the next three.
-        received_power_dbm: with the drawn shadowing and fading, to 0.001 dB.
+        received_power_dbm: with the drawn shadowing and fading, to 0.001 dB; NaN where no draw could have saved the
+            packet, so that none was made.
         snr_db: likewise.
-        per: packet error rate at that SNR, to 1e-7; 1 out of range.
-        fate: delivered, or the cause of the loss.
+        per: packet error rate at that SNR, to 1e-7; 1 out of range, and where nothing was drawn.
         probability_of_delivery: what the model says for this geometry, averaged over the random terms; to 1e-7.
+        fate: index into FATES, uint8.
     """
 
-    sim_time_ns: int
-    tx: str
-    rx: str
-    seq: int
-    length_bytes: int
-    distance_m: float
-    received_power_dbm: float
-    snr_db: float
-    per: float
-    fate: Fate
-    probability_of_delivery: float
+    packets: Packets
+    packet: NDArray[np.intp]
+    rx: NDArray[np.intp]
+    distance_m: FloatArray
+    received_power_dbm: FloatArray
+    snr_db: FloatArray
+    per: FloatArray
+    probability_of_delivery: FloatArray
+    fate: NDArray[np.uint8]
 
+    @property
+    def size(self) -> int:
+        """How many receptions."""
+        return len(self.rx)
 
-class Packet(NamedTuple):
-    """A packet on its way, its transmitter by index.
-
-    Ordered by time, then transmitter, then sequence number: the order in which packets settle.
-    """
-
-    sim_time_ns: int
-    tx: int
-    seq: int
-    length_bytes: int
+    @property
+    def tx(self) -> NDArray[np.intp]:
+        """Transmitting node of each, as its index in `Medium.nodes`."""
+        return self.packets.tx[self.packet]

@@ -1,48 +1,53 @@
-"""The fates of one packet at all its receivers, by arrays over these: one receiver is an array of length 1."""
+"""The fates of all packets of a tick at all their receivers, in one pass over arrays of links.
+
+One draw call per stream and one error-model call serve all links of a pass. Where the packet error rate is 1 for
+certain, because even the largest gain that a draw can give leaves the SNR too low or the receiver is out of range, the
+terms of the signal are not drawn: the fate is the same as with them.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from itertools import repeat
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
-from channel.draws import Draws, Purpose, Table
-from channel.fading.shadowing import standard_normal_from_uniform
-from channel.geometry import LEVEL_WXYZ, Path
+from channel.draws import LinkDraws, Purpose
 from channel.link.decision import signal_of
+from channel.link.lengths import Lengths
 from channel.link.radio import Radio
-from channel.link.steps import STEPS_PER_ONE, in_steps
+from channel.link.steps import STEPS_PER_M, STEPS_PER_ONE, in_steps
+from channel.medium.links import Indices, Links
 from channel.medium.random_terms import RandomTerms
-from channel.medium.reception import Fate, Packet, Reception
-from channel.medium.tracks import ATTITUDE, COLUMNS, POSITION, Tracks
+from channel.medium.reception import (
+    BASE_LOSS,
+    BURST,
+    ERASED,
+    EVERYBODY,
+    NO_POSITION,
+    OUT_OF_RANGE,
+    Packets,
+    Receptions,
+)
+from channel.medium.tracks import Snapshot, Tracks
 
-_FATES = (Fate.DELIVERED, Fate.CHANNEL_ERASURE)
+LINKS_AT_ONCE = 8192
+"""Links of one pass, so that its arrays stay in the processor's cache; changes no result."""
+MARGIN_DB = 0.01
+"""More than rounding to steps can add to an SNR."""
 
 
-class _Links:
-    """What is known ahead of the links from one transmitter: names, places in the arrays, draws to come."""
+class Settled(NamedTuple):
+    """What became of L links; each of shape (L,), as in `Receptions`."""
 
-    def __init__(self, radio: Radio, draws: Draws, nodes: Sequence[str], tx: int) -> None:
-        config = radio.config
-        self.tx = nodes[tx]
-        self.receivers = tuple(node for i, node in enumerate(nodes) if i != tx)
-        self.indices = [i for i in range(len(nodes)) if i != tx]
-        self.columns: NDArray[np.intp] = np.array(self.indices, dtype=np.intp)
-        fan = draws.fan(self.tx, self.receivers)
-        self.erasure = fan.uniforms(Purpose.ERASURE)
-        self.base_loss = fan.uniforms(Purpose.BASE_LOSS) if config.base_loss > 0.0 else None
-        self.shadowing_gain: Table | None = None
-        if config.shadowing.is_random and config.shadowing.decorrelation_m is None:
-            self.shadowing_gain = fan.derived(
-                Purpose.SHADOWING, lambda u: -config.shadowing.loss_db(standard_normal_from_uniform(u))
-            )
-        self.fading: tuple[Table, Table] | None = None
-        if config.fading.is_random and config.fading.coherence == "packet":
-            self.fading = fan.uniforms(Purpose.FADING_I), fan.uniforms(Purpose.FADING_Q)
+    distance_m: FloatArray
+    received_power_dbm: FloatArray
+    snr_db: FloatArray
+    per: FloatArray
+    probability_of_delivery: FloatArray
+    fate: NDArray[np.uint8]
 
 
 class Settling:
@@ -50,126 +55,176 @@ class Settling:
 
     Args:
         radio: the same at every node.
-        draws: the run's draws.
-        nodes: names of all nodes.
-        tracks: where they are.
+        draws: of the run's links.
+        tracks: where the nodes are.
+        cull: whether to leave out draws that cannot change a fate.
     """
 
-    def __init__(self, radio: Radio, draws: Draws, nodes: Sequence[str], tracks: Tracks) -> None:
-        config = radio.config
+    def __init__(self, radio: Radio, draws: LinkDraws, tracks: Tracks, *, cull: bool = True) -> None:
         self._radio = radio
-        self._config = config
+        self._draws = draws
         self._tracks = tracks
+        self._cull = cull
         self._terms = RandomTerms(radio, draws)
-        self._links = [_Links(radio, draws, nodes, tx) for tx in range(len(nodes))]
-        self._has_range = math.isfinite(radio.max_range_m)
-        self._has_interferers = bool(config.interference.interferers)
-        self._has_bursts = config.bursts.mean_loss > 0.0
-        self._shadow_by_place = config.shadowing.is_random and config.shadowing.decorrelation_m is not None
-        self._fading_by_time = config.fading.is_random and config.fading.coherence == "doppler"
-        self._columns = COLUMNS if radio.needs_attitude else POSITION.stop
+        self._max_gain_db = self._terms.max_gain_db
+        self._has_interferers = bool(radio.config.interference.interferers)
+        self._has_bursts = radio.config.bursts.mean_loss > 0.0
+        count = len(draws.nodes)
+        nodes = np.arange(max(count - 1, 0))
+        self._others = nodes + (nodes >= np.arange(count)[:, np.newaxis])
 
-    def receptions(self, packet: Packet) -> list[Reception]:
-        """Return the fates of one packet at all its receivers, in the order of the nodes."""
-        links = self._links[packet.tx]
-        if not links.receivers:
-            return []
-        nodes = self._tracks.columns_at(packet.sim_time_ns, self._columns)
-        here, there = nodes[:, packet.tx], nodes.take(links.columns, axis=1)
-        way = there[POSITION] - here[POSITION, np.newaxis]
+    def counted_bytes(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the lengths of packets as the error model counts them, shape (P,)."""
+        payloads = packets.length_bytes.tolist()
+        counted = {payload: self._radio.length_bytes(payload) for payload in set(payloads)}
+        return np.array([counted[payload] for payload in payloads], dtype=np.int64)
+
+    def receptions(self, packets: Packets) -> Receptions:
+        """Return what becomes of packets, which are in canonical order, at all their receivers."""
+        packet, rx = self._links(packets)
+        out = _blank(rx.size)
+        counted = self.counted_bytes(packets)
+        for rows, part in self._passes(packets):
+            links = self._placed(packets.at(rows), packet[part] - rows.start, rx[part])
+            settled = self._settled(links, Lengths.of(counted[rows], links.packet))
+            _put(settled, out, part)
+        return Receptions(packets, packet, rx, *out)
+
+    def _links(self, packets: Packets) -> tuple[Indices, Indices]:
+        """Return the row of the packet and the receiver of each link."""
+        everybody = packets.to == EVERYBODY
+        counts = np.where(everybody, self._others.shape[1], 1)
+        packet = np.repeat(np.arange(packets.size), counts)
+        if everybody.all():
+            return packet, self._others[packets.tx].ravel()
+        rx = np.empty(packet.size, dtype=np.intp)
+        wide = everybody[packet]
+        rx[wide] = self._others[packets.tx[everybody]].ravel()
+        rx[~wide] = packets.to[~everybody]
+        return packet, rx
+
+    def _passes(self, packets: Packets) -> Iterator[tuple[slice, slice]]:
+        """Yield packets and their links in pieces of a good size."""
+        counts = np.where(packets.to == EVERYBODY, self._others.shape[1], 1)
+        ends = np.cumsum(counts)
+        row, link = 0, 0
+        while row < packets.size:
+            stop = max(int(np.searchsorted(ends, link + LINKS_AT_ONCE, side="right")), row + 1)
+            yield slice(row, stop), slice(link, int(ends[stop - 1]))
+            row, link = stop, int(ends[stop - 1])
+
+    def _placed(self, packets: Packets, packet: Indices, rx: Indices) -> Links:
+        """Return links with the geometry of their packets' instants."""
+        times, tx = packets.sim_time_ns, packets.tx[packet]
+        first = np.flatnonzero(np.diff(times, prepend=times[0] - 1))
+        needs_velocity = self._terms.needs_velocity
+        nodes = self._tracks.at(times[first], attitude=self._radio.needs_attitude, velocity=needs_velocity)
+        if first.size == 1:
+            return self._between(nodes, tx, rx, packets, packet, tx, rx)
+        instant = np.repeat(np.arange(first.size), np.diff(first, append=times.size)) * len(self._draws.nodes)
+        base = instant[packet]
+        return self._between(nodes, base + tx, base + rx, packets, packet, tx, rx)
+
+    def _between(
+        self, nodes: Snapshot, here: Indices, there: Indices, packets: Packets, *ends: Indices
+    ) -> Links:
+        """Return links between columns of a snapshot."""
+        start, end = (nodes.position_ned_m.take(each, axis=1) for each in (here, there))
+        way = end - start
         way *= way
         distance_m = np.sqrt(way[0] + way[1] + way[2])
-        columns = self._columns_of(packet, links, here, there, distance_m)
-        erased = links.erasure.row(packet.seq) <= columns[3]
-        fates = [_FATES[lost] for lost in erased.tolist()]
-        self._other_losses(fates, columns, packet, links)
-        distances, powers, snrs, pers, chances = (column.tolist() for column in columns)
-        when, sender = repeat(packet.sim_time_ns), repeat(links.tx)
-        number, length = repeat(packet.seq), repeat(packet.length_bytes)
-        rows = zip(  # noqa: B905 (repeat never ends)
-            when, sender, links.receivers, number, length, distances, powers, snrs, pers, fates, chances
+        attitudes = _of_ends(nodes.attitude_wxyz, here, there)
+        path = self._radio.path_of(start.T, end.T, distance_m, *attitudes)
+        packet, tx, rx = ends
+        return Links(
+            packets, packet, tx, rx, path, distance_m, *_of_ends(nodes.velocity_ned_mps, here, there)
         )
-        return list(map(tuple.__new__, repeat(Reception), rows))
 
-    def _columns_of(
-        self, packet: Packet, links: _Links, here: FloatArray, there: FloatArray, distance_m: FloatArray
-    ) -> list[FloatArray]:
-        """Return distance, received power, SNR, packet error rate and probability of delivery at each receiver."""
-        radio, length = self._radio, packet.length_bytes
-        path = self._path(here, there, distance_m)
-        mean_dbm = radio.mean_power_dbm(path)
-        chance = in_steps(radio.expected_delivery(mean_dbm, path, length), STEPS_PER_ONE)
-        power_dbm = mean_dbm + self._gain_db(packet, links, path)
-        on = self._terms.interferers_on(packet.sim_time_ns) if self._has_interferers else ()
-        return [*signal_of(radio, distance_m, power_dbm, radio.noise_dbm(path, on), length), chance]
-
-    def _path(self, here: FloatArray, there: FloatArray, distance_m: FloatArray) -> Path:
-        start, end = here[POSITION], there[POSITION].T
-        if not self._radio.needs_attitude:
-            return self._radio.path_of(start, end, distance_m)
-        attitudes = _unit(here[ATTITUDE]), _unit(there[ATTITUDE].T)
-        return self._radio.path_of(start, end, distance_m, *attitudes)
-
-    def _gain_db(self, packet: Packet, links: _Links, path: Path) -> FloatArray | float:
-        """Return what shadowing and fading do to the power at each receiver, dB."""
-        gain_db: FloatArray | float = 0.0
-        if links.shadowing_gain is not None:
-            gain_db = links.shadowing_gain.row(packet.seq)
-        elif self._shadow_by_place:
-            gain_db = -self._terms.shadowing_db(links.tx, links.receivers, path)
-        if links.fading is not None:
-            first, second = (table.row(packet.seq) for table in links.fading)
-            gain_db = gain_db + self._terms.fading_gain_db(first, second, path)
-        elif self._fading_by_time:
-            speed_mps = self._speeds_mps(packet, links)
-            gain_db = gain_db + self._terms.fading_db(
-                links.tx, links.receivers, packet.sim_time_ns, path, speed_mps
-            )
-        return gain_db
-
-    def _speeds_mps(self, packet: Packet, links: _Links) -> FloatArray:
-        """Return how fast each receiver moves relative to the transmitter."""
-        velocities = self._tracks.velocities_at(packet.sim_time_ns)
-        x, y, z = velocities.take(links.columns, axis=1) - velocities[:, packet.tx, np.newaxis]
-        return np.asarray(np.sqrt(x * x + y * y + z * z))
-
-    def _other_losses(
-        self, fates: list[Fate], columns: list[FloatArray], packet: Packet, links: _Links
-    ) -> None:
-        """Put in the losses that do not depend on the signal, the later ones over the earlier."""
-        if links.base_loss is not None:
-            lost = links.base_loss.row(packet.seq) <= self._config.base_loss
-            _mark(fates, lost.tolist(), Fate.BASE_LOSS)
-        if self._has_bursts:
-            bursts = self._terms.burst_losses(links.tx, links.receivers, packet.seq, packet.sim_time_ns)
-            _mark(fates, bursts, Fate.BURST)
-        if self._has_range:
-            self._out_of_range(fates, columns)
-        if not self._tracks.all_known:
-            self._unknown(fates, columns, packet.tx, links.indices)
-
-    def _out_of_range(self, fates: list[Fate], columns: list[FloatArray]) -> None:
-        beyond = columns[0] > self._radio.max_range_m
+    def _settled(self, links: Links, lengths: Lengths) -> Settled:
+        """Return what becomes of links: first what the signal decides, then the losses that do not depend on it."""
+        mean_dbm = self._radio.mean_power_dbm(links.path)
+        beyond = links.distance_m > self._radio.max_range_m
         if beyond.any():
-            columns[4] = np.where(beyond, 0.0, columns[4])
-            _mark(fates, beyond.tolist(), Fate.OUT_OF_RANGE)
-
-    def _unknown(self, fates: list[Fate], columns: list[FloatArray], tx: int, indices: list[int]) -> None:
-        """Mark the links with an end that was never seen: nothing is known of them, and nothing arrives."""
+            beyond = ~self._radio.in_range(links.distance_m)
         known = self._tracks.known
-        unknown = [not (known[tx] and known[node]) for node in indices]
-        values = (math.nan, math.nan, math.nan, math.nan, 0.0)
-        columns[:] = [np.where(unknown, value, column) for value, column in zip(values, columns, strict=True)]
-        _mark(fates, unknown, Fate.NO_POSITION)
+        unknown = ~(known[links.tx] & known[links.rx])
+        hopeless = self._hopeless(mean_dbm, lengths) | beyond | unknown
+        if self._cull and hopeless.any():
+            settled = self._heard_by_some(links, lengths, mean_dbm, np.flatnonzero(~hopeless))
+        else:
+            settled = self._heard(links, lengths, mean_dbm)
+        self._other_losses(settled, links)
+        settled.fate[beyond] = OUT_OF_RANGE
+        settled.probability_of_delivery[beyond | unknown] = 0.0
+        if unknown.any():
+            settled.fate[unknown] = NO_POSITION
+            for column in (settled.distance_m, settled.received_power_dbm, settled.snr_db, settled.per):
+                column[unknown] = np.nan
+        return settled
+
+    def _hopeless(self, mean_dbm: FloatArray, lengths: Lengths) -> NDArray[np.bool_]:
+        """Return which links erase a packet whatever is drawn."""
+        most_db = mean_dbm + (self._max_gain_db - self._radio.noise_floor_dbm + MARGIN_DB)
+        return np.less(most_db, self._radio.hopeless_below_db(lengths))
+
+    def _heard_by_some(self, links: Links, lengths: Lengths, mean_dbm: FloatArray, live: Indices) -> Settled:
+        """Return what the signal decides if it can be heard on some of the links only."""
+        none = _blank(mean_dbm.size)
+        none.distance_m[:] = in_steps(links.distance_m, STEPS_PER_M)
+        none.per[:], none.probability_of_delivery[:], none.fate[:] = 1.0, 0.0, ERASED
+        if live.size:
+            heard = self._heard(links.at(live), lengths.at(live), mean_dbm[live])
+            _put(heard, none, live)
+        return none
+
+    def _heard(self, links: Links, lengths: Lengths, mean_dbm: FloatArray) -> Settled:
+        """Return what the signal decides."""
+        radio, terms, path = self._radio, self._terms, links.path
+        chance = in_steps(radio.expected_delivery(mean_dbm, path, lengths), STEPS_PER_ONE)
+        uniform = self._uniforms(links, *terms.purposes)
+        power_dbm = mean_dbm + terms.gain_db(links, uniform)
+        on = terms.interferers_on(links) if self._has_interferers else ()
+        signal = signal_of(radio, links.distance_m, power_dbm, radio.noise_dbm(path, on), lengths)
+        fate = (uniform[Purpose.ERASURE] <= signal.per).astype(np.uint8)
+        return Settled(*signal, chance, fate)
+
+    def _other_losses(self, settled: Settled, links: Links) -> None:
+        """Put in the losses that do not depend on the signal, the later ones over the earlier."""
+        base_loss = self._radio.config.base_loss
+        purposes = [Purpose.BASE_LOSS] if base_loss > 0.0 else []
+        purposes += [Purpose.BURST] if self._has_bursts else []
+        if not purposes:
+            return
+        uniform = self._uniforms(links, *purposes)
+        if base_loss > 0.0:
+            settled.fate[uniform[Purpose.BASE_LOSS] <= base_loss] = BASE_LOSS
+        if self._has_bursts:
+            settled.fate[uniform[Purpose.BURST] <= self._terms.burst_chances(links)] = BURST
+
+    def _uniforms(self, links: Links, *purposes: Purpose) -> dict[Purpose, FloatArray]:
+        """Return the draws of one stream."""
+        packets = links.packets.tx, links.packets.seq
+        draws = self._draws.uniforms(purposes, packets, links.packet, links.rx)
+        return dict(zip(purposes, draws, strict=True))
 
 
-def _mark(fates: list[Fate], where: list[bool], fate: Fate) -> None:
-    for i, marked in enumerate(where):
-        if marked:
-            fates[i] = fate
+def _blank(size: int) -> Settled:
+    """Return columns with no numbers in them yet."""
+    nan = [np.full(size, np.nan) for _ in range(5)]
+    return Settled(nan[0], nan[1], nan[2], nan[3], nan[4], np.zeros(size, dtype=np.uint8))
 
 
-def _unit(quaternion: FloatArray) -> FloatArray:
-    """Return interpolated attitudes at length 1; a node never seen is level."""
-    length = np.sqrt(np.sum(quaternion * quaternion, axis=-1, keepdims=True))
-    return np.where(length > 0.0, quaternion / np.maximum(length, 1e-9), LEVEL_WXYZ)
+def _put(settled: Settled, out: Settled, where: slice | Indices) -> None:
+    """Put what became of some links where they belong."""
+    for column, values in zip(out[:5], settled[:5], strict=True):
+        column[where] = values
+    out.fate[where] = settled.fate
+
+
+def _of_ends(
+    columns: FloatArray | None, here: Indices, there: Indices
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Return what a snapshot says of both ends, shape (L, ...)."""
+    if columns is None:
+        return None, None
+    return columns.take(here, axis=1).T, columns.take(there, axis=1).T

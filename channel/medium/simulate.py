@@ -13,6 +13,7 @@ from channel.checks import ChannelInputError, FloatArray
 from channel.draws import Draws, Purpose, uniform_from_words
 from channel.fading.shadowing import standard_normal_from_uniform
 from channel.link.decision import signal_of
+from channel.link.lengths import Lengths
 from channel.link.radio import Radio
 
 CHUNK_PACKETS = 16384
@@ -75,7 +76,7 @@ def simulate(
         )
     distance = np.broadcast_to(distance, np.broadcast_shapes(distance.shape, (len(links), 1)))
     payload = radio.config.nominal_payload_bytes if length_bytes is None else length_bytes
-    length = radio.length_bytes(payload)
+    length = Lengths.same(radio.length_bytes(payload))
     heard = np.empty((4, *shape))  # one piece of memory: the system hands out large ones in large pages
     delivered = np.empty(shape, dtype=bool)
     path = radio.path(distance, frequency_hz=frequency_hz)

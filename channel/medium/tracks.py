@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import bisect
-import math
-from collections.abc import Sequence
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,197 +17,195 @@ LEVEL_WXYZ = (1.0, 0.0, 0.0, 0.0)
 NS_PER_S = 1e9
 KEPT_SAMPLES = 1024
 """Per node; twice as many are held before the older half goes."""
+FIRST_SAMPLES = 8
+STEPS_BACK = 3
+"""So many samples back are looked at for all nodes together, before each node is searched."""
 NEVER = -(2**62)
 FOREVER = 2**62
 
-Row = tuple[float, ...]
-"""One truth sample: position, attitude."""
-
-Arrays = tuple[int | NDArray[np.int64], float | FloatArray, FloatArray, FloatArray]
-"""Of all nodes: start of the span, 1 / its length in ns, first sample, change up to the second."""
+Times = NDArray[np.int64]
+Indices = NDArray[np.intp]
 
 
-class Span(NamedTuple):
-    """The samples before and after an instant; both are the same one where the node stands."""
+class Snapshot(NamedTuple):
+    """Where all nodes were at some instants; each column is instant * nodes + node.
 
-    start_ns: int
-    per_ns: float
-    before: Row
-    after: Row
+    Attributes:
+        position_ned_m: shape (3, instants * nodes).
+        attitude_wxyz: shape (4, instants * nodes), of length 1; None if it was not asked for.
+        velocity_ned_mps: shape (3, instants * nodes); None if it was not asked for.
+    """
 
-
-NOWHERE = Span(0, 0.0, (0.0,) * COLUMNS, (0.0,) * COLUMNS)
+    position_ned_m: FloatArray
+    attitude_wxyz: FloatArray | None
+    velocity_ned_mps: FloatArray | None
 
 
 class Tracks:
     """The recent truth of a fixed set of nodes, in one common north-east-down frame.
 
-    `frontier_ns` is the latest instant at which every node that still reports is known.
-
     Args:
-        nodes: names, in the order in which `columns_at` returns them.
+        count: how many nodes.
         max_age_ns: a node whose newest truth is older than the newest of all by more than this is taken to
             stand where it was last seen.
     """
 
-    def __init__(self, nodes: Sequence[str], max_age_ns: int) -> None:
-        self.index = {node: i for i, node in enumerate(nodes)}
+    def __init__(self, count: int, max_age_ns: int) -> None:
         self._max_age_ns = max_age_ns
-        self._times: list[list[int]] = [[] for _ in nodes]
-        self._rows: list[list[Row]] = [[] for _ in nodes]
-        self._newest = [NEVER] * len(nodes)
+        self._nodes = np.arange(count)
+        self._held = np.zeros(count, dtype=np.intp)
+        self._times = np.zeros((count, FIRST_SAMPLES), dtype=np.int64)
+        self._rows = np.zeros((count, FIRST_SAMPLES, COLUMNS))
+        self._newest = np.full(count, NEVER, dtype=np.int64)
         self._first_ns: int | None = None
         self._newest_ns = NEVER
-        self.frontier_ns = NEVER
-        self._at_frontier = 0
-        self._valid = (1, 0)
-        self._spans = [NOWHERE] * len(nodes)
-        self._arrays: Arrays | None = None
-        self.known = [False] * len(nodes)
-        self.all_known = False
+        self._frontier_ns = NEVER
 
-    def observe(self, node: int, sim_time_ns: int, row: Row) -> bool:
-        """Take in one truth sample; one that is not newer than the node's newest is left out.
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which nodes were ever seen."""
+        return self._held > 0
 
-        Returns:
-            Whether the frontier moved.
+    def observe(self, nodes: Indices, sim_time_ns: Times | int, rows: FloatArray) -> None:
+        """Take in one truth sample of each of some nodes; one that is not newer than the node's newest is left out.
+
+        Args:
+            nodes: which, each once.
+            sim_time_ns: when, one for all or one each.
+            rows: position and attitude, shape (nodes, 7).
         """
-        times, rows = self._times[node], self._rows[node]
-        was_newest = self._newest[node]
-        if sim_time_ns <= was_newest:
-            return False
-        if rows:
-            row = _nearer(row, rows[-1])
-        else:
-            self._valid = (1, 0)
-        times.append(sim_time_ns)
-        rows.append(row)
-        if len(times) > 2 * KEPT_SAMPLES:
-            del times[:KEPT_SAMPLES], rows[:KEPT_SAMPLES]
-        self._newest[node] = sim_time_ns
-        return self._advance(was_newest, sim_time_ns)
+        times = np.broadcast_to(sim_time_ns, nodes.shape)
+        newer = times > self._newest[nodes]
+        if not newer.all():
+            nodes, times, rows = nodes[newer], times[newer], rows[newer]
+            if not nodes.size:
+                return
+        if int(self._held[nodes].max()) == self._times.shape[1]:
+            self._make_room()
+        at = self._held[nodes]
+        self._times[nodes, at] = times
+        self._rows[nodes, at] = _nearer(rows, self._rows[nodes, np.maximum(at - 1, 0)])
+        self._held[nodes] = at + 1
+        self._newest[nodes] = times
+        if self._first_ns is None:
+            self._first_ns = int(times[0])
+        self._newest_ns = max(self._newest_ns, int(times.max()))
 
-    def place(self, node: int, row: Row) -> bool:
-        """Put a node where it stays for good; return whether the frontier moved."""
-        self._times[node], self._rows[node] = [0], [row]
+    def place(self, node: int, row: FloatArray) -> None:
+        """Put a node where it stays for good."""
+        self._times[node, 0], self._rows[node, 0], self._held[node] = 0, row, 1
         self._newest[node] = FOREVER
-        self._valid = (1, 0)
-        self._at_frontier = 0
-        return self._advance(NEVER, NEVER)
 
-    def _advance(self, was_newest: int, now_newest: int) -> bool:
-        """Move the frontier on if the node was the last one, or too old to wait for."""
-        if self._first_ns is None and now_newest != NEVER:
-            self._first_ns = now_newest
-        self._newest_ns = max(self._newest_ns, now_newest)
+    def _make_room(self) -> None:
+        """Double the samples that can be held, or drop the older half of those of each node that has its fill."""
+        held = self._times.shape[1]
+        if held < 2 * KEPT_SAMPLES:
+            self._times = np.concatenate((self._times, np.zeros_like(self._times)), axis=1)
+            self._rows = np.concatenate((self._rows, np.zeros_like(self._rows)), axis=1)
+            return
+        full = np.flatnonzero(self._held == held)
+        self._times[full, : held // 2] = self._times[full, held // 2 :]
+        self._rows[full, : held // 2] = self._rows[full, held // 2 :]
+        self._held[full] = held // 2
+
+    def frontier_ns(self) -> int:
+        """Return the latest instant at which every node that still reports is known; it never goes back."""
         horizon = self._newest_ns - self._max_age_ns
-        self._at_frontier -= was_newest == self.frontier_ns
-        if self._at_frontier > 0 and self.frontier_ns >= horizon:
-            return False  # another node is the one to wait for, and it is not too old
-        unseen_count = self._first_ns is None or self._first_ns >= horizon
-        waited_for = [t for t in self._newest if t >= horizon or (t == NEVER and unseen_count)]
-        frontier = min(waited_for, default=NEVER)
-        moved = frontier > self.frontier_ns
-        self.frontier_ns = max(self.frontier_ns, frontier)
-        self._at_frontier = waited_for.count(self.frontier_ns)
-        return moved
+        waited_for = self._newest >= horizon
+        if self._first_ns is None or self._first_ns >= horizon:
+            waited_for |= self._newest == NEVER
+        frontier = int(self._newest.min(initial=FOREVER, where=waited_for)) if waited_for.any() else NEVER
+        self._frontier_ns = max(self._frontier_ns, frontier)
+        return self._frontier_ns
 
-    def columns_at(self, sim_time_ns: int, columns: int = COLUMNS) -> FloatArray:
-        """Return position and attitude of every node, or the first columns of these.
+    def at(self, instants_ns: Times, *, attitude: bool = False, velocity: bool = False) -> Snapshot:
+        """Return where all nodes were at some instants.
 
-        Before a node's first sample it stands at it, after its last sample at that; `known` says whether there
-        is one.
+        Before a node's first sample it stands at it, after its last sample at that; a node never seen is at 0.
+        Its velocity is the slope of the line that it moves along: at a sample the slope up to there, 0 while it
+        stands.
 
-        Returns:
-            Shape (columns, nodes).
+        Args:
+            instants_ns: shape (U,).
+            attitude: whether attitudes are wanted.
+            velocity: whether velocities are.
         """
-        start_ns, per_ns, base, change = self._arrays_at(sim_time_ns)
-        weight = (max(-FOREVER, min(sim_time_ns, FOREVER)) - start_ns) * per_ns  # numpy counts to 2^63
-        moved: FloatArray = base[:columns] + weight * change[:columns]
-        return moved
+        after = self._after(instants_ns)
+        moving = (after > 0) & (after < self._held)
+        left = np.where(moving, after - 1, np.minimum(after, np.maximum(self._held - 1, 0)))
+        right = np.where(moving, after, left)
+        columns = COLUMNS if attitude else POSITION.stop
+        base = self._rows[self._nodes, left, :columns]
+        change = self._rows[self._nodes, right, :columns] - base
+        start_ns = self._times[self._nodes, left]
+        span_ns = self._times[self._nodes, right] - start_ns
+        per_ns = np.where(moving, 1.0 / np.maximum(span_ns, 1), 0.0)
+        weight = (np.clip(instants_ns, -FOREVER, FOREVER)[:, np.newaxis] - start_ns) * per_ns
+        moved = _columns(base + weight[..., np.newaxis] * change)
+        speed = _columns(change[..., POSITION] * (per_ns * NS_PER_S)[..., np.newaxis]) if velocity else None
+        return Snapshot(moved[POSITION], _unit(moved[ATTITUDE]) if attitude else None, speed)
 
-    def velocities_at(self, sim_time_ns: int) -> FloatArray:
-        """Return the velocity of every node in m/s, shape (3, nodes): the slope of the line that it moves along.
+    def _after(self, instants_ns: Times) -> Indices:
+        """Return how many samples of each node are older than each instant, shape (instants, nodes)."""
+        times = instants_ns[:, np.newaxis]
+        after = np.broadcast_to(self._held, (len(instants_ns), len(self._held)))
+        for _ in range(STEPS_BACK):
+            before = np.maximum(after - 1, 0)
+            back = (after > 0) & (self._times[self._nodes, before] >= times)
+            if not back.any():
+                return after
+            after = np.where(back, before, after)
+        return self._searched(instants_ns, after)
 
-        At a sample it is the slope up to there; a node that stands (before its first sample, after its last, placed
-        for good) has none.
-        """
-        _, per_ns, _, change = self._arrays_at(sim_time_ns)
-        velocity_ned_mps: FloatArray = change[POSITION] * (per_ns * NS_PER_S)
-        return velocity_ned_mps
-
-    def _arrays_at(self, sim_time_ns: int) -> Arrays:
-        """Return what the spans around an instant are as arrays."""
-        if not self._valid[0] <= sim_time_ns <= self._valid[1]:
-            self._bracket(sim_time_ns)
-        if self._arrays is None:
-            self._arrays = _arrays(self._spans)
-        return self._arrays
-
-    def _bracket(self, sim_time_ns: int) -> None:
-        """Find the samples around an instant for each node, and from when to when they stay the right ones."""
-        low, high = NEVER, FOREVER
-        for node, (times, rows) in enumerate(zip(self._times, self._rows, strict=True)):
-            if not times:
-                continue
-            self.known[node] = True
-            after = bisect.bisect_left(times, sim_time_ns)
-            if 0 < after < len(times):
-                start, end = times[after - 1], times[after]
-                self._spans[node] = Span(start, 1.0 / (end - start), rows[after - 1], rows[after])
-                low, high = max(low, start + 1), min(high, end)
-                continue
-            row = rows[min(after, len(rows) - 1)]
-            self._spans[node] = Span(0, 0.0, row, row)
-            if self._newest[node] != FOREVER:
-                low, high = (low, min(high, times[0])) if after == 0 else (sim_time_ns, sim_time_ns)
-        self._valid, self._arrays = (low, high), None
-        self.all_known = all(self.known)
+    def _searched(self, instants_ns: Times, after: Indices) -> Indices:
+        """Search the tracks of nodes whose samples around some instant are further back."""
+        before = np.maximum(after - 1, 0)
+        open_ends = (after > 0) & (self._times[self._nodes, before] >= instants_ns[:, np.newaxis])
+        for node in np.flatnonzero(open_ends.any(axis=0)).tolist():
+            held = self._times[node, : self._held[node]]
+            after[:, node] = np.searchsorted(held, instants_ns, side="left")
+        return after
 
 
-def _arrays(spans: Sequence[Span]) -> Arrays:
-    """Return starts and rates, each one number if all that move share it, first samples and changes."""
-    base = np.array([span.before for span in spans]).T.copy()
-    change = np.array([span.after for span in spans]).T - base
-    moving = {(span.start_ns, span.per_ns) for span in spans if span.per_ns > 0.0}
-    if len(moving) <= 1:
-        start_ns, per_ns = moving.pop() if moving else (0, 0.0)
-        return start_ns, per_ns, base, change
-    starts = np.array([span.start_ns for span in spans], dtype=np.int64)
-    return starts, np.array([span.per_ns for span in spans]), base, change
+def _columns(rows: FloatArray) -> FloatArray:
+    """Return shape (..., columns) as (columns, everything else)."""
+    return np.ascontiguousarray(rows.reshape(-1, rows.shape[-1]).T)
 
 
-def _nearer(row: Row, previous: Row) -> Row:
-    """Return the sample with its quaternion in the sign that is nearer to the one before it."""
-    w, x, y, z = previous[ATTITUDE]
-    if row[3] * w + row[4] * x + row[5] * y + row[6] * z >= 0.0:
-        return row
-    return (*row[:3], -row[3], -row[4], -row[5], -row[6])
+def _nearer(rows: FloatArray, previous: FloatArray) -> FloatArray:
+    """Return samples with their quaternions in the sign that is nearer to those before them."""
+    product = rows[:, ATTITUDE] * previous[:, ATTITUDE]
+    away = product[:, 0] + product[:, 1] + product[:, 2] + product[:, 3] < 0.0
+    if away.any():
+        rows = rows.copy()
+        rows[away, ATTITUDE] *= -1.0
+    return rows
 
 
-def truth_row(position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None) -> Row:
-    """Return one checked truth sample.
+def _unit(quaternion: FloatArray) -> FloatArray:
+    """Return interpolated attitudes, shape (4, ...), at length 1; a node never seen is level."""
+    length = np.sqrt(np.sum(quaternion * quaternion, axis=0))
+    level = np.array(LEVEL_WXYZ)[:, np.newaxis]
+    return np.where(length > 0.0, quaternion / np.maximum(length, 1e-9), level)
+
+
+def truth_rows(position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None) -> FloatArray:
+    """Return checked truth samples, shape (..., 7).
 
     Raises:
         ChannelInputError: a wrong shape, a value that is not finite, or a quaternion of no length.
     """
-    position = _numbers("position_ned_m", position_ned_m, 3)
+    position = checks.vectors("position_ned_m", position_ned_m, 3)
+    rows = np.empty((*position.shape[:-1], COLUMNS))
+    rows[..., POSITION] = position
     if attitude_wxyz is None:
-        return (*position, *LEVEL_WXYZ)
-    w, x, y, z = _numbers("attitude_wxyz", attitude_wxyz, 4)
-    length = math.sqrt(w * w + x * x + y * y + z * z)
-    if not 0.5 < length < 2.0:
-        raise ChannelInputError("attitude_wxyz", [w, x, y, z], "a quaternion of length about 1")
-    return (*position, w / length, x / length, y / length, z / length)
-
-
-def _numbers(name: str, value: ArrayLike, size: int) -> Row:
-    """Return a vector as a tuple of finite numbers; a tuple of them is taken as it is, at little cost."""
-    if isinstance(value, tuple) and len(value) == size and all(type(each) is float for each in value):
-        numbers = cast(Row, value)
-        if math.isfinite(sum(numbers)):
-            return numbers
-    vector = checks.vectors(name, value, size)
-    if vector.ndim != 1:
-        raise ChannelInputError(name, f"array of shape {vector.shape}", f"shape ({size},)")
-    return tuple(vector.tolist())
+        rows[..., ATTITUDE] = LEVEL_WXYZ
+        return rows
+    attitude = checks.vectors("attitude_wxyz", attitude_wxyz, 4)
+    length = np.sqrt(np.sum(attitude * attitude, axis=-1, keepdims=True))
+    good = (length > 0.5) & (length < 2.0)
+    if not good.all():
+        bad = attitude[~good[..., 0]].reshape(-1, 4)[0].tolist()
+        raise ChannelInputError("attitude_wxyz", bad, "a quaternion of length about 1")
+    rows[..., ATTITUDE] = attitude / length
+    return rows

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import bisect
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
-from channel.draws import Draws, uniform_from_words
+from channel.checks import FloatArray
+from channel.draws import LinkDraws, uniform_from_words
 from channel.variant import Variant
 
 NS_PER_S = 1e9
 SOJOURNS_AT_ONCE = 64
+Indices = NDArray[np.intp]
+Times = NDArray[np.int64]
 
 
 class BurstModel(Protocol):
@@ -23,8 +26,8 @@ class BurstModel(Protocol):
         """Share of packets lost in the long run."""
         ...
 
-    def loss_at(self, timeline: Timeline, sim_time_ns: int) -> float:
-        """Return the probability of loss at an instant."""
+    def loss(self, timelines: Timelines, tx: Indices, rx: Indices, sim_time_ns: Times) -> FloatArray:
+        """Return the probability of loss on links at instants, all of shape (L,)."""
         ...
 
 
@@ -38,9 +41,9 @@ class NoBursts(Variant):
         """0."""
         return 0.0
 
-    def loss_at(self, _timeline: Timeline, _sim_time_ns: int, /) -> float:
-        """Return 0."""
-        return 0.0
+    def loss(self, _timelines: Timelines, _tx: Indices, _rx: Indices, sim_time_ns: Times, /) -> FloatArray:
+        """Return zeros."""
+        return np.zeros(len(sim_time_ns))
 
 
 class GilbertElliott(Variant):
@@ -62,40 +65,79 @@ class GilbertElliott(Variant):
         """Share of packets lost in the long run."""
         return self.bad_share * self.loss_bad + (1.0 - self.bad_share) * self.loss_good
 
-    def loss_at(self, timeline: Timeline, sim_time_ns: int) -> float:
-        """Return the loss of the state at an instant."""
-        return self.loss_bad if timeline.is_bad(self, sim_time_ns) else self.loss_good
+    def loss(self, timelines: Timelines, tx: Indices, rx: Indices, sim_time_ns: Times) -> FloatArray:
+        """Return the loss of the states at instants."""
+        return np.where(timelines.are_bad(self, tx, rx, sim_time_ns), self.loss_bad, self.loss_good)
 
 
-class Timeline:
-    """The states of one directed link over sim time: fixed by the seed, laid out as far as somebody looks.
+class Timelines:
+    """The states of all directed links over sim time: fixed by the seed, laid out as far as somebody looks.
 
     Args:
-        draws: the run's draws.
-        tx: transmitting node.
-        rx: receiving node.
+        draws: of the run's links.
     """
 
-    def __init__(self, draws: Draws, tx: str, rx: str) -> None:
+    def __init__(self, draws: LinkDraws) -> None:
         self._draws = draws
-        self._names = (tx, rx, "bursts")
-        self._ends_ns: list[float] = []
-        self._starts_bad = False
+        links = len(draws.nodes) ** 2
+        self._row = np.full(links, -1, dtype=np.intp)
+        self._ends_ns = np.empty((0, SOJOURNS_AT_ONCE))
+        self._laid = np.empty(0, dtype=np.intp)
+        self._starts_bad = np.empty(0, dtype=bool)
+        self._at = np.empty(0, dtype=np.intp)
 
-    def is_bad(self, model: GilbertElliott, sim_time_ns: int) -> bool:
-        """Return whether the link is in its bad state at an instant; before 0 it is as at 0."""
-        while not self._ends_ns or self._ends_ns[-1] <= sim_time_ns:
-            self._extend(model)
-        return (bisect.bisect_right(self._ends_ns, max(sim_time_ns, 0)) % 2 == 1) != self._starts_bad
+    def are_bad(
+        self, model: GilbertElliott, tx: Indices, rx: Indices, sim_time_ns: Times
+    ) -> NDArray[np.bool_]:
+        """Return whether links are in their bad state at instants; before 0 they are as at 0."""
+        rows = self._rows(tx, rx)
+        times = np.maximum(sim_time_ns, 0)
+        while True:
+            short = self._ends_ns[rows, self._laid[rows] - 1] <= times
+            short |= self._laid[rows] == 0
+            if not short.any():
+                break
+            _, first = np.unique(rows[short], return_index=True)
+            self._extend(model, rows[short][first], tx[short][first], rx[short][first])
+        at = self._at[rows]
+        while True:  # seldom more than a step from where the link was last
+            step = np.where(self._ends_ns[rows, at] <= times, 1, 0)
+            step -= (at > 0) & (self._ends_ns[rows, np.maximum(at - 1, 0)] > times)
+            if not step.any():
+                break
+            at = at + step
+        self._at[rows] = at
+        bad: NDArray[np.bool_] = (at % 2 == 1) != self._starts_bad[rows]
+        return bad
 
-    def _extend(self, model: GilbertElliott) -> None:
-        first = len(self._ends_ns)
-        words = self._draws.words(self._names, first, SOJOURNS_AT_ONCE)
-        uniform = uniform_from_words(words[:, :2])
-        if first == 0:
-            self._starts_bad = bool(uniform[0, 1] < model.bad_share)
-        bad = (np.arange(first, first + SOJOURNS_AT_ONCE) % 2 == 1) != self._starts_bad
-        lengths_ns = -np.log(uniform[:, 0]) * np.where(bad, model.mean_bad_s, model.mean_good_s) * NS_PER_S
-        start_ns = self._ends_ns[-1] if self._ends_ns else 0.0
+    def _rows(self, tx: Indices, rx: Indices) -> Indices:
+        """Return the row of each link; links seen for the first time get one."""
+        link = tx * len(self._draws.nodes) + rx
+        new = np.unique(link[self._row[link] < 0])
+        if new.size:
+            old = len(self._laid)
+            self._row[new] = old + np.arange(new.size)
+            blank = np.zeros(new.size, dtype=np.intp)
+            room = np.full((new.size, self._ends_ns.shape[1]), np.inf)
+            self._ends_ns = np.concatenate((self._ends_ns, room))
+            self._laid, self._at = np.concatenate((self._laid, blank)), np.concatenate((self._at, blank))
+            self._starts_bad = np.concatenate((self._starts_bad, blank.astype(bool)))
+        rows: Indices = self._row[link]
+        return rows
+
+    def _extend(self, model: GilbertElliott, rows: Indices, tx: Indices, rx: Indices) -> None:
+        """Lay out further states of links, each row once."""
+        counts = self._laid[rows][:, np.newaxis] + np.arange(SOJOURNS_AT_ONCE)
+        if counts[:, -1].max() >= self._ends_ns.shape[1]:
+            self._ends_ns = np.concatenate((self._ends_ns, np.full_like(self._ends_ns, np.inf)), axis=1)
+        each = np.repeat(np.arange(rows.size), SOJOURNS_AT_ONCE)
+        words = self._draws.words(("bursts",), tx[each], rx[each], counts.ravel())
+        length, start = uniform_from_words(words[:2]).reshape(2, *counts.shape)
+        fresh = self._laid[rows] == 0
+        self._starts_bad[rows[fresh]] = start[fresh, 0] < model.bad_share
+        bad = (counts % 2 == 1) != self._starts_bad[rows][:, np.newaxis]
+        lengths_ns = -np.log(length) * np.where(bad, model.mean_bad_s, model.mean_good_s) * NS_PER_S
+        start_ns = np.where(fresh, 0.0, self._ends_ns[rows, self._laid[rows] - 1])
         whole_ns = np.rint(lengths_ns)  # sums of whole numbers are exact: no last bit of a logarithm adds up
-        self._ends_ns += (start_ns + np.cumsum(whole_ns)).tolist()
+        self._ends_ns[rows[:, np.newaxis], counts] = start_ns[:, np.newaxis] + np.cumsum(whole_ns, axis=1)
+        self._laid[rows] += SOJOURNS_AT_ONCE

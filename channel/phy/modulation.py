@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import erfc
 
+from channel import special
 from channel.checks import ChannelInputError, FloatArray, finite
 
 
 def erfc_of_root(ratio: FloatArray) -> FloatArray:
     """Return erfc(sqrt(x)) of what is known to be >= 0."""
-    result: FloatArray = erfc(np.sqrt(ratio))
+    result: FloatArray = special.erfc(np.sqrt(ratio))
     return result
 
 
@@ -59,5 +59,5 @@ def ber_square_qam(ebn0: ArrayLike, order: int) -> FloatArray:
         for i in range(side - side // 2**k):
             sign = (-1) ** (i * step // side)
             weight = step - math.floor(i * step / side + 0.5)
-            total = total + sign * weight * erfc((2 * i + 1) * argument)
+            total = total + sign * weight * special.erfc((2 * i + 1) * argument)
     return np.asarray(np.clip(total / (side * bits_per_axis), 0.0, 0.5))

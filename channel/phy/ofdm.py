@@ -11,8 +11,8 @@ import math
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.special import binom, erfc
 
+from channel import special
 from channel.checks import FloatArray
 from channel.phy.error_model import BITS_PER_BYTE, Band, Smooth, linear_snr, packet_error
 
@@ -60,18 +60,18 @@ WEIGHT_SPECTRA: dict[int, tuple[int, int, tuple[int, ...]]] = {
 def nist_bit_error_rate(snr: FloatArray, order: int) -> FloatArray:
     """Return the uncoded bit error rate of the NIST model for a linear SNR per subcarrier."""
     if order == 2:
-        return np.asarray(0.5 * erfc(np.sqrt(snr)))
+        return np.asarray(0.5 * special.erfc(np.sqrt(snr)))
     side = math.isqrt(order)
     factor = (side - 1.0) / (side * math.log2(side))
-    return np.asarray(factor * erfc(np.sqrt(snr / (2.0 * (order - 1.0) / 3.0))))
+    return np.asarray(factor * special.erfc(np.sqrt(snr / (2.0 * (order - 1.0) / 3.0))))
 
 
 def yans_bit_error_rate(ebn0: FloatArray, order: int) -> FloatArray:
     """Return the uncoded bit error rate of the YANS model for a linear Eb/N0."""
     if order == 2:
-        return np.asarray(0.5 * erfc(np.sqrt(ebn0)))
+        return np.asarray(0.5 * special.erfc(np.sqrt(ebn0)))
     bits = math.log2(order)
-    axis = (1.0 - 1.0 / math.sqrt(order)) * erfc(np.sqrt(1.5 * bits * ebn0 / (order - 1.0)))
+    axis = (1.0 - 1.0 / math.sqrt(order)) * special.erfc(np.sqrt(1.5 * bits * ebn0 / (order - 1.0)))
     return np.asarray((2.0 * axis - axis**2) / bits)
 
 
@@ -87,7 +87,7 @@ def _wrong_path(ber: FloatArray, distance: int) -> FloatArray:
 
 
 def _binomial(k: int, p: FloatArray, n: int) -> FloatArray:
-    return np.asarray(float(binom(n, k)) * p**k * (1.0 - p) ** (n - k))
+    return np.asarray(float(special.binom(n, k)) * p**k * (1.0 - p) ** (n - k))
 
 
 class OfdmNist(Smooth):

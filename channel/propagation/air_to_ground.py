@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from channel.checks import FloatArray
 from channel.geometry import Path
-from channel.propagation.path_loss import friis_db
+from channel.propagation.path_loss import friis_db, spreading_db
 from channel.validity import RangedVariant
 
 HZ_PER_GHZ = 1e9
@@ -41,18 +41,19 @@ class AlHourani(RangedVariant):
 
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the mean over both states, in dB."""
-        self.within("frequency_hz", path.frequency_hz, 700e6, 5800e6)
+        frequency_hz = self.within("frequency_hz", path.frequency_hz, 700e6, 5800e6)
         self.within("height of the lower end", np.minimum(path.height_tx_m, path.height_rx_m), 0.0, 10.0)
         _, _, with_sight_db, without_db = AL_HOURANI[self.environment]
         sight = self.line_of_sight_probability(path)
-        return (
-            friis_db(path.distance_m, path.frequency_hz) + sight * with_sight_db + (1.0 - sight) * without_db
-        )
+        return friis_db(path.distance_m, frequency_hz) + sight * with_sight_db + (1.0 - sight) * without_db
 
 
 class _AerialVehicle(RangedVariant):
     """What the aerial scenarios of TR 36.777 share: the higher end is the aircraft."""
 
+    heights_m: ClassVar[tuple[float, float]]
+    farthest_m: ClassVar[float]
+    """Validity: heights of the aircraft, and distance over the ground."""
     line_of_sight: Literal["expected", "always", "never"] = Field(
         default="expected", description="mean in dB over both states, or one of them"
     )
@@ -67,15 +68,29 @@ class _AerialVehicle(RangedVariant):
 
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the loss, dB."""
-        with_sight, without = self._states_db(path, _aircraft_height(path))
+        inside, height_m = self._inside(path)
+        with_sight, without = self._states_db(inside, height_m)
         weight = {"always": 1.0, "never": 0.0}.get(self.line_of_sight)
-        sight = self.line_of_sight_probability(path) if weight is None else weight
-        return np.asarray(sight * with_sight + (1.0 - sight) * without)
+        sight = self.line_of_sight_probability(inside) if weight is None else weight
+        loss_db = sight * with_sight + (1.0 - sight) * without
+        return np.asarray(loss_db + spreading_db(path.distance_m, inside.distance_m))
+
+    def _inside(self, path: Path) -> tuple[Path, FloatArray]:
+        """Return the path and the aircraft's height to count with."""
+        height_m = self.within("height of the aircraft", _aircraft_height(path), *self.heights_m)
+        ground_m = self.within("ground distance", path.ground_distance_m, 0.0, self.farthest_m)
+        if self.outside != "clamp":
+            return path, height_m
+        drop_m = np.subtract(path.height_tx_m, path.height_rx_m)
+        nearer_m = np.sqrt(np.square(ground_m) + np.square(drop_m))
+        return path._replace(distance_m=np.minimum(path.distance_m, nearer_m)), height_m
 
 
 class UmaAv(_AerialVehicle):
     """Urban macro cell to an aircraft: 3GPP TR 36.777 V15.0.0, annex B, UMa-AV. Height 22.5 to 300 m, up to 4 km."""
 
+    heights_m: ClassVar[tuple[float, float]] = (22.5, 300.0)
+    farthest_m: ClassVar[float] = 4000.0
     model: Literal["uma-av"] = "uma-av"
 
     def line_of_sight_probability(self, path: Path) -> FloatArray:
@@ -86,8 +101,6 @@ class UmaAv(_AerialVehicle):
         return np.where(height > 100.0, 1.0, _sight(path.ground_distance_m, near, far))
 
     def _states_db(self, path: Path, height_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        self.within("height of the aircraft", height_m, 22.5, 300.0)
-        self.within("ground distance", path.ground_distance_m, 0.0, 4000.0)
         f_ghz = np.divide(path.frequency_hz, HZ_PER_GHZ)
         log_d = np.log10(path.distance_m)
         with_sight = 28.0 + 22.0 * log_d + 20.0 * np.log10(f_ghz)
@@ -99,6 +112,8 @@ class UmaAv(_AerialVehicle):
 class RmaAv(_AerialVehicle):
     """Rural macro cell to an aircraft: 3GPP TR 36.777 V15.0.0, annex B, RMa-AV. Height 10 to 300 m, up to 10 km."""
 
+    heights_m: ClassVar[tuple[float, float]] = (10.0, 300.0)
+    farthest_m: ClassVar[float] = 10_000.0
     model: Literal["rma-av"] = "rma-av"
 
     def line_of_sight_probability(self, path: Path) -> FloatArray:
@@ -109,8 +124,6 @@ class RmaAv(_AerialVehicle):
         return np.where(height > 40.0, 1.0, _sight(path.ground_distance_m, near, far))
 
     def _states_db(self, path: Path, height_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        self.within("height of the aircraft", height_m, 10.0, 300.0)
-        self.within("ground distance", path.ground_distance_m, 0.0, 10_000.0)
         log_d = np.log10(path.distance_m)
         constant = 20.0 * np.log10(40.0 * math.pi * np.divide(path.frequency_hz, HZ_PER_GHZ) / 3.0)
         log_h = np.log10(np.maximum(height_m, 10.0))

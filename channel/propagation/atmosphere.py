@@ -67,7 +67,7 @@ class ItuAtmosphere(RangedVariant):
         self, distance_m: FloatArray, frequency_hz: FloatArray | float, db_per_km: Any
     ) -> FloatArray:
         ghz = np.asarray(frequency_hz, dtype=np.float64) * 1e-9
-        self.within("frequency_ghz", ghz, *GHZ)
+        ghz = self.within("frequency_ghz", ghz, *GHZ)
         each, place = np.unique(ghz, return_inverse=True)
         rates = np.array([db_per_km(float(value)) for value in each])[place].reshape(ghz.shape)
         return np.asarray(rates * np.asarray(distance_m) * 1e-3)

@@ -19,7 +19,12 @@ _FRIIS_CONSTANT_DB = 20.0 * math.log10(4.0 * math.pi / SPEED_OF_LIGHT_MPS)
 
 
 class PathLossModel(Protocol):
-    """A propagation law: geometry and frequency in, loss out."""
+    """A propagation law: geometry and frequency in, loss out.
+
+    Class attributes, all False where a law has none: `needs_places`, if it asks where the ends are and not only how far
+    apart and how high; `by_rays`, if it wants `Path.reflected_gain_db`; `has_earth`, if it has the ground itself and so
+    needs no horizon.
+    """
 
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the loss in dB, positive when power is lost, in the broadcast shape of `path`."""
@@ -66,6 +71,11 @@ def friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -
     return 20.0 * np.log10(np.multiply(distance_m, frequency_hz)) + _FRIIS_CONSTANT_DB
 
 
+def spreading_db(distance_m: FloatArray | float, counted_m: FloatArray) -> FloatArray:
+    """Return 20 log10(d / d'): how a law that counts d' for d goes on, by free-space spreading."""
+    return np.asarray(20.0 * np.log10(distance_m / counted_m))
+
+
 class FreeSpace(Variant):
     """Free space between the two antennas (Friis; ITU-R P.525)."""
 
@@ -103,20 +113,3 @@ class NoPathLoss(Variant):
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return zeros in the shape of the distance."""
         return np.zeros_like(path.distance_m)
-
-
-class TwoRay(Variant):
-    """Direct and ground-reflected ray: free space up to the crossover, h1^2 h2^2 / d^4 beyond it.
-
-    Crossover at d = 4 pi h1 h2 / lambda (Rappaport, eq. 4.52 and 4.53). Both parts and the crossover take the
-    slant distance, as ns-3 does. At the crossover itself the law steps by nothing.
-    """
-
-    model: Literal["two-ray"] = "two-ray"
-
-    def path_loss_db(self, path: Path) -> FloatArray:
-        """Return the loss, dB."""
-        product = np.multiply(path.height_tx_m, path.height_rx_m)
-        crossover_m = 4.0 * math.pi * product * np.divide(path.frequency_hz, SPEED_OF_LIGHT_MPS)
-        beyond = 40.0 * np.log10(path.distance_m) - 20.0 * np.log10(product)
-        return np.where(path.distance_m <= crossover_m, friis_db(path.distance_m, path.frequency_hz), beyond)

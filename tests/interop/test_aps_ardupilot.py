@@ -53,7 +53,7 @@ async def sitl(binary, model, parameters, directory, speedup):
     defaults = f"{COPTER_PARAMETERS},{own}" if model == "quad" else str(own)
     process = await asyncio.create_subprocess_exec(
         str(binary),
-        *("--wipe", "--model", model, "-I", str(instance), "--sysid", str(SYSID), "--home", HOME),
+        *("-w", "--model", model, "-I", str(instance), "--sysid", str(SYSID), "--home", HOME),
         *("--defaults", defaults, "--serial0", "tcp:0", "--speedup", str(speedup)),
         cwd=directory,
         stdout=log,
@@ -118,7 +118,7 @@ async def test_arducopter_state_streams_and_commands(copter):
     result = await commands.rtl()
     assert result.reached, result
     assert math.hypot(*copter.state.position_ned_m[:2]) < 2.0
-    counters = copter.framer.counters
+    counters = copter.hub.primary.framer.counters
     assert (counters.bad_crc, counters.bad_flags, counters.unknown_id) == (0, 0, 0)
     assert counters.skipped_bytes in (0, len("Init Gyro**\n"))  # printed between frames at boot
     assert copter.streams.refused == set()

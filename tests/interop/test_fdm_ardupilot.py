@@ -113,7 +113,7 @@ def test_arducopter_takes_off_holds_flies_a_square_and_returns(
     own.write_text("".join(f"{name} {value:g}\n" for name, value in parameters.items()))
     served = [sys.executable, "-m", "fdm", "--index", str(slot), "--airframe", airframe_name]
     served += ["--wind", wind, "--coupling", coupling]
-    flown = [str(arducopter), "--wipe", "--model", "JSON:127.0.0.1", f"-I{slot}", "--home", HOME]
+    flown = [str(arducopter), "-w", "--model", "JSON:127.0.0.1", f"-I{slot}", "--home", HOME]
     flown += ["--defaults", f"{PARAMETERS / 'copter.parm'},{own}", "--serial0", "tcp:0", "--speedup", "20"]
     with (
         ended(

@@ -57,7 +57,7 @@ class Flight:
             "".join(f"{name} {value:g}\n" for name, value in airframe.ardupilot_parameters.items())
         )
         place = HOME.position
-        flown = [str(binary), "--wipe", "--model", "JSON:127.0.0.1", f"-I{slot}", "--speedup", "20"]
+        flown = [str(binary), "-w", "--model", "JSON:127.0.0.1", f"-I{slot}", "--speedup", "20"]
         flown += ["--home", f"{place.lat_deg},{place.lon_deg},{place.alt_amsl_m},{HOME.yaw_deg:g}"]
         flown += ["--defaults", f"{PARAMETERS},{own}", "--serial0", "tcp:0"]
         self._log = (directory / "sitl.log").open("wb")

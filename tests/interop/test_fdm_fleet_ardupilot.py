@@ -76,7 +76,7 @@ class Fleet:
 def copter(binary, instance, directory):
     directory.mkdir(exist_ok=True)
     home = f"{HOME.position.lat_deg},{HOME.position.lon_deg},{HOME.position.alt_amsl_m},0"
-    arguments = ["--wipe", "--model", "JSON:127.0.0.1", f"-I{instance}", "--home", home]
+    arguments = ["-w", "--model", "JSON:127.0.0.1", f"-I{instance}", "--home", home]
     arguments += ["--defaults", str(PARAMETERS), "--serial0", "tcp:0", "--speedup", "20"]
     with subprocess.Popen(
         [str(binary), *arguments], cwd=directory, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

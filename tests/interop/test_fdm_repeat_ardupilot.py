@@ -135,7 +135,7 @@ def fly(binary, slot, directory, coupling, dawdle):
     """One flight; gives its digests, its last truth and what was counted."""
     directory.mkdir()
     home = f"{HOME.position.lat_deg},{HOME.position.lon_deg},{HOME.position.alt_amsl_m},0"
-    arguments = ["--wipe", "--model", "JSON:127.0.0.1", f"-I{slot}", "--home", home, "--speedup", "100"]
+    arguments = ["-w", "--model", "JSON:127.0.0.1", f"-I{slot}", "--home", home, "--speedup", "100"]
     arguments += ["--defaults", str(PARAMETERS), "--serial0", "tcp:0", "--start-time", "1700000000"]
     with (
         contextlib.closing(Flight(slot, coupling, dawdle)) as flight,

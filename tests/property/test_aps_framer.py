@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.config import DaemonConfig
 from aps.core import Core
+from aps.links.link import Link, Opening, Role
 from aps.vehicle.streams import StreamArbiter
 from aps.vehicle.telemetry import _DECODERS, Telemetry
 from aps.wire.framer import MAX_FRAME_BYTES, Framer
@@ -156,21 +157,23 @@ class Bin:
 def test_the_logic_takes_any_messages_at_any_time(turns, said, sent, command):
     now_ns, ends = 0, []
     config = DaemonConfig(autopilot="tcp:127.0.0.1:1", sysid=1)
-    core = Core(config, Bin(), lambda: now_ns, lambda: None)
-    core.autopilot_up(0)
-    core.client_opened(1, Bin())
+    core = Core(config, lambda: now_ns, lambda: None)
+    link, client = Link("autopilot", Bin(), Opening(Role.AUTOPILOT)), Link("client", Bin())
+    client.id = 1
+    core.link_opened(link, 0)
+    core.link_opened(client, 0)
     heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 0xD9, 4, 4, 3)
-    core.autopilot_data(bytes(heartbeat.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1))), 0)
+    raw = bytes(heartbeat.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1)))
+    core.frames(link, link.framer.receive(raw), 0)
     core.vehicle.subscriptions.add(lambda state: None, rate_hz=5.0)
     core.vehicle.commands.start(*command, on_done=ends.append)
     from_autopilot, from_client = itertools.cycle(said), itertools.cycle(frames_of(sent)[0])
     for autopilot, wait_ns in turns:
         now_ns += wait_ns
         if autopilot:
-            core.autopilot_data(next(from_autopilot), now_ns)
+            core.frames(link, link.framer.receive(next(from_autopilot)), now_ns)
         else:
-            for frame in itertools.islice(from_client, 1):
-                core.client_frame(frame, 1, now_ns)
+            core.frames(client, [next(from_client)], now_ns)
         core.on_time(now_ns)
     core.vehicle.commands.interrupt_all("the end")
     assert len(ends) == 1

@@ -44,7 +44,10 @@ def messages(name: str) -> st.SearchStrategy[Message]:
     values = []
     for field in fields_of(name):
         item = NUMBERS.get(field.type, TEXT) if field.type not in CLASSES else messages(field.type)
-        values.append(st.lists(item, max_size=4).map(tuple) if field.is_sequence else item)
+        if field.is_sequence and field.type == "uint8":
+            values.append(st.binary(max_size=4))
+        else:
+            values.append(st.lists(item, max_size=4).map(tuple) if field.is_sequence else item)
     return st.tuples(*values).map(lambda given: CLASSES[name](*given))
 
 
@@ -59,7 +62,7 @@ def plain(message: Any, name: str) -> Any:
 def _plain(value: Any, kind: str) -> Any:
     if isinstance(value, np.ndarray):
         value = value.tolist()
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | bytes):
         return [_plain(item, kind) for item in value]
     return plain(value, kind) if kind in CLASSES else repr(value)
 

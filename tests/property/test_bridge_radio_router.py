@@ -5,16 +5,10 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bridge.bus.keys import Keys
-from bridge.bus.session import AGENT, Stamp
-from bridge.radio.virtual_radio import VirtualRadio
-from channel.link.radio import Radio
-from channel.medium.medium import Medium
-from channel.presets import load_radio
+from bridge.radio.virtual_radio import Settled
+from tests.unit.bridge.radio.core import TICK_NS, place, send, virtual_radio
+from tests.unit.bridge.radio.core import fates as fates_of
 
-RADIO = Radio(load_radio("moon2020"))
-TICK_NS = 50_000_000
-LEVEL = (1.0, 0.0, 0.0, 0.0)
 TICKS = 10
 Event = tuple[str, str, int]
 """What comes in: "truth" or "packet", of which node, at which tick."""
@@ -28,17 +22,22 @@ def fates(
     seed: int, start_m: dict[str, float], order: list[Event]
 ) -> dict[tuple[str, str, int], tuple[str, float]]:
     """Fly nodes apart at 10 m per tick and number; all that comes in, in ``order``."""
-    nodes = tuple(start_m)
-    core = VirtualRadio(Keys("r"), Medium(RADIO, seed=seed, nodes=nodes), nodes)
+    core = virtual_radio("moon2020", tuple(start_m), seed=seed)
+    found: dict[tuple[str, str, int], tuple[str, float]] = {}
+
+    def keep(settled: Settled) -> None:
+        distances = settled.receptions.distance_m.round(6).tolist()
+        for (tx, rx, seq, fate), distance_m in zip(fates_of(core, settled), distances, strict=True):
+            found[tx, rx, seq] = (fate, distance_m)
+
     for kind, node, tick in order:
         if kind == "truth":
-            north_m = start_m[node] + tick * int(node)
-            core.on_truth(node, tick * TICK_NS, (north_m, 0.0, -40.0), LEVEL)
+            place(core, tick * TICK_NS, **{f"n{node}": start_m[node] + tick * int(node)})
         else:
-            core.on_packet(node, "team", b"x" * 40, None, Stamp(tick, tick * TICK_NS, AGENT))
-            core.settle()
-    core.finish()
-    return {(row.tx, row.rx, row.seq): (row.fate, round(row.distance_m, 6)) for row in core.settled}
+            send(core, node, tick, tick * TICK_NS, b"x" * 40)
+            keep(core.settle())
+    keep(core.finish())
+    return found
 
 
 @settings(max_examples=40)

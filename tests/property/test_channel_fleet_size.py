@@ -11,6 +11,7 @@ from channel import presets
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.validity import ValidityWarning
+from tests.unit.channel.medium.one_by_one import rows
 
 TICK_NS = 50_000_000
 CROWD = [str(i) for i in range(30)]
@@ -19,12 +20,16 @@ HILLS = [[0.0, 90.0, 0.0], [30.0, 0.0, 60.0], [0.0, 10.0, 0.0]]
 VARIANTS = {
     "two-ray": {"propagation": {"model": "two-ray"}},
     "free-space": {"propagation": {"model": "free-space"}},
-    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "environment": "open"}},
-    "cost231-hata": {"propagation": {"model": "cost231-hata"}},
-    "al-hourani": {"propagation": {"model": "al-hourani"}},
-    "uma-av": {"propagation": {"model": "uma-av"}},
-    "rma-av": {"propagation": {"model": "rma-av"}},
-    "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
+    "okumura-hata": {
+        "propagation": {"model": "okumura-hata", "city": "large", "environment": "open", "outside": "warn"}
+    },
+    "cost231-hata": {"propagation": {"model": "cost231-hata", "outside": "warn"}},
+    "al-hourani": {"propagation": {"model": "al-hourani", "outside": "warn"}},
+    "uma-av": {"propagation": {"model": "uma-av", "outside": "clamp"}},
+    "rma-av": {"propagation": {"model": "rma-av", "outside": "clamp"}},
+    "terrain": {
+        "propagation": {"model": "terrain", "outside": "border", "spacing_m": 150.0, "heights_m": HILLS}
+    },
     "rayleigh": {"fading": {"model": "rayleigh"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
     "rician": {"fading": {"model": "rician", "k_db": 3.0, "k_overhead_db": 15.0}},
@@ -53,14 +58,13 @@ def place(node, tick, spread_m):
 
 def flight(radio, nodes, seed, spread_m, packets):
     medium = Medium(radio, seed=seed, nodes=nodes)
-    settled = []
     for tick in range(3):
         for node in nodes:
             attitude = (math.cos(0.1 * tick), 0.0, math.sin(0.1 * tick), 0.0)
-            settled += medium.observe(node, tick * TICK_NS, place(node, tick, spread_m), attitude)
-    for seq, time_ns in packets:
-        settled += medium.transmit("0", seq, time_ns, 100)
-    return {(r.tx, r.rx, r.seq): r for r in settled}
+            medium.observe(node, tick * TICK_NS, place(node, tick, spread_m), attitude)
+    seqs, times_ns = zip(*packets, strict=True)
+    medium.send(medium.packets(tx="0", seq=seqs, sim_time_ns=times_ns, length_bytes=100))
+    return {(r.tx, r.rx, r.seq): r for r in rows(medium, medium.settle())}
 
 
 @pytest.mark.parametrize("name", [*presets.preset_names(), *VARIANTS])

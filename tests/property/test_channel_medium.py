@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from channel import presets
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
+from tests.unit.channel.medium.one_by_one import rows, settled
 
 RADIO = Radio(presets.load_radio("moon2020", {"base_loss": 0.05}))
 TICK_NS = 50_000_000
@@ -26,16 +27,18 @@ def fates(nodes, seed, ticks, packets, order):
     medium = Medium(RADIO, seed=seed, nodes=nodes)
     truths = {node: iter(range(ticks)) for node in nodes}
     events = [("truth", node) for node in nodes for _ in range(ticks)] + [("packet", p) for p in packets]
-    settled = []
+    got = []
     for kind, what in (events[i] for i in order if i < len(events)):
         if kind == "truth":
             tick = next(truths[what])
-            settled += medium.observe(what, tick * TICK_NS, place(what, tick))
+            medium.observe(what, tick * TICK_NS, place(what, tick))
+            got += settled(medium)
         else:
             tx, seq, time_ns = what
-            settled += medium.transmit(tx, seq, time_ns, 40)
-    settled += medium.flush()
-    return {(r.tx, r.rx, r.seq): r for r in settled}
+            medium.send(medium.packets(tx=tx, seq=seq, sim_time_ns=time_ns, length_bytes=40))
+            got += settled(medium) if seq % 2 else []
+    got += rows(medium, medium.flush())
+    return {(r.tx, r.rx, r.seq): r for r in got}
 
 
 packet_lists = st.lists(

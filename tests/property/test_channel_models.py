@@ -10,25 +10,28 @@ from channel.phy.error_model import Band, ErfcBytes, SnrTable, Threshold, Uncode
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance, TwoRay
+from channel.propagation.path_loss import FreeSpace, LogDistance
+from channel.propagation.two_ray import TwoRay, TwoSlope
 
 MONOTONE = [
     FreeSpace(),
     LogDistance(exponent=3.3),
-    TwoRay(),
+    TwoSlope(),
     *[
-        OkumuraHata(environment=e, city=c, outside="ignore")
+        OkumuraHata(environment=e, city=c, outside="clamp")
         for e in ("urban", "open")
         for c in ("small", "large")
     ],
-    Cost231Hata(city="large", outside="ignore"),
-    RmaAv(line_of_sight="always", outside="ignore"),
-    UmaAv(line_of_sight="always", outside="ignore"),
+    Cost231Hata(city="large", outside="clamp"),
+    RmaAv(line_of_sight="always", outside="clamp"),
+    UmaAv(line_of_sight="always", outside="clamp"),
 ]
 BY_SIGHT = [
-    AlHourani(environment="urban", outside="ignore"),
-    RmaAv(outside="ignore"),
-    UmaAv(outside="ignore"),
+    TwoRay(),
+    TwoRay(polarisation="horizontal", roughness_m=0.05),
+    AlHourani(environment="urban", outside="clamp"),
+    RmaAv(outside="clamp"),
+    UmaAv(outside="clamp"),
 ]
 ERRORS = [
     ErfcBytes(),

@@ -29,7 +29,7 @@ def test_any_bytes_are_explained(kind: Kind, a: bytes, b: bytes, before: bytes) 
 
 
 CHANGES = st.lists(
-    st.tuples(st.integers(0, 7), st.integers(0, 3), st.integers(0, 400), st.integers(1, 255)),
+    st.tuples(st.integers(0, 5), st.integers(0, 3), st.integers(0, 400), st.integers(1, 255)),
     min_size=1,
     max_size=4,
 )

@@ -177,6 +177,13 @@ def test_any_command_is_acknowledged_once(number: int, parameters: list[float], 
     assert 0 <= acknowledgements[0].result <= 4
 
 
+@given(st.binary(max_size=251), st.integers(0, 0xFFFF), st.integers(0, 2**32 - 1))
+def test_any_request_for_files_and_logs_is_survived(payload: bytes, log: int, offset: int) -> None:
+    files = dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, payload.ljust(251, b"\0"))
+    heard = say(autopilot(), files, dialect.MAVLink_log_request_data_message(1, 1, log, offset, 90))
+    assert [m.count for m in heard if m.get_type() == "LOG_DATA"] == [0]
+
+
 @given(
     st.integers(0, 4095),
     st.sampled_from([0, 1, 3, 5, 6, 7, 8, 9, 11, 21]),

@@ -31,6 +31,7 @@ from bridge.bus.messages.sequences import (
     Reader,
     Writer,
     aligned,
+    of_bytes,
     of_items,
     of_numbers,
     of_texts,
@@ -139,6 +140,8 @@ class _Compiler:
     def _coders(self, field: Field) -> tuple[Writer, Reader]:
         if field.type == STRING:
             return of_texts(self._order)
+        if field.type == "uint8":
+            return of_bytes(self._order)
         if field.type in PRIMITIVES:
             return of_numbers(self._order, PRIMITIVES[field.type])
         return of_items(self._order, *layout_of(field.type, self._order))

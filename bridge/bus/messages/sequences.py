@@ -55,8 +55,22 @@ def _count_at(data: bytes, position: int, structs: Sequence[struct.Struct]) -> t
     return count, position
 
 
+def of_bytes(order: str) -> tuple[Writer, Reader]:
+    """Sequences of bytes."""
+    counts = aligned(order, "I")
+
+    def write(items: Any, position: int) -> bytes:
+        return counts[position & 7].pack(len(items)) + bytes(items)
+
+    def read(data: bytes, position: int) -> tuple[Any, int]:
+        count, position = _count_at(data, position, counts)
+        return data[position : position + count], position + count
+
+    return write, read
+
+
 def of_numbers(order: str, kind: str) -> tuple[Writer, Reader]:
-    """Sequences of numbers of one format."""
+    """Sequences of numbers of one format; an array of numpy is written by its memory."""
     counts, size = aligned(order, "I"), struct.calcsize("=" + kind)
 
     def write(items: Any, position: int) -> bytes:
@@ -64,6 +78,9 @@ def of_numbers(order: str, kind: str) -> tuple[Writer, Reader]:
         if not len(items):
             return head
         padding = -(position + len(head)) % size
+        if hasattr(items, "astype"):
+            packed: bytes = items.astype(f"{order}{kind}", casting="same_kind", copy=False).tobytes()
+            return head + bytes(padding) + packed
         return head + struct.pack(f"{order}{padding}x{len(items)}{kind}", *items)
 
     def read(data: bytes, position: int) -> tuple[Any, int]:

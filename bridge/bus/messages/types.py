@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 PACKAGE = "lostlink_msgs"
 NANOSECONDS = 1_000_000_000
+T = TypeVar("T")
+if TYPE_CHECKING:
+    Column = Sequence[T] | NDArray[Any]
+    """Numbers in a row: whoever writes them may give an array, whoever reads them gets a tuple."""
+else:
+    Column = Sequence
 
 
 class Message:
@@ -168,19 +178,81 @@ class Clock(Message):
 
 
 @dataclass(frozen=True, slots=True)
-class Link(Message):
-    """One directed radio link: the latest packet and the counts so far."""
+class Truths(Message):
+    """The true states of all nodes at a tick."""
 
-    TYPE = f"{PACKAGE}/msg/Link"
+    TYPE = f"{PACKAGE}/msg/Truths"
     header: Header = field(default_factory=Header)
-    tx: str = ""
-    rx: str = ""
-    distance_m: float = 0.0
-    received_power_dbm: float = 0.0
-    snr_db: float = 0.0
-    per: float = 0.0
-    sent: int = 0
-    delivered: int = 0
+    truth: tuple[Truth, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Links(Message):
+    """All directed radio links that carried a packet, as columns: the latest packet of each, and its counts so far."""
+
+    TYPE = f"{PACKAGE}/msg/Links"
+    header: Header = field(default_factory=Header)
+    node: tuple[str, ...] = ()
+    tx: Column[int] = ()
+    rx: Column[int] = ()
+    distance_m: Column[float] = ()
+    received_power_dbm: Column[float] = ()
+    snr_db: Column[float] = ()
+    per: Column[float] = ()
+    sent: Column[int] = ()
+    delivered: Column[int] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fates(Message):
+    """What became of the packets that a tick settled, as columns: a row per packet and intended receiver."""
+
+    TYPE = f"{PACKAGE}/msg/Fates"
+    header: Header = field(default_factory=Header)
+    node: tuple[str, ...] = ()
+    cause: tuple[str, ...] = ()
+    tx: Column[int] = ()
+    rx: Column[int] = ()
+    seq: Column[int] = ()
+    sim_time_ns: Column[int] = ()
+    length_bytes: Column[int] = ()
+    distance_m: Column[float] = ()
+    received_power_dbm: Column[float] = ()
+    snr_db: Column[float] = ()
+    per: Column[float] = ()
+    fate: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class CommunicationMatrix(Message):
+    """The CommunicationStatus of all nodes at once, row by row of receivers."""
+
+    TYPE = f"{PACKAGE}/msg/CommunicationMatrix"
+    header: Header = field(default_factory=Header)
+    node: tuple[str, ...] = ()
+    known: Column[bool] = ()
+    delivered: Column[bool] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Heard(Message):
+    """What the radio has for the nodes of one host at the end of a tick: packets that arrive, and who was heard."""
+
+    TYPE = f"{PACKAGE}/msg/Heard"
+    header: Header = field(default_factory=Header)
+    tx: Column[int] = ()
+    seq: Column[int] = ()
+    sim_time_ns: Column[int] = ()
+    channel: tuple[str, ...] = ()
+    encoding: tuple[str, ...] = ()
+    end: Column[int] = ()
+    data: bytes = b""
+    packet: Column[int] = ()
+    rx: Column[int] = ()
+    status_of: Column[int] = ()
+    status_end: Column[int] = ()
+    status_node: Column[int] = ()
+    status_delivered: Column[bool] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -13,7 +13,8 @@ from pathlib import Path
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, ardupilot_origin
-from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.model import START_TIME_UNIX_S, Scenario
+from bridge.scenario.nodes import Aircraft
 from bridge.scenario.resolve import airframe_of
 
 HOME_VARIABLE = "ARDUPILOT_HOME"
@@ -24,9 +25,6 @@ INSTANCE_MAX = 255
 """`-I` is a byte: 256 is 0 again, on the ports of another UA."""
 SPEEDUP = 100
 """`--speedup`: with JSON physics it sets no pace, but more than 1 has SITL wait for a slow serial0 client."""
-
-START_TIME_UNIX_S = 1_700_000_000
-"""`--start-time`: GPS time at boot. Without it, it is the host's, and no flight repeats."""
 
 
 class ArduPilot(Launcher):
@@ -80,12 +78,21 @@ class ArduPilot(Launcher):
             yield root / "bin" / name
             yield root / "build" / "sitl" / "bin" / name
 
-    def process(self, plan: LaunchPlan) -> ProcessSpec | None:
+    def processes(self, plans: Sequence[LaunchPlan]) -> Iterator[ProcessSpec]:
+        """A process for each UA.
+
+        Raises:
+            AutopilotError: there is no binary for one.
+        """
+        return map(self._process, plans)
+
+    def _process(self, plan: LaunchPlan) -> ProcessSpec:
         """The binary in a working directory of its own below the run's."""
         scenario, ua, vehicle = plan.scenario, plan.ua, plan.airframe.vehicle
         directory = plan.run.path / plan.name
         directory.mkdir()
-        command = [str(self.binary(BINARIES[vehicle])), "--wipe", "--model", "JSON:127.0.0.1"]
+        # Not "--wipe": SITL keeps that one at a reboot over MAVLink, and so loses what a ground station has set.
+        command = [str(self.binary(BINARIES[vehicle])), "-w", "--model", "JSON:127.0.0.1"]
         command += ["-I", str(scenario.instance(ua)), "--sysid", str(ua.sysid), "--home", plan.home_text]
         command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_own_parameters(plan, directory)}"]
         command += ["--serial0", "tcp:0", "--speedup", str(SPEEDUP), "--start-time", str(START_TIME_UNIX_S)]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 from bridge.fleet.autopilots.launcher import Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin
-from bridge.scenario.model import Aircraft
+from bridge.scenario.nodes import Aircraft
 
 
 class External(Launcher):
@@ -15,6 +17,6 @@ class External(Launcher):
         """Not known."""
         return AutopilotOrigin("external")
 
-    def process(self, plan: LaunchPlan) -> ProcessSpec | None:  # noqa: ARG002
+    def processes(self, plans: Sequence[LaunchPlan]) -> Iterable[ProcessSpec]:  # noqa: ARG002
         """Nothing to start."""
-        return None
+        return ()

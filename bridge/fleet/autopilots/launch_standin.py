@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator, Sequence
 
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
+from bridge.fleet.hosts import standin_groups
 from bridge.record.provenance import AutopilotOrigin, standin_origin
-from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Aircraft
 from bridge.scenario.resolve import airframe_of
 from bridge.standin.control.mixer import MotorFrame, UnknownFrameError, motor_frame
 from fdm.model.airframe import Airframe
@@ -17,7 +20,9 @@ FRAME_PARAMETERS = ("FRAME_CLASS", "FRAME_TYPE")
 
 
 class StandIn(Launcher):
-    """Our own small autopilot, one process per UA."""
+    """Our own small autopilot, several in a process."""
+
+    waits_for_physics = True
 
     def check(self, scenario: Scenario, ua: Aircraft) -> None:  # noqa: ARG002
         """See that it can fly the airframe.
@@ -40,16 +45,30 @@ class StandIn(Launcher):
         """Ours, of this version."""
         return standin_origin()
 
-    def process(self, plan: LaunchPlan) -> ProcessSpec | None:
-        """The stand-in with the UA's ports, home and system id."""
-        scenario, ua = plan.scenario, plan.ua
-        command = [sys.executable, "-m", "bridge.standin"]
-        command += ["--sysid", str(ua.sysid), "--home", plan.home_text]
-        command += ["--fdm-port", str(scenario.fdm_port(ua))]
-        command += ["--mavlink-port", str(scenario.autopilot_port(ua))]
-        for name, value in _frame(plan.airframe).items():
-            command += ["--parameter", f"{name}={value:g}"]
-        return ProcessSpec(plan.name, command, plan.run.log_path(plan.name))
+    def processes(self, plans: Sequence[LaunchPlan]) -> Iterator[ProcessSpec]:
+        """Processes of several stand-ins; each has its ports, home and log."""
+        by_node = {plan.ua.node: plan for plan in plans}
+        run = plans[0].run
+        for index, nodes in enumerate(standin_groups(plans[0].scenario)):
+            group = [by_node[node] for node in nodes]
+            alone = len(group) == 1
+            name = group[0].name if alone else f"autopilots-{index}"
+            command = [sys.executable, "-m", "bridge.standin", *_options(group[0], has_log=not alone)]
+            for plan in group[1:]:
+                command += ["+", *_options(plan, has_log=True)]
+            yield ProcessSpec(name, command, run.log_path(name))
+
+
+def _options(plan: LaunchPlan, *, has_log: bool) -> list[str]:
+    """One stand-in's. Whoever is alone in its process needs no log besides that of the process."""
+    scenario, ua = plan.scenario, plan.ua
+    options = ["--sysid", str(ua.sysid), "--name", f"the stand-in of UA {ua.node}", "--home", plan.home_text]
+    options += ["--fdm-port", str(scenario.fdm_port(ua)), "--mavlink-port", str(scenario.autopilot_port(ua))]
+    for name, value in _frame(plan.airframe).items():
+        options += ["--parameter", f"{name}={value:g}"]
+    if has_log:
+        options += ["--log", str(plan.run.log_path(plan.name))]
+    return options
 
 
 def _frame(airframe: Airframe) -> dict[str, float]:

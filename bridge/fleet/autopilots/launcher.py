@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin
 from bridge.run.directory import RunDirectory
-from bridge.scenario.model import Aircraft, Scenario
+from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Aircraft
 from fdm.model.airframe import Airframe
 from fdm.model.geodesy import Home
 
@@ -47,7 +48,12 @@ class Launcher(ABC):
     Args:
         environment: environment variables, for finding programs.
         ardupilot_dir: where real binaries were said to be, if anywhere.
+
+    Attributes:
+        waits_for_physics: whether its autopilots may be started before there is physics.
     """
+
+    waits_for_physics = False
 
     def __init__(self, environment: Mapping[str, str], ardupilot_dir: Path | None = None) -> None:
         self.environment = environment
@@ -70,9 +76,9 @@ class Launcher(ABC):
         """
 
     @abstractmethod
-    def process(self, plan: LaunchPlan) -> ProcessSpec | None:
-        """The process to start for a UA; None if something else runs it.
+    def processes(self, plans: Sequence[LaunchPlan]) -> Iterable[ProcessSpec]:
+        """The processes to start for the UA of a run.
 
         Raises:
-            AutopilotError: if it cannot be started.
+            AutopilotError: if one cannot be started.
         """

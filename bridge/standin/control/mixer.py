@@ -38,13 +38,17 @@ class MotorFrame(NamedTuple):
             yaw: yaw torque, positive nose right.
             lowest: least command of a turning motor.
         """
+        # Comparisons instead of max and min: this runs at every frame, and they are calls.
         tilts = [motor[0] * roll + motor[1] * pitch for motor in self.motors]
         widest, room, share = max(tilts), 0.5 * (1.0 - lowest), 1.0
         if widest > room:
             widest, share = room, room / widest
-        half_yaw = max(widest - room, min(room - widest, 0.5 * yaw))
-        reach = widest + abs(half_yaw)
-        throttle = max(min(throttle, 1.0 - reach), lowest + reach)
+        half_yaw, spare = 0.5 * yaw, room - widest
+        half_yaw = spare if half_yaw > spare else -spare if half_yaw < -spare else half_yaw
+        reach = widest + (half_yaw if half_yaw > 0.0 else -half_yaw)
+        highest, least = 1.0 - reach, lowest + reach
+        throttle = highest if throttle > highest else throttle
+        throttle = least if throttle < least else throttle
         return tuple(
             [throttle + share * tilt + motor[2] * half_yaw for tilt, motor in zip(tilts, self.motors)]  # noqa: B905
         )
@@ -93,4 +97,7 @@ def motor_frame(frame_class: float, frame_type: float) -> MotorFrame:
 
 def pwm_us(commands: MotorCommands) -> list[int]:
     """Return the PWM in us for motor commands 0..1 (limited to 1000..2000)."""
-    return [max(PWM_MIN_US, min(PWM_MAX_US, int(1000.5 + 1000.0 * command))) for command in commands]
+    return [
+        PWM_MIN_US if command < 0.0 else PWM_MAX_US if command > 1.0 else int(1000.5 + 1000.0 * command)
+        for command in commands
+    ]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridge.standin.protocols import absent
 from bridge.standin.protocols.commands import Commands, request_from
 from bridge.standin.protocols.mission_protocol import MissionProtocol
 from bridge.standin.protocols.parameter_protocol import ParameterProtocol
@@ -37,6 +38,7 @@ class MavlinkEndpoint:
             "COMMAND_INT": self._run_command,
             **self._missions.handlers,
             **self._parameters.handlers,
+            **absent.handlers(self._send),
             "SET_MODE": self._set_mode,
             "SET_POSITION_TARGET_LOCAL_NED": lambda message: fly_local_target(vehicle, message),
             "SET_POSITION_TARGET_GLOBAL_INT": lambda message: fly_global_target(vehicle, message),

@@ -1,6 +1,6 @@
 """The mission protocol: upload, download, clear, set current. Without I/O; messages in, messages out.
 
-As ArduPilot's, it asks for items with MISSION_REQUEST, and item 0 is home; items come and go as
+As ArduPilot's, it asks for items with MISSION_REQUEST, and item 0 of a mission is home; items come and go as
 MISSION_ITEM_INT only.
 """
 
@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridge.standin.protocols.telemetry import Telemetry
 from bridge.standin.vehicle.events import Severity
 from bridge.standin.vehicle.location import ALT_MAX_M
-from bridge.standin.vehicle.mission import ITEMS_MAX, POSITION_COMMANDS, Command, Frame, MissionItem
+from bridge.standin.vehicle.mission import COMMANDS, ITEMS_MAX, POSITION_COMMANDS, Frame, Kind, MissionItem
 from bridge.standin.vehicle.vehicle import Vehicle
 from bridge.standin.wire.mavlink_codec import Message
 
@@ -30,6 +30,7 @@ Sender = tuple[int, int]
 @dataclass(slots=True)
 class _Upload:
     sender: Sender
+    kind: Kind
     count: int
     heard_ns: int
     asked_ns: int
@@ -45,30 +46,37 @@ class MissionProtocol:
         self._mission = vehicle.mission
         self._send = send
         self._upload: _Upload | None = None
+        self._others: dict[Kind, list[MissionItem]] = {Kind.FENCE: [], Kind.RALLY: []}
 
     @property
     def handlers(self) -> dict[str, Callable[[Message], None]]:
         """What to do with each message of the protocol."""
         return {
-            "MISSION_COUNT": self._of_mission(self._begin_upload),
-            "MISSION_ITEM_INT": self._of_mission(self._take_item),
-            "MISSION_REQUEST_LIST": self._send_count,
-            "MISSION_REQUEST_INT": self._of_mission(self._send_item),
-            "MISSION_REQUEST": self._of_mission(self._send_item),
-            "MISSION_CLEAR_ALL": self._of_mission(self._clear),
+            "MISSION_COUNT": self._of_kind(self._begin_upload),
+            "MISSION_ITEM_INT": self._of_kind(self._take_item),
+            "MISSION_ITEM": self._refuse,
+            "MISSION_REQUEST_LIST": self._of_kind(self._send_count),
+            "MISSION_REQUEST_INT": self._of_kind(self._send_item),
+            "MISSION_REQUEST": self._of_kind(self._send_item),
+            "MISSION_REQUEST_PARTIAL_LIST": self._refuse,
+            "MISSION_WRITE_PARTIAL_LIST": self._refuse,
+            "MISSION_CLEAR_ALL": self._clear_all,
             "MISSION_SET_CURRENT": lambda message: self._set_current(message.seq),
         }
 
-    def _of_mission(self, handler: Callable[[Message], None]) -> Callable[[Message], None]:
-        """Refuse fences and rally points: there are none, and none can be stored."""
+    def _of_kind(self, handler: Callable[[Message, Kind], None]) -> Callable[[Message], None]:
+        """Refuse what is no mission, fence or list of rally points."""
 
         def handle(message: Message) -> None:
-            if message.mission_type == dialect.MAV_MISSION_TYPE_MISSION:
-                handler(message)
+            if message.mission_type in tuple(Kind):
+                handler(message, Kind(message.mission_type))
             else:
-                self._acknowledge(_sender(message), dialect.MAV_MISSION_UNSUPPORTED, message.mission_type)
+                self._refuse(message)
 
         return handle
+
+    def _refuse(self, message: Message) -> None:
+        self._acknowledge(_sender(message), dialect.MAV_MISSION_UNSUPPORTED, message.mission_type)
 
     def step(self) -> None:
         """Ask again for an item that did not come; give an upload up that went silent."""
@@ -77,46 +85,47 @@ class MissionProtocol:
             return
         if now_ns - upload.heard_ns > UPLOAD_TIMEOUT_NS:
             self._upload = None
-            self._acknowledge(upload.sender, dialect.MAV_MISSION_OPERATION_CANCELLED)
+            self._acknowledge(upload.sender, dialect.MAV_MISSION_OPERATION_CANCELLED, upload.kind)
         elif now_ns - upload.asked_ns > REQUEST_AGAIN_NS:
             self._ask(upload)
 
     # --- upload
 
-    def _begin_upload(self, message: Message) -> None:
+    def _begin_upload(self, message: Message, kind: Kind) -> None:
         sender, now_ns = _sender(message), self._vehicle.sim_time_ns
         if self._upload is not None and self._upload.sender != sender:
-            self._acknowledge(sender, dialect.MAV_MISSION_DENIED)
+            self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
             return
         self._upload = None
         if message.count > ITEMS_MAX:
-            self._acknowledge(sender, dialect.MAV_MISSION_NO_SPACE)
+            self._acknowledge(sender, dialect.MAV_MISSION_NO_SPACE, kind)
         elif message.count == 0:
-            self._clear(message)
+            self._clear_all(message)
         else:
-            self._upload = _Upload(sender, message.count, now_ns, now_ns)
+            self._upload = _Upload(sender, kind, message.count, now_ns, now_ns)
             self._ask(self._upload)
 
     def _ask(self, upload: _Upload) -> None:
         upload.asked_ns = self._vehicle.sim_time_ns
-        self._send(dialect.MAVLink_mission_request_message(*upload.sender, len(upload.items), 0))
+        number = len(upload.items)
+        self._send(dialect.MAVLink_mission_request_message(*upload.sender, number, upload.kind))
 
-    def _take_item(self, message: Message) -> None:
+    def _take_item(self, message: Message, kind: Kind) -> None:
         sender, upload = _sender(message), self._upload
-        if upload is None:
-            self._acknowledge(sender, dialect.MAV_MISSION_ERROR)
+        if upload is None or upload.kind != kind:
+            self._acknowledge(sender, dialect.MAV_MISSION_ERROR, kind)
             return
         if upload.sender != sender:
-            self._acknowledge(sender, dialect.MAV_MISSION_DENIED)
+            self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
             return
         upload.heard_ns = self._vehicle.sim_time_ns
         item = item_from(message)
-        fault = fault_of(item)
+        fault = fault_of(item, kind)
         if item.seq != len(upload.items):
-            self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE)
+            self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE, kind)
         elif fault != dialect.MAV_MISSION_ACCEPTED:
             self._upload = None
-            self._acknowledge(sender, fault)
+            self._acknowledge(sender, fault, kind)
         else:
             upload.items.append(item)
             if len(upload.items) < upload.count:
@@ -126,43 +135,62 @@ class MissionProtocol:
 
     def _finish_upload(self, upload: _Upload) -> None:
         self._upload = None
-        self._mission.replace(upload.items)
-        self._mission.set_home(self._vehicle.home_or_origin)
-        self._acknowledge(upload.sender, dialect.MAV_MISSION_ACCEPTED)
-        self._vehicle.say(Severity.INFO, "Flight plan received")
+        self._store(upload.kind, upload.items)
+        self._acknowledge(upload.sender, dialect.MAV_MISSION_ACCEPTED, upload.kind)
+        if upload.kind is Kind.MISSION:
+            self._vehicle.say(Severity.INFO, "Flight plan received")
+
+    def _store(self, kind: Kind, items: list[MissionItem]) -> None:
+        if kind is Kind.MISSION:
+            self._mission.replace(items)
+            self._mission.set_home(self._vehicle.home_or_origin)
+        else:
+            self._others[kind] = items
 
     # --- download and the rest
 
-    def _send_count(self, message: Message) -> None:
-        sender, kind = _sender(message), message.mission_type
+    def _send_count(self, message: Message, kind: Kind) -> None:
+        sender = _sender(message)
         if self._upload is not None:
             self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
             return
-        count = len(self._mission) if kind == dialect.MAV_MISSION_TYPE_MISSION else 0
+        count = len(self._mission if kind is Kind.MISSION else self._others[kind])
         self._send(dialect.MAVLink_mission_count_message(*sender, count, kind))
 
-    def _send_item(self, message: Message) -> None:
-        sender, item = _sender(message), self._mission.item(message.seq)
+    def _send_item(self, message: Message, kind: Kind) -> None:
+        sender, item = _sender(message), self._item(kind, message.seq)
         if self._upload is not None:
-            self._acknowledge(sender, dialect.MAV_MISSION_DENIED)
+            self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
         elif item is None:
-            self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE)
+            self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE, kind)
         else:
-            head = (*sender, item.seq, item.frame, item.command, int(item.seq == self._mission.current))
+            current = kind is Kind.MISSION and item.seq == self._mission.current
+            head = (*sender, item.seq, item.frame, item.command, int(current))
             parameters = (item.autocontinue, item.param1, item.param2, item.param3, item.param4)
             place = (item.lat_e7, item.lon_e7, item.alt_m)
-            self._send(dialect.MAVLink_mission_item_int_message(*head, *parameters, *place, 0))
+            self._send(dialect.MAVLink_mission_item_int_message(*head, *parameters, *place, kind))
+
+    def _item(self, kind: Kind, seq: int) -> MissionItem | None:
+        if kind is Kind.MISSION:
+            return self._mission.item(seq)
+        return self._others[kind][seq] if seq < len(self._others[kind]) else None
 
     def _set_current(self, seq: int) -> None:
         if self._mission.set_current(seq):
             self._send(self._telemetry.mission_current())
 
-    def _clear(self, message: Message) -> None:
+    def _clear_all(self, message: Message) -> None:
+        """Clear one kind, or all of them."""
+        kinds = [kind for kind in Kind if message.mission_type in (kind, dialect.MAV_MISSION_TYPE_ALL)]
+        if not kinds:
+            self._refuse(message)
+            return
         self._upload = None
-        self._mission.replace([])
-        self._acknowledge(_sender(message), dialect.MAV_MISSION_ACCEPTED)
+        for kind in kinds:
+            self._store(kind, [])
+        self._acknowledge(_sender(message), dialect.MAV_MISSION_ACCEPTED, message.mission_type)
 
-    def _acknowledge(self, sender: Sender, result: int, mission_type: int = 0) -> None:
+    def _acknowledge(self, sender: Sender, result: int, mission_type: int) -> None:
         self._send(dialect.MAVLink_mission_ack_message(*sender, result, mission_type))
 
 
@@ -177,11 +205,11 @@ def item_from(message: Message) -> MissionItem:
     return MissionItem(*head, *parameters, message.x, message.y, message.z, message.autocontinue)
 
 
-def fault_of(item: MissionItem) -> int:
+def fault_of(item: MissionItem, kind: Kind) -> int:
     """Return why an item cannot be stored (MAV_MISSION_*), MAV_MISSION_ACCEPTED if it can."""
-    if item.command not in set(Command):
+    if item.command not in COMMANDS[kind]:
         return int(dialect.MAV_MISSION_UNSUPPORTED)
-    if item.command in POSITION_COMMANDS:
+    if kind is not Kind.MISSION or item.command in POSITION_COMMANDS:
         if item.frame not in set(Frame) - {Frame.MISSION}:
             return int(dialect.MAV_MISSION_UNSUPPORTED_FRAME)
         if abs(item.lat_e7) > 900_000_000:

@@ -49,6 +49,8 @@ EKF_FLAGS_READY = (
 )
 CAPABILITIES = (
     dialect.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
     | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
     | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
     | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
@@ -115,7 +117,9 @@ class Telemetry:
     def sys_status(self) -> Message:
         """SYS_STATUS: sensors' health with the PREARM_CHECK bit, battery."""
         vehicle = self._vehicle
-        health = SENSORS if self._estimate else SENSORS & ~dialect.MAV_SYS_STATUS_AHRS
+        health = SENSORS | dialect.MAV_SYS_STATUS_GEOFENCE  # there is none to be breached
+        if not self._estimate:
+            health &= ~dialect.MAV_SYS_STATUS_AHRS
         if vehicle.uptime_s < GPS_FIX_AFTER_S:
             health &= ~dialect.MAV_SYS_STATUS_SENSOR_GPS
         if vehicle.prearm_failures():
@@ -172,6 +176,8 @@ class Telemetry:
         in_auto = vehicle.mode.name == "AUTO"
         if len(mission) < 2:
             state = dialect.MISSION_STATE_NO_MISSION
+        elif mission.complete:
+            state = dialect.MISSION_STATE_COMPLETE
         elif in_auto and vehicle.armed:
             state = dialect.MISSION_STATE_ACTIVE
         elif mission.current == 0:

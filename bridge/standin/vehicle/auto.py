@@ -40,7 +40,9 @@ class Auto(FlightMode):
         self.started = True
         if self._revision != vehicle.mission.revision:
             self._revision = vehicle.mission.revision
-            self._start_item(vehicle, max(vehicle.mission.current, 1))
+            first = 1 if vehicle.mission.complete else max(vehicle.mission.current, 1)
+            vehicle.mission.complete = False
+            self._start_item(vehicle, first)
         item = self._item
         if item is not None and self._fly(vehicle, item, step_s):
             vehicle.tell(ItemReached(item.seq))
@@ -52,10 +54,11 @@ class Auto(FlightMode):
         if item is not None and item.command in (Command.LAND, Command.RETURN_TO_LAUNCH):
             vehicle.tell(ItemReached(item.seq))
             self._item = None
+            vehicle.mission.complete = vehicle.mission.item(item.seq + 1) is None
             vehicle.disarm(force=False)
 
     def _start_item(self, vehicle: Vehicle, seq: int) -> None:
-        """Begin an item; run those that only set something, up to one that is flown."""
+        """Begin an item; run those that only set something, up to one that is flown (a mission may end with them)."""
         while (item := vehicle.mission.item(seq)) is not None:
             vehicle.mission.current = seq
             vehicle.say(Severity.INFO, f"Mission: {seq} {_NAMES[item.command]}")
@@ -64,12 +67,14 @@ class Auto(FlightMode):
                 return
             if item.param2 > 0:
                 vehicle.speed_override_mps = item.param2
+            vehicle.tell(ItemReached(seq))
             seq += 1
         self._end(vehicle)
 
     def _end(self, vehicle: Vehicle) -> None:
         """The mission is complete: hold here (in the air), or disarm (on the ground)."""
         self._item = None
+        vehicle.mission.complete = len(vehicle.mission) > 1
         if vehicle.landed:
             vehicle.disarm(force=False)
         else:

@@ -22,6 +22,22 @@ class Command(IntEnum):
     DO_CHANGE_SPEED = 178
 
 
+class Kind(IntEnum):
+    """MAV_MISSION_TYPE of what can be uploaded. Fences and rally points are kept and given back, and not obeyed."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
+
+
+COMMANDS: dict[Kind, frozenset[int]] = {
+    Kind.MISSION: frozenset(Command),
+    Kind.FENCE: frozenset(range(5000, 5005)),  # MAV_CMD_NAV_FENCE_*
+    Kind.RALLY: frozenset({5100}),  # MAV_CMD_NAV_RALLY_POINT
+}
+"""What the items of each kind may be."""
+
+
 class Frame(IntEnum):
     """MAV_FRAME of the items that the stand-in flies."""
 
@@ -69,6 +85,8 @@ class Mission:
         self._items: list[MissionItem] = []
         self.current = 0
         """Sequence number of the item that is, or will be, flown."""
+        self.complete = False
+        """Whether its last item is done."""
         self.revision = 0
         """Rises at each upload, clearing or jump of the current item by the ground."""
 
@@ -83,6 +101,7 @@ class Mission:
         """Store a new mission; the current item is then 0."""
         self._items = list(items)
         self.current = 0
+        self.complete = False
         self.revision += 1
 
     def set_home(self, home: Location) -> None:
@@ -96,5 +115,6 @@ class Mission:
         if not 0 <= seq < max(len(self._items), 1):
             return False
         self.current = seq
+        self.complete = False
         self.revision += 1
         return True

@@ -24,6 +24,7 @@ class ModeNumber(IntEnum):
     LOITER = 5
     RTL = 6
     LAND = 9
+    BRAKE = 17
 
 
 class FlightMode:
@@ -44,7 +45,7 @@ class FlightMode:
         """Return why an armed vehicle cannot enter the mode now; empty if it can."""
         if self.needs_mission and len(vehicle.mission) < 2:
             return "no mission"
-        return next(iter(vehicle.prearm_failures()), "")
+        return vehicle.position_failure()
 
     def enter(self, vehicle: Vehicle) -> None:
         """Begin: the navigator has just been told to stop where the vehicle is."""
@@ -80,6 +81,13 @@ class Loiter(FlightMode):
     def update(self, vehicle: Vehicle, _step_s: float) -> None:
         """Hold what the navigator was told when the mode began."""
         vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
+
+
+class Brake(Loiter):
+    """Stop, and hold where that ends."""
+
+    number = ModeNumber.BRAKE
+    armable = False
 
 
 class Land(FlightMode):

@@ -16,12 +16,12 @@ from bridge.standin.vehicle.events import Event, HomeChanged, ModeChanged, Sever
 from bridge.standin.vehicle.location import Location
 from bridge.standin.vehicle.maneuvers import Drive
 from bridge.standin.vehicle.mission import Mission
-from bridge.standin.vehicle.modes import FlightMode, Guided, Land, Loiter, ReturnToLaunch, Stabilize
+from bridge.standin.vehicle.modes import Brake, FlightMode, Guided, Land, Loiter, ReturnToLaunch, Stabilize
 from bridge.standin.vehicle.parameters import Parameters
 from bridge.standin.wire.sensors import AT_REST, SensorFrame
 
 MODES: dict[int, type[FlightMode]] = {
-    int(mode.number): mode for mode in (Stabilize, Auto, Guided, Loiter, ReturnToLaunch, Land)
+    int(mode.number): mode for mode in (Stabilize, Auto, Guided, Loiter, ReturnToLaunch, Land, Brake)
 }
 GPS_FIX_AFTER_S = 1.0
 """Sensor time from the first frame to a GPS fix."""
@@ -156,12 +156,16 @@ class Vehicle:
         """Return the down coordinate of an altitude, m."""
         return self.origin.alt_amsl_m - alt_amsl_m
 
+    def position_failure(self) -> str:
+        """Return why there is no position yet, in ArduPilot's words; empty if there is one."""
+        if self.uptime_s < GPS_FIX_AFTER_S:
+            return "GPS 1: Bad fix"
+        return "Need Position Estimate" if self.uptime_s < ESTIMATE_AFTER_S else ""
+
     def prearm_failures(self) -> list[str]:
         """Return why the vehicle is not ready to arm, in ArduPilot's words; empty if it is."""
-        if self.uptime_s < GPS_FIX_AFTER_S:
-            return ["GPS 1: Bad fix"]
-        if self.uptime_s < ESTIMATE_AFTER_S:
-            return ["Need Position Estimate"]
+        if failure := self.position_failure():
+            return [failure]
         if self.mode.needs_mission and len(self.mission) < 2:
             return ["Mode requires mission"]
         return []

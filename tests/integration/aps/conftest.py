@@ -202,6 +202,60 @@ class Client:
         self.writer.transport.abort()
 
 
+class UdpPeer(asyncio.DatagramProtocol):
+    """A pymavlink client with a UDP socket: it answers to whoever sent to it last."""
+
+    def __init__(self, sysid=255, compid=190):
+        self.mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+        self.mav.robust_parsing = True
+        self.datagrams = 0
+        self.to = None
+        self._messages = asyncio.Queue()
+
+    async def open(self, to=None):
+        self.to = to
+        loop = asyncio.get_running_loop()
+        self._transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=("127.0.0.1", 0))
+        self.port = self._transport.get_extra_info("sockname")[1]
+
+    def datagram_received(self, data, addr):
+        self.to, self.datagrams = addr, self.datagrams + 1
+        for message in self.mav.parse_buffer(data) or []:
+            self._messages.put_nowait(message)
+
+    def send(self, message):
+        self.send_raw(bytes(message.pack(self.mav)))
+
+    def send_raw(self, data):
+        self._transport.sendto(data, self.to)
+
+    async def next(self, kind, where=lambda message: True, timeout_s=10.0):
+        """The next message of a type for which ``where`` holds."""
+        async with asyncio.timeout(timeout_s):
+            while True:
+                message = await self._messages.get()
+                if message.get_type() == kind and where(message):
+                    return message
+
+    def close(self):
+        self._transport.close()
+
+
+@pytest.fixture
+async def make_udp_peer():
+    """Call for a peer with a UDP socket; ``to``: where it sends first."""
+    peers = []
+
+    async def make(to=None, **ids):
+        peers.append(UdpPeer(**ids))
+        await peers[-1].open(to)
+        return peers[-1]
+
+    yield make
+    for peer in peers:
+        peer.close()
+
+
 @pytest.fixture
 async def autopilot():
     autopilot = ScriptedAutopilot()

@@ -8,6 +8,8 @@ import time
 
 import pytest
 
+from aps.__main__ import main
+
 
 async def start(*arguments):
     return await asyncio.create_subprocess_exec(
@@ -75,9 +77,56 @@ async def test_port_in_use_is_one_line_that_names_port_and_option(autopilot):
     assert "--listen" in message
 
 
+async def test_a_file_of_daemons_with_udp_output_and_tlog(autopilot, make_udp_peer, tmp_path):
+    peer = await make_udp_peer()
+    file = tmp_path / "daemons.yaml"
+    file.write_text(
+        f"""
+        daemons:
+          - autopilot: ["tcp:127.0.0.1:{autopilot.port}"]
+            sysid: 2
+            tcp_server: [":0", ":0"]
+            udp_out: ["127.0.0.1:{peer.port},max-hz=30:5"]
+            tlog: {tmp_path / "logs"}
+          - {{index: 3, autopilot: ["udp-in::0"], tcp_server: [":0"]}}
+        """
+    )
+    process = await start("--config", str(file))
+    ready = [await line(process) for _ in range(2)]
+    assert [told.split()[2] for told in ready] == ["sysid=2", "sysid=4"]
+    await peer.next("ATTITUDE")
+    process.terminate()
+    _, stderr = await process.communicate()
+    assert process.returncode == 0
+    assert b"system 2: autopilot on tcp:127.0.0.1:" in stderr
+    assert b"system 4: autopilot not heard" in stderr
+    (log,) = (tmp_path / "logs").glob("mavlink-2-*.tlog")
+    assert log.stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("daemons: [{sysid: 0}]", "daemons.0.sysid: Input should be greater than or equal to 1, not 0"),
+        ("daemons: [{udp: x}]", "daemons.0.udp: Extra inputs are not permitted"),
+        ("daemons: [{udp_out: [nowhere]}]", "'udp-out:nowhere' is not udp-out:HOST:PORT"),
+        ("[", "daemons.yaml: while parsing"),
+    ],
+)
+def test_mistakes_in_a_file_are_told_with_their_place(tmp_path, content, message, capsys):
+    file = tmp_path / "daemons.yaml"
+    file.write_text(content)
+    assert main(["--config", str(file)]) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert "daemons.yaml" in told
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--serial", "/dev/null:123"], "cannot run at 123 baud"),
+        (["--udp-in", "203.0.113.1:6760"], "cannot listen on 203.0.113.1:6760"),
         (["--sysid", "0"], "--sysid must be in 1..255, not 0"),
         (["--index", "-1"], "--index must be in 0..254, not -1"),
         (["--listen", "6760"], "'6760' is not HOST:PORT"),

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from aps.inputs import PENDING_LIMIT_BYTES, Input
-from aps.links.held_link import MAX_WRITE_BYTES
+from aps.links.held import MAX_WRITE_BYTES
 
 TICK_NS = 50_000_000
 ATTITUDE_EVERY_20_MS = mavlink.MAVLink_command_long_message(2, 1, 511, 0, 30, 20_000, 0, 0, 0, 0, 0)
@@ -253,7 +253,7 @@ async def test_autopilot_that_does_not_read_is_told_and_loses_nothing(fly):
 
 
 async def test_flooding_client_waits_and_loses_nothing(fly, connect):
-    async with fly(queue_limit_bytes=1 << 24) as flight:
+    async with fly(queue_limit_bytes=1 << 24, client_frames_per_s=1e6) as flight:
         client = await connect(flight.daemon.listen_port)
         frames = 60_000
         raw = b"".join(
@@ -279,12 +279,12 @@ async def test_clients_that_come_and_go_between_exchanges_are_bounded(fly, event
         for _ in range(10):
             with socket.create_connection(("127.0.0.1", flight.daemon.listen_port)):
                 await asyncio.sleep(0.01)
-        await eventually(lambda: flight.daemon.server.turned_away == 6)
+        await eventually(lambda: flight.daemon.links.turned_away == 6)
         assert flight.daemon.statistics()["inputs_pending"] == 8
         flight.exchange()
         assert flight.daemon.router.links == (0,)
         with socket.create_connection(("127.0.0.1", flight.daemon.listen_port)):
-            await eventually(lambda: len(flight.daemon.server.clients) == 1)
+            await eventually(lambda: len(flight.daemon.links.clients) == 1)
 
 
 async def test_autopilot_that_hangs_up_is_noticed_at_an_exchange_and_connected_to_again(fly):
@@ -342,3 +342,44 @@ async def test_mistakes_of_the_caller_raise(fly):
             with pytest.raises(ValueError, match=message):
                 daemon.inject(inputs)
         assert daemon.statistics()["inputs_pending"] == 0
+
+
+async def test_udp_output_is_no_input_until_its_peer_speaks(fly, make_udp_peer):
+    peer = await make_udp_peer()
+    async with fly(links=(f"udp-out:127.0.0.1:{peer.port}",)) as flight:
+        flight.exchange_until(lambda: flight.daemon.state.mode)
+        assert (await peer.next("HEARTBEAT")).get_srcSystem() == 2
+        assert flight.inputs == {}
+        peer.send(GUIDED)
+        for _ in range(400):
+            flight.exchange()
+            await asyncio.sleep(0.001)
+            if flight.daemon.state.mode == "GUIDED":
+                break
+        assert flight.daemon.state.mode == "GUIDED"
+        kinds = [item.kind for items in flight.inputs.values() for item in items]
+        assert kinds == ["open", "frame"]
+        first = flight
+    async with fly(record=first.inputs) as again:
+        for _ in range(first.tick):
+            again.exchange()
+        assert again.said == first.said
+
+
+async def test_a_tcp_link_of_wall_time_is_refused_for_a_held_autopilot():
+    with pytest.raises(ValueError, match="a held autopilot has one link, tcp:HOST:PORT, not 'serial:/dev/x'"):
+        HeldDaemon(DaemonConfig(autopilot="serial:/dev/x", sysid=2))
+
+
+async def test_what_a_links_rules_keep_out_is_no_input(fly, make_udp_peer, eventually):
+    peer = await make_udp_peer()
+    async with fly(links=(f"udp-out:127.0.0.1:{peer.port},read-only",)) as flight:
+        flight.exchange_until(lambda: flight.daemon.state.mode)
+        await peer.next("HEARTBEAT")
+        peer.send(GUIDED)
+        (link,) = flight.daemon.links.clients.values()
+        await eventually(lambda: link.counters.dropped_in == 1)
+        for _ in range(20):
+            flight.exchange()
+        assert flight.inputs == {}
+        assert flight.daemon.state.mode != "GUIDED"

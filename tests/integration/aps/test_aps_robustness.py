@@ -31,8 +31,8 @@ def deaf_socket(port):
 
 async def test_client_that_never_reads_costs_only_its_own_frames(daemon, autopilot, connect, eventually):
     with deaf_socket(daemon.listen_port):
-        await eventually(lambda: len(daemon.server.clients) == 1)
-        (deaf,) = daemon.server.clients.values()
+        await eventually(lambda: len(daemon.links.clients) == 1)
+        (deaf,) = daemon.links.clients.values()
         good = await connect(daemon.listen_port)
         await good.next("HEARTBEAT")
         # Numbered messages, far more than socket and queue of the deaf one hold; paced by the good one.
@@ -46,7 +46,7 @@ async def test_client_that_never_reads_costs_only_its_own_frames(daemon, autopil
                 break
         assert deaf.outbox.counters.dropped_full > 0
         assert deaf.outbox.waiting_frames * 20 < 2 * 32 * 1024
-        (other,) = (client for client in daemon.server.clients.values() if client is not deaf)
+        (other,) = (client for client in daemon.links.clients.values() if client is not deaf)
         assert other.outbox.counters.dropped_full == 0
         good.send(mavlink.MAVLink_command_long_message(2, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
         await eventually(lambda: autopilot.armed)
@@ -64,13 +64,13 @@ async def test_autopilot_that_does_not_read_costs_bounded_memory(daemon, autopil
         bytes(mavlink.MAVLink_param_set_message(2, 1, b"P", n, 9).pack(client.mav)) for n in range(2000)
     )
     async with asyncio.timeout(30):
-        while not daemon.link.outbox.counters.dropped_full:
+        while not daemon.hub.primary.outbox.counters.dropped_full:
             client.writer.write(blob)
             await asyncio.wait({asyncio.create_task(client.writer.drain())}, timeout=0.01)
             await client.next("ATTITUDE")  # state still flows the other way
-    assert daemon.link.outbox.waiting_frames < 2000
+    assert daemon.hub.primary.outbox.waiting_frames < 2000
     autopilot.reading.set()
-    await eventually(lambda: daemon.link.outbox.waiting_frames == 0)
+    await eventually(lambda: daemon.hub.primary.outbox.waiting_frames == 0)
 
 
 async def test_client_that_vanishes_is_forgotten(daemon, connect, eventually):
@@ -80,13 +80,13 @@ async def test_client_that_vanishes_is_forgotten(daemon, connect, eventually):
         lambda: any(daemon.router.knows(n, 255, 190, time.monotonic_ns()) for n in daemon.router.links)
     )
     client.close()
-    await eventually(lambda: not daemon.server.clients)
-    assert daemon.router.links == (0,)
+    await eventually(lambda: not daemon.links.clients)
+    assert daemon.router.links == (daemon.router.primary,)
 
 
 async def test_clients_beyond_the_limit_are_turned_away(daemon, connect, eventually):
     clients = [await connect(daemon.listen_port) for _ in range(5)]
-    await eventually(lambda: daemon.server.turned_away == 1 and len(daemon.server.clients) == 4)
+    await eventually(lambda: daemon.links.turned_away == 1 and len(daemon.links.clients) == 4)
     for client in clients[:4]:
         await client.next("HEARTBEAT")
     with pytest.raises((AssertionError, ConnectionError), match=r"closed|reset"):
@@ -134,7 +134,7 @@ async def test_fuzz_from_both_sides_while_a_valid_client_works(daemon, autopilot
         good.send(mavlink.MAVLink_command_long_message(2, 1, 176, 0, 1, mode, 0, 0, 0, 0, 0))
         ack = await good.next("COMMAND_ACK", lambda message: message.command == 176)
         assert ack.get_srcSystem() == 2
-    assert daemon.framer.counters.bad_crc > 100
-    assert sum(client.framer.counters.bad_crc for client in daemon.server.clients.values()) > 100
+    assert daemon.hub.primary.framer.counters.bad_crc > 100
+    assert sum(client.framer.counters.bad_crc for client in daemon.links.clients.values()) > 100
     assert "Traceback" not in caplog.text
-    assert len(daemon.server.clients) == 2
+    assert len(daemon.links.clients) == 2

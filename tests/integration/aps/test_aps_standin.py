@@ -91,7 +91,8 @@ async def test_arm_takeoff_goto_rtl_and_takeoff_land_again(daemon, connect, even
         assert result.reached, result
     result = await commands.land()
     assert result.reached, result
-    assert daemon.framer.counters.bad_crc == daemon.framer.counters.skipped_bytes == 0
+    assert daemon.hub.primary.framer.counters.bad_crc == 0
+    assert daemon.hub.primary.framer.counters.skipped_bytes == 0
 
 
 async def test_takeoff_without_arming_is_refused_with_a_reason(daemon, eventually):

@@ -29,7 +29,7 @@ duration_s: {duration_s}
 origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690.0}}
 radio: moon2020
 ports: {{zenoh: 0, first_slot: {slot}}}
-ua:
+nodes:
   - {{id: 0, agent: {{type: still}}}}
   - {{id: 1, home: {{north_m: 410}}, agent: {{type: still}}}}
 """

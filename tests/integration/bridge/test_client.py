@@ -44,6 +44,6 @@ async def test_a_script_beside_the_agent_is_told_that_it_cannot_transmit(
     router: Session, endpoint: str
 ) -> None:
     async with connect_ua(endpoint, run="r", node="1") as ua:
-        with pytest.raises(PermissionError, match="only the agent of UA 1 may transmit"):
+        with pytest.raises(PermissionError, match="only the agent of node 1 may transmit"):
             ua.transmit("team", b"x")
         assert ua.sent == 0

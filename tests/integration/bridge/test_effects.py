@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import signal
 import socket
+import subprocess
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from bridge.bus.keys import Keys
 from bridge.bus.session import open_client
-from bridge.radio.deliveries import DeliveryRow, read_deliveries
 from bridge.record import names
+from bridge.record.provenance import read_provenance
 from bridge.record.streams import read_stream
+from bridge.record.tables.parquet import read_table
+from bridge.record.tables.schema import DELIVERIES, TRUTH
 from channel.link.radio import Radio
 from channel.presets import radio_from_mapping
-from tests.integration.bridge.conftest import STILL, Run, StartRun
+from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
 FADING = {
     "preset": "corrected",
@@ -34,8 +40,19 @@ MOVING = STILL.replace(
 )
 
 
-def rows_of(run: Run) -> list[DeliveryRow]:
-    return [row for row in read_deliveries(run.directory / "deliveries.csv") if row.tx == "0"]
+class Row(NamedTuple):
+    distance_m: float
+    received_power_dbm: float
+
+
+def rows_of(run: Run) -> list[Row]:
+    columns = ("tx", *Row._fields)
+    return [
+        Row(*numbers)
+        for batch in read_table(run.directory, DELIVERIES, columns)
+        for tx, *numbers in zip(*(batch[name].tolist() for name in columns), strict=True)
+        if tx == "0"
+    ]
 
 
 def test_fading_changes_faster_when_the_ua_move(start_run: StartRun) -> None:
@@ -93,19 +110,17 @@ def test_what_could_not_be_read_is_told_in_the_summary(start_run: StartRun, tmp_
     run.wait_for("sim time")
     with open_client(run.endpoint) as session:
         keys = Keys(run.directory.name)
-        session.put_bytes(keys.rx("0", "1", "team"), b"without a stamp", must_arrive=True)
         session.put_bytes(keys.clock_exchange, b"garbage", must_arrive=True)
         assert run.finish() == 0, run.output.decode()
     counters = run.summary["counters"]
-    assert counters["ua-0"]["packets_the_agent_could_not_read"] == 20
-    assert counters["ua-0"]["packets_without_stamp"] == 1
+    assert counters["node-0"]["messages_the_agent_could_not_read"] == 20
     assert {c["malformed_samples"] for name, c in counters.items() if name.startswith("host-")} == {1}
 
 
 def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repeat(
     start_run: StartRun,
 ) -> None:
-    scenario = STILL.replace("radio:", "fdm: {{stall_timeout_s: 1}}\nradio:")
+    scenario = STILL.replace("radio:", "hosts: per-ua\nfdm: {{stall_timeout_s: 1}}\nradio:")
     run = start_run(scenario=scenario, duration_s=25.0, speed="2")
     run.wait_for("sim time")
     autopilot = run.child("bridge.standin --sysid 2")
@@ -124,12 +139,14 @@ def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repea
 def test_logs_tell_whose_they_are(start_run: StartRun, hosts: str) -> None:
     run = start_run(scenario=STILL.replace("radio:", f"hosts: {hosts}\nradio:"), duration_s=1.0)
     assert run.finish() == 0, run.output.decode()
-    logs = {file.stem: file.read_text() for file in (run.directory / "logs").glob("host-*.log")}
-    assert len(logs) == (1 if hosts == "1" else 2)
-    text = "\n".join(logs.values())
+    assert len(list((run.directory / "logs").glob("host-*.log"))) == (1 if hosts == "1" else 2)
     for node in ("0", "1"):
-        assert f"INFO UA {node} agent: done at" in text
-        assert f"INFO UA {node} aps.vehicle.vehicle: autopilot of system {int(node) + 1} heard" in text
+        text = (run.directory / "logs" / f"node-{node}.log").read_text()
+        assert "INFO agent: done at" in text
+        assert f"INFO aps.vehicle.vehicle: autopilot of system {int(node) + 1} heard" in text
+        ready = (run.directory / "logs" / f"autopilot-{node}.log").read_text()
+        assert ready.startswith(f"ready: sysid {int(node) + 1}, ")
+    assert (run.directory / "logs" / "autopilots-0.log").exists() == (hosts == "1")
 
 
 def test_an_aircraft_bridge_that_cannot_go_on_ends_the_run_by_name(start_run: StartRun) -> None:
@@ -147,8 +164,99 @@ def test_a_killed_run_leaves_all_but_its_last_second(start_run: StartRun) -> Non
     run.wait_for("sim time   1")  # 10 s to 19 s
     processes = run.children()
     run.process.kill()
+    run.process.wait(10.0)  # else it is there still, as a zombie
     for process in processes:
         process.wait(10.0)
-    for name in (names.truth("0"), names.from_autopilot("1"), names.packets("0")):
+    for name in (names.from_autopilot("1"), names.packets("0")):
         entries = list(read_stream(name.path(run.directory)))
         assert entries[-1].tick_ns > 8_000_000_000
+    ticks = np.concatenate([batch["tick_ns"] for batch in read_table(run.directory, TRUTH, ("tick_ns",))])
+    assert ticks[::2].tolist() == [50_000_000 * n for n in range(len(ticks[::2]))]
+    assert ticks[-1] > 8_000_000_000
+    assert not TRUTH.parquet_path(run.directory).exists()
+    command = [*LOSTLINK, "export", str(run.directory), "--csv", "--parquet"]
+    subprocess.run(command, check=True, timeout=60)
+    lines = (run.directory / "deliveries.csv").read_text().splitlines()
+    assert int(lines[-1].split(",")[0]) > 8_000_000_000
+    assert pq.read_metadata(DELIVERIES.parquet_path(run.directory)).num_rows == len(lines) - 1
+
+
+def test_tables_that_cannot_be_finished_break_the_run_off_and_its_summary_says_so(
+    start_run: StartRun,
+) -> None:
+    run = start_run(duration_s=4.0, speed="2")
+    run.wait_for("sim time")
+    (run.directory / "truth.partial").mkdir()
+    assert run.finish() == 1
+    assert run.summary["ending"] == "failed"
+    assert "its tables could not be written as Parquet" in run.summary["error"]
+    assert "deliveries" not in run.summary["digests"]
+    assert TRUTH.journal_path(run.directory).exists()
+
+
+def test_a_model_outside_its_validity_ends_the_run_by_name(start_run: StartRun) -> None:
+    hata = "{{preset: corrected, propagation: {{model: okumura-hata}}}}"
+    run = start_run(scenario=STILL.replace("radio: moon2020", f"radio: {hata}"), duration_s=5.0)
+    assert run.finish() != 0
+    said = run.output.decode()
+    assert (
+        "frequency_hz = 2412000000.0: allowed is 1.5e+08 to 1.5e+09, the validity range of okumura-hata"
+        in said
+    )
+    assert "Traceback" not in said
+
+
+ANTENNA = """\
+from channel.antenna import Isotropic
+
+
+class Whip(Isotropic):
+    gain_db: float = 1.25
+"""
+HEADING = "tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db"
+
+
+@pytest.mark.slow
+def test_a_gain_map_and_an_own_antenna_are_in_the_record(start_run: StartRun, tmp_path: Path) -> None:
+    """The map falls by 0.05 dB per metre to the north: 60 + 20.5 dB at 410 m."""
+    (tmp_path / "mine.py").write_text(ANTENNA)
+    grid = [
+        f"0,0,0,{n},{e},{h},{-60.0 - 0.05 * n}" for n in (0, 300, 600) for e in (-100, 100) for h in (-5, 5)
+    ]
+    (tmp_path / "map.csv").write_text("\n".join([HEADING, *grid]))
+    radio = (
+        "{{preset: corrected, shadowing: {{model: none}}, antenna: {{class: 'mine.py:Whip'}}, "
+        "propagation: {{model: gain-map, file: map.csv}}}}"
+    )
+    run = start_run(scenario=STILL.replace("radio: moon2020", f"radio: {radio}"), duration_s=3.0)
+    assert run.finish() == 0, run.output.decode()
+    rows = rows_of(run)
+    assert rows
+    for row in rows:
+        assert row.received_power_dbm == pytest.approx(18.0 + 2 * 1.25 - 80.5, abs=0.05)
+    assert {Path(path).name for path in read_provenance(run.directory).files} >= {"map.csv", "mine.py"}
+
+
+@pytest.mark.slow
+def test_terrain_from_a_file_lies_under_the_scenarios_origin(start_run: StartRun, tmp_path: Path) -> None:
+    """A UA on the crest of the tile's ridge, 410 m north, and one in the plain: the same link by hand."""
+    pytest.importorskip("rasterio", reason="needs rasterio: pip install 'lostlink[terrain]' (36 MB)")
+    tile = Path(__file__).parents[2] / "data" / "ridge.tif"
+    (tmp_path / "tile.tif").write_bytes(tile.read_bytes())
+    law = "{{model: terrain, file: tile.tif, extent_m: 1000}}"
+    radio = f"{{{{preset: corrected, shadowing: {{{{model: none}}}}, propagation: {law}}}}}"
+    run = start_run(scenario=STILL.replace("radio: moon2020", f"radio: {radio}"), duration_s=3.0)
+    assert run.finish() == 0, run.output.decode()
+    place = {"origin_lat_deg": 40.1331, "origin_lon_deg": -105.2404, "origin_alt_amsl_m": 1690.0}
+    terrain = {"model": "terrain", "file": str(tile), "extent_m": 1000.0} | place
+    by_hand = Radio(
+        radio_from_mapping({"preset": "corrected", "shadowing": {"model": "none"}, "propagation": terrain})
+    )
+    ends = {"position_tx_ned_m": (0.0, 0.0, 0.0), "position_rx_ned_m": (410.0, 0.0, 0.0)}
+    expected = float(by_hand.link(**ends).received_power_dbm)
+    free = {"preset": "corrected", "propagation": {"model": "free-space"}}
+    in_the_open = float(Radio(radio_from_mapping(free)).link(410.0).received_power_dbm)
+    assert expected < in_the_open - 5.0
+    rows = rows_of(run)
+    assert rows
+    assert [row.received_power_dbm for row in rows] == pytest.approx([expected] * len(rows), abs=0.5)

@@ -87,7 +87,7 @@ origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690.0}}
 radio: perfect
 fdm: {{scheme: legacy}}
 ports: {{zenoh: 0, first_slot: {slot}}}
-ua:
+nodes:
   - {{id: 0, agent: {{type: still}}}}
 """
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import signal
 import socket
@@ -10,14 +9,16 @@ import subprocess
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import psutil
+import pyarrow.parquet as pq
 import pytest
 
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Header, Truth, Vector3
 from bridge.bus.session import open_client
-from bridge.radio.deliveries import COLUMNS
+from bridge.record.tables.schema import DELIVERIES
 from bridge.scenario.file import SCENARIOS
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
@@ -41,9 +42,8 @@ def assert_nothing_is_left(
             probe.bind(("127.0.0.1", port))
 
 
-def rows_of(run: Run) -> list[dict[str, str]]:
-    with (run.directory / "deliveries.csv").open(newline="") as file:
-        return list(csv.DictReader(file))
+def rows_of(run: Run) -> list[dict[str, Any]]:
+    return pq.read_table(run.directory / "deliveries.parquet").to_pylist()
 
 
 def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
@@ -51,7 +51,7 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
     assert run.finish() == 0, run.output.decode()
     summary = run.summary
     rows = rows_of(run)
-    assert tuple(rows[0]) == COLUMNS
+    assert tuple(rows[0]) == tuple(column.name for column in DELIVERIES.columns)
     counts = Counter((row["tx"], row["rx"], row["fate"]) for row in rows)
     for link in summary["links"]:
         assert link["sent"] == link["delivered"] + sum(link["lost"].values())
@@ -65,7 +65,7 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
     assert summary["ending"] == "duration"
     left = {path.name for path in run.directory.iterdir()}
     assert left == {
-        "deliveries.csv",
+        "deliveries.parquet",
         "ledger.json",
         "logs",
         "probability_of_delivery.png",
@@ -75,6 +75,7 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
         "scenario.yaml",
         "streams",
         "summary.json",
+        "truth.parquet",
     }
     logs = {path.stem for path in (run.directory / "logs").iterdir()}
     assert logs == {
@@ -85,7 +86,7 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
 
 
 def deliveries(run: Run) -> bytes:
-    return (run.directory / "deliveries.csv").read_bytes()
+    return (run.directory / "deliveries.parquet").read_bytes()
 
 
 def test_same_seed_same_record_byte_for_byte_at_any_speed_and_another_seed_differs(
@@ -153,15 +154,18 @@ def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.S
 
 
 @pytest.mark.parametrize(
-    ("victim", "name"),
+    ("victim", "name", "hosts"),
     [
-        ("bridge.standin --sysid 2", "autopilot-1"),
-        ("bridge.radio.process", "router"),
-        ("bridge.host.process", "host-0"),
+        ("bridge.standin --sysid 2", "autopilot-1", "per-ua"),
+        ("bridge.standin --sysid 1", "autopilots-0", "1"),
+        ("bridge.radio.process", "router", "auto"),
+        ("bridge.host.process", "host-0", "auto"),
     ],
 )
-def test_killed_process_ends_the_run_by_name_and_log(start_run: StartRun, victim: str, name: str) -> None:
-    run = start_run()
+def test_killed_process_ends_the_run_by_name_and_log(
+    start_run: StartRun, victim: str, name: str, hosts: str
+) -> None:
+    run = start_run(scenario=STILL.replace("radio:", f"hosts: {hosts}\nradio:"))
     run.wait_for("sim time")
     children = run.children()
     run.child(victim).kill()
@@ -206,7 +210,7 @@ def test_run_that_fails_before_sim_time_begins_leaves_a_summary(start_run: Start
 
 
 def test_killed_supervisor_leaves_no_process(start_run: StartRun) -> None:
-    run = start_run()
+    run = start_run(scenario=STILL.replace("radio:", "hosts: per-ua\nradio:"))
     run.wait_for("sim time")
     children = run.children()
     assert len(children) == 6

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from benchmarks.fit_coverage import SETS, synthetic_log
 from bridge.cli.main import lostlink
 
-COMMANDS = ("link", "radios", "figures", "fit")
+COMMANDS = ("link", "radios", "figures", "laws", "fit")
 
 
 def examples():

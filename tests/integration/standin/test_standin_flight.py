@@ -8,13 +8,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin import process
+from bridge.standin import sockets
 from bridge.standin.autopilot import Autopilot
+from bridge.standin.process import Process
 from bridge.standin.vehicle.location import Location
 from bridge.standin.vehicle.parameters import Parameters
 from fdm.air.wind import load_wind
@@ -437,6 +439,20 @@ def test_silent_physics_gets_the_same_frame_again_and_mavlink_waits_for_the_next
         client.close()
 
 
+def test_physics_that_comes_later_is_found_at_once() -> None:
+    with physics() as udp:
+        address = udp.getsockname()
+    with autopilot(address[1]), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+        udp.bind(address)
+        udp.settimeout(10.0)
+        since = time.monotonic()
+        udp.recv(256)
+        assert time.monotonic() - since < 1.0  # not after 1.1 s, as in silence
+        udp.settimeout(0.5)
+        with pytest.raises(TimeoutError):
+            udp.recv(256)
+
+
 def test_garbage_on_both_sockets_is_survived() -> None:
     with physics() as udp, autopilot(udp.getsockname()[1]) as (child, port):
         exchange_frames(udp, 0, 10)
@@ -475,22 +491,23 @@ def test_one_client_at_a_time_and_the_next_is_served_when_it_is_gone() -> None:
 @contextlib.contextmanager
 def deaf_client_of_a_served_autopilot(
     monkeypatch: pytest.MonkeyPatch,
-) -> Iterator[tuple[process.Process, socket.socket, socket.socket]]:
+) -> Iterator[tuple[sockets.AutopilotSockets, socket.socket, socket.socket]]:
     """An autopilot in a thread, its physics, and a client that asked for all messages and reads none."""
-    monkeypatch.setattr(process, "SEND_BUFFER_BYTES", 8192)
+    monkeypatch.setattr(sockets, "SEND_BUFFER_BYTES", 8192)
     core = Autopilot(Location(45.0, 10.0, 100.0), Parameters(), frame_rate_hz=400, boot_unix_us=0)
     with physics() as udp, socket.socket() as deaf:
-        server = process.Process(core, udp.getsockname(), ("127.0.0.1", 0))
+        served = sockets.AutopilotSockets(core, udp.getsockname(), ("127.0.0.1", 0))
+        server = Process([served])
         thread = threading.Thread(target=server.run)
         thread.start()
         try:
             deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
-            deaf.connect(("127.0.0.1", server.mavlink_port))
+            deaf.connect(("127.0.0.1", served.mavlink_port))
             codec = dialect.MAVLink(None, 255, 190)
             for message_id in range(256):  # those that it has not it refuses
                 request = dialect.MAVLink_command_long_message(1, 1, 511, 0, message_id, 2500, 0, 0, 0, 0, 0)
                 deaf.sendall(request.pack(codec))
-            yield server, udp, deaf
+            yield served, udp, deaf
         finally:
             server.stop()
             thread.join(5.0)
@@ -535,7 +552,7 @@ def test_a_client_that_is_slow_to_read_holds_the_simulation_back_and_loses_nothi
 
 
 def test_a_client_that_stays_deaf_is_let_go_and_the_flight_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(process, "DEAF_MAX_S", 1.5)
+    monkeypatch.setattr(sockets, "DEAF_MAX_S", 1.5)
     with deaf_client_of_a_served_autopilot(monkeypatch) as (server, udp, _):
         frames = exchange_until_held_back(udp)
         assert not server.errors
@@ -588,3 +605,98 @@ def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:
         child.terminate()
         assert child.wait(5.0) == 0
         assert time.monotonic() - asked < 1.0
+
+
+# --- several in one process ---
+
+
+def answer_frame(udp: socket.socket, index: int) -> None:
+    """Answer servo packet ``index``; those that were sent again are passed over."""
+    while True:
+        packet, source = udp.recvfrom(256)
+        if int.from_bytes(packet[4:8], "little") == index:
+            udp.sendto(FRAME.format((index + 1) / 400).encode(), source)
+            return
+
+
+def test_two_in_one_process_are_apart() -> None:
+    with physics() as one, physics() as other:
+        more = ["+", "--sysid", "9", "--home", HOME_TEXT, "--mavlink-port", "0"]
+        more += ["--fdm-port", str(other.getsockname()[1]), "--parameter", "RTL_ALT=77"]
+        with autopilot(one.getsockname()[1], *more) as (child, port):
+            assert child.stdout is not None
+            line = child.stdout.readline()
+            assert line.startswith("ready: sysid 9, MAVLink tcp:127.0.0.1:")
+            first, second = Client(port), Client(int(line.split("tcp:127.0.0.1:")[1].split(",")[0]))
+            first.send(dialect.MAVLink_param_request_read_message(0, 1, b"RTL_ALT", -1))
+            second.send(dialect.MAVLink_param_request_read_message(0, 1, b"RTL_ALT", -1))
+            for index in range(20):
+                answer_frame(one, index)
+            told = first.wait_for("PARAM_VALUE")
+            assert (told.get_srcSystem(), told.param_value) == (SYSID, 1500.0)
+            second.settimeout(0.1)
+            with pytest.raises(TimeoutError):
+                second.wait_for("PARAM_VALUE")  # its physics has not moved on, whatever the other's does
+            second.settimeout(WALL_TIMEOUT_S)
+            first.close()
+            # One whose physics is silent says its packet again while the other flies on.
+            quiet_since = time.monotonic()
+            index, repeats = 20, 0
+            while repeats < 2 and time.monotonic() - quiet_since < 10.0:
+                answer_frame(one, index)
+                index += 1
+                with contextlib.suppress(BlockingIOError):
+                    repeats += other.recv(256, socket.MSG_DONTWAIT)[4:8] == bytes(4)
+            assert repeats == 2
+            for frame in range(10):
+                answer_frame(other, frame)
+            told = second.wait_for("PARAM_VALUE")
+            assert (told.get_srcSystem(), told.param_value) == (9, 77.0)
+            second.close()
+
+
+ONE_FAILS = """\
+import sys
+from bridge.standin import autopilot, cli
+
+def step(self):
+    if self.vehicle.parameters["MAV_SYSID"] == 9 and self.vehicle.sim_time_ns > 20_000_000:
+        return 1 / 0
+    return STEP(self)
+
+STEP = autopilot.Autopilot.step
+autopilot.Autopilot.step = step
+sys.exit(cli.main())
+"""
+
+
+def test_one_that_fails_is_named_and_tells_why_in_its_own_log(tmp_path: Path) -> None:
+    with physics() as one, physics() as other:
+        command = [sys.executable, "-c", ONE_FAILS]
+        for udp, sysid in ((one, 3), (other, 9)):
+            command += ["+"] if udp is other else []
+            command += [
+                "--sysid",
+                str(sysid),
+                "--name",
+                f"the stand-in of UA {sysid - 1}",
+                "--home",
+                HOME_TEXT,
+            ]
+            command += ["--mavlink-port", "0", "--fdm-port", str(udp.getsockname()[1])]
+            command += ["--log", str(tmp_path / f"{sysid}.log")]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+            assert child.stderr is not None
+            for index in range(8):
+                answer_frame(one, index)
+                answer_frame(other, index)
+            answer_frame(other, 8)
+            assert child.wait(10.0) == 1
+            told = child.stderr.read()
+    log = tmp_path / "9.log"
+    assert told == (
+        f"the stand-in of UA 8 cannot go on: ZeroDivisionError: division by zero; its log is {log}\n"
+    )
+    assert "Traceback" in log.read_text()
+    assert (tmp_path / "3.log").read_text().startswith("ready: sysid 3, ")
+    assert "Traceback" not in (tmp_path / "3.log").read_text()

@@ -5,12 +5,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.config import DaemonConfig
 from aps.core import Core
+from aps.links.link import Link, Opening, Role
 from aps.wire.framer import Framer
 
 S = 1_000_000_000
 ARM, SET_MESSAGE_INTERVAL = 400, 511
 ATTITUDE, VFR_HUD = 30, 74
 ACCEPTED, FAILED = 0, 4
+
+
+def link_of(number, queue, role):
+    link = Link(f"link {number}", queue, Opening(role))
+    link.id = number
+    return link
 
 
 class Bench:
@@ -23,15 +30,17 @@ class Bench:
         self.heard = []
         self.ends = []
         config = DaemonConfig(autopilot="tcp:127.0.0.1:1", sysid=2, stream_rates_hz=rates_hz or {})
-        self.core = Core(config, self, lambda: self.now_ns, lambda: None, **core_options)
-        self.core.autopilot_up(0)
+        self.core = Core(config, lambda: self.now_ns, lambda: None, **core_options)
+        self.link = link_of(0, self, Role.AUTOPILOT)
+        self.clients = {}
+        self.core.link_opened(self.link, 0)
 
     def put(self, frame):
         self.heard += self.parser.parse_buffer(frame)
 
     def say(self, *messages):
         data = b"".join(bytes(message.pack(self.autopilot)) for message in messages)
-        self.core.autopilot_data(data, self.now_ns)
+        self.core.frames(self.link, self.link.framer.receive(data), self.now_ns)
 
     def heartbeat(self, armed=False):
         self.say(mavlink.MAVLink_heartbeat_message(2, 3, 0x59 | 0x80 * armed, 4, 4, 3))
@@ -57,7 +66,12 @@ class Bench:
     def client_says(self, message, link=1):
         station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         (frame,) = Framer().receive(bytes(message.pack(station)))
-        self.core.client_frame(frame, link, self.now_ns)
+        self.core.frames(self.clients.get(link) or self.client(link), [frame], self.now_ns)
+
+    def client(self, number, queue=None):
+        self.clients[number] = link_of(number, queue or Nobody(), Role.CLIENT)
+        self.core.link_opened(self.clients[number], self.now_ns)
+        return self.clients[number]
 
 
 class Nobody:
@@ -151,7 +165,7 @@ def test_answer_to_a_clients_own_request_is_not_ours(target):
     bench = Bench({ATTITUDE: 10.0})
     bench.heartbeat()
     bench.ack(SET_MESSAGE_INTERVAL)
-    bench.core.client_opened(1, Nobody())
+    bench.client(1)
     bench.client_says(mavlink.MAVLink_command_long_message(2, 1, 511, 0, VFR_HUD, 1e5, 0, 0, 0, 0, 0))
     bench.client_says(mavlink.MAVLink_request_data_stream_message(2, 1, 11, 50, 1))
     bench.wait(0.0)
@@ -198,3 +212,32 @@ def test_deadline_of_the_core_includes_the_silence():
     bench = flying(silence_s=0.25)
     bench.wait(0.0)  # our heartbeat is sent
     assert bench.core.deadline_ns() == S // 4
+
+
+def test_the_autopilots_words_on_streams_that_it_lacks_reach_nobody_who_did_not_ask():
+    bench = Bench({VFR_HUD: 5.0})
+    queue = Kept()
+    texts = []
+    bench.core.vehicle.texts = texts.append
+    bench.client(1, queue)
+    bench.heartbeat()
+    bench.say(no_stream(VFR_HUD), mavlink.MAVLink_statustext_message(6, b"No ap_message for mavlink id (30)"))
+    bench.ack(SET_MESSAGE_INTERVAL, FAILED)
+    bench.say(no_stream(VFR_HUD))  # it may come after the acknowledgement
+    told = [message.text for message in queue.messages if message.get_type() == "STATUSTEXT"]
+    assert told == ["No ap_message for mavlink id (30)"]
+    assert [text.text for text in texts] == told
+    assert bench.core.statistics()["hub"]["kept"] == 2
+
+
+def no_stream(number):
+    return mavlink.MAVLink_statustext_message(6, b"No ap_message for mavlink id (%d)" % number)
+
+
+class Kept:
+    def __init__(self):
+        self.parser = mavlink.MAVLink(None)
+        self.messages = []
+
+    def put(self, frame):
+        self.messages += self.parser.parse_buffer(frame)

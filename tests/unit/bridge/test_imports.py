@@ -11,8 +11,18 @@ import pytest
 @pytest.mark.parametrize(
     ("module", "not_needed"),
     [
-        ("bridge.host.process", "scipy matplotlib jsbsim channel.link.radio bridge.scenario.file"),
-        ("bridge.physics.process", "scipy matplotlib channel.link.radio bridge.scenario.file"),
+        (
+            "bridge.host.process",
+            "scipy matplotlib jsbsim channel.link.radio bridge.scenario.file rosbags pyarrow",
+        ),
+        ("bridge.radio.process", "asyncio scipy matplotlib jsbsim pymavlink rosbags pyarrow"),
+        ("bridge.bus.messages", "numpy rosbags"),
+        (
+            "bridge.physics.process",
+            "scipy asyncio matplotlib channel.link.radio bridge.scenario.file rosbags pyarrow",
+        ),
+        ("bridge.cli.main", "pydantic asyncio numpy rich"),
+        ("bridge.cli.run", "scipy matplotlib pymavlink jsbsim psutil"),
         ("bridge.record.streams", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.events", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.inputs", "pymavlink pydantic zenoh"),

@@ -19,7 +19,7 @@ SUMMARY: dict[str, Any] = {
     "error": None,
     "sim_duration_s": 8.0,
     "real_time_factor": 2.0,
-    "digests": {"truth/0": "ab"},
+    "digests": {"truth": "ab"},
     "may_not_repeat": [],
 }
 

@@ -79,10 +79,52 @@ def test_pattern_from_csv(tmp_path):
 
 
 def test_polarisation_by_bank_angle():
+    """X + (1 - X) cos^2 with X = 0.01: at 60 degrees 0.01 + 0.99 / 4 = 0.2575, 5.892 dB."""
     loss = Polarisation(cross_polar_db=20.0).loss_db
     assert float(loss(LEVEL, LEVEL, FORWARD)) == pytest.approx(0.0, abs=1e-9)
-    assert float(loss(LEVEL, roll(60), FORWARD)) == pytest.approx(6.0206, abs=1e-3)
+    assert float(loss(LEVEL, roll(60), FORWARD)) == pytest.approx(5.892, abs=1e-3)
     assert float(loss(LEVEL, roll(90), FORWARD)) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("bank_deg", [0.0, 1.0, 20.0, 60.0])
+@pytest.mark.parametrize("track", [FORWARD, RIGHT, (FORWARD + RIGHT) / np.sqrt(2)])
+def test_polarisation_has_no_jump_overhead(bank_deg, track):
+    """An aircraft passes 50 m over another, in steps of 0.1 m."""
+    along = np.arange(-100.0, 100.0, 0.1)[:, np.newaxis] * track
+    way = along + np.array([0.0, 0.0, -50.0])
+    way /= np.linalg.norm(way, axis=-1, keepdims=True)
+    loss = Polarisation().loss_db(LEVEL, roll(bank_deg), way)
+    assert np.max(np.abs(np.diff(loss))) < 0.3
+    assert np.all((loss >= 0.0) & (loss <= 20.0))
+    if bank_deg == 0.0:
+        assert loss == pytest.approx(0.0, abs=1e-9)
+
+
+def test_sector_has_its_own_limit_above_and_below():
+    """TR 36.814, table A.2.1.1-2: SLA_v = 20 dB in elevation, A_m = 25 dB in azimuth and together."""
+    sector = Sector(gain_db=0.0)
+    up, behind = np.array([0.0, 0.0, -1.0]), -FORWARD
+    assert float(sector.towards_db((FORWARD + up) / np.sqrt(2))) == pytest.approx(-20.0)
+    assert float(sector.towards_db(behind)) == pytest.approx(-25.0)
+    assert float(sector.towards_db((behind + up) / np.sqrt(2))) == pytest.approx(-25.0)
+    aside = np.array([np.cos(np.radians(20.0)), np.sin(np.radians(20.0)), 0.0])
+    high = np.cos(np.radians(45.0)) * aside + np.sin(np.radians(45.0)) * up
+    assert float(sector.towards_db(high)) == pytest.approx(-20.0 - 12.0 * (20.0 / 70.0) ** 2, abs=1e-9)
+
+
+def test_a_pattern_is_sorted_once():
+    pattern = Pattern(pattern=tuple((az, el, 0.0) for az in range(0, 360, 10) for el in range(-90, 91, 10)))
+    pattern.towards_db(FORWARD)
+    assert pattern._table is pattern._table
+    assert Pattern.model_validate(pattern.model_dump()) == pattern
+
+
+def test_cables_take_at_both_ends():
+    bare, cabled = (Radio(presets.load_radio("perfect", {"cable_loss_db": db})) for db in (0.0, 1.5))
+    received = [float(radio.link(100.0).received_power_dbm) for radio in (bare, cabled)]
+    assert received[0] - received[1] == pytest.approx(3.0)
+    terms = {term.name: float(np.asarray(term.contribution)) for term in cabled.link(100.0).terms}
+    assert terms["transmit_cable_db"] == terms["receive_cable_db"] == -1.5
 
 
 def test_attitude_reaches_the_budget():
@@ -91,3 +133,36 @@ def test_attitude_reaches_the_budget():
     level = radio.link(**ends).received_power_dbm
     banked = radio.link(**ends, attitude_tx_wxyz=roll(90)).received_power_dbm
     assert float(level - banked) == pytest.approx(30.0, abs=0.01)
+
+
+def test_rotations_are_scipys():
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.Generator(np.random.PCG64(5))
+    wxyz = rng.normal(size=(50, 4))
+    wxyz /= np.linalg.norm(wxyz, axis=-1, keepdims=True)
+    vectors = rng.normal(size=(50, 3))
+    turn = Rotation.from_quat(np.roll(wxyz, -1, axis=-1))
+    assert rotate(wxyz, vectors) == pytest.approx(turn.apply(vectors), abs=1e-12)
+    assert to_body(wxyz, vectors) == pytest.approx(turn.inv().apply(vectors), abs=1e-12)
+
+
+def test_polarisation_of_any_two_attitudes():
+    """By the definition: parts of scipy's rotated axes across the way."""
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.Generator(np.random.PCG64(6))
+    quaternions = rng.normal(size=(2, 200, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    way = rng.normal(size=(200, 3))
+    way /= np.linalg.norm(way, axis=-1, keepdims=True)
+    parts = []
+    for wxyz in quaternions:
+        axis = Rotation.from_quat(np.roll(wxyz, -1, axis=-1)).apply(DOWN)
+        parts.append(axis - np.sum(axis * way, axis=-1, keepdims=True) * way)
+    leak = 0.01 / 0.99
+    share = (np.sum(parts[0] * parts[1], axis=-1) ** 2 + leak) / (
+        np.sum(parts[0] ** 2, axis=-1) * np.sum(parts[1] ** 2, axis=-1) + leak
+    )
+    got = Polarisation(cross_polar_db=20.0).loss_db(*quaternions, way)
+    assert got == pytest.approx(-10.0 * np.log10(share), abs=1e-9)

@@ -7,7 +7,7 @@ from channel import presets
 from channel.checks import ChannelInputError
 from channel.link.radio import Radio
 from channel.phy import modulation
-from channel.propagation.terrain import knife_edge_loss_db
+from channel.propagation.diffraction import knife_edge_loss_db
 
 RADIO = Radio(presets.load_radio("corrected"))
 

@@ -2,17 +2,45 @@ import numpy as np
 import pytest
 
 from channel.checks import ChannelInputError
-from channel.draws import Draws, Purpose, stream_key, uniform_from_words
+from channel.draws import AHEAD_MAX_NODES, Draws, LinkDraws, Purpose, stream_key, uniform_from_words
+from channel.philox import FEW, philox_words
+
+NAMES = ["gcs", "0", "10", "9"]
 
 
-def test_scalar_and_block_draw_the_same_numbers():
-    receivers = ["1", "2", "gcs"]
-    for purpose in Purpose:
-        vector = [Draws(7).uniforms(purpose, "0", receivers, seq) for seq in (0, 1, 255, 256, 1000)]
-        scalar = [
-            [Draws(7).uniform(purpose, "0", rx, seq) for rx in receivers] for seq in (0, 1, 255, 256, 1000)
-        ]
-        assert np.array_equal(vector, scalar)
+def draws_of_links(nodes, purposes, tx, seq, packet, rx):
+    """The draws of links by arrays, and each by itself."""
+    links = LinkDraws(Draws(7), nodes)
+    tx, seq, packet, rx = (np.array(each, dtype=np.int64) for each in (tx, seq, packet, rx))
+    together = links.uniforms(purposes, (tx, seq), packet, rx)
+    ends = [(nodes[tx[p]], nodes[r], int(seq[p])) for p, r in zip(packet, rx, strict=True)]
+    return together, [[Draws(7).uniform(purpose, *link) for link in ends] for purpose in purposes]
+
+
+@pytest.mark.parametrize("crowd", [0, AHEAD_MAX_NODES])
+@pytest.mark.parametrize("stream", ["packet", "extra"])
+def test_many_links_draw_the_numbers_of_each_ahead_of_need_or_at_once(crowd, stream):
+    """Numbers in the same block, across two blocks, far behind and far ahead of the newest."""
+    nodes = NAMES + [f"far {i}" for i in range(crowd)]
+    purposes = tuple(purpose for purpose in Purpose if purpose.stream == stream)
+    tx, seq = [0, 0, 1, 1, 2, 3, 3], [0, 1, 127, 128, 2**62, 5000, 4]
+    packet = np.repeat(np.arange(7), 3)
+    rx = np.concatenate([[r for r in range(4) if r != t] for t in tx])
+    together, alone = draws_of_links(nodes, purposes, tx, seq, packet, rx)
+    assert together.tolist() == alone
+
+
+def test_few_and_many_keys_have_the_words_of_numpys_philox():
+    rng = np.random.Generator(np.random.PCG64(1))
+    keys = rng.integers(0, 2**64, (2, 500), dtype=np.uint64)
+    keys[:, :3] = [[0, 2**64 - 1, 2**32], [0, 2**64 - 1, 2**32 - 1]]
+    counters = rng.integers(0, 2**63, 500)
+    counters[:4] = 0, 1, 2**63 - 1, 2**32
+    philox = [np.random.Philox(key=key, counter=int(at)) for key, at in zip(keys.T, counters, strict=True)]
+    expected = np.array([each.advance(-1).random_raw(4) for each in philox]).T
+    assert np.array_equal(philox_words(keys, counters), expected)
+    for few in (0, 1, FEW, FEW + 1):
+        assert np.array_equal(philox_words(keys[:, :few], counters[:few]), expected[:, :few])
 
 
 def test_counter_is_the_sequence_number_of_numpys_philox():

@@ -1,10 +1,10 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.hub.routing import MAX_LEARNED, Outcome, Router
+from aps.hub.routing import MAX_LEARNED, MAX_OWN, Outcome, Router
 from aps.wire.framer import Framer
 
-AUTOPILOT, ALICE, BOB, CAROL = 0, 1, 2, 3
+AUTOPILOT, ALICE, BOB, CAROL, SECOND = 0, 1, 2, 3, 4
 S = 1_000_000_000
 
 
@@ -18,8 +18,8 @@ def heartbeat(sysid, compid):
     return frame_of(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), sysid, compid)
 
 
-def attitude(sysid=5, compid=1):
-    return frame_of(mavlink.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, 1), sysid, compid)
+def attitude(sysid=5, compid=1, time_ms=1):
+    return frame_of(mavlink.MAVLink_attitude_message(time_ms, 0, 0, 0, 0, 0, 1), sysid, compid)
 
 
 def command(target_system, target_component, sysid=255, compid=190):
@@ -52,11 +52,12 @@ def test_command_for_the_autopilot_goes_there_alone_even_before_it_has_spoken(ro
     assert route.to_us == (component == 0)
 
 
-def test_own_component_goes_only_to_links_that_have_seen_it(router):
-    assert router.route(command(5, 154), ALICE, 0).outcome is Outcome.NO_ROUTE
-    router.route(attitude(5, 154), AUTOPILOT, 1)
-    assert router.route(command(5, 154), ALICE, 2).links == (AUTOPILOT,)
-    assert router.route(command(5, 155), ALICE, 2).outcome is Outcome.NO_ROUTE
+def test_own_component_goes_to_links_that_have_seen_it_and_else_to_the_autopilot(router):
+    assert router.route(command(5, 154), ALICE, 0).links == (AUTOPILOT,)  # which decides
+    router.route(attitude(5, 154), BOB, 1)
+    assert router.route(command(5, 154), ALICE, 2).links == (BOB,)
+    assert router.route(command(5, 155), ALICE, 2).links == (AUTOPILOT,)
+    assert router.route(command(5, 155, sysid=5, compid=1), AUTOPILOT, 2).outcome is Outcome.NO_ROUTE
 
 
 def test_foreign_system_goes_to_links_that_have_seen_it_whatever_the_component(router):
@@ -101,15 +102,49 @@ def test_unknown_message_is_routed(router):
     from fastcrc.crc16 import mcrf4xx
 
     body = bytes([2, 0, 0, 0, 5, 1]) + (60_000).to_bytes(3, "little") + b"ab"
-    (frame,) = Framer().receive(b"\xfd" + body + mcrf4xx(body + b"\x07").to_bytes(2, "little"))
+    (frame,) = Framer(trusting=True).receive(b"\xfd" + body + mcrf4xx(body + b"\x07").to_bytes(2, "little"))
     assert router.route(frame, AUTOPILOT, 0).links == (ALICE, BOB, CAROL)
 
 
 def test_the_autopilots_own_frames_from_a_client_are_a_loop(router):
-    for frame in (attitude(5, 1), heartbeat(5, 191)):
+    for frame in (attitude(5, 1), heartbeat(5, 1)):
         assert router.route(frame, ALICE, 0) == (Outcome.LOOP, (), False)
-    assert router.route(heartbeat(5, 191), AUTOPILOT, 0).outcome is Outcome.LOOP
     assert not router.knows(ALICE, 5, 1, 0)
+
+
+def test_our_own_frames_that_come_back_are_a_loop_and_those_of_a_companion_with_our_ids_are_not(router):
+    ours, theirs = heartbeat(5, 191), attitude(5, 191)
+    router.sent(ours.raw)
+    for link in (AUTOPILOT, ALICE):
+        assert router.route(ours, link, 0) == (Outcome.LOOP, (), False)
+    assert router.route(theirs, ALICE, 0).links == (AUTOPILOT, BOB, CAROL)
+    answer = router.route(command(5, 191, sysid=5, compid=1), AUTOPILOT, 1)
+    assert (answer.outcome, answer.links, answer.to_us) == (Outcome.TARGETED, (ALICE,), True)
+
+
+def test_the_memory_of_our_own_frames_is_bounded(router):
+    frames = [attitude(5, 191, number) for number in range(2 * MAX_OWN)]
+    for frame in frames:
+        router.sent(frame.raw)
+    loops = sum(router.route(frame, ALICE, 0).outcome is Outcome.LOOP for frame in frames)
+    assert loops == MAX_OWN
+
+
+def test_a_second_link_to_the_autopilot_stands_by(router):
+    router.add_link(SECOND, autopilot=True)
+    assert router.primary == AUTOPILOT
+    assert router.route(attitude(), AUTOPILOT, 0).links == (ALICE, BOB, CAROL)
+    for frame in (attitude(), heartbeat(5, 1)):
+        assert router.route(frame, SECOND, 0) == (Outcome.STANDBY, (), True)
+    assert router.route(command(5, 1), ALICE, 0).links == (AUTOPILOT,)
+    assert router.route(command(0, 0), ALICE, 0).links == (AUTOPILOT, BOB, CAROL)
+    router.use(SECOND)
+    assert router.route(attitude(), SECOND, 1).links == (ALICE, BOB, CAROL)
+    assert router.route(command(5, 1), ALICE, 1).links == (SECOND,)
+    router.remove_link(SECOND)
+    assert router.primary == AUTOPILOT
+    with pytest.raises(ValueError, match="link 1 is no autopilot's"):
+        router.use(ALICE)
 
 
 def test_routes_expire_after_silence(router):
@@ -154,6 +189,7 @@ def test_system_zero_is_not_learned(router):
 
 def test_each_frame_has_one_outcome(router):
     frames = [attitude(), heartbeat(5, 1), command(5, 191), command(77, 0), attitude(5, 191)]
+    router.sent(frames[-1].raw)
     for frame in frames:
         router.route(frame, AUTOPILOT, 0)
     assert router.counters == {

@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -127,27 +128,50 @@ def test_unknown_incompatibility_flag_is_refused():
 
 
 def unknown_message(extra, payload=b"abcdefgh"):
+    """Of system 7, component 1, as `sender()` is."""
     from fastcrc.crc16 import mcrf4xx
 
     body = bytes([len(payload), 0, 0, 9, 7, 1]) + (60_000).to_bytes(3, "little") + payload
     return b"\xfd" + body + mcrf4xx(body + bytes([extra])).to_bytes(2, "little")
 
 
-def test_message_of_unknown_id_passes_for_any_definition():
+def heard():
+    """A framer that has heard system 7."""
     framer = Framer()
+    assert len(framer.receive(attitude(mavlink.MAVLink(None, srcSystem=7, srcComponent=1)))) == 1
+    return framer
+
+
+def test_message_of_unknown_id_passes_for_any_definition():
+    framer = heard()
     for extra in range(256):
         raw = unknown_message(extra)
         assert [frame.raw for frame in framer.receive(raw)] == [raw]
     assert framer.counters.unknown_id == 256
 
 
+def test_message_of_unknown_id_is_not_believed_of_a_sender_that_was_never_heard():
+    framer = Framer()
+    assert framer.receive(unknown_message(17)) == []
+    assert framer.counters.unknown_sender == 1
+    framer = heard()
+    framer.reset()  # another stream may have other senders
+    assert framer.receive(unknown_message(17)) == []
+    assert len(Framer(trusting=True).receive(unknown_message(17))) == 1
+
+
+def test_twenty_megabytes_of_noise_are_no_frame():
+    generator = np.random.default_rng(11)
+    framer = heard()
+    assert sum(len(framer.receive(generator.bytes(1 << 16))) for _ in range(20 * 16)) == 0
+
+
 def test_unknown_id_with_a_checksum_of_no_definition_is_refused():
     raw = unknown_message(17)
     accepted = 0
     for crc in range(0, 65536, 16):
-        framer = Framer()
-        accepted += len(framer.receive(raw[:-2] + crc.to_bytes(2, "little")))
-    assert accepted <= 64  # 256 of 65536 checksums are possible; we tried one in 16
+        accepted += len(heard().receive(raw[:-2] + crc.to_bytes(2, "little")))
+    assert 0 < accepted <= 64  # 256 of 65536 checksums are possible; we tried one in 16
 
 
 def test_byte_by_byte_gives_the_frame_with_its_last_byte():

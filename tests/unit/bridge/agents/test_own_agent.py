@@ -10,8 +10,8 @@ import pytest
 
 from bridge.agents import Agent, AgentError, agent_class
 from bridge.agents.own import load_class
+from bridge.scenario.agents import OwnAgent
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
-from bridge.scenario.model import OwnAgent
 from bridge.scenario.own_class import mistake_in
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
@@ -95,18 +95,22 @@ def test_options_reach_the_agents_process_as_they_are() -> None:
     [
         (
             "{type: own, class: a:B, options: {day: 2026-05-01}}",
-            "ua.0.agent.options.day",
+            "nodes.0.agent.options.day",
             "not a valid JSON value",
         ),
         (
             "{type: own, class: a:B, options: {bytes: !!binary /w==}}",
-            "ua.0.agent.options.bytes",
+            "nodes.0.agent.options.bytes",
             "not a valid JSON value",
         ),
-        ("{type: own, class: nowhere.py:Own}", "ua.0.agent.class", "nowhere.py: no such file"),
-        ("{type: own, class: nowhere}", "ua.0.agent.class", "should match pattern"),
-        ("{type: own}", "ua.0.agent.class", "is required"),
-        ("{type: own, clas: a:B}", "ua.0.agent.clas", "allowed here: type, class, has_task, options"),
+        ("{type: own, class: nowhere.py:Own}", "nodes.0.agent.class", "nowhere.py: no such file"),
+        ("{type: own, class: nowhere}", "nodes.0.agent.class", "should match pattern"),
+        ("{type: own}", "nodes.0.agent.class", "is required"),
+        (
+            "{type: own, clas: a:B}",
+            "nodes.0.agent.clas",
+            "allowed here: isolated, type, class, has_task, options",
+        ),
     ],
 )
 def test_mistake_is_told_with_its_place(agent: str, key: str, says: str) -> None:

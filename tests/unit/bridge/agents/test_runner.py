@@ -38,7 +38,9 @@ from bridge.bus.messages import (
     encode,
 )
 from bridge.bus.session import Stamp
-from bridge.scenario.model import Aircraft, StillAgent, Transmit
+from bridge.scenario.agents import StillAgent
+from bridge.scenario.model import Transmit
+from bridge.scenario.nodes import Aircraft
 from bridge.scenario.own_class import mistake_in
 
 TICK_NS = 50_000_000
@@ -53,7 +55,7 @@ class Heard:
     reports: list[AgentStatus] = field(default_factory=list)
     commands: list[tuple[str, OnEvent]] = field(default_factory=list)
 
-    def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
         self.sent.append((channel, payload, stamp))
 
     def report(self, status: AgentStatus) -> None:
@@ -364,18 +366,18 @@ def test_what_is_no_package_is_counted_when_the_agent_looks_and_does_not_blow_up
     flown.append(Flown(Looker))
     agent, stamp = flown[0], Stamp(0, 0)
     good = encode(DataPackage(Header.at(5, "2")))
-    status = encode(CommunicationStatus(node=("2",), delivered=(True,)))
+    status = CommunicationStatus(node=("2",), delivered=(True,))
     agent.tick(
         lambda ua: ua.take_packet("0", "team", b"garbage", stamp),
         lambda ua: ua.take_packet("2", "team", good, stamp),
-        lambda ua: ua.take_comm_status(status),
+        lambda ua: ua.take_comm_status(lambda: status),
     )
     agent.tick()
     assert (agent.runner.ua.received, agent.runner.ua.malformed) == (2, 0)
     looker = cast("Looker", agent.runner._agent)
     looker.looks = True
     agent.tick()
-    agent.tick(lambda ua: ua.take_comm_status(b"garbage"))
+    agent.tick(lambda ua: ua.take_comm_status(lambda: ua.read(b"garbage", CommunicationStatus)))
     assert looker.seen == [(["2"], 1, ["2"])] * 2
     assert agent.runner.ua.malformed == 2
     with pytest.raises(KeyError):

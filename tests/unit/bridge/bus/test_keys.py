@@ -14,7 +14,10 @@ def test_keys_of_a_ua() -> None:
     assert KEYS.command("0", "arm") == "lostlink/r1/node/0/cmd/arm"
     assert KEYS.rx("1", "0", "team") == "lostlink/r1/node/1/rx/0/team"
     assert KEYS.comm_status("1") == "lostlink/r1/node/1/comm_status"
-    assert KEYS.link("0", "1") == "lostlink/r1/link/0/1"
+    assert KEYS.tx("0", "team") == "lostlink/r1/node/0/tx/main/all/team"
+    assert KEYS.answer("0") == "lostlink/r1/node/0/answer"
+    assert KEYS.heard("host-1") == "lostlink/r1/host/host-1/heard"
+    assert KEYS.tick("links") == "lostlink/r1/tick/links"
     assert KEYS.truth("gcs") == "lostlink/r1/truth/gcs"
     assert KEYS.clock == "lostlink/r1/clock"
 

@@ -16,12 +16,13 @@ from click.testing import CliRunner, Result
 from bridge.cli import refly as command
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, RecordedInput
-from bridge.record.names import inputs_path, truth
+from bridge.record.names import inputs_path
 from bridge.record.provenance import Provenance, write_provenance
+from bridge.record.tables.schema import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from bridge.scenario.model import Scenario
-from tests.unit.bridge.record.runs import TICK_NS, Change, make_run
+from tests.unit.bridge.record.runs import TICK_NS, Change, change_table, make_run
 
 
 @dataclass
@@ -47,8 +48,10 @@ def fly(monkeypatch: pytest.MonkeyPatch) -> FakeFlight:
     return fake
 
 
-def recorded(tmp_path: Path, ending: str | None = "done", change: Change = lambda _: None) -> Path:
-    run = make_run(tmp_path / "recorded", change)
+def recorded(
+    tmp_path: Path, ending: str | None = "done", change: Change = lambda _: None, *, is_finished: bool = True
+) -> Path:
+    run = make_run(tmp_path / "recorded", change, is_finished=is_finished)
     RunDirectory(run).write(read_scenario("separation"), "tcp/127.0.0.1:1")
     (run / "run.json").write_text(
         json.dumps({"run": "recorded", "endpoint": "tcp/127.0.0.1:1", "pid": 2**22 + 1})
@@ -63,18 +66,15 @@ def refly(tmp_path: Path, run: Path, *options: str) -> Result:
     return CliRunner().invoke(command.refly, [str(run), "--out", str(tmp_path / "out"), *options])
 
 
-def flip_truth(run: Path, place: int = -1) -> None:
-    path = truth("1").path(run)
-    raw = bytearray(path.read_bytes())
-    raw[place] ^= 1
-    path.write_bytes(raw)
+def change_truth(run: Path) -> None:
+    change_table(run, -1, wind_down_mps=1e-300)
 
 
 def test_same_flight_is_identical(tmp_path: Path, fly: FakeFlight) -> None:
     run = recorded(tmp_path)
     done = refly(tmp_path, run)
     assert done.exit_code == 0, done.output
-    assert done.stdout.splitlines()[1] == "identical: 8 streams and the record, 169 entries, 20 ticks"
+    assert done.stdout.splitlines()[1] == "identical: truth, deliveries, 6 streams; 168 entries, 20 ticks"
     assert done.stderr == ""
     assert (fly.seen["replay"], fly.seen["stop_ns"], fly.seen["quiet"]) == (run, None, False)
     assert fly.seen["directory"].path.parent == tmp_path / "out"
@@ -102,20 +102,22 @@ def test_scenario_is_the_recorded_one_but_for_speed_and_ports(tmp_path: Path, fl
     assert fly.seen["ardupilot_dir"] == tmp_path
 
 
-def test_altered_byte_is_found(tmp_path: Path, fly: FakeFlight) -> None:
-    fly.alter = flip_truth
+def test_altered_number_is_found(tmp_path: Path, fly: FakeFlight) -> None:
+    fly.alter = change_truth
     done = refly(tmp_path, recorded(tmp_path), "--quiet")
     assert done.exit_code == 1
-    assert done.stdout.startswith("first difference at 0.95 s of sim time: node 1, truth/1, wind_ned_mps.z\n")
+    assert done.stdout.startswith(
+        "first difference at 0.95 s of sim time: node 1, truth, wind_down_mps in row 39\n"
+    )
 
 
 def test_json_has_comparison_and_summary(tmp_path: Path, fly: FakeFlight) -> None:
-    fly.alter = flip_truth
+    fly.alter = change_truth
     run = recorded(tmp_path)
     done = refly(tmp_path, run, "--json")
     content = json.loads(done.stdout)
     assert fly.seen["quiet"] is True
-    assert (content["identical"], content["difference"]["stream"]) == (False, "truth/1")
+    assert (content["identical"], content["difference"]["stream"]) == (False, "truth")
     assert (content["run"], content["summary"], content["compared_until_ns"]) == (
         str(run),
         {"ending": "done"},
@@ -128,7 +130,7 @@ def test_json_has_comparison_and_summary(tmp_path: Path, fly: FakeFlight) -> Non
 def test_interrupted_run_is_flown_and_compared_to_its_last_whole_tick(
     tmp_path: Path, fly: FakeFlight, ending: str | None
 ) -> None:
-    fly.alter = flip_truth  # in the last tick, which was not whole
+    fly.alter = change_truth  # in the last tick, which was not whole
     done = refly(tmp_path, recorded(tmp_path, ending))
     assert done.exit_code == 0, done.output
     assert fly.seen["stop_ns"] == 18 * TICK_NS
@@ -136,10 +138,10 @@ def test_interrupted_run_is_flown_and_compared_to_its_last_whole_tick(
 
 
 def test_killed_run_with_files_cut_off_is_compared_as_far_as_they_go(tmp_path: Path, fly: FakeFlight) -> None:
-    run = recorded(tmp_path, None)
-    whole = truth("1").path(run).read_bytes()
-    truth("1").path(run).write_bytes(whole[:1000])
-    fly.alter = lambda path: truth("1").path(path).write_bytes(whole)
+    run = recorded(tmp_path, None, is_finished=False)
+    whole = TRUTH.journal_path(run).read_bytes()
+    TRUTH.journal_path(run).write_bytes(whole[:5000])
+    fly.alter = lambda path: TRUTH.journal_path(path).write_bytes(whole)
     assert refly(tmp_path, run).exit_code == 0
 
 
@@ -227,11 +229,11 @@ def wrong_input(run: Path) -> None:
         (live, "has not ended yet"),
         (wrong_input, "0.jsonl:2: key 'kind'"),
         (
-            lambda run: [shutil.rmtree(run / "streams"), (run / "deliveries.csv").unlink()],
+            lambda run: [shutil.rmtree(run / "streams"), (run / "deliveries.parquet").unlink()],
             "nothing to compare with",
         ),
         (
-            lambda run: [shutil.rmtree(run / "streams"), (run / "summary.json").unlink()],
+            lambda run: [(run / "truth.parquet").unlink(), (run / "summary.json").unlink()],
             "before its first whole tick",
         ),
     ],
@@ -247,10 +249,10 @@ def test_what_cannot_be_flown_again_has_status_2(
     assert not (tmp_path / "out").exists()
 
 
-def test_old_run_without_streams_is_compared_by_its_record(tmp_path: Path, fly: FakeFlight) -> None:
+def test_run_without_streams_is_compared_by_its_tables(tmp_path: Path, fly: FakeFlight) -> None:
     run = recorded(tmp_path)
     shutil.rmtree(run / "streams")
     done = refly(tmp_path, run)
     assert done.exit_code == 0
-    assert "has no streams/: only its deliveries.csv can be compared" in done.stderr
-    assert done.stdout.splitlines()[-1] == "identical: the record, 41 entries, 0 ticks"
+    assert "has no streams/: only its tables can be compared" in done.stderr
+    assert done.stdout.splitlines()[-1] == "identical: truth, deliveries; 80 entries, 20 ticks"

@@ -28,9 +28,9 @@ def launched(tmp_path: Path, text: str, node: str) -> ProcessSpec:
     binary.chmod(0o755)
     scenario = parse_scenario(text, "my.yaml")
     run = RunDirectory.create(tmp_path / "runs", scenario.name)
-    ua = scenario.aircraft(node)
+    ua = scenario.node(node)
     plan = LaunchPlan(run, scenario, ua, airframe_of(ua), home_of(ua, scenario.origin))
-    spec = ArduPilot({}, tmp_path).process(plan)
+    (spec,) = ArduPilot({}, tmp_path).processes([plan])
     assert spec is not None
     return spec
 

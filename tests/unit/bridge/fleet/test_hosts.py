@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bridge.fleet.hosts import host_groups, host_of
+from bridge.fleet.hosts import host_groups, host_of, standin_groups
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
 from fdm.exchange.settings import core_count
 
@@ -19,15 +19,23 @@ MORE = "".join(f"  - {{id: {n}, agent: {{type: still}}}}\n" for n in range(2, 7)
 def test_nodes_are_spread_evenly(hosts: str, sizes: list[int]) -> None:
     scenario = parse_scenario(f"{TEXT}{MORE}hosts: {hosts}\n", "my.yaml")
     groups = host_groups(scenario)
-    assert [len(group) for group in groups] == sizes
-    assert sorted(node for group in groups for node in group) == sorted(scenario.nodes)
-    for number, group in enumerate(groups):
-        assert {host_of(scenario, node) for node in group} == {f"host-{number}"}
+    assert [len(group) for group in groups.values()] == sizes
+    assert sorted(node for group in groups.values() for node in group) == sorted(scenario.regulated)
+    assert list(groups) == [f"host-{number}" for number in range(len(sizes))]
+    assert all(host_of(groups, node) == name for name, group in groups.items() for node in group)
+    assert standin_groups(scenario) == tuple(groups.values())
+
+
+def test_an_isolated_agent_has_a_host_of_its_own_and_a_free_one_none() -> None:
+    more = "  - {id: 8, agent: {type: still, isolated: true}}\n  - {id: gcs, kind: ground, agent: {type: free}}\n"
+    groups = host_groups(parse_scenario(f"{TEXT}{more}hosts: 1\n", "my.yaml"))
+    assert groups == {"host-0": ("0", "1"), "host-of-8": ("8",)}
 
 
 def test_auto_is_a_host_per_core_at_most() -> None:
     scenario = parse_scenario(f"{TEXT}{MORE}", "my.yaml")
     assert len(host_groups(scenario)) == min(7, core_count())
+    assert len(standin_groups(scenario)) == max(1, min(7, core_count() // 2))
 
 
 @pytest.mark.parametrize("hosts", ["0", "-1", "many", "1.5", "true"])

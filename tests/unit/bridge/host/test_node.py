@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from bridge.agents.agent import Agent
-from bridge.agents.client import UaClient
+from bridge.agents.client import LookAtStatus, UaClient
 from bridge.agents.runner import AgentRunner
 from bridge.aircraft.aircraft_bridge import AircraftBridge, OnEvent
 from bridge.bus.messages import (
@@ -22,12 +22,13 @@ from bridge.bus.messages import (
     CommandEvent,
     CommandGoal,
     CommunicationStatus,
-    encode,
 )
 from bridge.bus.session import Stamp
 from bridge.host.node import AgentOutlet, Node, Packet
 from bridge.record.inputs import RecordedInput
-from bridge.scenario.model import Aircraft, StillAgent, Transmit
+from bridge.scenario.agents import StillAgent
+from bridge.scenario.model import Transmit
+from bridge.scenario.nodes import Aircraft
 
 MS = 1_000_000
 TICK_NS = 50 * MS
@@ -92,6 +93,7 @@ class Host:
         self.daemon = HeldDaemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=SYSID))
         self.daemon.on_bytes = lambda direction, _: self.log.append(direction)
         self.node = Node("7", WatchedAircraft(self.daemon, self.log), self, self._record)
+        self.daemon.on_input = self.node.client_did
         self.outlet = AgentOutlet(self)
         self._idle = threading.Event()
         self.ua = WatchedClient("7", self.outlet, self.log)
@@ -100,7 +102,7 @@ class Host:
 
     # The node's outlets.
 
-    def transmit(self, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
         self.log.append(f"agent transmits {channel}")
 
     def report(self, status: AgentStatus) -> None:
@@ -180,8 +182,8 @@ class WatchedClient(UaClient):
         super().take_state(state)
         self._log.append(f"agent sees {state.mode or 'nothing'} at {state.header.stamp.ns // MS} ms")
 
-    def take_comm_status(self, payload: bytes) -> None:
-        super().take_comm_status(payload)
+    def take_comm_status(self, look: LookAtStatus) -> None:
+        super().take_comm_status(look)
         assert self.comm_status is not None
         self._log.append(f"agent heard {','.join(self.comm_status.node)}")
 
@@ -290,13 +292,13 @@ async def test_everything_at_a_tick_has_its_place(host: Host) -> None:
     host.ask("mode", CommandGoal(mode="LOITER"))
     for late in (
         packet("b", 3, 40 * MS),
+        packet("a", 8, 50 * MS),
         packet("a", 9, 50 * MS),
         packet("b", 2, 50 * MS),
-        packet("a", 8, 50 * MS),
     ):
         host.node.packet_came(late)
-    host.node.comm_status_came(encode(CommunicationStatus(node=("x",), delivered=(True,))))
-    host.node.comm_status_came(encode(CommunicationStatus(node=("a", "b"), delivered=(True, True))))
+    host.node.comm_status_came(lambda: CommunicationStatus(node=("x",), delivered=(True,)))
+    host.node.comm_status_came(lambda: CommunicationStatus(node=("a", "b"), delivered=(True, True)))
     _, writer = await asyncio.open_connection("127.0.0.1", host.daemon.listen_port)
     writer.write(frame(GUIDED))
     await pending(host, 2)
@@ -349,7 +351,7 @@ async def test_everything_at_a_tick_has_its_place(host: Host) -> None:
 async def test_what_was_taken_at_a_tick_is_not_taken_again(host: Host) -> None:
     await heard(host)
     host.node.packet_came(packet("a", 0, 0))
-    host.node.comm_status_came(encode(CommunicationStatus(node=("a",), delivered=(True,))))
+    host.node.comm_status_came(lambda: CommunicationStatus(node=("a",), delivered=(True,)))
     host.ask("arm")
     host.orders[TICK_NS] = lambda: host.command("rtl")
     host.tick(TICK_NS)
@@ -382,7 +384,7 @@ async def test_an_exchange_between_ticks_does_not_run_the_agent(host: Host) -> N
     host.tick(TICK_NS)
     host.autopilot.commands()
     host.node.packet_came(packet("a", 0, 0))
-    host.node.comm_status_came(encode(CommunicationStatus(node=("a",), delivered=(True,))))
+    host.node.comm_status_came(lambda: CommunicationStatus(node=("a",), delivered=(True,)))
     host.ask("mode", CommandGoal(mode="GUIDED"))
     host.autopilot.say(heartbeat(RTL), acknowledged(ARM))
     assert host.exchange(TICK_NS + 10 * MS) == [

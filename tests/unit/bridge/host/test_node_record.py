@@ -98,9 +98,9 @@ def test_a_reason_is_told_with_its_node_and_instant_and_counts_once(run: RunDire
     record.now_ns = 26 * TICK_NS
     record.may_not_repeat("its autopilot does not read")  # a lasting cause must not fill the report
     record.close({}, {})
-    text = "UA 3: its autopilot does not read"
+    text = "node 3: its autopilot does not read"
     assert read_reports(run.path) == Reports(
-        {"ua-3": {}},
+        {"node-3": {}},
         (RunEvent(25 * TICK_NS, "3", "wall_time", text),),
         (f"{text} (at 1.25 s)",),
     )
@@ -116,7 +116,7 @@ def test_counters_are_flat_and_without_zeros_and_what_is_no_count(run: RunDirect
         "clients": [{"frames": 3}],
     }
     record.close(statistics, {"commands_dropped": 0})
-    assert read_reports(run.path).counters["ua-3"] == {
+    assert read_reports(run.path).counters["node-3"] == {
         "commands_dropped": 0,
         "mavlink.autopilot.connections": 1,
         "mavlink.autopilot.framer.frames": 7,
@@ -133,5 +133,5 @@ def test_what_was_flushed_is_there_without_a_close(run: RunDirectory) -> None:
     assert read_reports(run.path).counters == {}
     record.flush()
     assert mavlink_of(run) == ([(0, b"heard")], [(0, b"said")])
-    assert read_reports(run.path).may_not_repeat == ("UA 3: of wall time (at 0.00 s)",)
+    assert read_reports(run.path).may_not_repeat == ("node 3: of wall time (at 0.00 s)",)
     record.close({}, {})

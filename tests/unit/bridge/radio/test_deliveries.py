@@ -1,33 +1,41 @@
-"""deliveries.csv reads back as it was written, and a broken one is refused with its line."""
+"""What the radio settles becomes rows: one per reception, and one for packets that were lost together."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
-import pytest
+from bridge.radio.deliveries import FATES, DeliveryColumns
+from channel.medium.reception import Fate
+from tests.unit.bridge.radio.core import MTU_BYTES, place, send, virtual_radio
+from tests.unit.bridge.record.tables.rows import read
 
-from bridge.radio.deliveries import COLUMNS, DeliveriesWriter, DeliveryRow, read_deliveries
-
-ROW = DeliveryRow(50_000_000, "0", "1", 7, 40, 123.456, -330.25, 9.75, 1.25e-5, "delivered")
-LOST = DeliveryRow(1, "0", "gcs", 8, 0, math.nan, math.nan, math.nan, math.nan, "transport")
+NODES = ("0", "1", "gcs")
 
 
-def test_rows_come_back(tmp_path: Path) -> None:
-    writer = DeliveriesWriter(tmp_path / "d.csv")
-    writer.write([ROW, LOST])
+def test_receptions_and_gaps_become_rows(tmp_path: Path) -> None:
+    core = virtual_radio("disk", NODES)
+    place(core, 7, n0=0.0, n1=30.0, ngcs=1e6)
+    send(core, "0", 5, 7, b"four")
+    send(core, "1", 0, 7, bytes(MTU_BYTES + 1), to="gcs")
+    writer = DeliveryColumns(tmp_path, NODES)
+    writer.write(core.settle())
+    writer.write(core.settle())
     writer.close()
-    first, second = read_deliveries(tmp_path / "d.csv")
-    assert first == ROW
-    assert (second.rx, second.fate, math.isnan(second.per)) == ("gcs", "transport", True)
-    assert (tmp_path / "d.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
+    found = read(tmp_path)
+    rows = list(zip(*(found[n] for n in ("tx", "rx", "seq", "packets", "fate")), strict=True))
+    assert rows == [
+        ("0", "1", 5, 1, "delivered"),
+        ("0", "gcs", 5, 1, "out_of_range"),
+        ("0", "all", 0, 5, "transport"),
+        ("1", "gcs", 0, 1, "too_long"),
+    ]
+    assert found["sim_time_ns"].tolist() == [7] * 4
+    assert found["distance_m"][:2].tolist() == [30.0, 1e6]
+    assert math.isnan(found["per"][2])
+    assert found["length_bytes"].tolist()[3] == MTU_BYTES + 1
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [("a,b\n", 1), (",".join(COLUMNS) + "\n1,0,1\n", 2), (",".join(COLUMNS) + "\n" + "x," * 10, 2)],
-)
-def test_broken_file_is_refused_with_its_line(tmp_path: Path, text: str, line: int) -> None:
-    (tmp_path / "d.csv").write_text(text)
-    with pytest.raises(ValueError, match=rf"d\.csv:{line}: "):
-        list(read_deliveries(tmp_path / "d.csv"))
+def test_every_fate_of_the_channel_can_be_written() -> None:
+    assert {fate.value for fate in Fate} < set(FATES)
+    assert len(set(FATES)) == len(FATES)

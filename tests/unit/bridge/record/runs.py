@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from aps.wire.dialect import Encoder, mavlink
-from bridge.bus.messages import Header, Truth, Vector3, encode
-from bridge.radio.deliveries import DELIVERIES, DeliveriesWriter, DeliveryRow
-from bridge.record.names import Stream, from_autopilot, packets, to_autopilot, truth
+from bridge.bus.messages import Header, Truth, Vector3
+from bridge.physics.truth_table import TruthColumns
+from bridge.radio.deliveries import DeliveryColumns
+from bridge.record.names import Stream, from_autopilot, packets, to_autopilot
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry, StreamWriter
+from bridge.record.tables.parquet import finish_tables
+from bridge.record.tables.schema import TRUTH, Table
+from tests.unit.bridge.record.tables.rows import DeliveryRow, append_rows
 
 TICK_NS = 50_000_000
 NODES = ("0", "1")
@@ -35,6 +43,7 @@ class RunContent:
     """What a run directory is to hold; tests change it before it is written."""
 
     streams: dict[Stream, list[Entry]] = field(default_factory=dict)
+    truths: list[Truth] = field(default_factory=list)
     rows: list[DeliveryRow] = field(default_factory=list)
 
     def change(self, stream: Stream, index: int, payload: bytes) -> None:
@@ -43,14 +52,24 @@ class RunContent:
     def change_row(self, index: int, **values: object) -> None:
         self.rows[index] = replace(self.rows[index], **values)  # type: ignore[arg-type]
 
-    def write(self, path: Path) -> Path:
+    def change_truth(self, index: int, **values: object) -> None:
+        self.truths[index] = replace(self.truths[index], **values)  # type: ignore[arg-type]
+
+    def write(self, path: Path, *, is_finished: bool = True) -> Path:
+        path.mkdir(parents=True)
         for stream, entries in self.streams.items():
             with StreamWriter(stream.path(path)) as writer:
                 for entry in entries:
                     writer.write(*entry)
-        record = DeliveriesWriter(path / DELIVERIES)
-        record.write(self.rows)
-        record.close()
+        truth = TruthColumns(path, NODES)
+        for state in self.truths:
+            truth.append(state.header.stamp.ns, [state])
+        truth.close()
+        deliveries = DeliveryColumns(path, NODES)
+        append_rows(deliveries, NODES, self.rows)
+        deliveries.close()
+        if is_finished:
+            finish_tables(path)
         return path
 
 
@@ -62,18 +81,29 @@ def content(ticks: int = 20) -> RunContent:
     for node in NODES:
         autopilot, daemon = Encoder(int(node) + 1, 1), Encoder(int(node) + 1, 191)
         times = [i * TICK_NS for i in range(ticks)]
-        made.streams[truth(node)] = [Entry(t, encode(truth_at(node, t))) for t in times]
         made.streams[from_autopilot(node)] = [Entry(t, heartbeat(autopilot)) for t in times]
         made.streams[to_autopilot(node)] = [Entry(t, heartbeat(daemon)) for t in times[::5]]
         made.streams[packets(node)] = [
             Entry(t, encode_packet(SentPacket(i, t, "team", b"payload"))) for i, t in enumerate(times)
         ]
+    made.truths = [truth_at(node, i * TICK_NS) for i in range(ticks) for node in NODES]
     made.rows = [row_at(i * TICK_NS, tx, rx) for i in range(ticks) for tx, rx in (("0", "1"), ("1", "0"))]
     return made
 
 
-def make_run(path: Path, change: Change = lambda _: None, ticks: int = 20) -> Path:
-    """Write a run directory; ``change`` alters its content first."""
+def make_run(
+    path: Path, change: Change = lambda _: None, ticks: int = 20, *, is_finished: bool = True
+) -> Path:
+    """Write a run directory; ``change`` alters its content first. Not finished: as its processes leave it if killed."""
     made = content(ticks)
     change(made)
-    return made.write(path)
+    return made.write(path, is_finished=is_finished)
+
+
+def change_table(run: Path, index: int, table: Table = TRUTH, **values: Any) -> None:
+    """Alter a row of a table of a finished run."""
+    path = table.parquet_path(run)
+    old = pq.read_table(path)
+    rows = old.to_pylist()
+    rows[index] |= values
+    pq.write_table(pa.Table.from_pylist(rows, schema=old.schema), path)

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from bridge.bus.messages import encode
 from bridge.record.compare import NotARun, compare, examine
 from bridge.record.difference import Difference, seconds
 from bridge.record.ending import Extent, extent_of, last_whole_tick
 from bridge.record.events import KILLED, Report
-from bridge.record.names import RECORD_FILE, from_autopilot, packets, to_autopilot, truth
+from bridge.record.names import from_autopilot, packets, to_autopilot
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry, StreamError
+from bridge.record.tables.schema import DELIVERIES, TRUTH, TableError
 from tests.unit.bridge.record.runs import (
     TICK_NS,
     Change,
@@ -25,7 +25,7 @@ from tests.unit.bridge.record.runs import (
     make_run,
     mavlink,
     replace,
-    truth_at,
+    row_at,
 )
 
 AT_3 = 3 * TICK_NS
@@ -44,23 +44,31 @@ def test_same_runs_are_identical_and_it_is_told_what_was_compared(tmp_path: Path
     result = examine(make_run(tmp_path / "a"), make_run(tmp_path / "b"))
     assert result.difference is None
     assert set(result.streams) == {
-        *(f"{kind}/{n}" for kind in ("truth", "packets") for n in "01"),
+        *(f"packets/{n}" for n in "01"),
         *(f"mavlink/{n}/{way}_autopilot" for way in ("from", "to") for n in "01"),
-        "record",
+        "truth",
+        "deliveries",
     }
     assert result.ticks == 20
-    assert result.entries == 2 * (20 + 20 + 4 + 20) + 41
+    assert result.entries == 2 * (20 + 20 + 4 + 20) + 40
 
 
-def test_truth_is_told_by_field(tmp_path: Path) -> None:
-    other = replace(truth_at("1", AT_3), position_ned_m=Vector3(1.15, math.nan, -10.0))
-    found = difference(tmp_path, lambda run: run.change(truth("1"), 3, encode(other)))
-    assert found == Difference(AT_3, "1", "truth/1", "position_ned_m.y", "0.0", "nan")
+def test_truth_is_told_by_column(tmp_path: Path) -> None:
+    found = difference(
+        tmp_path, lambda run: run.change_truth(7, position_ned_m=Vector3(1.15, math.nan, -10.0))
+    )
+    assert found == Difference(AT_3, "1", "truth", "position_east_m in row 7", "0.0", "nan")
 
 
-def test_truth_that_cannot_be_decoded_is_told_by_byte(tmp_path: Path) -> None:
-    found = difference(tmp_path, lambda run: run.change(truth("1"), 3, b"\0\1"))
-    assert (found.what, found.b) == ("byte 2", "nothing (2 bytes)")
+def test_truth_differs_by_its_last_bit_and_by_the_sign_of_zero(tmp_path: Path) -> None:
+    for name, value in (("bit", 8.500000000000002), ("sign", None)):
+        change = (
+            (lambda run: run.change_truth(7, airspeed_mps=-0.0))
+            if value is None
+            else (lambda run, value=value: run.change_truth(7, longitude_deg=value))
+        )
+        found = difference(tmp_path / name, change)
+        assert (found.a, found.b) == (("0.0", "-0.0") if value is None else ("8.5", repr(value)))
 
 
 def test_mavlink_message_is_told_by_its_fields(tmp_path: Path) -> None:
@@ -158,15 +166,50 @@ def test_packet_is_told_by_what_differs(
     assert found == Difference(AT_3, "0", "packets/0", what, a, b)
 
 
-def test_record_is_told_by_its_line(tmp_path: Path) -> None:
+def test_delivery_is_told_by_column(tmp_path: Path) -> None:
     found = difference(tmp_path, lambda run: run.change_row(7, fate="out_of_range"))
-    line = "150000000,1,0,3,40,100.000,-70.000,20.000,0.01"
-    assert found == Difference(AT_3, "1", "record", "line 9", f"{line},delivered", f"{line},out_of_range")
+    assert found == Difference(AT_3, "1", "deliveries", "fate in row 7", "delivered", "out_of_range")
+    found = difference(tmp_path / "b", lambda run: run.change_row(7, per=math.nan))
+    assert (found.what, found.a, found.b) == ("per in row 7", "0.01", "nan")
 
 
-def test_record_that_ends_early(tmp_path: Path) -> None:
+def test_another_packet_is_told_by_its_row(tmp_path: Path) -> None:
+    found = difference(tmp_path, lambda run: run.change_row(7, seq=9))
+    row = "sim_time_ns 150000000, tx 1, rx 0, seq {}, packets 1, length_bytes 40, distance_m 100.0, "
+    row += "received_power_dbm -70.0, snr_db 20.0, per 0.01, fate delivered"
+    assert found == Difference(AT_3, "1", "deliveries", "row 7", row.format(3), row.format(9))
+
+
+def test_row_that_one_side_lacks(tmp_path: Path) -> None:
+    found = difference(tmp_path, lambda run: run.truths.pop(7))
+    assert (found.tick_ns, found.node, found.what) == (AT_3, "1", "row 7")
+    assert found.a.startswith("tick_ns 150000000, node 1, ")
+    assert found.b.startswith("tick_ns 200000000, node 0, ")
+
+
+def test_table_that_ends_early(tmp_path: Path) -> None:
     found = difference(tmp_path, lambda run: run.rows.pop())
-    assert (found.tick_ns, found.what, found.b) == (19 * TICK_NS, "line 41", "nothing: the record ends")
+    assert (found.tick_ns, found.what, found.b) == (19 * TICK_NS, "row 39", "nothing: the table ends")
+
+
+def test_difference_far_into_long_tables_is_found(tmp_path: Path) -> None:
+    ticks = 40_000  # more than one part of what is read at once
+    rows = [row_at(i * TICK_NS, tx, rx) for i in range(ticks) for tx, rx in (("0", "1"), ("1", "0"))]
+
+    def write(run: RunContent, at: int | None) -> None:
+        run.streams.clear()
+        run.rows = list(rows)
+        if at is not None:
+            run.change_row(at, snr_db=19.999)
+
+    a = make_run(tmp_path / "a", lambda run: write(run, None), ticks=1)
+    for at in (65_535, 65_536, 79_999):
+        b = make_run(tmp_path / str(at), lambda run, at=at: write(run, at), ticks=1)
+        found = compare(a, b)
+        assert found is not None
+        assert (found.what, found.a, found.b) == (f"snr_db in row {at}", "20.0", "19.999")
+        later = compare(a, b, (at // 2 - 1) * TICK_NS)
+        assert later is None
 
 
 def test_entry_that_one_side_lacks_names_the_next(tmp_path: Path) -> None:
@@ -177,45 +220,45 @@ def test_entry_that_one_side_lacks_names_the_next(tmp_path: Path) -> None:
 
 
 def test_stream_that_ends_early_has_its_own_words(tmp_path: Path) -> None:
-    found = difference(tmp_path, lambda run: run.streams[truth("0")].pop())
+    found = difference(tmp_path, lambda run: run.streams[packets("0")].pop())
     assert (found.tick_ns, found.what) == (19 * TICK_NS, "the stream")
     assert found.b == "nothing: the stream ends with 0.90 s"
 
 
 def test_stream_that_one_side_lacks_has_its_own_words(tmp_path: Path) -> None:
-    found = difference(tmp_path, lambda run: run.streams.pop(truth("0")))
+    found = difference(tmp_path, lambda run: run.streams.pop(packets("0")))
     assert found == Difference(
-        0, "0", "truth/0", "the stream", "a stream that begins at 0.00 s", "no such stream"
+        0, "0", "packets/0", "the stream", "a stream that begins at 0.00 s", "no such stream"
     )
 
 
-def test_missing_record_is_a_difference(tmp_path: Path) -> None:
+def test_missing_table_is_a_difference(tmp_path: Path) -> None:
     a, b = make_run(tmp_path / "a"), make_run(tmp_path / "b")
-    (b / RECORD_FILE).unlink()
-    assert compare(a, b) == Difference(0, "", "record", "the stream", "the record", "no deliveries.csv")
+    DELIVERIES.parquet_path(b).unlink()
+    assert compare(a, b) == Difference(0, "", "deliveries", "the table", "the table", "no deliveries")
 
 
 def test_earliest_tick_comes_first_whatever_the_stream(tmp_path: Path) -> None:
     def change(run: RunContent) -> None:
-        run.change(truth("0"), 8, b"x")
+        run.change_truth(16, airspeed_mps=1.0)
         run.change(packets("1"), 6, b"x")
         run.change(from_autopilot("1"), 7, b"x")
-        run.change_row(15, fate="x")
+        run.change_row(15, fate="burst")
 
     assert difference(tmp_path, change).stream == "packets/1"
 
 
 def test_within_a_tick_the_cause_comes_first(tmp_path: Path) -> None:
     changes = [
-        lambda run: run.change_row(10, fate="x"),
+        lambda run: run.change_row(10, fate="burst"),
         lambda run: run.change(packets("0"), 5, b"x"),
         lambda run: run.change(to_autopilot("0"), 1, b"x"),
         lambda run: run.change(from_autopilot("1"), 5, b"x"),
         lambda run: run.change(from_autopilot("0"), 5, b"x"),
-        lambda run: run.change(truth("1"), 5, b"x"),
+        lambda run: run.change_truth(11, airspeed_mps=1.0),
     ]
-    order = ["record", "packets/0", "mavlink/0/to_autopilot", "mavlink/1/from_autopilot"]
-    order += ["mavlink/0/from_autopilot", "truth/1"]
+    order = ["deliveries", "packets/0", "mavlink/0/to_autopilot", "mavlink/1/from_autopilot"]
+    order += ["mavlink/0/from_autopilot", "truth"]
     for count, name in enumerate(order, 1):
 
         def change(run: RunContent, count: int = count) -> None:
@@ -230,22 +273,24 @@ def test_nothing_after_until_counts(tmp_path: Path) -> None:
     a = make_run(tmp_path / "a", ticks=10)
 
     def change(run: RunContent) -> None:
-        run.change(truth("0"), 10, b"x")
+        run.change_truth(20, airspeed_mps=1.0)
         run.streams[packets("2")] = [Entry(10 * TICK_NS, b"late")]
 
     longer = make_run(tmp_path / "b", change)
     assert compare(a, longer, until_ns) is None
     assert compare(longer, a, until_ns) is None
     assert compare(a, longer) is not None
-    changed = make_run(tmp_path / "c", lambda run: run.change(truth("0"), 9, b"x"))
+    changed = make_run(tmp_path / "c", lambda run: run.change_truth(18, airspeed_mps=1.0))
     found = compare(a, changed, until_ns)
     assert found is not None
     assert found.tick_ns == until_ns
 
 
 def test_killed_run_is_compared_as_far_as_its_files_go(tmp_path: Path) -> None:
-    a, b = make_run(tmp_path / "a"), make_run(tmp_path / "b")
-    for file, size in ((truth("0").path(a), 3000), (packets("1").path(a), 100), (a / RECORD_FILE, 333)):
+    a, b = make_run(tmp_path / "a", is_finished=False), make_run(tmp_path / "b")
+    assert compare(a, b) is None
+    files = [TRUTH.journal_path(a), packets("1").path(a), DELIVERIES.journal_path(a)]
+    for file, size in zip(files, (3000, 100, 1000), strict=True):
         file.write_bytes(file.read_bytes()[:size])
     from_autopilot("1").path(a).unlink()
     assert examine(a, b, 18 * TICK_NS, a_was_cut=True).difference is None
@@ -262,21 +307,29 @@ def test_what_cannot_be_read_is_told(tmp_path: Path) -> None:
     with pytest.raises(NotARun, match="neither deliveries"):
         compare(tmp_path / "b", a)
     b = make_run(tmp_path / "c")
-    truth("1").path(b).write_bytes(b"garbage that is long enough")
+    packets("1").path(b).write_bytes(b"garbage that is long enough")
     with pytest.raises(StreamError, match=r"1\.bin: offset 0"):
         compare(a, b)
+    c = make_run(tmp_path / "d")
+    TRUTH.parquet_path(c).write_bytes(b"garbage that is long enough")
+    with pytest.raises(TableError, match=r"truth\.parquet: damaged"):
+        compare(a, c)
 
 
 def test_progress_is_told(tmp_path: Path) -> None:
     told: list[tuple[str, int]] = []
     a, b = make_run(tmp_path / "a", ticks=600), make_run(tmp_path / "b", ticks=600)
     examine(a, b, on_progress=lambda name, entries: told.append((name, entries)))
-    assert told[0] == ("truth/1", 1000)
-    assert len(told) == (2 * (600 * 3 + 120) + 1201) // 1000
+    assert told == [
+        ("truth", 1200),
+        ("mavlink/1/from_autopilot", 2000),
+        ("packets/0", 3000),
+        ("deliveries", 5040),
+    ]
 
 
 def test_extent_of_a_run(tmp_path: Path) -> None:
-    run = make_run(tmp_path / "a", lambda run: run.streams[truth("1")].pop())
+    run = make_run(tmp_path / "a", lambda run: run.truths.pop())
     assert last_whole_tick(run) == 18 * TICK_NS
     for summary, extent in (
         ('{"ending": "done"}', Extent(None, False, "done")),

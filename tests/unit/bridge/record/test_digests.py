@@ -6,24 +6,31 @@ import hashlib
 from pathlib import Path
 
 from bridge.record.digests import digest_line, digests
-from bridge.record.names import RECORD_FILE, packets, truth
+from bridge.record.names import packets
 from bridge.record.streams import StreamWriter
+from tests.unit.bridge.record.runs import make_run
 
 
 def run_at(path: Path, payload: bytes = b"x") -> Path:
-    for stream in (truth("0"), packets("0")):
-        with StreamWriter(stream.path(path)) as writer:
-            writer.write(1, payload)
-    (path / RECORD_FILE).write_text("sim_time_ns\n1\n")
+    with StreamWriter(packets("0").path(path)) as writer:
+        writer.write(1, payload)
+    (path / "deliveries.parquet").write_bytes(b"rows")
     return path
 
 
-def test_one_digest_per_stream_and_one_of_the_record(tmp_path: Path) -> None:
+def test_one_digest_per_stream_and_table(tmp_path: Path) -> None:
     run = run_at(tmp_path)
     found = digests(run)
-    assert sorted(found) == ["packets/0", "record", "truth/0"]
-    assert found["record"] == hashlib.sha256(b"sim_time_ns\n1\n").hexdigest()
-    assert found["truth/0"] == hashlib.sha256(truth("0").path(run).read_bytes()).hexdigest()
+    assert sorted(found) == ["deliveries", "packets/0"]
+    assert found["deliveries"] == hashlib.sha256(b"rows").hexdigest()
+    assert found["packets/0"] == hashlib.sha256(packets("0").path(run).read_bytes()).hexdigest()
+
+
+def test_tables_of_equal_runs_have_equal_digests_and_others_do_not(tmp_path: Path) -> None:
+    one, same = (digests(make_run(tmp_path / name)) for name in "ab")
+    other = digests(make_run(tmp_path / "c", lambda run: run.change_truth(3, airspeed_mps=1e-9)))
+    assert one == same
+    assert {name for name in one if one[name] != other[name]} == {"truth"}
 
 
 def test_equal_runs_have_equal_lines_and_others_do_not(tmp_path: Path) -> None:

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bridge.radio.deliveries import DELIVERIES
 from bridge.record.names import (
-    RECORD_FILE,
     Stream,
     from_autopilot,
     inputs_path,
@@ -16,11 +14,9 @@ from bridge.record.names import (
     report_path,
     streams_of,
     to_autopilot,
-    truth,
 )
 
 ALL = {
-    "truth/0": truth("0"),
     "mavlink/0/from_autopilot": from_autopilot("0"),
     "mavlink/0/to_autopilot": to_autopilot("0"),
     "packets/gcs-1.a": packets("gcs-1.a"),
@@ -35,7 +31,7 @@ def test_name_and_back(name: str, stream: Stream) -> None:
 
 @pytest.mark.parametrize("node", ["..", "a/b", "", "../x", "a\0", ".hidden", "n" * 201])
 def test_unsafe_node_is_refused(node: str) -> None:
-    for make in (truth, from_autopilot, to_autopilot, packets):
+    for make in (from_autopilot, to_autopilot, packets):
         with pytest.raises(ValueError, match=r"cannot be part of a key|longer than"):
             make(node)
     for path in (inputs_path, report_path):
@@ -44,7 +40,8 @@ def test_unsafe_node_is_refused(node: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["", "truth", "x/0", "mavlink/0", "mavlink/0/truth", "from_autopilot/0", "truth/0/1"]
+    "name",
+    ["", "packets", "truth/0", "x/0", "mavlink/0", "mavlink/0/truth", "from_autopilot/0", "packets/0/1"],
 )
 def test_foreign_name_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="not the name of a stream"):
@@ -60,7 +57,3 @@ def test_streams_of_a_directory_are_found_and_foreign_ones_refused(tmp_path: Pat
     (tmp_path / "streams" / "odd.bin").touch()
     with pytest.raises(ValueError, match=r"odd\.bin: 'odd' is not the name"):
         streams_of(tmp_path)
-
-
-def test_record_is_the_file_that_the_radio_writes() -> None:
-    assert RECORD_FILE == DELIVERIES == "deliveries.csv"

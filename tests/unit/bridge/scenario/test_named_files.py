@@ -15,9 +15,14 @@ duration_s: 5
 origin: {lat_deg: 47.4, lon_deg: 8.5, alt_amsl_m: 420.0}
 radio: radio.yaml
 wind: wind.yaml
-ua:
+nodes:
   - {id: 0, airframe: own.yaml, agent: {type: own, class: "agent.py:Own"}}
   - {id: 1, agent: {type: own, class: "os.path:join"}}
+"""
+ANTENNA = "from channel.antenna import Isotropic\n\nclass Mine(Isotropic): ...\n"
+GAINS = """\
+tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db
+0,0,1,5,0,1,-60
 """
 
 
@@ -31,8 +36,13 @@ def made(folder: Path) -> Path:
     (folder / "wind.yaml").write_text("map: {file: maps/shear.nc}\n")
     (folder / "maps").mkdir()
     (folder / "maps" / "shear.nc").write_bytes((SITL / "wind" / "shear.nc").read_bytes())
-    (folder / "radio.yaml").write_text("preset: base.yaml\n")
-    (folder / "base.yaml").write_text("preset: moon2020\n")
+    (folder / "radio.yaml").write_text('preset: base.yaml\nantenna: {class: "models/mine.py:Mine"}\n')
+    (folder / "models").mkdir()
+    (folder / "models" / "mine.py").write_text(ANTENNA)
+    (folder / "base.yaml").write_text(
+        "preset: moon2020\npropagation: {model: gain-map, file: maps/gains.csv}\n"
+    )
+    (folder / "maps" / "gains.csv").write_text(GAINS)
     (folder / "scenario.yaml").write_text(SCENARIO)
     return folder / "scenario.yaml"
 
@@ -44,7 +54,9 @@ def test_files_of_a_scenario_and_those_that_they_name(tmp_path: Path) -> None:
         "base.yaml",
         "jsbsim/aircraft/hexa550/Engines/motor.xml",
         "jsbsim/aircraft/hexa550/hexa550.xml",
+        "maps/gains.csv",
         "maps/shear.nc",
+        "models/mine.py",
         "own.yaml",
         "radio.yaml",
         "wind.yaml",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from bridge.scenario.agents import OwnAgent
 from bridge.scenario.file import (
     SCENARIOS,
     ScenarioError,
@@ -14,7 +15,6 @@ from bridge.scenario.file import (
     scenario_names,
     with_changes,
 )
-from bridge.scenario.model import OwnAgent
 from bridge.scenario.resolve import airframe_of, wind_of
 from bridge.scenario.resolve_radio import radio_of
 
@@ -40,14 +40,19 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         ("speed: max", "speed: 0.01", "speed", "from 0.1 to"),
         ("lat_deg: 40.1331", "lat_deg: 400", "origin.lat_deg", "less than or equal to 90 (got 400)"),
         ("tick_rate_hz: 20", "tick_rate_hz: 3", "tick_rate_hz", "whole nanoseconds"),
-        ("type: hold", "type: hang", "ua.0.agent", "type has to be one of: hold, out_and_back, still"),
+        (
+            "type: hold",
+            "type: hang",
+            "nodes.0.agent",
+            "type has to be one of: hold, out_and_back, still, free, own",
+        ),
         (
             "altitude_m: 40}",
             "altitude_m: 40, speed: 2}",
-            "ua.0.agent.speed",
-            "allowed here: type, altitude_m",
+            "nodes.0.agent.speed",
+            "allowed here: isolated, type, altitude_m",
         ),
-        ("north_m: 5", "nort_m: 5", "ua.1.home.nort_m", "allowed here: north_m, east_m, heading_deg"),
+        ("north_m: 5", "nort_m: 5", "nodes.1.home.nort_m", "allowed here: north_m, east_m, heading_deg"),
         ("radio: moon2020", "radio: moon2021", "radio", "did you mean moon2020?"),
         (
             "radio: moon2020",
@@ -117,7 +122,7 @@ def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: 
 
 def test_unknown_airframe_is_named_with_the_known_ones() -> None:
     with pytest.raises(
-        ScenarioError, match=r"x:\d+: ua\.0\.airframe: unknown airframe 'f451': known are .*f450"
+        ScenarioError, match=r"x:\d+: nodes\.0\.airframe: unknown airframe 'f451': known are .*f450"
     ):
         parse_scenario(TEXT.replace("airframe: f450", "airframe: f451", 1), "x")
 
@@ -129,7 +134,7 @@ def test_missing_keys_are_all_named() -> None:
         "duration_s",
         "origin",
         "radio",
-        "ua",
+        "nodes",
     }
 
 

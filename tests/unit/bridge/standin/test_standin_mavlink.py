@@ -46,6 +46,8 @@ class Bench:
         self.client = dialect.MAVLink(None, 255, 190)
         self.parser = dialect.MAVLink(None)
         self.frames = 0
+        self.pose: dict[str, Any] = {}
+        """What the sensor frames have that a vehicle at rest at its home has not."""
         self.heard: list[Any] = []
 
     def run(self, duration_s: float) -> list[Any]:
@@ -56,7 +58,7 @@ class Bench:
 
     def turn(self, **changes: Any) -> list[Any]:
         """One frame of physics; return what the autopilot says in it."""
-        assert self.autopilot.take_frame(sensor_frame(self.frames * STEP_S, **changes))
+        assert self.autopilot.take_frame(sensor_frame(self.frames * STEP_S, **(self.pose | changes)))
         self.frames += 1
         self.autopilot.step()
         return self.take()
@@ -439,8 +441,6 @@ def test_mission_upload_download_and_clear(ready: Bench) -> None:
     (home,) = ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 0, 0))
     assert (home.x, home.y, home.z) == (450_000_000, 100_000_000, 100.0)
     assert [m.type for m in ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 9, 0))] == [13]
-    assert [m.count for m in ready.say(dialect.MAVLink_mission_request_list_message(7, 1, 1))] == [0]
-    assert [m.type for m in ready.say(dialect.MAVLink_mission_count_message(7, 1, 3, 1))] == [3], "no fences"
     assert [m.seq for m in ready.say(dialect.MAVLink_mission_set_current_message(7, 1, 2))] == [2]
     assert ready.say(dialect.MAVLink_mission_set_current_message(7, 1, 77)) == []
     assert [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, 0))] == [0]
@@ -476,6 +476,142 @@ def test_an_upload_asks_again_and_is_given_up(ready: Bench) -> None:
 def test_a_stray_item_and_too_many_items_are_refused(ready: Bench) -> None:
     assert [m.type for m in ready.say(item(0))] == [1]
     assert [m.type for m in ready.say(dialect.MAVLink_mission_count_message(7, 1, 5000, 0))] == [4]
+
+
+FENCE, RALLY, ALL = 1, 2, 255
+
+
+def of_kind(kind: int, seq: int, command: int, **changes: Any) -> Any:
+    message = item(seq, command, frame=5, **changes)
+    message.mission_type = kind
+    return message
+
+
+def test_fences_and_rally_points_are_kept_and_given_back_beside_the_mission(ready: Bench) -> None:
+    upload(ready, [item(0), item(1)])
+    fence = [of_kind(FENCE, seq, 5001, lat=450_000_000 + 1000 * seq) for seq in range(4)]
+    rally = [of_kind(RALLY, 0, 5100)]
+    for kind, items in ((FENCE, fence), (RALLY, rally)):
+        answer = ready.say(dialect.MAVLink_mission_count_message(7, 1, len(items), kind))
+        for seq, one in enumerate(items):
+            assert [(m.get_type(), m.seq, m.mission_type) for m in answer] == [("MISSION_REQUEST", seq, kind)]
+            answer = ready.say(one)
+        assert [(m.get_type(), m.type, m.mission_type) for m in answer] == [("MISSION_ACK", 0, kind)]
+    for kind, items in ((FENCE, fence), (RALLY, rally)):
+        (told,) = ready.say(dialect.MAVLink_mission_request_list_message(7, 1, kind))
+        assert (told.count, told.mission_type) == (len(items), kind)
+        for one in items:
+            (back,) = ready.say(dialect.MAVLink_mission_request_int_message(7, 1, one.seq, kind))
+            assert (back.seq, back.command, back.x, back.y, back.mission_type) == (
+                one.seq,
+                one.command,
+                one.x,
+                one.y,
+                kind,
+            )
+    assert [m.type for m in ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 9, FENCE))] == [13]
+    ready.say(dialect.MAVLink_mission_count_message(7, 1, 1, FENCE))
+    assert [m.type for m in ready.say(of_kind(FENCE, 0, 16))] == [3], "a way point is no part of a fence"
+    assert [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, FENCE))] == [0]
+    counts = [
+        ready.say(dialect.MAVLink_mission_request_list_message(7, 1, kind))[0].count for kind in range(3)
+    ]
+    assert counts == [2, 0, 1]
+    assert [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, ALL))] == [0]
+    assert len(ready.autopilot.vehicle.mission) == 0
+    assert [m.type for m in ready.say(dialect.MAVLink_mission_count_message(7, 1, 3, 3))] == [3]
+
+
+def in_the_air(ready: Bench) -> Bench:
+    """Hold 20 m over home."""
+    ready.command(400, 1)
+    ready.pose = {"position": [0.0, 0.0, -20.0]}
+    ready.turn()
+    ready.autopilot.vehicle.leave_ground()
+    return ready
+
+
+def test_a_mission_that_is_cleared_in_flight_leaves_the_way_home_open(ready: Bench) -> None:
+    upload(ready, [item(0), item(1, lat=451_000_000)])
+    in_the_air(ready)
+    assert results(ready.command(176, 1, AUTO)) == [(176, 0)]
+    ready.run(0.5)
+    ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, 0))
+    for mode in (RTL, 9, GUIDED, AUTO):
+        answer = ready.command(176, 1, mode)
+        assert results(answer) == [(176, 4 if mode == AUTO else 0)], mode
+    assert texts(answer) == ["Mode change to AUTO failed: no mission"]
+
+
+def test_a_mission_that_ends_with_a_setting_completes(ready: Bench) -> None:
+    upload(ready, [item(0), item(1, 19), item(2, 178)])
+    in_the_air(ready)
+    ready.command(511, 42, 100_000)
+    assert results(ready.command(176, 1, AUTO)) == [(176, 0)]
+    ready.run(1.0)
+    assert [m.seq for m in ready.heard if m.get_type() == "MISSION_ITEM_REACHED"] == [1, 2]
+    told = [m for m in ready.heard if m.get_type() == "MISSION_CURRENT"][-1]
+    assert (told.seq, told.total, told.mission_state) == (2, 2, dialect.MISSION_STATE_COMPLETE)
+    # Entered again, a mission that is complete begins anew.
+    ready.heard.clear()
+    ready.command(176, 1, GUIDED)
+    ready.command(176, 1, AUTO)
+    ready.run(1.0)
+    assert [m.seq for m in ready.heard if m.get_type() == "MISSION_ITEM_REACHED"] == [1, 2]
+
+
+def test_brake_stops_where_the_vehicle_is(ready: Bench) -> None:
+    in_the_air(ready)
+    vehicle = ready.autopilot.vehicle
+    vehicle.mode.fly_to(vehicle, (100.0, 0.0, -20.0))  # type: ignore[attr-defined]
+    assert results(ready.command(176, 1, 17)) == [(176, 0)]
+    assert vehicle.navigator.point_m is None
+    assert [m.custom_mode for m in ready.run(1.1) if m.get_type() == "HEARTBEAT"][-1] == 17
+    assert texts(ready.command(176, 1, 0)) == ["Mode change to STABILIZE failed: no RC"]
+    vehicle.landed = True
+    vehicle.disarm(force=True)
+    assert texts(ready.command(400, 1))[-1] == "Arm: BRAKE mode not armable"
+
+
+# --- what the stand-in has not ---
+
+
+def test_files_are_refused_at_once(ready: Bench) -> None:
+    payload = [11, 0, 3, 4, 5, 0, 0, 0, 0, 0, 0, 0, *b"@PARAM", *([0] * 233)]  # OpenFileRO in session 3
+    (answer,) = ready.say(dialect.MAVLink_file_transfer_protocol_message(0, 7, 1, payload))
+    head = bytes(answer.payload[:13])
+    assert (answer.target_system, answer.target_component) == (255, 190)
+    assert (head[:2], head[2], head[3], head[4], head[5]) == (b"\x0c\0", 3, 129, 1, 4)
+    assert head[12] == 7, "unknown command"
+    payload[3] = 129
+    assert ready.say(dialect.MAVLink_file_transfer_protocol_message(0, 7, 1, payload)) == []
+
+
+def test_logs_are_none_at_once(ready: Bench) -> None:
+    (entry,) = ready.say(dialect.MAVLink_log_request_list_message(7, 1, 0, 0xFFFF))
+    assert (entry.get_type(), entry.num_logs) == ("LOG_ENTRY", 0)
+    (data,) = ready.say(dialect.MAVLink_log_request_data_message(7, 1, 5, 90, 900))
+    assert (data.get_type(), data.id, data.ofs, data.count) == ("LOG_DATA", 5, 90, 0)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        dialect.MAVLink_mission_write_partial_list_message(7, 1, 1, 2, 0),
+        dialect.MAVLink_mission_request_partial_list_message(7, 1, 1, 2, 0),
+        dialect.MAVLink_mission_item_message(7, 1, 0, 3, 16, 0, 1, 0, 0, 0, 0, 45.0, 10.0, 20.0, 0),
+    ],
+)
+def test_old_parts_of_the_mission_protocol_are_refused_at_once(ready: Bench, message: Any) -> None:
+    assert [(m.get_type(), m.type) for m in ready.say(message)] == [("MISSION_ACK", 3)]
+
+
+def test_the_fence_that_is_not_there_is_not_breached(ready: Bench) -> None:
+    status = next(m for m in ready.command(512, 1) if m.get_type() == "SYS_STATUS")
+    geofence = dialect.MAV_SYS_STATUS_GEOFENCE
+    assert not status.onboard_control_sensors_present & geofence
+    assert not status.onboard_control_sensors_enabled & geofence
+    assert status.onboard_control_sensors_health & geofence
 
 
 # --- physics link ---

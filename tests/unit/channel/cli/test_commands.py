@@ -98,16 +98,20 @@ def test_radios_are_listed_with_their_ranges():
 def test_reference_row_through_the_command_line():
     """One row of the reference data: the way is slant, the distance over the ground."""
     base = ("link", "--radio", "perfect", "--json", "--frequency-hz", "900e6", "--height-rx", "1.5")
-    two_ray = run(*base, "--distance", "30", "--height-tx", "50", "--set", "propagation.model=two-ray")
+    two_ray = run(*base, "--distance", "30", "--height-tx", "50", "--set", "propagation.model=two-slope")
     assert json.loads(two_ray.output)["path_loss_db"] == pytest.approx(66.654473, abs=1e-4)
-    hata = ["propagation.model=okumura-hata", "propagation.environment=open", "propagation.city=small"]
+    hata = ["propagation.model=okumura-hata", "propagation.environment=open", "propagation.coefficients=ns3"]
     options = [part for setting in hata for part in ("--set", setting)]
     row = run(*base, "--distance", "2000", "--height-tx", "30", *options)
     assert json.loads(row.stdout)["path_loss_db"] == pytest.approx(109.200364, abs=1e-4)
 
 
-def test_validity_warning_goes_to_stderr():
-    result = run("link", "--distance", "400", "--set", "propagation.model=okumura-hata")
+def test_validity_is_an_error_of_one_line_or_a_warning_on_stderr():
+    outside = ("link", "--distance", "400", "--set", "propagation.model=okumura-hata")
+    refused = run(*outside)
+    assert refused.exit_code == 2
+    assert "frequency_hz = 2412000000.0: allowed is 1.5e+08 to 1.5e+09" in refused.stderr
+    result = run(*outside, "--set", "propagation.outside=warn")
     assert result.exit_code == 0
     assert "warning: frequency_hz = 2.412e+09: outside" in result.stderr
 

@@ -10,6 +10,7 @@ from channel.checks import ChannelInputError
 from channel.cli.commands import main
 from channel.fit.calibration import NotEnoughInformationError, fit_radio, fitted_radio
 from channel.fit.flight_log import FlightLog, FlightLogError, read_flight_log
+from channel.fit.likelihood import power_at_reference_dbm
 from channel.link.radio import Radio
 
 
@@ -365,3 +366,9 @@ def test_logs_that_cannot_be_read_name_the_line(tmp_path, text, words):
     log.write_text(text)
     with pytest.raises(FlightLogError, match=words):
         read_flight_log(log, 40)
+
+
+def test_the_level_that_a_fit_starts_from_is_the_budgets():
+    base = presets.load_radio("corrected", {"cable_loss_db": 1.5, "antenna": {"model": "dipole"}})
+    level = float(Radio(base).link(1.0).received_power_dbm)
+    assert power_at_reference_dbm(base, 1.0) == pytest.approx(level, abs=1e-9)

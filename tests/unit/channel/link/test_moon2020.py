@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from channel import presets
+from channel.link.lengths import Lengths
 from channel.link.radio import Radio
 
 DISTANCES_M = [100, 200, 300, 320, 340, 360, 380, 400, 420, 450, 480, 500]
@@ -80,4 +81,5 @@ def test_expected_delivery_table_agrees_with_the_quadrature():
         distance = np.geomspace(50, 5000, 200)
         path = model.path(distance)
         exact = model.probability_of_delivery(distance)
-        assert model.expected_delivery(model.mean_power_dbm(path), path, 40) == pytest.approx(exact, abs=1e-5)
+        share = model.expected_delivery(model.mean_power_dbm(path), path, Lengths.same(40))
+        assert share == pytest.approx(exact, abs=1e-5)

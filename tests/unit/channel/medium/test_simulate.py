@@ -6,6 +6,7 @@ from channel.draws import Draws
 from channel.link.radio import Radio
 from channel.medium.medium import Fate, Medium
 from channel.medium.simulate import simulate
+from tests.unit.channel.medium.one_by_one import transmitted
 
 
 @pytest.mark.parametrize("name", ["moon2020", "corrected", "disk", "gazebo-classic"])
@@ -19,7 +20,7 @@ def test_batches_have_the_fates_of_the_medium(name, fading):
     medium.place("1", (distance, 0, -40))
     for row, tx in enumerate("01"):
         for k in range(60):
-            (one,) = medium.transmit(tx, 250 + k, 0, 40)
+            (one,) = transmitted(medium, tx, 250 + k, 0, 40)
             assert batch.delivered[row, k] == (one.fate is Fate.DELIVERED)
             assert batch.received_power_dbm[row, k] == pytest.approx(one.received_power_dbm, abs=1e-9)
             assert batch.per[row, k] == pytest.approx(one.per, abs=1e-12)

@@ -8,6 +8,7 @@ import pytest
 from channel import presets
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
+from tests.unit.channel.medium.one_by_one import rows, transmitted
 
 TICK_NS = 50_000_000
 FREQUENCY_HZ = 100e6
@@ -40,7 +41,8 @@ def gains_db(velocities_ned_mps, every_ns, packets):
             position = tuple(p + v * tick * TICK_NS / 1e9 for p, v in zip(start, velocity, strict=True))
             medium.observe(str(node), tick * TICK_NS, position)
     for seq in range(1, packets + 1):
-        settled += medium.transmit("0", seq, seq * every_ns, 40)
+        settled += transmitted(medium, "0", seq, seq * every_ns, 40)
+    settled += rows(medium, medium.flush())
     mean_dbm = RADIO.link([each.distance_m for each in settled]).received_power_dbm
     times_ns = np.array([each.sim_time_ns for each in settled])
     return times_ns, np.array([each.received_power_dbm for each in settled]) - mean_dbm
@@ -80,7 +82,7 @@ def test_a_change_of_speed_is_seen_at_once():
     east_m, settled = 300.0, []
     for tick in range(60):
         medium.observe("1", tick * TICK_NS, (0.0, east_m, -50.0))
-        settled += medium.transmit("0", tick, max(tick - 1, 0) * TICK_NS, 40)
+        settled += transmitted(medium, "0", tick, max(tick - 1, 0) * TICK_NS, 40)
         east_m += 0.0 if tick < 30 else 12.0 * TICK_NS / 1e9
     mean_dbm = RADIO.link([each.distance_m for each in settled]).received_power_dbm
     gain_db = np.array([each.received_power_dbm for each in settled]) - mean_dbm

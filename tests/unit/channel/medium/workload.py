@@ -11,6 +11,7 @@ from channel import presets
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.validity import ValidityWarning
+from tests.unit.channel.medium.one_by_one import settled, transmitted
 
 TICK_NS = 50_000_000
 TICKS = 20
@@ -24,10 +25,12 @@ SCALE_M = {
 }
 HILLS = [[0.0, 90.0, 0.0], [30.0, 0.0, 60.0], [0.0, 10.0, 0.0]]
 VARIANTS = {
-    "al-hourani": {"propagation": {"model": "al-hourani"}},
-    "uma-av": {"propagation": {"model": "uma-av"}},
-    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large"}},
-    "terrain": {"propagation": {"model": "terrain", "spacing_m": 150.0, "heights_m": HILLS}},
+    "al-hourani": {"propagation": {"model": "al-hourani", "outside": "warn"}},
+    "uma-av": {"propagation": {"model": "uma-av", "outside": "clamp"}},
+    "okumura-hata": {"propagation": {"model": "okumura-hata", "city": "large", "outside": "warn"}},
+    "terrain": {
+        "propagation": {"model": "terrain", "outside": "border", "spacing_m": 150.0, "heights_m": HILLS}
+    },
     "rayleigh": {"fading": {"model": "rayleigh", "coherence": "doppler"}},
     "nakagami": {"fading": {"model": "nakagami", "m": 2.5}},
     "rician": {"fading": {"model": "rician", "k_db": 3.0, "k_overhead_db": 15.0}},
@@ -60,16 +63,16 @@ def place(node, tick, scale_m):
 
 
 def record(radio, scale_m):
-    """The lines of a record, in the format of a run's `deliveries.csv`, and after each all bits of its numbers."""
+    """The lines of a record, with the columns of a run's deliveries, and after each all bits of its numbers."""
     medium = Medium(radio, seed=7, nodes=NODES)
     for tick in range(TICKS + 1):
         for i, node in enumerate(NODES):
             roll = 0.1 * ((tick + i) % 7)
             attitude = (math.sqrt(1.0 - roll * roll), roll, 0.0, 0.0)
-            settled = medium.observe(node, tick * TICK_NS, place(i, tick, scale_m), attitude)
-            assert not settled
+            medium.observe(node, tick * TICK_NS, place(i, tick, scale_m), attitude)
+        assert not settled(medium)
         for i, node in enumerate(NODES):
-            for r in medium.transmit(node, tick, tick * TICK_NS - 7_000_001 * i, 40 + 60 * (tick % 2)):
+            for r in transmitted(medium, node, tick, tick * TICK_NS - 7_000_001 * i, 40 + 60 * (tick % 2)):
                 yield (
                     f"{r.sim_time_ns},{r.tx},{r.rx},{r.seq},{r.length_bytes},{r.distance_m:.3f},"
                     f"{r.received_power_dbm:.3f},{r.snr_db:.3f},{r.per:.7g},{r.fate.value}\n"

@@ -7,6 +7,7 @@ from channel.medium.medium import Fate, Medium
 from channel.phy.interference import sum_dbm
 from channel.phy.noise import thermal_noise_dbm
 from channel.presets import PresetError
+from tests.unit.channel.medium.one_by_one import settled
 
 
 def radio(duty=1.0, frequency_hz=None, power_dbm=30.0):
@@ -33,6 +34,25 @@ def test_jammer_raises_the_noise_by_its_received_power():
     assert float(link.snr_db) == pytest.approx(float(link.received_power_dbm) - expected, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("overrides", "wanted_db", "unwanted_db"),
+    [
+        ({"offset_db": -7.0}, -7.0, -7.0),
+        ({"cable_loss_db": 2.0}, -4.0, -2.0),
+        ({"receive_antenna": {"model": "isotropic", "gain_db": -1.7}}, -4.0, -4.0),
+    ],
+)
+def test_what_the_receiver_takes_it_takes_of_wanted_and_unwanted_alike(overrides, wanted_db, unwanted_db):
+    """With the jammer far above the noise: the noise that a receiver reports is the jammer's power."""
+    jammer = {"position_ned_m": [500.0, 0.0, -40.0], "power_dbm": 100.0}
+    base = {"interference": {"interferers": [jammer]}, "noise": {"model": "fixed", "floor_dbm": -200.0}}
+    plain, other = (
+        Radio(presets.load_radio("corrected", base | more)).link(100.0) for more in ({}, overrides)
+    )
+    assert float(other.received_power_dbm - plain.received_power_dbm) == pytest.approx(wanted_db)
+    assert float(other.noise_dbm - plain.noise_dbm) == pytest.approx(unwanted_db, abs=1e-6)
+
+
 def test_adjacent_channel_is_rejected():
     beside, on = radio(1.0, 2.432e9, 90.0), radio(1.0, 2.412e9, 90.0)
     drop_db = beside.noise_dbm(beside.path(100.0)) - on.noise_dbm(on.path(100.0))
@@ -47,7 +67,9 @@ def test_pulsed_jammer_monte_carlo_agrees_with_the_closed_probability(duty):
     medium.place("0", (0, 0, -40))
     medium.place("1", (60, 0, -40))
     n = 3000
-    fates = [medium.transmit("0", k, k * 1_000_000, 100)[0] for k in range(n)]
+    times_ns = 1_000_000 * np.arange(n)
+    medium.send(medium.packets(tx="0", seq=np.arange(n), sim_time_ns=times_ns, length_bytes=100))
+    fates = settled(medium)
     p = float(model.probability_of_delivery(60.0, 100))
     assert fates[0].probability_of_delivery == pytest.approx(p, abs=1e-4)
     delivered = sum(each.fate is Fate.DELIVERED for each in fates)

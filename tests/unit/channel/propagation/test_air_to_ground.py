@@ -3,12 +3,13 @@ import warnings
 import numpy as np
 import pytest
 
-from channel.checks import ChannelInputError
 from channel.geometry import Path
+from channel.link.radio import Radio
+from channel.presets import load_radio, preset_names
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.hata import OkumuraHata
 from channel.propagation.path_loss import friis_loss_db
-from channel.validity import ValidityWarning
+from channel.validity import OutsideValidityError, ValidityWarning
 
 
 def path(ground_m, tx_m, rx_m, frequency_hz=2e9):
@@ -51,18 +52,54 @@ def test_rma_av_by_hand_and_clear_above_40_m():
     )
 
 
-def test_outside_its_range_a_model_warns_once_by_name():
-    model = OkumuraHata()
-    low = Path(900e6, np.asarray(1500.0), 30.0, 0.5)
+LOW = Path(900e6, np.asarray(1500.0), 30.0, 0.5)
+
+
+def test_outside_its_range_a_model_refuses_by_name():
+    with pytest.raises(
+        OutsideValidityError, match=r"height of the mobile = 0\.5: allowed is 1 to 10.*okumura-hata"
+    ):
+        OkumuraHata().path_loss_db(LOW)
+
+
+def test_the_nonsense_of_two_aircraft_in_a_formula_for_streets_is_refused():
+    """Both ends at 100 m, 500 m apart: the formula gives a gain of 142 dB."""
+    between_aircraft = Path(900e6, np.asarray(500.0), 100.0, 100.0)
+    with pytest.raises(OutsideValidityError, match="height of the mobile = 100"):
+        OkumuraHata().path_loss_db(between_aircraft)
+    with pytest.warns(ValidityWarning):
+        assert float(OkumuraHata(outside="warn").path_loss_db(between_aircraft)) < -100.0
+    held = float(OkumuraHata(outside="clamp").path_loss_db(between_aircraft))
+    at_the_border = float(OkumuraHata().path_loss_db(Path(900e6, np.asarray(1000.0), 100.0, 10.0)))
+    assert held == pytest.approx(at_the_border - 20.0 * np.log10(2.0))
+
+
+def test_or_warns_once():
+    model = OkumuraHata(outside="warn")
     with pytest.warns(ValidityWarning, match=r"height of the mobile = 0\.5: outside 1 to 10.*okumura-hata"):
-        model.path_loss_db(low)
+        model.path_loss_db(LOW)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        model.path_loss_db(low)
+        model.path_loss_db(LOW)
 
 
-def test_or_refuses_or_says_nothing():
-    low = Path(900e6, np.asarray(1500.0), 30.0, 0.5)
-    with pytest.raises(ChannelInputError, match=r"height of the mobile = 0\.5: allowed is 1 to 10"):
-        OkumuraHata(outside="refuse").path_loss_db(low)
-    assert np.isfinite(OkumuraHata(outside="ignore").path_loss_db(low))
+def test_beyond_its_distance_a_clamped_law_goes_on_as_free_space():
+    clamped = RmaAv(outside="clamp", line_of_sight="always")
+    far, border = path(40_000.0, 50.0, 50.0, 8e8), path(10_000.0, 50.0, 50.0, 8e8)
+    more = float(clamped.path_loss_db(far) - clamped.path_loss_db(border))
+    assert more == pytest.approx(20.0 * np.log10(4.0))
+    assert float(clamped.path_loss_db(border)) == float(RmaAv(line_of_sight="always").path_loss_db(border))
+    with pytest.raises(OutsideValidityError, match="ground distance = 40000"):
+        RmaAv().path_loss_db(far)
+    with pytest.raises(OutsideValidityError, match="height of the aircraft = 301"):
+        RmaAv().path_loss_db(path(1000.0, 35.0, 301.0, 8e8))
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_presets_stay_inside(name):
+    """From the ground to 400 m, from 1 m to 100 km, without a warning and without a refusal."""
+    radio = Radio(load_radio(name))
+    for height in (0.2, 40.0, 400.0):
+        ends = {"height_tx_m": height, "height_rx_m": 10.0}
+        received = radio.link(ground_distance_m=np.geomspace(1.0, 1e5, 30), **ends).received_power_dbm
+        assert np.all(np.isfinite(received))

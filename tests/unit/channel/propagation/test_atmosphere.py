@@ -11,6 +11,7 @@ from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import PresetError
 from channel.propagation import atmosphere
+from tests.unit.channel.medium.one_by_one import rows
 
 ITUR = importlib.util.find_spec("itur") is not None
 needs_itur = pytest.mark.skipif(not ITUR, reason="needs itur: pip install 'lostlink[itur]' (280 MB)")
@@ -75,8 +76,9 @@ def test_a_medium_takes_the_atmosphere_into_account():
     radio = Radio(presets.load_radio("corrected", air))
     medium = Medium(radio, seed=1, nodes=["a", "b", "c", "d", "e", "f", "g"])
     for k, node in enumerate("abcdefg"):
-        medium.observe(node, 0, (200.0 * k, 0.0, -40.0))
-    receptions = medium.transmit("a", 0, 0, 40) or medium.flush()
+        medium.observe(node, 0, (5.0 * k, 0.0, -40.0))
+    medium.send(medium.packets(tx="a", seq=0, length_bytes=40))
+    receptions = rows(medium, medium.flush())
     for reception in receptions:
         expected = float(radio.link(reception.distance_m).received_power_dbm)
         assert reception.received_power_dbm == round(expected, 3)

@@ -12,12 +12,13 @@ from channel.link.radio import Radio
 from channel.phy.error_model import Band
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance, TwoRay, friis_loss_db, log_distance_loss_db
+from channel.propagation.path_loss import FreeSpace, LogDistance, friis_loss_db, log_distance_loss_db
+from channel.propagation.two_ray import TwoSlope
 
 DATA = FilePath(__file__).parents[3] / "data"
 PLAIN = {
     "friis": FreeSpace(),
-    "two-ray": TwoRay(),
+    "two-ray": TwoSlope(),
     "log-distance-n3-l0-46.6777": LogDistance(exponent=3.0, reference_loss_db=46.6777),
 }
 HATA = {"okumura-hata": OkumuraHata, "cost231-hata": Cost231Hata}
@@ -33,9 +34,10 @@ def model_of(name):
     if name in PLAIN:
         return PLAIN[name]
     family, environment, city = name.rsplit("-", 2)
-    return HATA[family](environment=environment, city=city, outside="ignore")
+    return HATA[family](environment=environment, city=city, outside="warn", coefficients="ns3")
 
 
+@pytest.mark.filterwarnings("ignore::channel.validity.ValidityWarning")
 @pytest.mark.parametrize("name", sorted({row["model"] for row in rows("ns3_path_loss.csv")}))
 def test_path_loss(name):
     model = model_of(name)
@@ -63,14 +65,33 @@ def test_okumura_hata_of_the_textbook():
 
 def test_textbook_coefficients_differ_where_they_are_said_to():
     path = Path(1800e6, np.asarray(2000.0), 30.0, 1.5)
-    ns3 = Cost231Hata(city="large").path_loss_db(path)
-    textbook = Cost231Hata(city="large", coefficients="textbook").path_loss_db(path)
+    ns3 = Cost231Hata(city="large", coefficients="ns3").path_loss_db(path)
+    textbook = Cost231Hata(city="large").path_loss_db(path)
     assert float(textbook - ns3) == pytest.approx(4.97)
     path = Path(900e6, np.asarray(2000.0), 30.0, 1.5)
-    by_hata = OkumuraHata(environment="open", coefficients="textbook").path_loss_db(path)
+    by_hata = OkumuraHata(environment="open").path_loss_db(path)
     urban = OkumuraHata(environment="urban").path_loss_db(path)
     log_f = np.log10(900.0)
     assert float(urban - by_hata) == pytest.approx(4.78 * log_f**2 - 18.33 * log_f + 40.94)
+    by_ns3 = OkumuraHata(environment="open", coefficients="ns3").path_loss_db(path)
+    assert float(by_ns3 - by_hata) == pytest.approx(0.08 * log_f**2)
+
+
+@pytest.mark.parametrize(
+    ("model", "frequency_hz", "by_hand_db"),
+    [
+        (OkumuraHata(), 900e6, 126.42 - 0.02),  # 69.55 + 77.28 - 20.41 - 0.02
+        (OkumuraHata(city="large"), 900e6, 126.42),  # a = 3.2 * 1.24616^2 - 4.97 = 0.00
+        (OkumuraHata(environment="suburban"), 900e6, 126.40 - 2.0 * 1.50708**2 - 5.4),
+        (OkumuraHata(environment="open"), 900e6, 126.40 - 4.78 * 2.95424**2 + 18.33 * 2.95424 - 40.94),
+        (Cost231Hata(), 1800e6, 136.24 - 0.04),  # 46.3 + 110.35 - 20.41 - 0.04
+        (Cost231Hata(city="large"), 1800e6, 136.24 + 3.0),
+    ],
+)
+def test_the_printed_formulas_at_1_km(model, frequency_hz, by_hand_db):
+    """Hata 1980, eq. 10 to 17, and COST 231, eq. 4.4.3, by hand at 30 m and 1.5 m: the distance term is 0."""
+    path = Path(frequency_hz, np.asarray(1000.0), 30.0, 1.5)
+    assert float(model.path_loss_db(path)) == pytest.approx(by_hand_db, abs=0.02)
 
 
 @pytest.mark.parametrize(

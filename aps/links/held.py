@@ -10,7 +10,8 @@ import logging
 import socket
 from typing import Final
 
-from aps.links.autopilot_link import AutopilotAddress
+from aps.links.address import Address
+from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
 
@@ -26,7 +27,7 @@ _READ_BYTES: Final = 1 << 18
 _log = logging.getLogger(__name__)
 
 
-class HeldLink:
+class HeldLink(Link):
     """One connection. Its owner reads, writes, and connects again when it is lost.
 
     Args:
@@ -34,9 +35,9 @@ class HeldLink:
         limit_bytes: bound of the queue towards the autopilot.
     """
 
-    def __init__(self, address: AutopilotAddress, limit_bytes: int) -> None:
+    def __init__(self, address: Address, limit_bytes: int) -> None:
+        super().__init__(str(address), FrameQueue(limit_bytes), address.opening)
         self.address = address
-        self.outbox = FrameQueue(limit_bytes)
         self.connections = 0
         self.receive_buffer_bytes = 0
         """What the kernel granted, its own overhead included."""

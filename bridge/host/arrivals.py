@@ -1,0 +1,60 @@
+"""From the radio's message for a host to what comes for each of its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from typing import Protocol
+
+from bridge.agents.client import LookAtStatus
+from bridge.bus.messages import CommunicationStatus, Header, Heard
+from bridge.bus.session import Stamp
+from bridge.host.node import Packet
+
+
+class Receiver(Protocol):
+    """A node that gets what the radio has for it."""
+
+    def packet_came(self, packet: Packet) -> None:
+        """The radio delivered a packet."""
+
+    def comm_status_came(self, look: LookAtStatus) -> None:
+        """The radio tells who was heard."""
+
+
+def hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receiver]) -> None:
+    """Give each node what is for it; packets are shared between those that get them.
+
+    Args:
+        heard: the message.
+        nodes: ids of all nodes of the run, in the order of their indices.
+        receivers: the nodes of this host by id.
+
+    Raises:
+        ValueError: the message does not fit the run.
+    """
+    try:
+        _hand_out(heard, nodes, receivers)
+    except (IndexError, KeyError) as error:
+        raise ValueError(f"not for a host with nodes {', '.join(receivers)}: {error!r}") from error
+
+
+def _hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receiver]) -> None:
+    packets = [
+        Packet(nodes[tx], channel, heard.data[begin:end], Stamp(seq, sim_time_ns))
+        for tx, channel, (begin, end), seq, sim_time_ns in zip(
+            heard.tx, heard.channel, pairwise((0, *heard.end)), heard.seq, heard.sim_time_ns, strict=True
+        )
+    ]
+    by_index = {index: receivers[node] for index, node in enumerate(nodes) if node in receivers}
+    for index, rx in zip(heard.packet, heard.rx, strict=True):
+        by_index[rx].packet_came(packets[index])
+    for node, (begin, end) in zip(heard.status_of, pairwise((0, *heard.status_end)), strict=True):
+        by_index[node].comm_status_came(partial(_status, heard, nodes, nodes[node], begin, end))
+
+
+def _status(heard: Heard, nodes: Sequence[str], node: str, begin: int, end: int) -> CommunicationStatus:
+    others = tuple(nodes[other] for other in heard.status_node[begin:end])
+    header = Header(heard.header.stamp, node)
+    return CommunicationStatus(header, others, tuple(heard.status_delivered[begin:end]))

@@ -1,0 +1,135 @@
+"""One UA of a host: its MAVLink daemon is connected when physics holds its autopilot's first frame."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import Mapping
+from contextlib import AsyncExitStack
+from typing import Any
+
+import zenoh
+
+from aps.config import DaemonConfig
+from aps.held import HeldDaemon
+from bridge.aircraft.aircraft_bridge import AircraftBridge
+from bridge.bus.inbox import Inbox
+from bridge.bus.session import Query, Session
+from bridge.host.hosted_node import ASKED_MAX, HostedNode
+from bridge.host.node_record import NodeRecord
+from bridge.run.directory import TLOG_FOLDER, RunDirectory
+from bridge.run.process import current_node
+from bridge.scenario.model import START_TIME_UNIX_S
+from bridge.scenario.nodes import Aircraft
+
+log = logging.getLogger("host")
+
+
+class HostedAircraft(HostedNode):
+    """One UA."""
+
+    def __init__(self, session: Session, run: RunDirectory, config: Aircraft) -> None:
+        scenario, record = run.scenario, NodeRecord(run, config.node)
+        self.daemon = HeldDaemon(
+            DaemonConfig(
+                autopilot=f"tcp:127.0.0.1:{scenario.autopilot_port(config)}",
+                sysid=config.sysid,
+                listen_port=scenario.aps_port(config),
+                links=tuple(f"udp-out:{place}" for place in scenario.udp_outputs(config)),
+                tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
+                tlog_name=config.node,
+                tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
+            )
+        )
+        self._aircraft = AircraftBridge(self.daemon, config.node)
+        super().__init__(session, run, config, record, self._aircraft)
+        self._api_port = scenario.api_port(config)
+        self._api = AsyncExitStack()
+        self.daemon.on_bytes = record.write_mavlink
+        self.daemon.on_wall_time = record.may_not_repeat
+        self.daemon.on_link_down = self._link_down
+        self.daemon.on_input = self.node.client_did
+        self._connecting: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> HostedAircraft:
+        """Be ready for the first tick: clients can connect, and the agent is built."""
+        token = current_node.set(self.id)  # what its clients do is logged with its name
+        try:
+            await self.daemon.__aenter__()
+            await self.start()
+            await self._serve_api()
+        finally:
+            current_node.reset(token)
+        log.info("MAVLink of UA %s at tcp:127.0.0.1:%d", self.id, self.daemon.listen_port)
+        return self
+
+    async def _serve_api(self) -> None:
+        if self._scenario.api:
+            from bridge.host.api import api_of  # FastAPI takes its time, and most runs do without
+
+            await self._api.enter_async_context(api_of(self.daemon, self.node, self._api_port))
+            log.info("API of UA %s at http://127.0.0.1:%d", self.id, self._api_port)
+
+    def serve(self) -> None:
+        """Take operators' commands, and questions for MAVLink."""
+        super().serve()
+        looked_at: Inbox[Query] = Inbox(asyncio.get_running_loop(), self._look, limit=ASKED_MAX)
+        self._session.serve(self._keys.mavlink(self.id, "*"), looked_at.push)
+
+    def _look(self, query: Query) -> None:
+        """The last MAVLink message of a type: nothing is asked of the autopilot, so nothing is recorded."""
+        name = str(query.key_expr).rsplit("/", 1)[1]
+        try:
+            found = self._aircraft.last_message(name)
+        except ValueError:
+            found = None
+        try:
+            if found is not None:
+                key = self._keys.mavlink(self.id, name)
+                query.reply(key, json.dumps(found).encode(), encoding="application/json")
+            query.drop()
+        except zenoh.ZError as error:
+            log.warning("mavlink/%s: whoever asked is gone: %s", name, error)
+
+    async def __aexit__(self, *exc: Any) -> None:
+        """Close the daemon's sockets."""
+        await self._api.aclose()
+        await self.daemon.__aexit__(*exc)
+
+    def clock_came(self, sim_time_ns: int, *, is_tick: bool, absent: bool = False) -> None:
+        """The fleet stands at ``sim_time_ns``; at the first tick, MAVLink is connected before anything else."""
+        self._record.now_ns = sim_time_ns
+        if sim_time_ns > 0 or self.daemon.link_up:
+            self._live(sim_time_ns, is_tick)
+        elif absent or self._scenario.fdm.scheme == "legacy":  # such a peer need not speak MAVLink at all
+            self._connecting = asyncio.create_task(self._reconnect())
+            self._live(sim_time_ns, is_tick)
+        else:
+            # The first frame of a UA is answered when its MAVLink is connected: its first bytes are in the ring, too.
+            self._connecting = asyncio.create_task(self._connect_first())
+
+    async def _connect_first(self) -> None:
+        with self._named():
+            await self.daemon.connect()
+        self._live(0, True)
+
+    async def _reconnect(self) -> None:
+        with self._named():
+            await self.daemon.connect()
+            self._record.may_not_repeat("its MAVLink was connected during the run, when wall time let it")
+
+    def _link_down(self) -> None:
+        """The autopilot closed its MAVLink (it reboots, or is gone): connect again as soon as it listens."""
+        self._record.may_not_repeat("its autopilot closed its MAVLink connection")
+        self._connecting = asyncio.create_task(self._reconnect())
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Counters of its MAVLink daemon."""
+        return self.daemon.statistics()
+
+    def close(self) -> None:
+        """Write what is left of the record."""
+        if self._connecting is not None:
+            self._connecting.cancel()
+        super().close()

@@ -1,0 +1,19 @@
+"""One ground node of a host: an agent at a place, without an aircraft."""
+
+from __future__ import annotations
+
+from bridge.aircraft.ground_body import GroundBody
+from bridge.bus.session import Session
+from bridge.host.hosted_node import HostedNode
+from bridge.host.node_record import NodeRecord
+from bridge.run.directory import RunDirectory
+from bridge.scenario.ground_track import GroundTrack
+from bridge.scenario.nodes import GroundNode
+
+
+class HostedGround(HostedNode):
+    """One ground node with an agent."""
+
+    def __init__(self, session: Session, run: RunDirectory, config: GroundNode) -> None:
+        body = GroundBody(config.node, GroundTrack(run.scenario, config))
+        super().__init__(session, run, config, NodeRecord(run, config.node, has_autopilot=False), body)

@@ -1,0 +1,201 @@
+"""One node of a host: its record, its agent, and what comes for it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import zenoh
+
+from bridge.agents import agent_class
+from bridge.agents.client import LookAtStatus, UaClient
+from bridge.agents.runner import AgentRunner
+from bridge.aircraft.body import Body
+from bridge.bus.inbox import Inbox
+from bridge.bus.messages import (
+    AgentStatus,
+    CommandEvent,
+    CommandGoal,
+    DecodeError,
+    Header,
+    decode,
+    encode,
+    encoding_of,
+)
+from bridge.bus.session import Query, Session
+from bridge.host.node import AgentOutlet, Node, OnReply, Packet
+from bridge.host.node_record import NodeRecord
+from bridge.host.outlets import ZenohOutlets
+from bridge.record.input_fields import VERBS
+from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
+from bridge.run.process import current_node
+from bridge.scenario.agents import FreeAgent
+from bridge.scenario.nodes import Aircraft, GroundNode
+from bridge.timeouts import FLUSH_PERIOD_S
+
+ASKED_MAX = 1000
+"""Operators' commands that may wait for a tick."""
+log = logging.getLogger("host")
+
+
+class HostedNode:
+    """One node that the clock waits for.
+
+    Args:
+        session: of the host.
+        run: the run.
+        config: the node as the scenario has it.
+        record: of the node.
+        body: its aircraft, or what it has in its place.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        run: RunDirectory,
+        config: Aircraft | GroundNode,
+        record: NodeRecord,
+        body: Body,
+    ) -> None:
+        self.id = config.node
+        self._config, self._scenario = config, run.scenario
+        self._session, self._keys = session, run.keys
+        self._loop = asyncio.get_running_loop()
+        self._record = record
+        self._agent_folder = run.agent_folder(config.node)
+        self._outlets = ZenohOutlets(session, run.keys, config.node)
+        self.node = Node(config.node, body, self._outlets, record.write_input)
+        self.runner: AgentRunner | None = None
+        self._flush = Every(FLUSH_PERIOD_S)
+        self._closed = False
+
+    async def __aenter__(self) -> HostedNode:
+        """Be ready for the first tick: the agent is built."""
+        await self.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Leave; `close` has written the record before."""
+
+    async def start(self) -> None:
+        """Build the agent."""
+        if not isinstance(self._config.agent, FreeAgent):
+            await self._start_agent(agent_class(self._config.agent))
+        if self._record.replay is not None:
+            self.node.repeat(self._record.replay)
+
+    async def _start_agent(self, make: Callable[..., Any]) -> None:
+        outlet = AgentOutlet(self._outlets)
+        self.runner = AgentRunner(
+            UaClient(self.id, outlet, self._scenario.seed, self._agent_folder),
+            lambda client: make(client, self._config, self._scenario.transmit),
+            lambda: self._loop.call_soon_threadsafe(self._agent_is_idle),
+        )
+        self.node.join(self.runner, outlet)
+        await asyncio.wrap_future(self.runner.start())
+
+    def serve(self) -> None:
+        """Take operators' commands."""
+        self._asked: Inbox[tuple[str, Query]] = Inbox(self._loop, self._asked_for, limit=ASKED_MAX)
+        for verb in VERBS:
+            self._session.serve(self._keys.command(self.id, verb), partial(self._push_asked, verb))
+
+    def _push_asked(self, verb: str, query: Query) -> None:
+        self._asked.push((verb, query))
+
+    # Ticks.
+
+    def clock_came(self, sim_time_ns: int, *, is_tick: bool, absent: bool = False) -> None:  # noqa: ARG002
+        """The fleet stands at ``sim_time_ns``: a tick, or an exchange of MAVLink between two ticks.
+
+        ``absent``: physics does not wait for this UA's autopilot, which did not come in time.
+        """
+        self._record.now_ns = sim_time_ns
+        self._live(sim_time_ns, is_tick)
+
+    def _live(self, sim_time_ns: int, is_tick: bool) -> None:
+        if self._closed:
+            return
+        with self._named():
+            if is_tick:
+                self.node.tick(sim_time_ns)
+                self._flush_now_and_then()
+            else:
+                self.node.exchange(sim_time_ns)
+
+    def _agent_is_idle(self) -> None:
+        if self._closed:
+            return
+        with self._named():
+            self.node.finish()
+
+    def _flush_now_and_then(self) -> None:
+        if self._flush.is_due():
+            self._record.flush()
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """What is logged within is of this node; what is raised ends the run, whose tick would stay open for ever."""
+        token = current_node.set(self.id)
+        try:
+            yield
+        except Exception as error:
+            log.exception("node %s cannot go on", self.id)
+            header = Header.at(self._record.now_ns, self.id)
+            text = f"its aircraft bridge cannot go on: {error}"
+            self._outlets.report(AgentStatus(header, text, failed=True))
+        finally:
+            current_node.reset(token)
+
+    # What comes for the node.
+
+    def packet_came(self, packet: Packet) -> None:
+        """The radio delivered a packet."""
+        self.node.packet_came(packet)
+
+    def comm_status_came(self, look: LookAtStatus) -> None:
+        """The radio tells who was heard."""
+        self.node.comm_status_came(look)
+
+    def _asked_for(self, item: tuple[str, Query]) -> None:
+        verb, query = item
+        reply = self._replies(verb, query)
+        try:
+            goal = decode(query.payload.to_bytes(), CommandGoal) if query.payload else CommandGoal()
+        except DecodeError as error:
+            reply(CommandEvent(CommandEvent.RESULT, False, str(error)))
+            return
+        self.node.operator_asked(verb, goal, reply)
+
+    def _replies(self, verb: str, query: Query) -> OnReply:
+        key = self._keys.command(self.id, verb)
+
+        def reply(event: CommandEvent) -> None:
+            try:
+                query.reply(key, encode(event), encoding=encoding_of(CommandEvent))
+                if event.phase == CommandEvent.RESULT:
+                    query.drop()
+            except zenoh.ZError as error:
+                log.warning("%s: whoever asked is gone: %s", verb, error)
+
+        return reply
+
+    # The end.
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Counters of what the node has beside its agent."""
+        return {}
+
+    def close(self) -> None:
+        """Write what is left of the record."""
+        self._closed = True
+        counters = {
+            "messages_the_agent_could_not_read": 0 if self.runner is None else self.runner.ua.malformed,
+            "commands_dropped": self._asked.dropped,
+        }
+        self._record.close(self.statistics(), counters)

@@ -1,0 +1,74 @@
+"""What each host gets at the end of a tick: one message for all its nodes, each packet in it once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.bus.messages import Header, Heard
+from bridge.radio.picture import Row
+from bridge.radio.virtual_radio import Settled
+from channel.medium.reception import DELIVERED
+
+
+class Hosts:
+    """Which host a node's share goes to.
+
+    Args:
+        nodes: all node ids.
+        groups: by host, the ids of its nodes.
+    """
+
+    def __init__(self, nodes: Sequence[str], groups: Mapping[str, Sequence[str]]) -> None:
+        self.names = tuple(groups)
+        host_of = {node: index for index, name in enumerate(self.names) for node in groups[name]}
+        self._host_of: NDArray[np.intp] = np.array([host_of.get(node, -1) for node in nodes], dtype=np.intp)
+
+    def shares(self, sim_time_ns: int, settled: Settled, rows: Sequence[Row]) -> dict[str, Heard]:
+        """The message for each host for whose nodes there is something."""
+        receptions = settled.receptions
+        arrived = np.flatnonzero(receptions.fate == DELIVERED)
+        packet, rx = receptions.packet[arrived], receptions.rx[arrived]
+        hosts = self._host_of[rx]
+        found = {}
+        for host, name in enumerate(self.names):
+            mine = hosts == host
+            statuses = [row for row in rows if self._host_of[row.node] == host]
+            if statuses or mine.any():
+                header = Header.at(sim_time_ns, name)
+                found[name] = _share(header, settled, packet[mine], rx[mine], statuses)
+        return found
+
+
+def _share(
+    header: Header,
+    settled: Settled,
+    packet: NDArray[np.intp],
+    rx: NDArray[np.intp],
+    statuses: Sequence[Row],
+) -> Heard:
+    wanted, row = np.unique(packet, return_inverse=True)
+    packets = [settled.packets[index] for index in wanted.tolist()]
+    lengths = [len(each.payload) for each in packets]
+    return Heard(
+        header,
+        [each.tx for each in packets],
+        [each.seq for each in packets],
+        [each.sim_time_ns for each in packets],
+        tuple(each.channel for each in packets),
+        tuple(each.encoding for each in packets),
+        np.cumsum(lengths, dtype=np.uint32),
+        b"".join(each.payload for each in packets),
+        row.astype(np.uint32),
+        rx.astype(np.uint16),
+        [each.node for each in statuses],
+        np.cumsum([len(each.others) for each in statuses], dtype=np.uint32),
+        _joined([each.others for each in statuses], np.uint16),
+        _joined([each.delivered for each in statuses], np.bool_),
+    )
+
+
+def _joined(columns: Sequence[NDArray[np.generic]], dtype: type[np.generic]) -> NDArray[np.generic]:
+    return np.concatenate(columns).astype(dtype) if columns else np.zeros(0, dtype=dtype)

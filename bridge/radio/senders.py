@@ -1,0 +1,140 @@
+"""The senders: who numbers which packets, and what is not taken from them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+MAX_GAP = 100_000
+"""A sequence number that jumps further than this is taken for garbage, not for lost packets."""
+TAKEN_MAX_BYTES = 64 << 20
+"""Payload that one node's packets of one tick may have together; more is more than any radio of ours sends."""
+TAKEN_MAX = 100_000
+"""Packets of one node in one tick."""
+EVERYBODY = -1
+
+
+class Refused(StrEnum):
+    """Why something that came in from Zenoh was not taken."""
+
+    UNKNOWN_NODE = "unknown_node"
+    UNKNOWN_ADDRESS = "unknown_address"
+    UNKNOWN_RADIO = "unknown_radio"
+    MALFORMED = "malformed"
+    WITHOUT_STAMP = "without_stamp"
+    REPEATED = "repeated_sequence_number"
+    OVERLOAD = "overload"
+
+
+class Cause(StrEnum):
+    """Causes of loss that are not the channel's."""
+
+    TRANSPORT = "transport"
+    """The packet left its sender and never came to the router: the host lost it, not the radio."""
+    TOO_LONG = "too_long"
+    """The packet is longer than the MTU of the sender's radio."""
+
+
+@dataclass(frozen=True, slots=True)
+class TxPacket:
+    """What a node gave to the radio; the payload is opaque.
+
+    Attributes:
+        tx: index of the sender.
+        to: index of the addressee, or EVERYBODY.
+        address: ``radio/to/channel``, as in the key.
+    """
+
+    tx: int
+    to: int
+    address: str
+    seq: int
+    sim_time_ns: int
+    payload: bytes
+    encoding: str = ""
+
+    @property
+    def channel(self) -> str:
+        """Last part of the keys."""
+        return self.address.rpartition("/")[2]
+
+
+class Gap(NamedTuple):
+    """Packets of one sender that are lost before the channel: from ``first_seq`` on."""
+
+    sim_time_ns: int
+    tx: int
+    to: int
+    first_seq: int
+    packets: int
+    length_bytes: int
+    cause: Cause
+
+
+class Senders:
+    """Takes packets of numbered senders.
+
+    Args:
+        mtu_bytes: of each node's radio, by index.
+        on_gap: told of packets that are lost before the channel.
+    """
+
+    def __init__(self, mtu_bytes: Iterable[int], on_gap: Callable[[Gap], object]) -> None:
+        self._mtu_bytes = tuple(mtu_bytes)
+        self._next_seq = [0] * len(self._mtu_bytes)
+        self._bytes = [0] * len(self._mtu_bytes)
+        self._counts = [0] * len(self._mtu_bytes)
+        self._on_gap = on_gap
+        self._taken: list[TxPacket] = []
+        self.refused: Counter[Refused] = Counter()
+
+    def take(self, packet: TxPacket) -> bool:
+        """Take a packet; returns whether it was."""
+        why = self._why_refused(packet)
+        if why is not None:
+            self.refused[why] += 1
+            return False
+        self.book_missing(packet.tx, packet.seq, packet.sim_time_ns)
+        self._next_seq[packet.tx] = packet.seq + 1
+        length = len(packet.payload)
+        if length > self._mtu_bytes[packet.tx]:
+            lost = Gap(packet.sim_time_ns, packet.tx, packet.to, packet.seq, 1, length, Cause.TOO_LONG)
+            self._on_gap(lost)
+            return True
+        self._bytes[packet.tx] += length
+        self._counts[packet.tx] += 1
+        self._taken.append(packet)
+        return True
+
+    def _why_refused(self, packet: TxPacket) -> Refused | None:
+        tx, ahead = packet.tx, packet.seq - self._next_seq[packet.tx]
+        if ahead < 0:
+            return Refused.REPEATED
+        if self._counts[tx] >= TAKEN_MAX or self._bytes[tx] + len(packet.payload) > TAKEN_MAX_BYTES:
+            return Refused.OVERLOAD
+        return Refused.MALFORMED if ahead > MAX_GAP else None
+
+    def book_missing(self, tx: int, seq: int, sim_time_ns: int) -> None:
+        """Book the packets before ``seq`` that never came."""
+        first, count = self._next_seq[tx], seq - self._next_seq[tx]
+        if count > 0:
+            self._on_gap(Gap(sim_time_ns, tx, EVERYBODY, first, count, 0, Cause.TRANSPORT))
+            self._next_seq[tx] = seq
+
+    def told_total(self, tx: int, sent: int, sim_time_ns: int) -> bool:
+        """Take a sender's own count of what it gave to the radio; returns whether it can be true."""
+        if not 0 <= sent <= self._next_seq[tx] + MAX_GAP:
+            return False
+        self.book_missing(tx, sent, sim_time_ns)
+        return True
+
+    def taken(self) -> list[TxPacket]:
+        """The packets since the last call, in the order of time, sender and number, whoever's came first."""
+        taken, self._taken = self._taken, []
+        self._bytes = [0] * len(self._bytes)
+        self._counts = [0] * len(self._counts)
+        taken.sort(key=lambda packet: (packet.sim_time_ns, packet.tx, packet.seq))
+        return taken

@@ -1,0 +1,1 @@
+"""What is recorded as columns: a journal while a run goes on, Parquet when it is over."""

@@ -1,0 +1,186 @@
+"""The journal of a table: rows of a fixed length behind a header, so that every beginning of the file can be read.
+
+A file begins with ``LLTABLE``, a zero, a uint32 length, and so many bytes of JSON: ``table``, ``columns`` (name and
+numpy type of each) and ``labels`` (the names that a column of type ``<i2`` counts from 0). The rows follow, packed, in
+the columns' order. All numbers are little-endian.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bridge.record.tables.schema import Batch, Table, TableError
+
+MAGIC: Final = b"LLTABLE\0"
+BUFFER_ROWS: Final = 8192
+HEADER_MAX_BYTES: Final = 1 << 24
+READ_ROWS: Final = 1 << 16
+LABELS_MAX: Final = 1 << 15
+_LENGTH: Final = struct.Struct("<I")
+Labels = dict[str, tuple[str, ...]]
+
+
+class TableWriter:
+    """Appends rows to a new table of the run directory ``run``. Not for several threads at once.
+
+    Args:
+        run: the run directory.
+        table: which table.
+        labels: for each column of names, all names that there can be; rows have their places in it.
+
+    Raises:
+        OSError: the file cannot be made or written.
+        ValueError: ``labels`` are not those of the table, or a column has more than LABELS_MAX.
+    """
+
+    def __init__(self, run: Path, table: Table, labels: Mapping[str, Sequence[str]]) -> None:
+        if set(labels) != set(table.labels):
+            raise ValueError(f"labels for {sorted(labels)}; {table.name} has {sorted(table.labels)}")
+        most = max(map(len, labels.values()), default=0)
+        if most > LABELS_MAX:
+            raise ValueError(f"{table.name}: {most} names for a column; up to {LABELS_MAX} are allowed")
+        self._table = table
+        self._rows = np.empty(BUFFER_ROWS, dtype=table.dtype)
+        self._columns = {column.name: self._rows[column.name] for column in table.columns}
+        self._steps = [
+            (column.name, column.steps_per_unit) for column in table.columns if column.steps_per_unit
+        ]
+        self._filled = 0
+        self._file: BinaryIO = table.journal_path(run).open("wb", buffering=0)
+        header = {
+            "table": table.name,
+            "columns": [[column.name, column.dtype] for column in table.columns],
+            "labels": {name: list(names) for name, names in labels.items()},
+        }
+        text = json.dumps(header).encode()
+        _write_all(self._file, MAGIC + _LENGTH.pack(len(text)) + text)
+
+    def append(self, rows: int, **columns: ArrayLike) -> None:
+        """Append so many rows; they are on disk after `flush` or `close`.
+
+        Args:
+            rows: how many.
+            columns: all columns of the table: arrays of that length, or one value for all rows.
+
+        Raises:
+            ValueError: a column is missing, or there is no such column, or it has another length.
+            TypeError: numbers of another kind than the column's.
+        """
+        if columns.keys() != self._columns.keys():
+            raise ValueError(
+                f"{self._table.name}: columns {sorted(columns.keys() ^ self._columns.keys())} are missing or unknown"
+            )
+        values = {name: np.asarray(value) for name, value in columns.items()}
+        for name, each in values.items():
+            if each.shape not in ((), (rows,)):
+                raise ValueError(f"{self._table.name}: {name} has the shape {each.shape}, not ({rows},)")
+        done = 0
+        while done < rows:
+            count = min(rows - done, BUFFER_ROWS - self._filled)
+            self._fill(values, done, count)
+            done += count
+            if self._filled == BUFFER_ROWS:
+                self.flush()
+
+    def _fill(self, values: Mapping[str, NDArray[Any]], begin: int, count: int) -> None:
+        end = self._filled + count
+        for name, value in values.items():
+            part = value[begin : begin + count] if value.ndim else value
+            np.copyto(self._columns[name][self._filled : end], part, casting="same_kind")
+        self._filled = end
+
+    def flush(self) -> None:
+        """Hand everything to the operating system, so that it is there if this process is killed."""
+        if self._filled == 0:
+            return
+        for name, steps_per_unit in self._steps:
+            column = self._columns[name][: self._filled]
+            column[:] = np.rint(column * steps_per_unit) / steps_per_unit + 0.0  # a zero has no sign
+        _write_all(self._file, self._rows[: self._filled].tobytes())
+        self._filled = 0
+
+    def close(self) -> None:
+        """Flush and close; a second call does nothing."""
+        if not self._file.closed:
+            self.flush()
+            self._file.close()
+
+
+def _write_all(file: BinaryIO, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[file.write(view) :]
+
+
+def read_rows(path: Path, table: Table, rows: int = READ_ROWS) -> tuple[Labels, Iterator[NDArray[np.void]]]:
+    """The names of a journal, and its rows in arrays of up to ``rows``. A tail that was cut off ends it quietly.
+
+    Raises:
+        TableError: it is not the journal of such a table.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        labels = _labels(path, file, table)
+        begin = file.tell()
+    if labels is None:
+        return dict.fromkeys(table.labels, ()), iter(())
+    return labels, _rows(path, begin, table.dtype, rows)
+
+
+def _rows(path: Path, begin: int, dtype: np.dtype[np.void], rows: int) -> Iterator[NDArray[np.void]]:
+    with path.open("rb") as file:
+        file.seek(begin)
+        while len(found := np.fromfile(file, dtype=dtype, count=rows)):
+            yield found
+
+
+def _labels(path: Path, file: BinaryIO, table: Table) -> Labels | None:
+    """The names in a header; None if it was cut off."""
+    start = file.read(len(MAGIC) + _LENGTH.size)
+    if not (MAGIC + bytes(_LENGTH.size)).startswith(start[: len(MAGIC)]):
+        raise TableError(f"{path}: not the journal of a table (it does not begin with {MAGIC[:-1].decode()})")
+    if len(start) < len(MAGIC) + _LENGTH.size:
+        return None
+    (length,) = _LENGTH.unpack_from(start, len(MAGIC))
+    if length > HEADER_MAX_BYTES:
+        raise TableError(f"{path}: a header of {length} bytes; up to {HEADER_MAX_BYTES} are allowed")
+    text = file.read(length)
+    if len(text) < length:
+        return None
+    try:
+        header = json.loads(text)
+        columns = [(str(name), str(dtype)) for name, dtype in header["columns"]]
+        labels = {str(name): tuple(map(str, names)) for name, names in header["labels"].items()}
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise TableError(f"{path}: its header cannot be read: {error}") from error
+    if columns != [(c.name, c.dtype) for c in table.columns] or set(labels) != set(table.labels):
+        raise TableError(f"{path}: not the columns of {table.name} as this lostlink has them")
+    return labels
+
+
+def read_journal(path: Path, table: Table, columns: Sequence[str]) -> Iterator[Batch]:
+    """The rows of a journal by column, with names as text.
+
+    Raises:
+        TableError, OSError: as `read_rows`, or a row has no such name.
+    """
+    labels, arrays = read_rows(path, table)
+    names = {name: np.array(labels[name], dtype=object) for name in table.labels}
+    for rows in arrays:
+        yield {
+            name: _texts(path, names[name], rows[name]) if name in names else rows[name] for name in columns
+        }
+
+
+def _texts(path: Path, names: NDArray[np.object_], places: NDArray[Any]) -> NDArray[Any]:
+    if places.size and not 0 <= int(places.min()) <= int(places.max()) < len(names):
+        raise TableError(f"{path}: a row has a name that the header has not")
+    found: NDArray[Any] = names[places]
+    return found

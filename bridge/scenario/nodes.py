@@ -1,0 +1,126 @@
+"""The nodes of a scenario: whatever has an id on the air, by kind.
+
+Roles are apart from kinds. A *station* is in the medium: it has a position and a radio; so far all nodes are. A
+*sender* numbers packets: the node's agent, or for a ``free`` one a program beside the run. A *regulated* node is one
+that the clock waits for: each with an aircraft, or with an agent of ours. An *observer* only reads, and is no node.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from bridge.scenario.agents import AgentConfig, FreeAgent, GroundAgentConfig
+from bridge.scenario.parts import Finite, Parameters, Part, RadioSetting, Slug
+from fdm.model.sensor_noise import SensorNoise
+
+GROUND_HEIGHT_M = 2.0
+
+
+class HomePlace(Part):
+    """Home of a UA relative to the fleet's origin."""
+
+    north_m: Finite = 0.0
+    east_m: Finite = 0.0
+    heading_deg: Finite = 0.0
+
+
+class Aircraft(Part):
+    """One UA: a station whose aircraft is regulated; its agent sends, and is regulated unless it is ``free``."""
+
+    kind: Literal["ua"] = "ua"
+    id: Annotated[int, Field(strict=True, ge=0, le=249)]
+    airframe: str = "f450"
+    home: HomePlace = HomePlace()
+    sensor_noise: SensorNoise | None = None
+    parameters: Parameters = Field(default_factory=dict)
+    radio: RadioSetting | None = None
+    agent: AgentConfig
+
+    @property
+    def node(self) -> str:
+        """Its node id."""
+        return str(self.id)
+
+    @property
+    def is_regulated(self) -> bool:
+        """Whether the clock waits for this node."""
+        return True
+
+    @property
+    def has_agent(self) -> bool:
+        """Whether an agent of ours runs on it."""
+        return not isinstance(self.agent, FreeAgent)
+
+    @property
+    def sysid(self) -> int:
+        """Its MAVLink system id."""
+        return self.id + 1
+
+
+class GroundPlace(Part):
+    """Where a ground node's antenna stands, relative to the fleet's origin."""
+
+    north_m: Finite = 0.0
+    east_m: Finite = 0.0
+    height_m: Finite = GROUND_HEIGHT_M
+
+    @property
+    def position_ned_m(self) -> tuple[float, float, float]:
+        """In the fleet's frame."""
+        return self.north_m, self.east_m, -self.height_m
+
+
+class TrackPoint(GroundPlace):
+    """Where a ground node is at an instant of sim time."""
+
+    sim_time_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+class GroundNode(Part):
+    """A station without an aircraft: it stands at ``place`` (the origin if there is none), or moves along ``track``."""
+
+    kind: Literal["ground"]
+    id: Slug
+    place: GroundPlace | None = None
+    track: tuple[TrackPoint, ...] = ()
+    radio: RadioSetting | None = None
+    agent: GroundAgentConfig
+
+    @field_validator("id", mode="before")
+    @classmethod
+    def _as_text(cls, node_id: object) -> object:
+        return str(node_id) if type(node_id) is int else node_id
+
+    @model_validator(mode="after")
+    def _moves_forward(self) -> GroundNode:
+        if self.track and self.place is not None:
+            raise ValueError("place and track: give one of them")
+        if any(b.sim_time_s <= a.sim_time_s for a, b in pairwise(self.track)):
+            raise ValueError("track: sim_time_s has to rise from point to point")
+        return self
+
+    @property
+    def node(self) -> str:
+        """Its node id."""
+        return self.id
+
+    @property
+    def is_regulated(self) -> bool:
+        """Whether the clock waits for this node."""
+        return self.has_agent
+
+    @property
+    def has_agent(self) -> bool:
+        """Whether an agent of ours runs on it."""
+        return not isinstance(self.agent, FreeAgent)
+
+
+def _kind(value: Any) -> Any:
+    """A node without a kind is a UA."""
+    return {"kind": "ua", **value} if isinstance(value, dict) else value
+
+
+NodeConfig = Annotated[Aircraft | GroundNode, Field(discriminator="kind"), BeforeValidator(_kind)]

@@ -1,0 +1,34 @@
+"""What the parts of a scenario are made of."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
+Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Port = Annotated[int, Field(strict=True, ge=0, le=65535)]
+Parameters = dict[Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]{0,15}$")], Finite]
+"""Parameters of an autopilot; MAVLink gives their names 16 characters."""
+Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+
+
+def _radio(value: object) -> object:
+    if isinstance(value, str | dict):
+        return value
+    raise ValueError(
+        "has to be the name of a radio preset, or a mapping with 'preset' and what differs from it"
+    )
+
+
+RadioSetting = Annotated[str | dict[str, Any], BeforeValidator(_radio)]
+"""A radio preset's name, a file, or a mapping."""
+
+
+class Part(BaseModel):
+    """Part of a scenario: unknown keys are refused, and nothing changes once it is read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

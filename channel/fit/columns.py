@@ -1,0 +1,86 @@
+"""Flight logs from columns: Parquet, or the table of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from channel.config import RadioConfig
+from channel.fit.flight_log import FlightLog, FlightLogError, read_csv_log
+
+COLUMNS: Final = ("distance_m", "delivered", "fate", "length_bytes", "rssi_dbm")
+
+
+def read_log(file: Path, base: RadioConfig) -> FlightLog:
+    """Read a flight log: Parquet if the file's name ends in .parquet, else CSV.
+
+    Raises:
+        FlightLogError: no such file, a missing column, or a value that is none.
+    """
+    return read_parquet_log(file, base) if file.suffix.lower() == ".parquet" else read_csv_log(file, base)
+
+
+def read_parquet_log(file: Path, base: RadioConfig) -> FlightLog:
+    """Read a Parquet file with the columns that `log_of_columns` takes.
+
+    Raises:
+        FlightLogError: no such file, a missing column, or a value that is none.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with file.open("rb") as source:
+            parquet = pq.ParquetFile(source)
+            present = [name for name in COLUMNS if name in parquet.schema_arrow.names]
+            table = parquet.read(columns=present)
+            columns = {name: np.asarray(table.column(name)) for name in present}
+    except (pa.ArrowException, OSError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise FlightLogError(f"cannot read {file}: {reason}") from error
+    return log_of_columns(columns, base, str(file))
+
+
+def log_of_columns(columns: Mapping[str, NDArray[Any]], base: RadioConfig, place: str) -> FlightLog:
+    """Make a flight log of `distance_m`, `delivered` or `fate`, and optional `length_bytes` and `rssi_dbm`.
+
+    They mean what they mean in a CSV (`channel.fit.flight_log.read_flight_log`): lost packets whose distance is not
+    known are left out, and lengths are as the radio counts them (`read_csv_log`).
+
+    Args:
+        columns: arrays of one length, by name.
+        base: the radio to start from.
+        place: where they are from, for errors.
+
+    Raises:
+        FlightLogError: a missing column, a value that is none, or no row.
+    """
+    if "distance_m" not in columns or not {"fate", "delivered"} & columns.keys():
+        raise FlightLogError(f"{place}: needs distance_m, and delivered or fate")
+    delivered = columns["fate"] == "delivered" if "fate" in columns else columns["delivered"]
+    try:
+        distance_m = columns["distance_m"].astype(float)
+        known = (
+            ~np.isnan(distance_m) | (delivered != 0) if "fate" in columns else np.ones(len(distance_m), bool)
+        )
+        log = FlightLog(
+            distance_m[known],
+            delivered[known],
+            _lengths(columns, base, len(distance_m))[known],
+            columns.get("rssi_dbm", np.full(len(distance_m), np.nan)).astype(float)[known],
+        )
+    except (TypeError, ValueError) as error:
+        raise FlightLogError(f"{place}: {error}") from error
+    if not log.packets:
+        raise FlightLogError(f"{place}: no rows")
+    return log
+
+
+def _lengths(columns: Mapping[str, NDArray[Any]], base: RadioConfig, packets: int) -> NDArray[np.float64]:
+    if "length_bytes" in columns and base.length.model != "fixed":
+        return columns["length_bytes"].astype(np.float64)
+    return np.full(packets, float(base.length.length_bytes(base.nominal_payload_bytes)))

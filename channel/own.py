@@ -1,0 +1,135 @@
+"""Models that are not part of this package: registered by entry point, or named as `class: file.py:Name`.
+
+An entry point of the group `lostlink.propagation` (or `.fading`, `.error`, `.antenna`) gives a class the name under
+which `model` finds it. `class` names one in a file, or in a module that can be imported, without installing anything.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable
+from functools import lru_cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from pydantic import ValidationError, WrapSerializer, WrapValidator
+from pydantic_core import PydanticCustomError
+
+from channel.variant import Variant
+
+CLASS_KEY = "class"
+
+
+def own_models(group: str, *needed: str) -> tuple[WrapValidator, WrapSerializer]:
+    """Return what lets a field of a radio take a user's model beside those of its union.
+
+    Args:
+        group: of entry points, without `lostlink.`.
+        needed: methods and properties that the model has to have.
+    """
+
+    def validate(value: Any, others: Callable[[Any], Any]) -> Any:
+        if isinstance(value, Variant) and value._own_key is not None:
+            return value
+        key, parameters = _asked_for(value, group)
+        if key is None:
+            return others(value)
+        found = _class_of(key, group)
+        missing = [name for name in needed if not hasattr(found, name)]
+        if missing:
+            raise ValueError(f"{found.__name__} in {key[1]} has no {', '.join(missing)}")
+        try:
+            model = found.model_validate(parameters)
+        except ValidationError as error:
+            raise _first_of(error) from error
+        model._own_key = key
+        return model
+
+    def serialize(value: Any, others: Callable[[Any], Any]) -> Any:
+        key = value._own_key if isinstance(value, Variant) else None
+        if key is None:
+            return others(value)
+        return dict([key]) | {
+            name: item for name, item in value.model_dump(mode="json").items() if name != "model"
+        }
+
+    return WrapValidator(validate), WrapSerializer(serialize)
+
+
+def class_path(text: str, folder: Path) -> str:
+    """Return `file.py:Name`, as seen from a folder, with the file's absolute path; other texts as they are."""
+    file, colon, name = text.rpartition(":")
+    return f"{(folder / file).absolute()}:{name}" if colon and file.endswith(".py") else text
+
+
+def _asked_for(value: Any, group: str) -> tuple[tuple[str, str] | None, dict[str, Any]]:
+    """Return the key of a user's model, None if it is one of ours; and the model's parameters."""
+    if not isinstance(value, dict):
+        return None, {}
+    for name in (CLASS_KEY, "model"):
+        text = value.get(name)
+        if isinstance(text, str) and (name == CLASS_KEY or text in _entry_points(group)):
+            return (name, text), {key: item for key, item in value.items() if key != name}
+    return None, {}
+
+
+def _class_of(key: tuple[str, str], group: str) -> type[Variant]:
+    name, text = key
+    found = _from_text(text) if name == CLASS_KEY else _entry_points(group)[text].load()
+    if not (isinstance(found, type) and issubclass(found, Variant)):
+        raise ValueError(f"{text} is no subclass of channel.variant.Variant")
+    return found
+
+
+@lru_cache(maxsize=8)
+def _entry_points(group: str) -> Any:
+    return {each.name: each for each in entry_points(group=f"lostlink.{group}")}
+
+
+def _from_text(text: str) -> object:
+    place, colon, name = text.rpartition(":")
+    if not colon or not name.isidentifier():
+        raise ValueError(f"{text!r} is not file.py:Name or module:Name")
+    module = _from_file(Path(place).absolute()) if place.endswith(".py") else _installed(place)
+    if not hasattr(module, name):
+        raise ValueError(f"{place} has no class {name}")
+    return getattr(module, name)
+
+
+def _from_file(path: Path) -> ModuleType:
+    """Return the module of a file, the same until the file changes."""
+    if not path.is_file():
+        raise ValueError(f"{path}: no such file")
+    return _loaded(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _loaded(path: Path, changed_ns: int) -> ModuleType:
+    name = f"{path.stem}__{hashlib.blake2b(f'{path} {changed_ns}'.encode(), digest_size=6).hexdigest()}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None, "a name that ends in .py has a loader"
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _installed(module: str) -> ModuleType:
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is not None and f"{module}.".startswith(f"{error.name}."):
+            raise ValueError(f"no module {module}") from error
+        raise
+
+
+def _first_of(error: ValidationError) -> PydanticCustomError:
+    first = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in first["loc"])
+    return PydanticCustomError("own_model", "{key}: {message}", {"key": key, "message": first["msg"]})

@@ -1,0 +1,282 @@
+"""Every kind of link, over real sockets and a pseudo-terminal."""
+
+import asyncio
+import contextlib
+import os
+import tty
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.daemon import Daemon, DaemonConfig
+from aps.links import udp
+from aps.links.link import Role
+
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+ARM = mavlink.MAVLink_command_long_message(2, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+
+
+def config(autopilot, *links, **settings):
+    return DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=2, links=links, **settings)
+
+
+async def armed_by(client):
+    """Have a client arm, and be told so."""
+    client.send(HEARTBEAT)
+    await client.next("HEARTBEAT", lambda message: message.get_srcComponent() == 1)
+    client.send(ARM)
+    ack = await client.next("COMMAND_ACK")
+    assert (ack.command, ack.result) == (400, 0)
+
+
+async def test_udp_out_sends_unasked_and_takes_commands(autopilot, make_udp_peer):
+    peer = await make_udp_peer()
+    async with Daemon(config(autopilot, f"udp-out:127.0.0.1:{peer.port}")):
+        assert (await peer.next("ATTITUDE")).get_srcSystem() == 2
+        await armed_by(peer)
+    assert autopilot.armed
+
+
+async def test_udp_out_waits_for_a_peer_that_comes_later(autopilot, make_udp_peer, eventually):
+    peer = await make_udp_peer()
+    port = peer.port
+    peer.close()
+    async with Daemon(config(autopilot, f"udp-out:127.0.0.1:{port}")) as daemon:
+        (link,) = daemon.links.clients.values()
+        await eventually(lambda: link.outbox.counters.written_frames > 10)
+        loop = asyncio.get_running_loop()
+        arrived = loop.create_future()
+
+        class Late(asyncio.DatagramProtocol):
+            def datagram_received(self, data, addr):
+                if not arrived.done():
+                    arrived.set_result(data)
+
+        late, _ = await loop.create_datagram_endpoint(Late, local_addr=("127.0.0.1", port))
+        assert (await asyncio.wait_for(arrived, 10))[0] == 0xFD
+        late.close()
+
+
+async def test_udp_in_serves_several_peers_each_by_itself(autopilot, make_udp_peer, eventually):
+    async with Daemon(config(autopilot)) as daemon:
+        listener = await daemon.open("udp-in:127.0.0.1:0")
+        to = ("127.0.0.1", listener.port)
+        alice, bob = await make_udp_peer(to), await make_udp_peer(to, sysid=254)
+        for peer in (alice, bob):
+            peer.send(HEARTBEAT)
+            await peer.next("ATTITUDE")
+        await armed_by(alice)
+        assert len(daemon.links.clients) == 2
+        await daemon.shut(listener)
+        await eventually(lambda: not daemon.links.clients)
+
+
+async def test_udp_peer_that_falls_silent_is_forgotten_and_its_wishes_with_it(
+    autopilot, make_udp_peer, eventually, monkeypatch
+):
+    monkeypatch.setattr(udp, "PEER_SILENCE_S", 0.2)
+    peer = await make_udp_peer()
+    async with Daemon(config(autopilot, f"udp-out:127.0.0.1:{peer.port}")) as daemon:
+        listener = await daemon.open("udp-in:127.0.0.1:0")
+        other = await make_udp_peer(("127.0.0.1", listener.port))
+        for number, client in ((26, peer), (27, other)):
+            await daemon.wait_heard()
+            if client is peer:
+                await peer.next("ATTITUDE")
+            client.send(mavlink.MAVLink_command_long_message(2, 1, 511, 0, number, 50_000, 0, 0, 0, 0, 0))
+            await eventually(lambda number=number: autopilot.intervals_us.get(number) == 50_000)
+        await eventually(lambda: autopilot.intervals_us[26] == autopilot.intervals_us[27] == 0)
+        assert len(daemon.links.clients) == 1  # the port that is sent to stays
+        assert (await peer.next("ATTITUDE")).get_srcSystem() == 2
+
+
+async def test_tcp_connects_to_a_ground_stations_server_again_and_again(autopilot, eventually):
+    connections = []
+
+    async def serve(reader, writer):
+        connections.append((reader, writer))
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+    async with Daemon(config(autopilot, f"tcp:127.0.0.1:{port}")) as daemon:
+        await eventually(lambda: len(connections) == 1)
+        assert await connections[0][0].readexactly(1) in (b"\xfd", b"\xfe")
+        connections[0][1].transport.abort()
+        await eventually(lambda: len(connections) == 2)
+        assert await connections[1][0].readexactly(1) in (b"\xfd", b"\xfe")
+        assert len(daemon.links.clients) == 1
+    for _, writer in connections:
+        writer.transport.abort()
+    server.close()
+
+
+class Line:
+    """The other end of a pseudo-terminal."""
+
+    def __init__(self, sysid=255, compid=190):
+        self.end, self.device_end = os.openpty()
+        tty.setraw(self.device_end)
+        self.device = os.ttyname(self.device_end)
+        os.set_blocking(self.end, False)
+        self.mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+        self.mav.robust_parsing = True
+        self.messages = []
+        asyncio.get_running_loop().add_reader(self.end, self._read)
+
+    def _read(self):
+        with contextlib.suppress(BlockingIOError, OSError):
+            self.messages += self.mav.parse_buffer(os.read(self.end, 4096)) or []
+
+    def send(self, message):
+        os.write(self.end, bytes(message.pack(self.mav)))
+
+    def count(self, kind):
+        return sum(message.get_type() == kind for message in self.messages)
+
+    def close(self):
+        asyncio.get_running_loop().remove_reader(self.end)
+        os.close(self.end)
+        os.close(self.device_end)
+
+
+async def test_serial_line_to_a_ground_station(autopilot, eventually):
+    line = Line()
+    async with Daemon(config(autopilot, f"serial:{line.device}:57600")) as daemon:
+        await eventually(lambda: line.count("ATTITUDE") > 3)
+        line.send(ARM)
+        await eventually(lambda: autopilot.armed)
+        await eventually(lambda: line.count("COMMAND_ACK") >= 1)
+        line.close()
+        await eventually(lambda: not daemon.links.clients)
+
+
+async def test_autopilot_on_a_serial_line(eventually):
+    line = Line(sysid=2, compid=1)
+    async with Daemon(DaemonConfig(autopilot=f"serial:{line.device}:115200", sysid=2)) as daemon:
+        line.send(mavlink.MAVLink_heartbeat_message(2, 3, 0x59, 5, 4, 3))
+        await eventually(lambda: daemon.state.mode == "LOITER")
+        await eventually(lambda: line.count("HEARTBEAT") >= 1)
+        await eventually(lambda: line.count("COMMAND_LONG") >= 1)  # it asks for streams
+    line.close()
+
+
+async def test_autopilot_that_sends_to_our_udp_port(make_udp_peer, eventually):
+    async with Daemon(DaemonConfig(autopilot="udp-in:127.0.0.1:0", sysid=2)) as daemon:
+        (listener,) = (d for d in daemon.drivers if d.address.kind == "udp-in")
+        vehicle = await make_udp_peer(("127.0.0.1", listener.port), sysid=2, compid=1)
+        vehicle.send(mavlink.MAVLink_heartbeat_message(2, 3, 0x59, 5, 4, 3))
+        await eventually(lambda: daemon.state.mode == "LOITER")
+        assert (await vehicle.next("COMMAND_LONG")).command == 511
+
+
+async def test_second_way_to_the_autopilot_takes_over_when_the_first_falls_silent(
+    autopilot, make_udp_peer, connect, eventually, monkeypatch
+):
+    monkeypatch.setattr("aps.links.traffic.CONNECTED_S", 0.5)
+    async with Daemon(config(autopilot, more_autopilots=("udp-in:127.0.0.1:0",))) as daemon:
+        await asyncio.wait_for(daemon.wait_heard(), 10)
+        (listener,) = (d for d in daemon.drivers if d.address.kind == "udp-in")
+        radio = await make_udp_peer(("127.0.0.1", listener.port), sysid=2, compid=1)
+        client = await connect(daemon.listen_port)
+        guided = mavlink.MAVLink_heartbeat_message(2, 3, 0x59, 4, 4, 3)
+        radio.send(guided)
+        await eventually(lambda: len(daemon.router.links) == 3)
+        assert daemon.state.mode == "STABILIZE"  # as the primary link says
+        assert daemon.hub.primary.name.startswith("tcp:")
+        await autopilot.stop()
+
+        async def beat():
+            while True:
+                radio.send(guided)
+                await asyncio.sleep(0.1)
+
+        beating = asyncio.create_task(beat())
+        await eventually(lambda: daemon.state.mode == "GUIDED")
+        client.send(ARM)
+        await radio.next("COMMAND_LONG", lambda message: message.command == 400)
+        beating.cancel()
+
+
+async def test_read_only_links_filters_and_rates(autopilot, make_udp_peer, eventually):
+    peers = [await make_udp_peer() for _ in range(3)]
+    links = [
+        f"udp-out:127.0.0.1:{peer.port},{rules}"
+        for peer, rules in zip(peers, ("read-only", "allow-out=30", "max-hz=30:2"), strict=True)
+    ]
+    async with Daemon(config(autopilot, *links)) as daemon:
+        listener, only_attitude, slow = daemon.links.clients.values()
+        for peer in peers:
+            await peer.next("ATTITUDE")
+        peers[0].send(ARM)
+        await eventually(lambda: listener.counters.dropped_in == 1)
+        assert not autopilot.armed
+        await eventually(lambda: only_attitude.counters.dropped_out > 20)
+        with pytest.raises(TimeoutError):
+            await peers[1].next("GLOBAL_POSITION_INT", timeout_s=0.2)
+        before_s = asyncio.get_running_loop().time()
+        for _ in range(3):
+            await peers[2].next("ATTITUDE")
+        assert asyncio.get_running_loop().time() - before_s > 0.8
+        assert slow.counters.dropped_rate_out > 50
+
+
+async def test_links_that_cannot_be_opened_say_so_at_once(autopilot, make_udp_peer):
+    peer = await make_udp_peer()
+    with pytest.raises(OSError, match="in use"):
+        async with Daemon(config(autopilot, f"udp-in:127.0.0.1:{peer.port}")):
+            pass
+    with pytest.raises(ValueError, match="cannot run at 123 baud"):
+        async with Daemon(config(autopilot, "serial:/dev/null:123")):
+            pass
+    with pytest.raises(ValueError, match="is no link"):
+        Daemon(config(autopilot, "carrier-pigeon:1"))
+
+
+async def test_statistics_of_a_link(autopilot, make_udp_peer, eventually):
+    peer = await make_udp_peer()
+    async with Daemon(config(autopilot, f"udp-out:127.0.0.1:{peer.port}")) as daemon:
+        await peer.next("ATTITUDE")
+        assert daemon.statistics()["clients"][0]["up"] is False  # a socket is no link
+        for seq in (1, 2, 5):  # two are missing
+            peer.mav.seq = seq
+            peer.send(HEARTBEAT)
+        await eventually(lambda: daemon.statistics()["clients"][0]["frames_in"] == 3)
+        told = daemon.statistics()["clients"][0]
+        assert (told["up"], told["lost_in"], told["role"]) == (True, 2, Role.CLIENT.value)
+        await eventually(lambda: daemon.statistics()["autopilot_links"][0]["rate_in_hz"] > 50)
+
+
+async def test_autopilot_killed_and_restarted_ten_times_under_three_clients(
+    autopilot, connect, make_udp_peer, eventually
+):
+    peer = await make_udp_peer()
+    async with Daemon(config(autopilot, f"udp-out:127.0.0.1:{peer.port}")) as daemon:
+        clients = [await connect(daemon.listen_port), await connect(daemon.listen_port, 254), peer]
+        for client in clients:
+            await client.next("ATTITUDE")
+        clients[0].send(mavlink.MAVLink_command_long_message(2, 1, 511, 0, 30, 20_000, 0, 0, 0, 0, 0))
+        await eventually(lambda: autopilot.intervals_us.get(30) == 20_000)
+        links = set(daemon.links.clients)
+        for restart in range(10):
+            await autopilot.stop()
+            await eventually(lambda: not daemon.link_up)
+            autopilot.boot()
+            before_s = asyncio.get_running_loop().time()
+            await autopilot.start()
+            await asyncio.wait_for(daemon.wait_heard(), 3.0)
+            await eventually(lambda: autopilot.intervals_us.get(30) == 20_000, 3.0)
+            assert asyncio.get_running_loop().time() - before_s < 3.0
+            for client in clients:
+                await client.next("ATTITUDE", lambda message: message.time_boot_ms < 60_000)
+            assert autopilot.connections == restart + 2
+        assert set(daemon.links.clients) == links
+
+
+async def test_state_is_stale_while_the_autopilot_is_away(autopilot, eventually, monkeypatch):
+    monkeypatch.setattr("aps.vehicle.state.CONNECTED_S", 0.3)
+    async with Daemon(config(autopilot)) as daemon:
+        await eventually(lambda: daemon.state.connected)
+        await autopilot.stop()
+        await eventually(lambda: not daemon.state.connected)
+        assert daemon.state.heartbeat_age_s > 0.3
+        assert daemon.statistics()["autopilot_links"] == []

@@ -1,0 +1,70 @@
+import pytest
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.logs.tlog import TlogWriter
+
+START_US = 1_700_000_000_000_000
+
+
+def attitudes(count):
+    mav = mavlink.MAVLink(None, srcSystem=5, srcComponent=1)
+    for number in range(count):
+        mav.seq = number % 256
+        yield bytes(mavlink.MAVLink_attitude_message(number, 0.5, 0, 0, 0, 0, 0).pack(mav))
+
+
+class Clock:
+    def __init__(self):
+        self.now_us = START_US
+
+    def __call__(self):
+        self.now_us += 100_000
+        return self.now_us
+
+
+def test_pymavlink_reads_what_was_written_without_its_being_closed(tmp_path):
+    writer = TlogWriter(tmp_path / "logs", "ua-5", Clock())
+    for raw in attitudes(30):
+        writer.write(raw)
+    (path,) = writer.paths
+    assert path.name == "ua-5-20231114T221320Z.tlog"
+    log = mavutil.mavlink_connection(str(path))
+    read = [log.recv_msg() for _ in range(30)]
+    assert [message.time_boot_ms for message in read] == list(range(30))
+    assert read[0]._timestamp == pytest.approx(START_US / 1e6 + 0.1)
+    assert read[29]._timestamp == pytest.approx(START_US / 1e6 + 3.0)
+    assert log.recv_msg() is None
+    log.close()
+    writer.close()
+
+
+def test_files_are_bounded_in_size_and_number(tmp_path):
+    writer = TlogWriter(tmp_path, "x", lambda: START_US, max_file_bytes=1000, max_files=3)
+    for raw in attitudes(200):
+        writer.write(raw)
+    writer.close()
+    assert sorted(tmp_path.iterdir()) == sorted(writer.paths)
+    assert len(writer.paths) == 3
+    assert all(900 < path.stat().st_size <= 1000 for path in writer.paths[:2])
+    counters = writer.counters
+    assert (counters.frames, counters.deleted_files) == (200, counters.files - 3)
+
+
+def test_a_disk_that_refuses_is_counted_and_tried_again(tmp_path, caplog):
+    directory = tmp_path / "logs"
+    writer = TlogWriter(directory, "x", Clock())
+    directory.rmdir()
+    first, second, third = attitudes(3)
+    writer.write(first)
+    writer.write(second)
+    directory.mkdir()
+    writer.write(third)
+    writer.close()
+    assert (writer.counters.lost_frames, writer.counters.frames) == (2, 1)
+    assert caplog.text.count("cannot write the tlog") == 1
+
+
+def test_limits_are_checked(tmp_path):
+    with pytest.raises(ValueError, match="at least one file of 1000 bytes, not 1 of 10"):
+        TlogWriter(tmp_path, "x", Clock(), max_file_bytes=10, max_files=1)

@@ -1,0 +1,96 @@
+"""What hosts get: each packet once, for the nodes that it reached; and who was heard."""
+
+from __future__ import annotations
+
+from bridge.agents.client import LookAtStatus
+from bridge.bus.messages import CommunicationStatus, Header, Heard, decode, encode
+from bridge.host.arrivals import hand_out
+from bridge.host.node import Packet
+from bridge.radio.heard import Hosts
+from bridge.radio.picture import Picture
+from bridge.radio.virtual_radio import VirtualRadio
+from tests.unit.bridge.radio.core import place, send, virtual_radio
+
+NODES = ("0", "1", "2", "gcs")
+GROUPS = {"host-0": ("0", "2"), "host-1": ("1",)}
+
+
+class Ear:
+    """A node that keeps what comes."""
+
+    def __init__(self) -> None:
+        self.packets: list[Packet] = []
+        self.looks: list[LookAtStatus] = []
+
+    def packet_came(self, packet: Packet) -> None:
+        self.packets.append(packet)
+
+    def comm_status_came(self, look: LookAtStatus) -> None:
+        self.looks.append(look)
+
+
+def apart() -> VirtualRadio:
+    """Node 1 is out of everybody's range."""
+    core = virtual_radio("disk", nodes=NODES)
+    place(core, 0, n0=0.0, n1=1e6, n2=10.0, ngcs=20.0)
+    return core
+
+
+def shares(core: VirtualRadio, picture: Picture) -> dict[str, Heard]:
+    settled = core.settle()
+    picture.take(settled.receptions)
+    found = Hosts(NODES, GROUPS).shares(7, settled, picture.changed())
+    return {host: decode(encode(share), Heard) for host, share in found.items()}
+
+
+def test_a_packet_is_there_once_for_all_nodes_of_a_host() -> None:
+    core = apart()
+    send(core, "gcs", payload=b"to all")
+    send(core, "0", payload=b"more")
+    heard = shares(core, Picture(NODES))["host-0"]
+    assert heard.data == b"moreto all"
+    ears = {"0": Ear(), "2": Ear()}
+    hand_out(heard, NODES, ears)
+    assert [(p.sender, p.channel, p.payload) for p in ears["0"].packets] == [("gcs", "team", b"to all")]
+    assert [p.payload for p in ears["2"].packets] == [b"more", b"to all"]
+    assert ears["0"].packets[0] is ears["2"].packets[1]
+
+
+def test_a_host_hears_of_losses_too() -> None:
+    core, picture = apart(), Picture(NODES)
+    send(core, "0")
+    heard = shares(core, picture)["host-1"]
+    assert (heard.packet, heard.data) == ((), b"")
+    ear = Ear()
+    hand_out(heard, NODES, {"1": ear})
+    assert [look() for look in ear.looks] == [CommunicationStatus(Header.at(7, "1"), ("0",), (False,))]
+    assert shares(core, picture) == {}
+
+
+def test_the_status_is_of_the_latest_packet_of_each_node() -> None:
+    core, picture = apart(), Picture(NODES)
+    send(core, "0")
+    send(core, "2")
+    send(core, "1")
+    ear, other = Ear(), Ear()
+    hand_out(shares(core, picture)["host-0"], NODES, {"0": ear, "2": other})
+    (look,) = ear.looks
+    assert look() == CommunicationStatus(Header.at(7, "0"), ("1", "2"), (False, True))
+    place(core, 50_000_000, n0=0.0, n1=30.0, n2=1e6, ngcs=20.0)
+    send(core, "1", 1, 50_000_000)
+    hand_out(shares(core, picture)["host-0"], NODES, {"0": ear, "2": other})
+    assert ear.looks[1]() == CommunicationStatus(Header.at(7, "0"), ("1", "2"), (True, True))
+
+
+def test_links_have_the_latest_figures_and_the_counts() -> None:
+    core, picture = apart(), Picture(NODES)
+    for seq in range(3):
+        send(core, "0", seq)
+    picture.take(core.settle().receptions)
+    links = picture.links(9, core.ledger)
+    names = [(links.node[tx], links.node[rx]) for tx, rx in zip(links.tx, links.rx, strict=True)]
+    assert names == [("0", "1"), ("0", "2"), ("0", "gcs")]
+    assert list(links.sent) == [3, 3, 3]
+    assert list(links.delivered) == [0, 3, 3]
+    assert list(links.distance_m) == [1e6, 10.0, 20.0]
+    assert decode(encode(links), type(links)).distance_m == (1e6, 10.0, 20.0)

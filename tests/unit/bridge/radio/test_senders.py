@@ -1,0 +1,77 @@
+"""Packets are numbered by their senders: what is missing, too long, too much or repeated is told apart."""
+
+from __future__ import annotations
+
+from bridge.radio.senders import EVERYBODY, MAX_GAP, TAKEN_MAX_BYTES, Cause, Gap, Refused, Senders, TxPacket
+
+MTU_BYTES = 1000
+
+
+def packet(seq: int, sim_time_ns: int = 5, tx: int = 0, length: int = 10) -> TxPacket:
+    return TxPacket(tx, EVERYBODY, "main/all/team", seq, sim_time_ns, bytes(length))
+
+
+def senders(gaps: list[Gap] | None = None) -> Senders:
+    return Senders([MTU_BYTES, MTU_BYTES], [].append if gaps is None else gaps.append)
+
+
+def test_packets_come_out_by_time_sender_and_number() -> None:
+    it = senders()
+    for each in (packet(0, 9, tx=1), packet(0, 5), packet(1, 5), packet(2, 4), packet(1, 9, tx=1)):
+        assert it.take(each)
+    assert [(p.sim_time_ns, p.tx, p.seq) for p in it.taken()] == [
+        (4, 0, 2),
+        (5, 0, 0),
+        (5, 0, 1),
+        (9, 1, 0),
+        (9, 1, 1),
+    ]
+    assert it.taken() == []
+
+
+def test_a_jump_of_any_size_costs_one_gap() -> None:
+    gaps: list[Gap] = []
+    it = senders(gaps)
+    assert it.take(packet(MAX_GAP))
+    assert gaps == [Gap(5, 0, EVERYBODY, 0, MAX_GAP, 0, Cause.TRANSPORT)]
+    assert not it.take(packet(2 * MAX_GAP + 2))
+    assert it.refused == {Refused.MALFORMED: 1}
+    assert len(gaps) == 1
+
+
+def test_a_number_said_twice_is_refused() -> None:
+    it = senders()
+    assert it.take(packet(3))
+    assert not it.take(packet(3))
+    assert not it.take(packet(2))
+    assert it.refused == {Refused.REPEATED: 2}
+
+
+def test_a_packet_beyond_the_mtu_is_lost_before_the_channel() -> None:
+    gaps: list[Gap] = []
+    it = senders(gaps)
+    assert it.take(packet(0, length=MTU_BYTES))
+    assert it.take(packet(1, length=MTU_BYTES + 1))
+    assert gaps == [Gap(5, 0, EVERYBODY, 1, 1, MTU_BYTES + 1, Cause.TOO_LONG)]
+    assert [each.seq for each in it.taken()] == [0]
+
+
+def test_one_node_cannot_fill_the_memory_nor_stop_another() -> None:
+    it = Senders([TAKEN_MAX_BYTES, TAKEN_MAX_BYTES], [].append)
+    big = bytes(TAKEN_MAX_BYTES // 2)
+    taken = [it.take(TxPacket(0, EVERYBODY, "main/all/team", seq, 0, big)) for seq in range(4)]
+    assert taken == [True, True, False, False]
+    assert it.refused == {Refused.OVERLOAD: 2}
+    assert it.take(packet(0, tx=1))
+    it.taken()
+    assert it.take(packet(2))
+
+
+def test_what_a_sender_counted_and_never_came_is_a_gap() -> None:
+    gaps: list[Gap] = []
+    it = senders(gaps)
+    it.take(packet(0))
+    assert it.told_total(0, 4, 77)
+    assert gaps == [Gap(77, 0, EVERYBODY, 1, 3, 0, Cause.TRANSPORT)]
+    assert not it.told_total(0, MAX_GAP + 5, 77)
+    assert not it.told_total(0, -1, 77)

@@ -1,0 +1,225 @@
+"""Parquet of a run: exactly what was written, the same bytes for the same rows, and small."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bridge.bus.messages import Header, Quaternion, Truth, Vector3
+from bridge.physics.truth_table import TruthColumns
+from bridge.radio.deliveries import FATES, DeliveryColumns
+from bridge.record.tables.parquet import GROUP_ROWS, finish_tables
+from bridge.record.tables.schema import DELIVERIES, TRUTH, TableError
+from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
+
+NODES = ("0", "1", "gcs-1")
+
+
+def decimals(low: int, high: int, digits: int) -> st.SearchStrategy[float]:
+    """Numbers with so many decimals, or nan: the oracle is the decimal text."""
+    numbers = st.integers(low, high).map(lambda n: float(f"{n}e-{digits}"))
+    return st.one_of(numbers, st.just(math.nan))
+
+
+ROWS = st.lists(
+    st.tuples(
+        st.integers(0, 2**62),
+        st.integers(0, 2),
+        st.integers(0, 2),
+        st.integers(0, 2**62),
+        st.integers(1, 2**17),
+        st.integers(0, 2**24),
+        decimals(0, 10**10, 3),
+        decimals(-(10**6), 10**6, 3),
+        decimals(-(10**6), 10**6, 3),
+        decimals(0, 10**7, 7),
+        st.integers(0, len(FATES) - 1),
+    ),
+    max_size=30,
+)
+
+
+@settings(deadline=None, max_examples=60)
+@given(ROWS, st.lists(st.integers(1, 7), min_size=1))
+def test_written_decimals_come_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[Any, ...]], parts: list[int]
+) -> None:
+    run = tmp_path_factory.mktemp("run")
+    writer, begin = DeliveryColumns(run, NODES), 0
+    names = [column.name for column in DELIVERIES.columns]
+    while begin < len(rows):
+        part = rows[begin : begin + parts[begin % len(parts)]]
+        writer.append(len(part), **dict(zip(names, map(np.array, zip(*part, strict=True)), strict=True)))
+        writer.flush()
+        begin += len(part)
+    writer.close()
+    finish_tables(run)
+    found = pq.read_table(DELIVERIES.parquet_path(run)).to_pylist()
+    expected = [(r[0], NODES[r[1]], NODES[r[2]], *r[3:10], FATES[r[10]]) for r in rows]
+    assert [tuple(map(repr, row.values())) for row in found] == [tuple(map(repr, row)) for row in expected]
+
+
+def test_bytes_follow_from_the_rows_alone(tmp_path: Path) -> None:
+    ticks = list(fleet_columns(4, 30))
+    whole = {name: np.concatenate([tick[name] for tick in ticks]) for name in ticks[0]}
+    write_deliveries(tmp_path / "a", ticks, 4)
+    write_deliveries(tmp_path / "b", [whole], 4)
+    writer = DeliveryColumns(tmp_path / "b", list("0123"))
+    for tick in ticks:
+        writer.append(len(tick["tx"]), **tick)
+        writer.flush()
+    writer.close()
+    for run in ("a", "b"):
+        finish_tables(tmp_path / run)
+        assert [path.name for path in (tmp_path / run).iterdir()] == ["deliveries.parquet"]
+    a, b = (DELIVERIES.parquet_path(tmp_path / run).read_bytes() for run in "ab")
+    assert a == b
+    assert_same(read(tmp_path / "a"), joined(ticks))
+
+
+def test_truth_has_all_of_its_message_to_the_last_bit(tmp_path: Path) -> None:
+    writer = TruthColumns(tmp_path, NODES)
+    rng = np.random.Generator(np.random.PCG64(1))
+
+    def vector() -> Vector3:
+        return Vector3(*rng.normal(size=3).tolist())
+
+    states = [
+        Truth(
+            Header.at(7 + number, node),
+            *rng.normal(size=3).tolist(),
+            vector(),
+            vector(),
+            Quaternion(*rng.normal(size=4).tolist()),
+            vector(),
+            vector(),
+            -0.0 if number else math.nan,
+            vector(),
+        )
+        for number, node in enumerate(NODES)
+    ]
+    writer.append(5, states)
+    writer.append(6, [])
+    writer.append(6, states[1:])
+    writer.close()
+    finish_tables(tmp_path)
+    rows = pq.read_table(TRUTH.parquet_path(tmp_path)).to_pylist()
+    assert [(row["tick_ns"], row["node"], row["sim_time_ns"]) for row in rows] == [
+        *((5, node, 7 + number) for number, node in enumerate(NODES)),
+        *((6, node, 8 + number) for number, node in enumerate(NODES[1:])),
+    ]
+    for row, state in zip(rows, states + states[1:], strict=True):
+        q = state.attitude
+        expected = {
+            "longitude_deg": state.longitude_deg,
+            "latitude_deg": state.latitude_deg,
+            "altitude_amsl_m": state.altitude_amsl_m,
+            "attitude_w": q.w,
+            "attitude_x": q.x,
+            "attitude_y": q.y,
+            "attitude_z": q.z,
+            "airspeed_mps": state.airspeed_mps,
+        }
+        for name, vector3, axes, unit in (
+            ("position", state.position_ned_m, ("north", "east", "down"), "_m"),
+            ("velocity", state.velocity_ned_mps, ("north", "east", "down"), "_mps"),
+            ("body_rate", state.body_rates_frd_radps, ("forward", "right", "down"), "_radps"),
+            ("specific_force", state.specific_force_frd_mps2, ("forward", "right", "down"), "_mps2"),
+            ("wind", state.wind_ned_mps, ("north", "east", "down"), "_mps"),
+        ):
+            expected |= {f"{name}_{axis}{unit}": value for axis, value in zip(axes, vector3.xyz, strict=True)}
+        assert {name: repr(row[name]) for name in expected} == {n: repr(v) for n, v in expected.items()}
+        assert len(row) == 3 + len(expected)
+
+
+def test_a_table_is_read_from_parquet_as_from_its_journal(tmp_path: Path) -> None:
+    ticks = list(fleet_columns(3, 5))
+    write_deliveries(tmp_path, ticks, 3)
+    before = read(tmp_path)
+    finish_tables(tmp_path)
+    assert_same(before, joined(ticks))
+    assert_same(read(tmp_path), before)
+
+
+def test_an_end_that_was_killed_itself_is_made_up_for(tmp_path: Path) -> None:
+    ticks = list(fleet_columns(3, 5))
+    write_deliveries(tmp_path, ticks, 3)
+    journal = DELIVERIES.journal_path(tmp_path).read_bytes()
+    DELIVERIES.parquet_path(tmp_path).with_suffix(".partial").write_bytes(b"PAR1 half of it")
+    finish_tables(tmp_path)
+    DELIVERIES.journal_path(tmp_path).write_bytes(journal)  # killed before it was removed
+    assert_same(read(tmp_path), joined(ticks))
+    finish_tables(tmp_path)
+    assert not DELIVERIES.journal_path(tmp_path).exists()
+    assert_same(read(tmp_path), joined(ticks))
+
+
+def test_row_groups_have_a_fixed_number_of_rows(tmp_path: Path) -> None:
+    rows = GROUP_ROWS + 1000
+    writer = DeliveryColumns(tmp_path, NODES)
+    writer.append(
+        rows,
+        **dict.fromkeys(("sim_time_ns", "tx", "rx", "length_bytes", "fate"), 0),
+        **dict.fromkeys(("distance_m", "received_power_dbm", "snr_db", "per"), 0.5),
+        seq=np.arange(rows),
+    )
+    writer.close()
+    told: list[tuple[str, int]] = []
+    finish_tables(tmp_path, lambda name, done: told.append((name, done)))
+    metadata = pq.ParquetFile(DELIVERIES.parquet_path(tmp_path)).metadata
+    assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [GROUP_ROWS, 1000]
+    assert told == [("deliveries", GROUP_ROWS), ("deliveries", rows)]
+    assert (read(tmp_path)["seq"] == np.arange(rows)).all()
+
+
+def spoil_column(path: Path) -> None:
+    table = pq.read_table(path)
+    pq.write_table(table.set_column(3, "seq", table.column("seq").cast(pa.float64())), path)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda path: path.write_bytes(b""), "damaged"),
+        (lambda path: path.write_bytes(path.read_bytes()[:-20]), "damaged"),
+        (
+            lambda path: path.write_bytes(path.read_bytes()[:40] + bytes(200) + path.read_bytes()[240:]),
+            "damaged",
+        ),
+        (
+            lambda path: pq.write_table(pq.read_table(path).drop_columns(["per"]), path),
+            "no such column.*: per",
+        ),
+        (spoil_column, "no such column.*: seq"),
+        (lambda path: path.unlink(), r"has no deliveries\.parquet, nor a journal"),
+    ],
+)
+def test_what_is_damaged_or_not_there_is_told(tmp_path: Path, spoil: Any, words: str) -> None:
+    write_deliveries(tmp_path, list(fleet_columns(3, 40)), 3)
+    finish_tables(tmp_path)
+    spoil(DELIVERIES.parquet_path(tmp_path))
+    with pytest.raises(TableError, match=words):
+        read(tmp_path)
+
+
+@pytest.mark.slow
+def test_a_million_receptions_are_small_and_quickly_written(tmp_path: Path) -> None:
+    ticks = list(fleet_columns(50, 409))
+    rows = sum(len(tick["tx"]) for tick in ticks)
+    assert rows > 1_000_000
+    began_s = time.process_time()
+    write_deliveries(tmp_path, ticks, 50)
+    taken_s = time.process_time() - began_s
+    finish_tables(tmp_path)
+    assert DELIVERIES.parquet_path(tmp_path).stat().st_size < 20e6
+    assert taken_s / rows < 0.2e-6
+    assert_same(read(tmp_path), joined(ticks))

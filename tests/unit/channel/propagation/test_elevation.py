@@ -1,0 +1,181 @@
+"""Terrain from files: a tile that a script made, the same in other projections and formats."""
+
+import importlib.util
+import math
+import runpy
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from bridge.scenario.file import parse_scenario
+from bridge.scenario.resolve_radio import radio_of
+from channel.link.radio import Radio
+from channel.presets import PresetError, at_origin, load_radio, radio_from_mapping, radio_to_yaml, seen_from
+from channel.propagation.path_loss import friis_loss_db
+
+ROOT = Path(__file__).parents[4]
+TILE = ROOT / "tests" / "data" / "ridge.tif"
+HERE = (40.1331, -105.2404, 1690.0)
+needs_rasterio = pytest.mark.skipif(
+    importlib.util.find_spec("rasterio") is None,
+    reason="needs rasterio: pip install 'lostlink[terrain]' (36 MB)",
+)
+
+
+def terrain(file, origin=HERE, **more):
+    place = (
+        dict(zip(("origin_lat_deg", "origin_lon_deg", "origin_alt_amsl_m"), origin, strict=True))
+        if origin
+        else {}
+    )
+    tree = {"model": "terrain", "file": str(file), "extent_m": 1200.0} | place | more
+    return load_radio("perfect", {"propagation": tree})
+
+
+def by_formula(north, east):
+    """What `make_terrain_tile.py` says of the ridge, above the origin."""
+    return -0.02 * east + 60.0 * np.exp(-(((north - 400.0) / 80.0) ** 2))
+
+
+def places():
+    return np.meshgrid(np.linspace(-1100.0, 1100.0, 45), np.linspace(-900.0, 900.0, 7), indexing="ij")
+
+
+def test_without_the_library_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    with pytest.raises(PresetError, match=r"propagation.*lostlink\[terrain\]"):
+        terrain(TILE, origin=None)
+
+
+@needs_rasterio
+def test_heights_of_a_geotiff():
+    """Whole metres, 31 m by 24 m apart, read bilinearly: within 5 m on the ridge's crest, 0.7 m beside it."""
+    north, east = places()
+    off = terrain(TILE).propagation.height_m(north, east) - by_formula(north, east)
+    assert np.max(np.abs(off)) < 5.0
+    assert np.max(np.abs(off[np.abs(north - 400.0) > 250.0])) < 0.7
+    assert abs(float(np.mean(off))) < 0.2
+
+
+@needs_rasterio
+def test_the_script_makes_the_tile(tmp_path):
+    import rasterio
+
+    runpy.run_path(str(ROOT / "examples" / "make_terrain_tile.py"))["write"](tmp_path / "tile.tif")
+    with rasterio.open(TILE) as old, rasterio.open(tmp_path / "tile.tif") as new:
+        assert np.array_equal(old.read(1), new.read(1))
+        assert (old.crs, old.transform) == (new.crs, new.transform)
+
+
+@needs_rasterio
+@pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # rasterio's own, of affine
+def test_the_same_ground_in_utm(tmp_path):
+    """Zone 13 north, whose easting and northing at the origin are known: 479 515 m, 4 442 601 m (to 30 m)."""
+    import rasterio
+    from rasterio.warp import Resampling, calculate_default_transform, reproject
+
+    with rasterio.open(TILE) as old:
+        transform, width, height = calculate_default_transform(
+            old.crs, "EPSG:32613", old.width, old.height, *old.bounds
+        )
+        shape = {"width": width, "height": height, "count": 1, "dtype": "float32", "nodata": -9999.0}
+        with rasterio.open(
+            tmp_path / "utm.tif", "w", driver="GTiff", crs="EPSG:32613", transform=transform, **shape
+        ) as new:
+            reproject(rasterio.band(old, 1), rasterio.band(new, 1), resampling=Resampling.bilinear)
+    middle = transform.a * width / 2 + transform.c, transform.e * height / 2 + transform.f
+    assert middle == pytest.approx((479_515.0, 4_442_601.0), abs=60.0)
+    north, east = places()
+    north, east = north * 0.8, east * 0.8
+    geographic = terrain(TILE, extent_m=900.0).propagation.height_m(north, east)
+    projected = terrain(tmp_path / "utm.tif", extent_m=900.0).propagation.height_m(north, east)
+    assert projected == pytest.approx(geographic, abs=3.0)
+    assert float(np.mean(np.abs(projected - geographic))) < 0.5
+
+
+@needs_rasterio
+def test_an_srtm_tile(tmp_path):
+    """N40W106.hgt: 1201 by 1201 big-endian numbers, three seconds of arc apart, its name the south-west corner."""
+    lat = 41.0 - np.arange(1201)[:, np.newaxis] / 1200.0
+    lon = -106.0 + np.arange(1201)[np.newaxis, :] / 1200.0
+    height = np.round(1690.0 + 2000.0 * (lat - HERE[0]) - 1000.0 * (lon - HERE[1]))
+    (tmp_path / "N40W106.hgt").write_bytes(height.astype(">i2").tobytes())
+    ground = terrain(tmp_path / "N40W106.hgt", extent_m=3000.0).propagation
+    north, east = places()
+    lat_of, lon_of = north / 111_319.5, east / (111_319.5 * np.cos(np.radians(HERE[0])))
+    assert ground.height_m(north, east) == pytest.approx(2000.0 * lat_of - 1000.0 * lon_of, abs=0.7)
+
+
+@needs_rasterio
+def test_a_link_behind_the_ridge():
+    radio = Radio(terrain(TILE))
+    high, low = (
+        radio.link(position_tx_ned_m=(0.0, 0.0, -height), position_rx_ned_m=(800.0, 0.0, -height))
+        for height in (150.0, 20.0)
+    )
+    free = float(friis_loss_db(800.0, 2.412e9))
+    assert float(high.path_loss_db) == pytest.approx(free, abs=0.01)
+    assert float(low.path_loss_db) > free + 25.0
+
+
+@needs_rasterio
+def test_a_scenario_gives_its_origin(tmp_path):
+    text = (ROOT / "sitl_configs" / "scenarios" / "separation.yaml").read_text()
+    (tmp_path / "tile.tif").write_bytes(TILE.read_bytes())
+    law = "{model: terrain, file: tile.tif, extent_m: 1000}"
+    scenario = parse_scenario(
+        text.replace("radio: moon2020", f"radio: {{preset: corrected, propagation: {law}}}"), "x", tmp_path
+    )
+    ground = radio_of(scenario).config.propagation
+    assert (ground.origin_lat_deg, ground.origin_lon_deg, ground.origin_alt_amsl_m) == HERE
+    assert float(ground.height_m(np.asarray(400.0), np.asarray(0.0))) == pytest.approx(60.0, abs=5.0)
+    copy = yaml.safe_load(radio_to_yaml(radio_of(scenario).config))
+    assert radio_from_mapping(copy).propagation == ground
+
+
+@needs_rasterio
+@pytest.mark.parametrize(
+    ("changed", "problem"),
+    [
+        ({"extent_m": 5000.0}, r"covers \d+ % of the square"),
+        ({"extent_m": 1200.0, "spacing_m": 0.1}, "at most 16000000"),
+        ({"origin_lat_deg": 41.0}, "covers 0 % of the square"),
+    ],
+)
+def test_what_a_tile_does_not_have_is_told_at_once(changed, problem):
+    with pytest.raises(PresetError, match=problem):
+        terrain(TILE, **changed)
+
+
+@needs_rasterio
+def test_files_that_are_none_are_named(tmp_path):
+    (tmp_path / "bad.tif").write_bytes(b"no tile")
+    for name in ("bad.tif", "none.tif"):
+        with pytest.raises(PresetError, match=name):
+            terrain(tmp_path / name)
+    with pytest.raises(PresetError, match=r"bad\.tif"):
+        at_origin(terrain(tmp_path / "bad.tif", origin=None), *HERE)
+    later = at_origin(terrain(TILE, origin=None), *HERE)
+    assert later == terrain(TILE)
+
+
+@needs_rasterio
+def test_gaps_are_refused(tmp_path):
+    import rasterio
+
+    with rasterio.open(TILE) as old:
+        heights, profile = old.read(1), old.profile
+    heights[60, 60] = -32768
+    with rasterio.open(tmp_path / "gaps.tif", "w", **profile | {"nodata": -32768}) as new:
+        new.write(heights, 1)
+    with pytest.raises(PresetError, match=r"gaps\.tif: has gaps"):
+        terrain(tmp_path / "gaps.tif")
+
+
+def test_a_path_is_as_seen_from_its_yaml(tmp_path):
+    tree = seen_from(tmp_path, {"preset": "perfect", "propagation": {"model": "terrain", "file": "tile.tif"}})
+    assert tree["propagation"]["file"] == str(tmp_path / "tile.tif")
+    assert math.isfinite(HERE[0])

@@ -1,0 +1,294 @@
+"""Gain maps: what a file says is what a link has."""
+
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import netcdf_file
+
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
+from channel.presets import PresetError, load_radio
+from channel.propagation.gain_file import GainFileError, read_gain_file
+from channel.propagation.path_loss import friis_loss_db
+from channel.validity import OutsideValidityError
+
+ROOT = Path(__file__).parents[4]
+NORTH, EAST, HEIGHT = np.array([0.0, 100.0, 200.0]), np.array([-50.0, 50.0]), np.array([10.0, 50.0])
+TX = np.array([[0.0, 0.0, 20.0], [0.0, 40.0, 2.0]])
+
+
+def plane_db(tx, north, east, height):
+    """Linear in each axis, so that interpolation between the points of a grid is exact."""
+    return -80.0 - 5.0 * tx - 0.1 * north + 0.02 * east + 0.05 * height
+
+
+def columns():
+    tx, height, north, east = np.meshgrid(np.arange(2), HEIGHT, NORTH, EAST, indexing="ij")
+    return {
+        "tx_north_m": TX[:, 0],
+        "tx_east_m": TX[:, 1],
+        "tx_height_m": TX[:, 2],
+        "rx_height_m": HEIGHT,
+        "rx_north_m": NORTH,
+        "rx_east_m": EAST,
+        "gain_db": plane_db(tx, north, east, height),
+    }
+
+
+def write_hdf5(file, **changed):
+    with h5py.File(file, "w") as data:
+        data.attrs["frequency_hz"] = 2.412e9
+        for name, values in (columns() | changed).items():
+            if values is not None:
+                data.create_dataset(name, data=values)
+
+
+def write_classic(file):
+    dimensions = {name: (name,) for name in ("rx_height_m", "rx_north_m", "rx_east_m")}
+    dimensions |= dict.fromkeys(("tx_north_m", "tx_east_m", "tx_height_m"), ("tx",))
+    dimensions["gain_db"] = ("tx", "rx_height_m", "rx_north_m", "rx_east_m")
+    with netcdf_file(file, "w") as data:
+        data.frequency_hz = 2.412e9
+        for name, size in {"tx": 2, "rx_height_m": 2, "rx_north_m": 3, "rx_east_m": 2}.items():
+            data.createDimension(name, size)
+        for name, values in columns().items():
+            data.createVariable(name, "d", dimensions[name])[:] = values
+
+
+def write_csv(file):
+    rows = ["tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db"]
+    for k, tx in enumerate(TX):
+        for north in NORTH:
+            for east in EAST:
+                for height in HEIGHT:
+                    gain = plane_db(k, north, east, height)
+                    rows.append(",".join(f"{value:.10g}" for value in (*tx, north, east, height, gain)))
+    file.write_text("\n".join(rows[:1] + rows[:0:-1]) + "\n")
+
+
+WRITERS = {"map.nc": write_classic, "map.nc4": write_hdf5, "map.csv": write_csv}
+
+
+def radio(file, **more):
+    return Radio(load_radio("perfect", {"propagation": {"model": "gain-map", "file": str(file), **more}}))
+
+
+def gain_db(of, tx, rx):
+    ends = {
+        "position_tx_ned_m": np.multiply(tx, (1, 1, -1)),
+        "position_rx_ned_m": np.multiply(rx, (1, 1, -1)),
+    }
+    return -of.link(**ends).path_loss_db
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_between_the_points_and_both_ways(tmp_path, name):
+    WRITERS[name](tmp_path / name)
+    mapped = radio(tmp_path / name)
+    receivers = np.array([[0.0, -50.0, 10.0], [130.0, 20.0, 35.0], [200.0, 50.0, 50.0]])
+    for k, tx in enumerate(TX):
+        expected = plane_db(k, *receivers.T)
+        assert gain_db(mapped, tx, receivers) == pytest.approx(expected, abs=1e-9)
+        assert gain_db(mapped, receivers, tx) == pytest.approx(expected, abs=1e-9)
+    assert gain_db(mapped, TX[0] + (3.0, 0.0, 0.0), receivers) == pytest.approx(plane_db(0, *receivers.T))
+
+
+def test_the_radios_antennas_are_added(tmp_path):
+    write_hdf5(tmp_path / "map.nc4")
+    link = radio(tmp_path / "map.nc4").link(position_tx_ned_m=(0, 0, -20), position_rx_ned_m=(100, 0, -30))
+    assert float(link.received_power_dbm) == pytest.approx(18.0 + 2 * 2.3 + plane_db(0, 100.0, 0.0, 30.0))
+
+
+@pytest.mark.parametrize(
+    ("tx", "rx"),
+    [
+        ((0, 0, 20), (201, 0, 30)),  # beyond the grid
+        ((0, 0, 20), (100, 0, 51)),  # above it
+        ((50, 0, 20), (100, 0, 30)),  # neither end at a transmitter
+    ],
+)
+def test_outside_it_refuses_or_falls_back(tmp_path, tx, rx):
+    write_hdf5(tmp_path / "map.nc4")
+    with pytest.raises(OutsideValidityError, match=r"place \(north, east, height\)"):
+        gain_db(radio(tmp_path / "map.nc4"), tx, rx)
+    other = radio(
+        tmp_path / "map.nc4", outside="fallback", fallback={"model": "log-distance", "exponent": 3.0}
+    )
+    distance = float(np.linalg.norm(np.subtract(rx, tx)))
+    by_law = float(friis_loss_db(1.0, 2.412e9)) + 30.0 * np.log10(distance)
+    mixed = gain_db(other, np.array([tx, (0, 0, 20)], dtype=float), np.array([rx, (100, 0, 30)], dtype=float))
+    assert mixed == pytest.approx([-by_law, plane_db(0, 100.0, 0.0, 30.0)])
+
+
+def test_another_carrier_is_outside(tmp_path):
+    write_hdf5(tmp_path / "map.nc4")
+    tree = {"frequency_hz": 5.8e9, "propagation": {"model": "gain-map", "file": str(tmp_path / "map.nc4")}}
+    with pytest.raises(OutsideValidityError):
+        gain_db(Radio(load_radio("perfect", tree)), (0, 0, 20), (100, 0, 30))
+
+
+def test_where_no_ray_arrives(tmp_path):
+    gains = columns()["gain_db"]
+    gains[0, :, 2, :] = -np.inf
+    write_hdf5(tmp_path / "map.nc4", gain_db=gains)
+    assert float(gain_db(radio(tmp_path / "map.nc4"), (0, 0, 20), (200, 0, 30))) == -200.0
+    assert float(gain_db(radio(tmp_path / "map.nc4", no_path_db=-150.0), (0, 0, 20), (200, 0, 30))) == -150.0
+
+
+def test_a_list_of_receivers(tmp_path):
+    """Between fixed places: three transmitters by two receivers."""
+    lines = ["tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db"]
+    lines += [f"{100 * i},0,30,{100 * j + 7},5,2,{-70 - 10 * i - j}" for i in range(3) for j in range(2)]
+    (tmp_path / "sites.csv").write_text("\n".join(lines))
+    mapped = radio(tmp_path / "sites.csv", tolerance_m=1.0)
+    assert gain_db(mapped, (200, 0, 30), np.array([(7, 5, 2), (107.5, 5, 2.5)])) == pytest.approx(
+        [-90.0, -91.0]
+    )
+    with pytest.raises(OutsideValidityError):
+        gain_db(mapped, (200, 0, 30), (9, 5, 2))
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (None, "cannot read"),
+        (b"tx_north_m\n1\n", "no column 'tx_east_m'"),
+        (
+            b"tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db\n1,2,3,4,5,6,x\n",
+            "not a CSV of numbers",
+        ),
+        (b"tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db\n", "no rows"),
+        (
+            b"tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db\n0,0,1,2,3,4,5\n0,0,1,2,3,4,6\n",
+            "each pair",
+        ),
+    ],
+)
+def test_files_that_are_no_maps_are_named(tmp_path, content, problem):
+    file = tmp_path / "bad.csv"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(PresetError, match=problem) as caught:
+        radio(file)
+    assert caught.value.key == "propagation.file"
+
+
+def test_maps_with_a_variable_too_few_or_of_another_shape(tmp_path):
+    write_hdf5(tmp_path / "map.nc4", rx_north_m=None)
+    with pytest.raises(PresetError, match="no variable rx_north_m"):
+        radio(tmp_path / "map.nc4")
+    write_hdf5(tmp_path / "other.nc4", rx_north_m=NORTH[:2])
+    with pytest.raises(PresetError, match="gain_db has shape"):
+        radio(tmp_path / "other.nc4")
+    write_hdf5(tmp_path / "third.nc4", rx_north_m=NORTH[::-1])
+    with pytest.raises(PresetError, match="rx_north_m has to rise"):
+        radio(tmp_path / "third.nc4")
+
+
+@pytest.mark.parametrize("write", [write_classic, write_hdf5])
+def test_damaged_files_are_named(tmp_path, write):
+    """Cut off anywhere, or with bytes changed: a map, or an error that names the file; never another."""
+    write(tmp_path / "whole.nc")
+    whole = (tmp_path / "whole.nc").read_bytes()
+    rng = np.random.Generator(np.random.PCG64(8))
+    refused = []
+    for k in range(60):
+        damaged = bytearray(whole[: rng.integers(4, len(whole))] if k % 2 else whole)
+        for place in rng.integers(4, min(len(damaged), 400), 3) if len(damaged) > 8 else ():
+            damaged[place] = rng.integers(256)
+        file = tmp_path / f"damaged-{k}.nc"
+        file.write_bytes(damaged)
+        try:
+            read_gain_file(file)
+        except GainFileError as error:
+            refused.append(file.name in str(error))
+    assert len(refused) > 20
+    assert all(refused)
+
+
+def test_a_file_beside_the_yaml(tmp_path):
+    (tmp_path / "maps").mkdir()
+    write_hdf5(tmp_path / "maps" / "map.nc4")
+    (tmp_path / "mine.yaml").write_text(
+        "preset: perfect\npropagation: {model: gain-map, file: maps/map.nc4}\n"
+    )
+    config = load_radio(tmp_path / "mine.yaml")
+    assert config.propagation.file == str(tmp_path / "maps" / "map.nc4")
+
+
+def test_a_medium_flies_over_the_map_that_ships(tmp_path):
+    """Its script makes it anew, and a UA that sinks behind the ridge is lost to the one that holds."""
+    script = runpy.run_path(str(ROOT / "examples" / "make_gain_map.py"))
+    script["write"](tmp_path / "ridge.nc")
+    shipped = ROOT / "sitl_configs" / "maps" / "ridge.nc"
+    with netcdf_file(shipped, mmap=False) as old, netcdf_file(tmp_path / "ridge.nc", mmap=False) as new:
+        assert old.variables["gain_db"][:] == pytest.approx(new.variables["gain_db"][:], abs=1e-3)
+    config = load_radio(
+        "corrected",
+        {"shadowing": {"model": "none"}, "propagation": {"model": "gain-map", "file": str(shipped)}},
+    )
+    medium = Medium(Radio(config), seed=1, nodes=("holds", "flies"))
+    medium.place("holds", (0.0, 0.0, -40.0))
+    powers = []
+    for tick, height in enumerate((80.0, 40.0, 10.0)):
+        medium.observe("flies", tick * 10**9, (500.0, 0.0, -height))
+        powers += [each.received_power_dbm for each in medium.transmit("holds", tick, tick * 10**9, 40)]
+    powers += [each.received_power_dbm for each in medium.flush()]
+    free = 18.0 + 2 * 2.3 - float(friis_loss_db(np.hypot(500.0, 40.0), 2.412e9))
+    assert powers[0] == pytest.approx(free, abs=0.5)
+    assert powers[2] < free - 15.0
+
+
+def test_what_sionna_traced_in_the_open_is_free_space(tmp_path):
+    """Arrays of Sionna RT 2.2: its scene `floor_wall`, line of sight alone, 1e6 rays; gains are means over 1 m."""
+    script = runpy.run_path(str(ROOT / "examples" / "import_sionna_map.py"))
+    with np.load(ROOT / "tests" / "data" / "sionna_rt_floor_wall.npz") as data:
+        arrays = {name: data[name] for name in data.files if name != "frequency_hz"}
+        script["write_map"](tmp_path / "map.nc", **arrays, frequency_hz=float(data["frequency_hz"]))
+    mapped = radio(tmp_path / "map.nc", tolerance_m=0.1)
+    mast = np.array([0.0, -3.0, 3.0])  # x -3, y 0
+    receivers = np.array([[2.5, east, height] for east in (-4.5, -3.5, -1.5) for height in (1.5, 2.5)])
+    distance = np.linalg.norm(receivers - mast, axis=-1)
+    assert -gain_db(mapped, mast, receivers) == pytest.approx(friis_loss_db(distance, 2.412e9), abs=0.15)
+
+
+def test_arrays_of_sionna_become_a_map(tmp_path):
+    """Free space by hand, in Sionna's shapes: heights, transmitters, cells y (north), cells x (east)."""
+    x, y, heights = np.arange(-95.0, 100.0, 10.0), np.arange(-45.0, 50.0, 10.0), np.array([20.0, 40.0])
+    tx = np.array([[5.0, -15.0, 30.0]])
+    z, north, east = np.meshgrid(heights, y, x, indexing="ij")
+    centers = np.stack((east, north, z), axis=-1)
+    squares = np.sum(np.square(centers - tx[0]), axis=-1)
+    gain = (299_792_458.0 / 2.412e9 / (4.0 * np.pi)) ** 2 / squares
+    gain[0, 0, 0] = 0.0
+    np.savez(
+        tmp_path / "arrays.npz",
+        path_gain=gain[:, np.newaxis].astype(np.float32),
+        cell_centers=centers.astype(np.float32),
+        tx_positions=tx,
+        frequency_hz=2.412e9,
+    )
+    script = ROOT / "examples" / "import_sionna_map.py"
+    command = [
+        sys.executable,
+        script,
+        tmp_path / "arrays.npz",
+        tmp_path / "map.nc",
+        "--origin",
+        "5",
+        "-5",
+        "0",
+    ]
+    subprocess.run(command, check=True, timeout=60)
+    mapped = radio(tmp_path / "map.nc")
+    place = (25.0 + 5.0, 55.0 - 5.0, 40.0)  # a cell's centre, y 25 and x 55
+    got = float(gain_db(mapped, (-10.0, 0.0, 30.0), place))
+    assert got == pytest.approx(
+        -float(friis_loss_db(np.sqrt(40.0**2 + 50.0**2 + 10.0**2), 2.412e9)), abs=1e-4
+    )
+    assert float(gain_db(mapped, (-10.0, 0.0, 30.0), (-45.0 + 5.0, -95.0 - 5.0, 20.0))) == -200.0

@@ -1,0 +1,146 @@
+"""Models of a user: from a file beside the YAML, from a module, by entry point."""
+
+import importlib.metadata
+import math
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from channel import own, presets
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
+from channel.presets import PresetError
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "models" / "my_models.py"
+TEXT = """\
+preset: perfect
+propagation: {class: "models/mine.py:Steep", exponent: 5.0}
+"""
+CODE = """\
+import numpy as np
+from channel.variant import Variant
+
+
+class Steep(Variant):
+    exponent: float = 4.0
+
+    def path_loss_db(self, path):
+        return 10.0 * self.exponent * np.log10(path.distance_m)
+
+
+class Nothing(Variant):
+    pass
+
+
+class Plain:
+    pass
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    (tmp_path / "models").mkdir()
+    (tmp_path / "models" / "mine.py").write_text(CODE)
+    (tmp_path / "mine.yaml").write_text(TEXT)
+    return tmp_path
+
+
+def test_a_class_of_a_file_beside_the_yaml(mine):
+    radio = Radio(presets.load_radio(mine / "mine.yaml"))
+    assert float(radio.link(100.0).path_loss_db) == pytest.approx(100.0)
+    again = Radio(presets.load_radio(mine / "mine.yaml", {"propagation": {"exponent": 3.0}}))
+    assert float(again.link(100.0).path_loss_db) == pytest.approx(60.0)
+
+
+def test_it_survives_being_written_down(mine):
+    config = presets.load_radio(mine / "mine.yaml")
+    copy = mine / "elsewhere" / "copy.yaml"
+    copy.parent.mkdir()
+    copy.write_text(presets.radio_to_yaml(config))
+    assert presets.load_radio(copy) == config
+    assert presets.load_radio(
+        "perfect", presets.seen_from(mine, {"propagation": {"class": "models/mine.py:Steep"}})
+    )
+
+
+def test_a_medium_uses_it(mine):
+    medium = Medium(Radio(presets.load_radio(mine / "mine.yaml")), seed=1, nodes=("a", "b"))
+    medium.place("a", (0.0, 0.0, -40.0))
+    medium.place("b", (100.0, 0.0, -40.0))
+    (reception,) = medium.transmit("a", 0, 0, 10)
+    assert reception.received_power_dbm == pytest.approx(18.0 + 2 * 2.3 - 100.0)
+
+
+@pytest.mark.parametrize(
+    ("group", "problem"),
+    [
+        ({"class": "mine.py:Steep", "exponnet": 1.0}, "exponnet: Extra inputs are not permitted"),
+        ({"class": "mine.py:Nothing"}, "Nothing in .*has no path_loss_db"),
+        ({"class": "mine.py:Plain"}, r"is no subclass of channel\.variant\.Variant"),
+        ({"class": "mine.py:Flat"}, "has no class Flat"),
+        ({"class": "other.py:Steep"}, r"other\.py: no such file"),
+        ({"class": "no_such_module:Steep"}, "no module no_such_module"),
+        ({"class": "Steep"}, r"is not file\.py:Name or module:Name"),
+        ({"model": "steep"}, "no model 'steep'"),
+    ],
+)
+def test_mistakes_are_named(mine, group, problem):
+    tree = presets.seen_from(mine / "models", {"preset": "perfect", "propagation": group})
+    with pytest.raises(PresetError, match=problem) as caught:
+        presets.radio_from_mapping(tree)
+    assert caught.value.key.startswith("propagation")
+
+
+def test_an_entry_point_gives_a_model_a_name(mine, monkeypatch):
+    monkeypatch.syspath_prepend(mine / "models")
+    point = importlib.metadata.EntryPoint("steep", "mine:Steep", "lostlink.propagation")
+    monkeypatch.setattr(own, "entry_points", lambda group: [point] if group == point.group else [])
+    own._entry_points.cache_clear()
+    try:
+        config = presets.load_radio("perfect", {"propagation": {"model": "steep", "exponent": 2.0}})
+        assert float(Radio(config).link(1000.0).path_loss_db) == pytest.approx(60.0)
+        assert "model: steep" in presets.radio_to_yaml(config)
+    finally:
+        own._entry_points.cache_clear()
+        sys.modules.pop("mine", None)
+
+
+def test_the_examples_do_what_they_say():
+    radio = Radio(
+        presets.load_radio(
+            "perfect",
+            {
+                "frequency_hz": 1e9,
+                "propagation": {"class": f"{EXAMPLE}:ThroughForest", "depth_m": 100.0},
+                "antenna": {"class": f"{EXAMPLE}:Cardioid"},
+                "error": {"class": f"{EXAMPLE}:Logistic", "half_db": 10.0},
+            },
+        )
+    )
+    ends = {"position_tx_ned_m": (0.0, 0.0, -40.0), "position_rx_ned_m": (300.0, 0.0, -40.0)}
+    terms = {term.name: float(np.ravel(term.contribution)[0]) for term in radio.link(**ends).terms}
+    assert terms["path_loss_db"] == pytest.approx(
+        -(81.9904 + 1.33 * 100.0**0.588), abs=0.01
+    )  # 20 log(4 pi 300 / 0.2998)
+    assert terms["transmit_antenna_gain_db"] == 5.0
+    assert terms["receive_antenna_gain_db"] == 5.0 - 20.0
+    assert float(radio.per(10.0 + math.log(3.0), 40)) == pytest.approx(0.25)
+
+
+def test_a_flat_earth_survives_being_written_down(tmp_path):
+    flat = presets.load_radio("perfect", {"earth_radius_factor": None})
+    (tmp_path / "flat.yaml").write_text(presets.radio_to_yaml(flat))
+    assert presets.load_radio(tmp_path / "flat.yaml") == flat
+
+
+def test_a_file_that_was_edited_is_read_again(mine):
+    first = presets.load_radio(mine / "mine.yaml").propagation
+    file = mine / "models" / "mine.py"
+    file.write_text(CODE.replace("10.0 * self.exponent", "20.0 * self.exponent"))
+    os.utime(file, ns=(1, 1))
+    second = presets.load_radio(mine / "mine.yaml").propagation
+    at = Radio(presets.load_radio("perfect")).path(10.0)
+    assert float(second.path_loss_db(at)) == pytest.approx(2.0 * float(first.path_loss_db(at)))
