@@ -11,6 +11,7 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from aps.api.backend import Backend
+from aps.status import plain_state
 from aps.vehicle.messages import as_json
 from aps.vehicle.state import AircraftState
 from aps.vehicle.status_text import StatusText
@@ -25,11 +26,7 @@ NS_PER_S: Final = 1_000_000_000
 
 def state_json(state: AircraftState) -> dict[str, Any]:
     """A state as JSON: unknown numbers are null, and ``age_s`` has the age of every field."""
-    fields = asdict(state)
-    for inner in ("as_of_ns", "heard_ns"):
-        del fields[inner]
-    told = as_json(fields | {"wind_body_mps": state.wind_body_mps})
-    return told | {"connected": state.connected, "age_s": as_json(state.ages_s())}
+    return plain_state(state) | {"connected": state.connected, "age_s": as_json(state.ages_s())}
 
 
 class Listener:
