@@ -7,6 +7,7 @@ import asyncio
 import errno
 import json
 import logging
+import os
 import re
 import signal
 import sys
@@ -36,6 +37,9 @@ then, for one:
 _log = logging.getLogger("aps")
 
 STATISTICS_PERIOD_S = 60.0
+TOKEN_VARIABLE = "LOSTLINK_API_TOKEN"
+"""Not an option: those are shown to every user of the machine."""
+API_STEP = 10
 _HELP = {
     "tcp_server": "serve MAVLink clients there, too (127.0.0.1:6760 + 10 I); :PORT is on loopback, port 0 any free one",
     "tcp": "connect to a ground station's TCP server",
@@ -71,6 +75,12 @@ def _arguments(prog: str) -> argparse.ArgumentParser:
             *names, dest=kind, action="append", metavar=place, help=f"{_HELP[kind]}; repeatable"
         )
     parser.add_argument("--tlog", type=Path, metavar="DIR", help="record every frame in .tlog files there")
+    parser.add_argument(
+        "--api",
+        metavar="HOST:PORT",
+        help="serve the HTTP API there (127.0.0.1:8760, say; further daemons 10 higher each); beyond loopback with the "
+        f"token in the environment variable {TOKEN_VARIABLE}",
+    )
     parser.add_argument("--config", type=Path, metavar="FILE", help="daemons from a YAML file instead")
     parser.add_argument("--json", action="store_true", help="print the state as JSON lines on stdout")
     parser.add_argument(
@@ -113,7 +123,35 @@ def _ready(daemon: Daemon, *, as_json: bool) -> str:
     return f"READY aps sysid={config.sysid} listen={listen} autopilot={config.autopilot}"
 
 
-async def _serve(configs: Sequence[DaemonConfig], *, as_json: bool, rate_hz: float) -> BaseException | None:
+def _api_address(text: str | None) -> tuple[str, int] | None:
+    if text is None:
+        return None
+    host, colon, port = text.rpartition(":")
+    if not colon or not port.isdecimal() or not 0 <= int(port) <= 65_535:
+        raise ValueError(f"--api must be HOST:PORT, not {text!r}")
+    return host.strip("[]") or "127.0.0.1", int(port)
+
+
+async def _serve_api(daemons: Sequence[Daemon], address: tuple[str, int], stack: AsyncExitStack) -> list[str]:
+    """Serve each daemon's API; returns where."""
+    from aps.api.backend import DaemonBackend  # FastAPI takes its time, and most daemons do without
+    from aps.api.guard import ApiConfig
+    from aps.api.server import ApiServer
+
+    host, port = address
+    token = os.environ.get(TOKEN_VARIABLE, "")
+    places = []
+    for number, daemon in enumerate(daemons):
+        config = ApiConfig(host=host, port=port + API_STEP * number if port else 0, token=token)
+        server = await stack.enter_async_context(ApiServer(DaemonBackend(daemon), config))
+        shown = f"[{host}]" if ":" in host else host
+        places.append(f"http://{shown}:{server.port}/")
+    return places
+
+
+async def _serve(
+    configs: Sequence[DaemonConfig], *, as_json: bool, rate_hz: float, api: tuple[str, int] | None = None
+) -> BaseException | None:
     """Serve until a signal; returns what a daemon failed of, if one did."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -126,6 +164,10 @@ async def _serve(configs: Sequence[DaemonConfig], *, as_json: bool, rate_hz: flo
             print(_ready(daemon, as_json=as_json), flush=True)
             if as_json:
                 daemon.subscribe(lambda state: print(state_line(state), flush=True), rate_hz)
+        places = [] if api is None else await _serve_api(daemons, api, stack)
+        for daemon, place in zip(daemons, places, strict=False):
+            told = {"event": "api", "sysid": daemon.config.sysid, "url": place}
+            print(json.dumps(told) if as_json else f"API aps sysid={daemon.config.sysid} {place}", flush=True)
         while not stop.is_set():
             try:
                 async with asyncio.timeout(STATISTICS_PERIOD_S):
@@ -164,7 +206,8 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     )
     try:
         configs = _configs(arguments)
-        failure = asyncio.run(_serve(configs, as_json=arguments.json, rate_hz=arguments.rate_hz))
+        api = _api_address(arguments.api)
+        failure = asyncio.run(_serve(configs, as_json=arguments.json, rate_hz=arguments.rate_hz, api=api))
     except ValueError as error:
         return _refuse(str(error))
     except BrokenPipeError:

@@ -95,6 +95,7 @@ class HeldDaemon(DaemonBase):
         self.link = HeldLink(address, config.queue_limit_bytes)
         self._now_ns = 0
         super().__init__(config, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
+        self.commands.ftp = False
         self.link.id = AUTOPILOT_ID
         self._open_tlog(lambda: config.tlog_epoch_us + self._now_ns // 1000)
         self.takes_input = takes_input

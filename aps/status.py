@@ -81,6 +81,8 @@ class StatusServer:
 def plain_state(state: AircraftState) -> dict[str, Any]:
     """The state as plain data; what is not known is ``None``."""
     values = asdict(state) | {"wind_body_mps": state.wind_body_mps}
+    for inner in ("as_of_ns", "heard_ns"):
+        del values[inner]
     return {name: _plain(value) for name, value in values.items()}
 
 

@@ -44,6 +44,10 @@ STREAM_ACK_TIMEOUT_S: Final = 1.0
 """For the answer to a stream request, times the number of the try: 1, 2, 3, 4, 5 s."""
 STREAM_TRIES: Final = 5
 """Then the next stream is asked for, and this one again later."""
+TRANSFER_TIMEOUTS_S: Final = (1.0, 1.0, 1.5, 2.0, 2.0, 3.0, 3.0, 4.0)
+"""For the next message of a mission, parameter or file transfer, per try; counted anew with each that comes."""
+PARAMETER_GAP_S: Final = 1.0
+"""Since the last parameter of a list, until those that are missing are asked for."""
 LINK_LOSS_TIMEOUT_S: Final = 30.0
 """For a command whose link is down."""
 ROUTE_EXPIRY_S: Final = 60.0
@@ -69,5 +73,7 @@ REBOOT_STEP_MS: Final = 2000
 """The autopilot's clock going back by more than this is a reboot (less is reordering between streams)."""
 MODE_TIMEOUT_S: Final = 10.0
 """From acceptance until the heartbeat shows the mode, or that the UA is armed or disarmed."""
+REBOOT_TIMEOUT_S: Final = 60.0
+"""From acceptance until the autopilot's clock begins anew."""
 LANDING_TIMEOUT_S: Final = 900.0
 """From acceptance until it is down, and for a leg of unknown length."""

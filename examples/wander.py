@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 
 from bridge.agents import Agent
-from bridge.agents.client import CommandFailed
+from bridge.agents.commands import CommandFailed
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
 

@@ -51,7 +51,7 @@ def _slot_is_free(slot: int, count: int) -> bool:
         for i in range(count)
         for base, extra in ((5760, 0), (5760, 2), (5760, 3))
     ]
-    tcp += [6760 + 10 * (slot + i) for i in range(count)]
+    tcp += [base + 10 * (slot + i) for i in range(count) for base in (6760, 8760)]
     udp = [base + 10 * (slot + i) for i in range(count) for base in (9002, 5501)]
     return all(_is_free(socket.SOCK_STREAM, p) for p in tcp) and all(
         _is_free(socket.SOCK_DGRAM, p) for p in udp

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, Final
 
 from aps.callbacks import Callbacks
 from aps.timeouts import SILENCE_TIMEOUT_S
-from aps.vehicle import plans
-from aps.vehicle.commands import CommandExecution, CommandProgress, CommandResult, Plan
+from aps.vehicle import messages
+from aps.vehicle.commands import ARMING, FLIGHT, CommandExecution, Plan
+from aps.vehicle.execution import CommandProgress, CommandResult, Execution, Refusal
+from aps.vehicle.flight import orbit, plans, targets
+from aps.vehicle.missions import fly, transfer
+from aps.vehicle.parameters import transfer as parameters
+from aps.vehicle.parameters.everything import get_all
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.telemetry import AircraftState
 
@@ -18,16 +25,35 @@ __all__ = ["VERBS", "CommandHandle", "Commander", "OnDone", "OnProgress"]
 OnProgress = Callable[[CommandProgress], None]
 OnDone = Callable[[CommandResult], None]
 
-VERBS: Final[dict[str, Callable[..., Plan]]] = {
+VERBS: Final[dict[str, Callable[..., Plan | Execution]]] = {
     "arm": plans.arm,
     "disarm": plans.disarm,
     "mode": plans.set_mode,
     "takeoff": plans.takeoff,
-    "goto": plans.goto,
+    "goto": targets.goto,
+    "goto_ned": targets.goto_ned,
+    "velocity": targets.velocity,
+    "follow": targets.follow,
+    "orbit": orbit.orbit,
+    "speed": plans.change_speed,
     "rtl": plans.rtl,
     "land": plans.land,
+    "reboot": plans.reboot,
+    "mission": fly.fly,
+    "mission_set_current": fly.set_current,
+    "mission_upload": transfer.upload,
+    "mission_download": transfer.download,
+    "mission_clear": transfer.clear,
+    "parameter_get": parameters.get,
+    "parameter_set": parameters.set_one,
+    "parameters_set": parameters.set_all,
+    "parameters": get_all,
+    "message": messages.request,
+    "send": messages.send,
 }
-"""Verb -> what makes its plan from the state and the command's arguments."""
+"""Verb -> what makes its plan or execution from the state and the command's arguments."""
+_TAKES_OVER: Final = frozenset({FLIGHT, ARMING})
+"""What a newer command takes from the one before; of anything else that is occupied it is refused."""
 
 
 class CommandHandle:
@@ -35,7 +61,7 @@ class CommandHandle:
 
     def __init__(
         self,
-        execution: CommandExecution,
+        execution: Execution,
         commander: Commander,
         on_progress: OnProgress | None,
         on_done: OnDone | None,
@@ -46,7 +72,7 @@ class CommandHandle:
     @property
     def verb(self) -> str:
         """What was asked for."""
-        return self.execution.plan.verb
+        return self.execution.verb
 
     @property
     def result(self) -> CommandResult | None:
@@ -97,6 +123,9 @@ class Commander:
         self._silence_s = silence_s
         self._state, self._send, self._now_ns, self._wake = state, send, now_ns, wake
         self._callbacks = callbacks
+        self.ftp = True
+        """Whether files may be read by MAVLink FTP. ArduPilot serves them in a thread of its own, whose answers come
+        when the machine lets them: a simulation that is to repeat does without."""
         self._running: list[CommandHandle] = []
 
     @property
@@ -131,9 +160,10 @@ class Commander:
         alt_rel_m: float,
         speed_mps: float | None = None,
         on_progress: OnProgress | None = None,
+        **options: Any,
     ) -> CommandResult:
-        """Fly to a point in GUIDED and stay; ``alt_rel_m`` above home."""
-        return await self._run("goto", on_progress, lat_deg, lon_deg, alt_rel_m, speed_mps)
+        """Fly to a point in GUIDED and stay; ``alt_rel_m`` above home. Options: see ``targets.goto``."""
+        return await self._run("goto", on_progress, lat_deg, lon_deg, alt_rel_m, speed_mps, **options)
 
     async def rtl(self, on_progress: OnProgress | None = None) -> CommandResult:
         """Return to launch; done when a copter has landed or a fixed wing circles over home."""
@@ -142,6 +172,16 @@ class Commander:
     async def land(self, on_progress: OnProgress | None = None) -> CommandResult:
         """Land; done when on the ground."""
         return await self._run("land", on_progress)
+
+    async def run(
+        self, verb: str, *arguments: Any, on_progress: OnProgress | None = None, **options: Any
+    ) -> CommandResult:
+        """Any command of ``VERBS``; what each takes is said by the function that it names.
+
+        Raises:
+            ValueError: no such verb, or an argument that is wrong or out of range.
+        """
+        return await self._run(verb, on_progress, *arguments, **options)
 
     async def _run(
         self, verb: str, on_progress: OnProgress | None, *arguments: Any, **options: Any
@@ -170,10 +210,10 @@ class Commander:
 
         Args:
             verb: one of ``VERBS``.
-            arguments: as of the coroutine of that name (``mode``: ``set_mode``).
+            arguments: as of the function that ``VERBS`` names, without the state.
             on_progress: told about acceptance and the way to go.
             on_done: told the result, exactly once; from within this call if the command ends at once.
-            options: keyword arguments, as of the coroutine (``force=True`` of ``disarm``).
+            options: keyword arguments, likewise.
 
         Raises:
             ValueError: no such verb, or an argument that is wrong or out of range.
@@ -183,26 +223,60 @@ class Commander:
         execution = self._execution(verb, *arguments, **options)
         handle = CommandHandle(execution, self, on_progress, on_done)
         if execution.result is None:
-            self._take_over(execution.plan)
+            self._take_over(execution)
         self._running.append(handle)
         self.poll()
         return handle
 
-    def _execution(self, verb: str, *arguments: Any, **options: Any) -> CommandExecution:
+    def start_named(
+        self,
+        verb: str,
+        arguments: Mapping[str, Any],
+        *,
+        on_progress: OnProgress | None = None,
+        on_done: OnDone | None = None,
+    ) -> CommandHandle:
+        """As ``start``, with the arguments of somebody else, by name.
+
+        Raises:
+            ValueError: no such verb, or an argument that is wrong, missing or unknown.
+        """
+        if verb in VERBS:
+            known = argument_names(verb)
+            unknown = [name for name in arguments if name not in known]
+            if unknown:
+                raise ValueError(
+                    f"{verb} has no argument {unknown[0]!r}: {', '.join(known) or 'it has none'}"
+                )
+        return self.start(verb, on_progress=on_progress, on_done=on_done, **arguments)
+
+    def _execution(self, verb: str, *arguments: Any, **options: Any) -> Execution:
         state = self._state()
         if not state.vehicle_type:
-            execution = CommandExecution(Plan(verb, (), lambda _: False, 0.0, flight=False))
-            execution.refuse("the autopilot has not been heard")
-            return execution
+            return _refused(verb, "the autopilot has not been heard")
+        make = VERBS[verb]
+        if verb == "parameters" and not self.ftp:
+            options["ftp"] = False
         try:
-            return CommandExecution(VERBS[verb](state, *arguments, **options), self._silence_s)
-        except TypeError as error:
+            made = make(state, *arguments, **options)
+        except Refusal as refusal:
+            return _refused(verb, str(refusal))
+        except (TypeError, OverflowError) as error:
             raise ValueError(f"wrong arguments of {verb}: {error}") from error
+        return CommandExecution(made, self._silence_s) if isinstance(made, Plan) else made
 
-    def _take_over(self, plan: Plan) -> None:
-        for running in self._running:
-            if running.execution.plan.flight == plan.flight:
-                running.execution.interrupt(f"by {plan.verb}")
+    def _take_over(self, newer: Execution) -> None:
+        """Give the newer command what it occupies, or refuse it."""
+        for handle in self._running:
+            older = handle.execution
+            if not newer.occupies or older.occupies != newer.occupies or older.result is not None:
+                continue
+            if newer.occupies not in _TAKES_OVER:
+                newer.refuse(f"{older.verb} is under way")
+            elif _is_target(older) and _is_target(newer):
+                older.supersede(f"by {newer.verb}")
+            else:
+                older.interrupt(f"by {newer.verb}")
 
     def complete(self, handle: CommandHandle) -> None:
         """Called by a handle: take a command that has ended off the list, and tell its result."""
@@ -224,6 +298,10 @@ class Commander:
                 self.complete(handle)
         self._wake()
 
+    def wants(self, msg_id: int) -> bool:
+        """Whether a command under way wants to be told of messages of a type."""
+        return any(msg_id in running.execution.wanted for running in self._running)
+
     def deadline_ns(self) -> int | None:
         """When ``poll`` is due even if nothing happens."""
         deadlines = [running.execution.deadline_ns() for running in self._running]
@@ -237,10 +315,18 @@ class Commander:
         self.poll()
         return bool(waiting)
 
-    def on_parameter(self, name: str, value: float) -> None:
-        """PARAM_VALUE of the autopilot."""
+    def on_message(self, name: str, fields: Mapping[str, Any]) -> None:
+        """A message of the autopilot that is for us or for all, and feeds neither state nor acknowledgements alone."""
+        now_ns = self._now_ns()
         for running in self._running:
-            running.execution.on_parameter(name, value)
+            running.execution.on_message(name, fields, now_ns)
+        self.poll()
+
+    def on_reboot(self) -> None:
+        """The autopilot has rebooted: commands end, that which asked for it with success."""
+        for running in self._running:
+            running.execution.on_reboot()
+        self.poll()
 
     def on_text(self, text: StatusText) -> None:
         """STATUSTEXT of the autopilot."""
@@ -258,3 +344,19 @@ class Commander:
         for running in self._running:
             running.execution.interrupt(reason)
         self.poll()
+
+
+@cache
+def argument_names(verb: str) -> tuple[str, ...]:
+    """What a verb can be given, by name."""
+    return tuple(inspect.signature(VERBS[verb]).parameters)[1:]
+
+
+def _is_target(execution: Execution) -> bool:
+    return isinstance(execution, CommandExecution) and execution.plan.target
+
+
+def _refused(verb: str, reason: str) -> Execution:
+    execution = CommandExecution(Plan(verb, (), lambda _: False, 0.0, occupies=""))
+    execution.refuse(reason)
+    return execution

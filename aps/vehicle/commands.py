@@ -12,9 +12,8 @@ still is again a matter of the daemon's: see ``timeouts``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import Any, Final
 
 from aps.timeouts import (
@@ -22,60 +21,24 @@ from aps.timeouts import (
     ARMED_GRACE_MS,
     FEEDBACK_PERIOD_MS,
     IN_PROGRESS_TIMEOUT_S,
-    LINK_LOSS_TIMEOUT_S,
     REASON_GRACE_S,
     SILENCE_TIMEOUT_S,
 )
+from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Outcome
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.telemetry import AircraftState
 from aps.wire.dialect import enum_label, mavlink
 
 __all__ = ["CommandExecution", "CommandProgress", "CommandResult", "Outcome", "Plan", "Step"]
 
-NS_PER_S: Final = 1_000_000_000
 PARAMETER_TOLERANCE: Final = 1.0
+FLIGHT: Final = "flight"
+ARMING: Final = "arming"
 MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
 
+_PARAM_VALUE: Final = 22
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
-
-
-class Outcome(Enum):
-    """How a command ended."""
-
-    REACHED = "reached"
-    REFUSED = "refused"
-    TIMED_OUT = "timed_out"
-    INTERRUPTED = "interrupted"
-
-
-@dataclass(frozen=True, slots=True)
-class CommandResult:
-    """How a command ended, and why."""
-
-    verb: str
-    outcome: Outcome
-    reason: str = ""
-
-    @property
-    def reached(self) -> bool:
-        """Whether the goal was reached."""
-        return self.outcome is Outcome.REACHED
-
-    def __str__(self) -> str:
-        reason = f": {self.reason}" if self.reason else ""
-        return f"{self.verb} {self.outcome.value.replace('_', ' ')}{reason}"
-
-
-@dataclass(frozen=True, slots=True)
-class CommandProgress:
-    """What happens before the result: ``accepted`` once, ``feedback`` every half second of flight."""
-
-    verb: str
-    phase: str
-    text: str
-    remaining_m: float | None = None
-    """Distance or height still to go, where there is one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,14 +67,28 @@ class Plan:
     timeout_s: float
     """Autopilot time allowed between acceptance and the goal."""
     remaining_m: Callable[[AircraftState], float | None] = lambda _: None
+    position: Callable[[AircraftState], tuple[int, int | None]] | None = None
+    """Which item of how many it is at, for feedback."""
     mode: str | None = None
     """Flight mode that the command needs: leaving it interrupts the command."""
     needs_armed: bool = False
     """Being disarmed on the way interrupts it."""
     refusal_hint: str = ""
     """Added to a refusal that came without the autopilot's words."""
-    flight: bool = True
-    """Whether it steers the UA: such a command takes over from the one before."""
+    occupies: str = FLIGHT
+    """What of the UA it takes for itself: it takes over from the command before that takes the same."""
+    target: bool = False
+    """Whether it only moves the point or velocity that the UA flies to: a newer one supersedes it."""
+    setpoint: Callable[[AircraftState, float], Any] | None = None
+    """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
+    setpoint_period_s: float = 0.0
+    """By the autopilot's clock or the daemon's, whichever is faster."""
+    duration_s: float | None = None
+    """Reached when so much of the autopilot's time has passed since acceptance."""
+    farewell: Callable[[AircraftState], list[Any]] | None = None
+    """What is said once the goal is reached."""
+    reboots: bool = False
+    """Whether a reboot is its goal."""
 
 
 @dataclass(slots=True)
@@ -127,7 +104,7 @@ class _Waiting:
     texts: list[str] = field(default_factory=list)
 
 
-class CommandExecution:
+class CommandExecution(Execution):
     """Carries out one plan.
 
     Args:
@@ -136,17 +113,18 @@ class CommandExecution:
     """
 
     def __init__(self, plan: Plan, silence_s: float = SILENCE_TIMEOUT_S) -> None:
+        super().__init__(plan.verb, plan.occupies)
         self.plan = plan
-        self.events: list[CommandProgress] = []
-        """Progress not yet taken by the owner."""
-        self.result: CommandResult | None = None
+        if any(step.parameter for step in plan.steps):
+            self.wanted = frozenset({_PARAM_VALUE})
         self._step = 0
         self._waiting = _Waiting()
         self._accepted_ms: int | None = None
+        self._setpoint_ns = 0
+        self._setpoint_ms = 0
         self._feedback_ms = 0
         self._mode_seen = False
         self._armed_seen = False
-        self._link_lost_ns: int | None = None
         self._silence_ns = round(silence_s * NS_PER_S)
         self._clock_ms = 0
         self._clock_ns = 0
@@ -165,7 +143,7 @@ class CommandExecution:
             if result == _IN_PROGRESS:
                 self._waiting.in_progress = True
                 share = "" if progress == 0xFF else f", {progress} %"
-                self._event("feedback", f"in progress{share}")
+                self.tell("feedback", f"in progress{share}")
             else:
                 self._waiting.answer = result
 
@@ -184,50 +162,40 @@ class CommandExecution:
         if text.severity <= MAX_REASON_SEVERITY and text.text not in self._waiting.texts:
             self._waiting.texts.append(text.text)
 
-    def on_link(self, connected: bool, now_ns: int) -> None:
-        """The link to the autopilot went down or came back."""
-        self._link_lost_ns = None if connected else now_ns
+    def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
+        """PARAM_VALUE of the autopilot."""
+        if name == "PARAM_VALUE":
+            self.on_parameter(fields["param_id"], fields["param_value"])
 
-    def refuse(self, reason: str) -> None:
-        """It cannot even be sent."""
-        self._end(Outcome.REFUSED, reason)
+    def on_reboot(self) -> None:
+        """The autopilot has rebooted, as it was asked to or of itself."""
+        if self.plan.reboots:
+            self.end(Outcome.REACHED)
+        else:
+            super().on_reboot()
 
-    def interrupt(self, reason: str) -> None:
-        """Another command takes over, the autopilot rebooted, the daemon stops."""
-        self._end(Outcome.INTERRUPTED, reason)
-
-    def poll(self, state: AircraftState, now_ns: int) -> list[Any]:
-        """Go as far as possible; returns the pymavlink messages to send now."""
-        if self.result is not None:
-            return []
-        if self._link_lost_ns is not None and now_ns - self._link_lost_ns >= LINK_LOSS_TIMEOUT_S * NS_PER_S:
-            self._end(Outcome.TIMED_OUT, f"no link to the autopilot for {LINK_LOSS_TIMEOUT_S:g} s")
-            return []
+    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
         if self._accepted_ms is None:
-            return self._poll_steps(state, now_ns)
-        self._poll_goal(state, now_ns)
-        return []
+            messages = self._poll_steps(state, now_ns)
+            if self._accepted_ms is None:
+                return messages
+        else:
+            messages = self._poll_goal(state, now_ns)
+        return [*messages, *self._poll_setpoint(state, now_ns)]
 
-    def deadline_ns(self) -> int | None:
-        """Instant of the daemon's clock at which to poll even if nothing happens; ``None`` when there is none."""
-        if self.result is not None:
-            return None
-        candidates = []
-        if self._link_lost_ns is not None:
-            candidates.append(self._link_lost_ns + round(LINK_LOSS_TIMEOUT_S * NS_PER_S))
+    def _due_ns(self) -> int | None:
         if self._accepted_ms is None:
             waiting = self._waiting
-            candidates.append(waiting.deadline_ns if waiting.refused_ns is None else self._reason_due_ns())
-        else:
-            candidates.append(self._clock_ns + self._silence_ns)
-        return min(candidates, default=None)
+            return waiting.deadline_ns if waiting.refused_ns is None else self._reason_due_ns()
+        due_ns = self._clock_ns + self._silence_ns
+        return due_ns if self.plan.setpoint is None else min(due_ns, self._setpoint_ns)
 
     # Steps and their acknowledgements.
 
     def _poll_steps(self, state: AircraftState, now_ns: int) -> list[Any]:
-        while self._waiting.answer == _ACCEPTED:
+        while self._waiting.answer == _ACCEPTED or not self.plan.steps:
             if not self._next_step(state, now_ns):
-                return []
+                return self._poll_goal(state, now_ns)
         if self._waiting.answer is not None:
             self._refused(self._waiting.answer, now_ns)
             return self._poll_steps(state, now_ns) if self._waiting.answer == _ACCEPTED else []
@@ -246,15 +214,15 @@ class CommandExecution:
         if self._step < len(self.plan.steps):
             return True
         self._accepted_ms = self._feedback_ms = state.time_boot_ms
-        self._event("accepted", "accepted by the autopilot")
+        self._setpoint_ns = now_ns
+        self.tell("accepted", "accepted by the autopilot")
         self._clock_ns = now_ns
-        self._poll_goal(state, now_ns)
         return False
 
     def _send_step(self, now_ns: int) -> list[Any]:
         waiting = self._waiting
         if waiting.tries >= len(ACK_TIMEOUTS_S):
-            self._end(Outcome.TIMED_OUT, f"no acknowledgement after {waiting.tries} tries")
+            self.end(Outcome.TIMED_OUT, f"no acknowledgement after {waiting.tries} tries")
             return []
         message = self.plan.steps[self._step].message(waiting.tries)
         waiting.deadline_ns = now_ns + round(ACK_TIMEOUTS_S[waiting.tries] * NS_PER_S)
@@ -272,49 +240,64 @@ class CommandExecution:
         reason = f"{label}: {words}" if words else label
         if step.optional:
             name = enum_label("MAV_CMD", step.command or 0)
-            self._event("feedback", f"{name} refused: {reason}")
+            self.tell("feedback", f"{name} refused: {reason}")
             waiting.answer = _ACCEPTED
             return
         hint = self.plan.refusal_hint
-        self._end(Outcome.REFUSED, f"{reason} ({hint})" if hint and not words else reason)
+        self.end(Outcome.REFUSED, f"{reason} ({hint})" if hint and not words else reason)
 
     def _reason_due_ns(self) -> int:
         return (self._waiting.refused_ns or 0) + round(REASON_GRACE_S * NS_PER_S)
 
     # The flight towards the goal.
 
-    def _poll_goal(self, state: AircraftState, now_ns: int) -> None:
+    def _poll_goal(self, state: AircraftState, now_ns: int) -> list[Any]:
+        """Look whether the goal is reached or missed; returns what is to be said at the end."""
         plan = self.plan
         if state.time_boot_ms != self._clock_ms:
             self._clock_ms, self._clock_ns = state.time_boot_ms, now_ns
         flown_ms = state.time_boot_ms - (self._accepted_ms or 0)
         self._mode_seen |= state.mode == plan.mode
         self._armed_seen |= state.armed
-        if plan.reached(state):
-            self._end(Outcome.REACHED, "")
-        elif plan.needs_armed and not state.armed and (self._armed_seen or flown_ms > ARMED_GRACE_MS):
-            self._end(Outcome.INTERRUPTED, "the UA is not armed" + self._words())
+        duration_s = plan.duration_s
+        if plan.reached(state) or (duration_s is not None and flown_ms >= duration_s * 1000.0):
+            self.end(Outcome.REACHED)
+            return [] if plan.farewell is None else plan.farewell(state)
+        if plan.needs_armed and not state.armed and (self._armed_seen or flown_ms > ARMED_GRACE_MS):
+            self.end(Outcome.INTERRUPTED, "the UA is not armed" + self._words())
         elif self._mode_seen and plan.mode is not None and state.mode != plan.mode:
-            self._end(Outcome.INTERRUPTED, f"mode changed to {state.mode}" + self._words())
+            self.end(Outcome.INTERRUPTED, f"mode changed to {state.mode}" + self._words())
         elif flown_ms > plan.timeout_s * 1000.0:
-            self._end(
+            self.end(
                 Outcome.TIMED_OUT, f"not there after {plan.timeout_s:g} s of autopilot time" + self._words()
             )
         elif now_ns - self._clock_ns >= self._silence_ns:
             still_s = self._silence_ns / NS_PER_S
-            self._end(Outcome.TIMED_OUT, f"the autopilot's clock has stood still for {still_s:g} s")
+            self.end(Outcome.TIMED_OUT, f"the autopilot's clock has stood still for {still_s:g} s")
         elif state.time_boot_ms - self._feedback_ms >= FEEDBACK_PERIOD_MS:
-            self._feedback_ms = state.time_boot_ms
-            remaining_m = plan.remaining_m(state)
-            to_go = "" if remaining_m is None else f", {remaining_m:.1f} m to go"
-            self._event("feedback", f"{state.mode}, {state.alt_rel_m:.1f} m above home{to_go}", remaining_m)
+            self._feedback(state)
+        return []
+
+    def _feedback(self, state: AircraftState) -> None:
+        self._feedback_ms = state.time_boot_ms
+        text, done, total = f"{state.mode}, {state.alt_rel_m:.1f} m above home", None, None
+        if self.plan.position is not None:
+            done, total = self.plan.position(state)
+            text += f", item {done}" + ("" if total is None else f" of {total}")
+        remaining_m = self.plan.remaining_m(state)
+        text += "" if remaining_m is None else f", {remaining_m:.1f} m to go"
+        self.tell("feedback", text, remaining_m=remaining_m, done=done, total=total)
+
+    def _poll_setpoint(self, state: AircraftState, now_ns: int) -> list[Any]:
+        """The setpoint, if it is due by the daemon's clock or by the autopilot's, which may run faster."""
+        plan, clock_ms = self.plan, state.time_boot_ms
+        if plan.setpoint is None or self.result is not None:
+            return []
+        if now_ns < self._setpoint_ns and clock_ms < self._setpoint_ms:
+            return []
+        self._setpoint_ns = now_ns + round(plan.setpoint_period_s * NS_PER_S)
+        self._setpoint_ms = clock_ms + round(plan.setpoint_period_s * 1000.0)
+        return [plan.setpoint(state, (clock_ms - (self._accepted_ms or 0)) / 1000.0)]
 
     def _words(self) -> str:
         return f" ({self._waiting.texts[-1]})" if self._waiting.texts else ""
-
-    def _event(self, phase: str, text: str, remaining_m: float | None = None) -> None:
-        self.events.append(CommandProgress(self.plan.verb, phase, text, remaining_m))
-
-    def _end(self, outcome: Outcome, reason: str) -> None:
-        if self.result is None:
-            self.result = CommandResult(self.plan.verb, outcome, reason)

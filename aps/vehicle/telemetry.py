@@ -10,23 +10,23 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
-from aps.timeouts import CONNECTED_S, REBOOT_STEP_MS
+from aps.timeouts import REBOOT_STEP_MS
+from aps.vehicle.state import NAN, NO_VECTOR, NS_PER_S, AircraftState, LandedState, Vector3
 from aps.wire.dialect import enum_label, mavlink, mode_numbers
 from aps.wire.framer import Frame
 
-__all__ = ["AircraftState", "LandedState", "Telemetry"]
+__all__ = ["AircraftState", "LandedState", "Telemetry", "Vector3"]
 
-NS_PER_S: Final = 1_000_000_000
-NAN: Final = math.nan
 
-Vector3 = tuple[float, float, float]
-_NO_VECTOR: Final[Vector3] = (NAN, NAN, NAN)
-LandedState = str
-"""``undefined``, ``on_ground``, ``in_air``, ``takeoff`` or ``landing``."""
+CLOCK_WRAP_MS: Final = 1 << 32
+WRAP_WINDOW_MS: Final = 600_000
+"""A clock that falls from within this of its end to within this of 0 has wrapped; any other fall is a reboot."""
+BOOT_SHIFT_MS: Final = 5000
+"""After a new connection: UTC less the autopilot's clock differing by more than this is another boot."""
+
 _LANDED: Final = ("undefined", "on_ground", "in_air", "takeoff", "landing")
 
 _ARMED: Final = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
@@ -34,95 +34,9 @@ _PREARM: Final = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
 _EKF_POSITION: Final = int(mavlink.ESTIMATOR_POS_HORIZ_ABS)
 
 
-@dataclass(frozen=True, slots=True)
-class AircraftState:
-    """Table I of the paper, with a few more fields that commands need.
-
-    Angles are radians of the body (FRD) in NED, positions geodetic (WGS 84) or NED metres from the
-    autopilot's local origin, velocities NED over ground.
-    """
-
-    sysid: int
-    vehicle_type: int = 0
-    """MAV_TYPE of the autopilot's heartbeat."""
-    time_boot_ms: int = 0
-    """The autopilot's own clock (sim time of this boot), from its newest message."""
-    roll_rad: float = NAN
-    pitch_rad: float = NAN
-    yaw_rad: float = NAN
-    lat_deg: float = NAN
-    lon_deg: float = NAN
-    alt_amsl_m: float = NAN
-    alt_rel_m: float = NAN
-    """Above home."""
-    position_ned_m: Vector3 = _NO_VECTOR
-    velocity_ned_mps: Vector3 = _NO_VECTOR
-    indicated_airspeed_mps: float = NAN
-    groundspeed_mps: float = NAN
-    airspeed_mps: float = NAN
-    """True airspeed: velocity over ground minus wind, as long as the autopilot estimates wind; else the
-    indicated airspeed."""
-    wind_ned_mps: Vector3 = _NO_VECTOR
-    """The air's velocity over ground (where it blows to)."""
-    mode: str = ""
-    base_mode: str = ""
-    """MAV_MODE_FLAG labels joined by ``|``."""
-    armed: bool = False
-    ready_to_arm: bool = False
-    """The autopilot's own pre-arm verdict, for the mode it is in (ArduCopter asks for a position only in
-    modes that need one). True while armed."""
-    position_ok: bool = False
-    """The autopilot's estimator has an absolute horizontal position (EKF_STATUS_REPORT)."""
-    system_status: str = ""
-    """MAV_STATE label: BOOT, STANDBY, ACTIVE, CRITICAL, ..."""
-    landed_state: LandedState = "undefined"
-    heartbeat_age_s: float = math.inf
-    """Seconds of the daemon's clock (wall time, or sim time in held mode) since the autopilot's last heartbeat."""
-    flight_time_s: float = 0.0
-    """Time in the air in this (else the latest) flight, by the autopilot's clock."""
-    voltage_v: float = NAN
-    current_a: float = NAN
-    battery_remaining_percent: float = NAN
-    throttle_percent: float = NAN
-    climb_mps: float = NAN
-    gps_fix_type: int = 0
-    satellites_visible: int = 0
-    mission_current: int = -1
-    waypoint_distance_m: float = NAN
-    """Horizontal distance to the autopilot's active target (NAV_CONTROLLER_OUTPUT)."""
-    home_lat_deg: float = NAN
-    home_lon_deg: float = NAN
-    home_alt_amsl_m: float = NAN
-
-    @property
-    def wind_body_mps(self) -> Vector3:
-        """Table I's wx, wy, wz: the wind in body axes (FRD)."""
-        return _body_from_ned(self.wind_ned_mps, self.roll_rad, self.pitch_rad, self.yaw_rad)
-
-    @property
-    def connected(self) -> bool:
-        """Whether the autopilot has been heard within CONNECTED_S."""
-        return self.heartbeat_age_s < CONNECTED_S
-
-
-def _body_from_ned(vector: Vector3, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vector3:
-    """Rotate NED to body axes by the aerospace yaw-pitch-roll sequence."""
-    north, east, down = vector
-    cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
-    cos_pitch, sin_pitch = math.cos(pitch_rad), math.sin(pitch_rad)
-    cos_roll, sin_roll = math.cos(roll_rad), math.sin(roll_rad)
-    ahead, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
-    low = sin_pitch * ahead + cos_pitch * down
-    return (
-        cos_pitch * ahead - sin_pitch * down,
-        cos_roll * right + sin_roll * low,
-        cos_roll * low - sin_roll * right,
-    )
-
-
 @lru_cache(maxsize=256)
-def _mode_name(vehicle_type: int, custom_mode: int) -> str:
-    names = {number: name for name, number in mode_numbers(vehicle_type).items()}
+def _mode_name(vehicle_type: int, autopilot: int, custom_mode: int) -> str:
+    names = {number: name for name, number in mode_numbers(vehicle_type, autopilot).items()}
     return names.get(custom_mode, f"MODE_{custom_mode}")
 
 
@@ -148,6 +62,11 @@ class Telemetry:
         self._flight_ms = 0
         self._has_local = False
         self._landed_known = False
+        self._heard_ns: dict[int, int] = {}
+        self._unix_at_boot_ms = 0
+        self._new_link = False
+        self._wraps_ms = 0
+        """What the autopilot's clock of 32 bits has lost by starting anew from 0, every 49.7 days."""
 
     @property
     def clock_ms(self) -> int:
@@ -160,6 +79,8 @@ class Telemetry:
         age_s = math.inf if self._heartbeat_ns is None else (now_ns - self._heartbeat_ns) / NS_PER_S
         return AircraftState(
             **self._values,
+            as_of_ns=now_ns,
+            heard_ns=dict(self._heard_ns),
             heartbeat_age_s=age_s,
             airspeed_mps=self._airspeed_mps(),
             flight_time_s=self._flight_ms / 1000.0,
@@ -181,22 +102,31 @@ class Telemetry:
             return True
         if frame.msg_id == 0:
             self._heartbeat_ns = now_ns
+        errors = self.decode_errors
         handler(self, fields)
+        if self.decode_errors == errors:
+            self._heard_ns[frame.msg_id] = now_ns
         return True
 
     def forget(self) -> None:
         """Forget everything (a new boot of the autopilot): nothing of the old boot is shown as current."""
         self._values = {"sysid": self.sysid}
+        self._heard_ns.clear()
         self._armed_and_up = self._has_local = self._landed_known = False
         self._flight_ms = 0
+        self._unix_at_boot_ms = 0
+
+    def link_up(self) -> None:
+        """There is a new connection: another boot of the autopilot may be at its end, also one that is older."""
+        self._new_link = True
 
     # One method per message type; ``fields`` in wire order.
 
     def _heartbeat(self, fields: tuple[Any, ...]) -> None:
-        custom_mode, vehicle_type, _, base_mode, system_status = fields
+        custom_mode, vehicle_type, autopilot, base_mode, system_status = fields
         values = self._values
-        values["vehicle_type"] = vehicle_type
-        values["mode"] = _mode_name(vehicle_type, custom_mode)
+        values["vehicle_type"], values["autopilot"] = vehicle_type, autopilot
+        values["mode"] = _mode_name(vehicle_type, autopilot, custom_mode)
         values["base_mode"] = _base_mode_label(base_mode)
         values["armed"] = armed = bool(base_mode & _ARMED)
         values["system_status"] = enum_label("MAV_STATE", system_status)
@@ -214,7 +144,15 @@ class Telemetry:
         values["battery_remaining_percent"] = NAN if remaining < 0 else float(remaining)
 
     def _system_time(self, fields: tuple[Any, ...]) -> None:
-        self._clock(fields[1])
+        unix_us, time_boot_ms = fields
+        at_boot_ms = unix_us // 1000 - time_boot_ms if unix_us else 0
+        known_ms = self._unix_at_boot_ms
+        if self._new_link and at_boot_ms and known_ms and abs(at_boot_ms - known_ms) > BOOT_SHIFT_MS:
+            self.reboots += 1
+            self.forget()
+        self._new_link = self._new_link and not at_boot_ms
+        self._unix_at_boot_ms = at_boot_ms or self._unix_at_boot_ms
+        self._clock(time_boot_ms)
 
     def _gps_raw_int(self, fields: tuple[Any, ...]) -> None:
         self._values["gps_fix_type"] = fields[8]
@@ -243,7 +181,15 @@ class Telemetry:
             values["velocity_ned_mps"] = (north_cmps * 0.01, east_cmps * 0.01, down_cmps * 0.01)
 
     def _mission_current(self, fields: tuple[Any, ...]) -> None:
-        self._values["mission_current"] = fields[0]
+        seq, total, state, _ = fields
+        self._values["mission_current"] = seq
+        self._values["mission_total"] = (
+            total if state else -1
+        )  # both are extensions: 0 where they are not sent
+        self._values["mission_state"] = enum_label("MISSION_STATE", state) if state else ""
+
+    def _mission_item_reached(self, fields: tuple[Any, ...]) -> None:
+        self._values["mission_reached"] = fields[0]
 
     def _nav_controller_output(self, fields: tuple[Any, ...]) -> None:
         self._values["waypoint_distance_m"] = float(fields[7])
@@ -294,9 +240,17 @@ class Telemetry:
 
     def _clock(self, time_boot_ms: int) -> None:
         known_ms = self._values.get("time_boot_ms", 0)
+        time_boot_ms += self._wraps_ms
+        if known_ms - time_boot_ms > CLOCK_WRAP_MS - WRAP_WINDOW_MS:
+            self._wraps_ms += CLOCK_WRAP_MS
+            time_boot_ms += CLOCK_WRAP_MS
+        elif time_boot_ms - known_ms > CLOCK_WRAP_MS - WRAP_WINDOW_MS and self._wraps_ms:
+            return  # late, from before the clock began anew
         if time_boot_ms < known_ms - REBOOT_STEP_MS:
             self.reboots += 1
             self.forget()
+            time_boot_ms -= self._wraps_ms
+            self._wraps_ms = 0
         elif time_boot_ms < known_ms:
             return
         self._values["time_boot_ms"] = time_boot_ms
@@ -310,8 +264,8 @@ class Telemetry:
         self._armed_and_up = airborne
 
     def _airspeed_mps(self) -> float:
-        velocity: Vector3 = self._values.get("velocity_ned_mps", _NO_VECTOR)
-        wind: Vector3 = self._values.get("wind_ned_mps", _NO_VECTOR)
+        velocity: Vector3 = self._values.get("velocity_ned_mps", NO_VECTOR)
+        wind: Vector3 = self._values.get("wind_ned_mps", NO_VECTOR)
         airspeed_mps = math.dist(velocity, wind)
         if math.isnan(airspeed_mps):
             airspeed_mps = self._values.get("indicated_airspeed_mps", NAN)
@@ -330,7 +284,8 @@ _DECODERS: Final[dict[int, tuple[struct.Struct, _Handler, bool]]] = {
         (30, "<Iffffff", Telemetry._attitude),
         (32, "<Iffffff", Telemetry._local_position_ned),
         (33, "<IiiiihhhH", Telemetry._global_position_int),
-        (42, "<H", Telemetry._mission_current),
+        (42, "<HHBB", Telemetry._mission_current),
+        (46, "<H", Telemetry._mission_item_reached),
         (62, "<fffffhhH", Telemetry._nav_controller_output),
         (74, "<ffffhH", Telemetry._vfr_hud),
         (147, "<iih10HhBBBb", Telemetry._battery_status),

@@ -17,6 +17,7 @@ from aps.callbacks import Callbacks
 from aps.timeouts import SILENCE_TIMEOUT_S, SILENT_HEARTBEATS
 from aps.vehicle.acks import FOREIGN, AckLedger
 from aps.vehicle.commander import Commander
+from aps.vehicle.messages import MessageBoard
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
 from aps.vehicle.streams import StreamArbiter, command_of
 from aps.vehicle.subscription import Subscriptions
@@ -26,6 +27,8 @@ from aps.wire.dialect import (
     ONBOARD_COMPUTER_COMPID,
     Encoder,
     mavlink,
+    message_fields,
+    message_name,
     onboard_computer_heartbeat,
     set_message_interval,
 )
@@ -34,9 +37,9 @@ from aps.wire.framer import Frame
 __all__ = ["Vehicle"]
 
 _HEARTBEAT: Final = 0
-_PARAM_VALUE: Final = 22
+_COMMANDS: Final = frozenset({75, 76})
+"""COMMAND_INT and COMMAND_LONG: what is answered by a COMMAND_ACK."""
 _COMMAND_ACK: Final = 77
-_PARAM_VALUE_START: Final = struct.Struct("<fHH16s")
 _ACK: Final = struct.Struct("<HBBiBB")
 _NO_STREAM: Final = re.compile(rb"No ap_message for mavlink id \((\d+)\)")
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
@@ -75,12 +78,16 @@ class Vehicle:
         self.streams = StreamArbiter(stream_rates_hz)
         self.acks = AckLedger()
         self.callbacks = Callbacks()
+        self.messages = MessageBoard()
+        """The autopilot's messages, the last of each type."""
         self.subscriptions = Subscriptions(self.callbacks)
         self.commands = Commander(
             lambda: self.telemetry.state(clock()), self._send, clock, wake, self.callbacks, silence_s
         )
         self.texts: Callable[[StatusText], None] | None = None
         """Called with each text of the autopilot, if set."""
+        self.text_listeners: list[Callable[[StatusText], None]] = []
+        """Called likewise."""
         self.on_heard: Callable[[], None] | None = None
         """Called with the first heartbeat of each connection, if set."""
         self.heard = False
@@ -107,6 +114,7 @@ class Vehicle:
     def link_up(self) -> None:
         """There is a connection to the autopilot."""
         self.acks.forget()
+        self.telemetry.link_up()
         self.heard = False
         self.commands.on_link(True)
 
@@ -121,7 +129,10 @@ class Vehicle:
         changed = False
         if frame.compid == AUTOPILOT_COMPID:
             if frame.sysid == self.sysid:
+                self.messages.take(frame, now_ns)
                 changed = self._from_autopilot(frame, now_ns)
+                if self.commands.wants(frame.msg_id) and self._is_for_us(frame):
+                    self.commands.on_message(message_name(frame.msg_id), message_fields(frame.raw))
                 if self.subscriptions.due(self.telemetry.clock_ms):
                     self.subscriptions.offer_due(self.telemetry.state(now_ns))
             else:
@@ -179,15 +190,13 @@ class Vehicle:
             self._command_ack(frame, now_ns)
         elif frame.msg_id == STATUSTEXT_ID:
             self._status_text(frame)
-        elif frame.msg_id == _PARAM_VALUE:
-            self._parameter(frame)
-            return True
         return False
 
-    def _parameter(self, frame: Frame) -> None:
-        payload = frame.payload.ljust(_PARAM_VALUE_START.size, b"\0")
-        value, _, _, name = _PARAM_VALUE_START.unpack_from(payload)
-        self.commands.on_parameter(name.split(b"\0", 1)[0].decode("ascii", "replace"), value)
+    def _is_for_us(self, frame: Frame) -> bool:
+        """Whether a message is addressed to us, or to everybody."""
+        if frame.target_system == 0:
+            return True
+        return frame.target_system == self.sysid and frame.target_component in (0, ONBOARD_COMPUTER_COMPID)
 
     def _from_foreign(self, frame: Frame) -> None:
         if frame.msg_id == _HEARTBEAT and frame.sysid not in self._foreign:
@@ -218,7 +227,8 @@ class Vehicle:
     def _autopilot_rebooted(self, now_ns: int) -> None:
         _log.warning("the autopilot's clock went back: it has rebooted")
         self.acks.forget()
-        self.commands.interrupt_all("the autopilot rebooted")
+        self.messages.forget()
+        self.commands.on_reboot()
         self._ask_for_streams(now_ns)
 
     def _ask_for_streams(self, now_ns: int) -> None:
@@ -250,7 +260,8 @@ class Vehicle:
         if text is not None:
             _log.info("autopilot: %s", text.text)
             self.commands.on_text(text)
-            self.callbacks.call("the callback for texts", self.texts, text)
+            for listener in (self.texts, *self.text_listeners):
+                self.callbacks.call("the callback for texts", listener, text)
 
     # Our own messages.
 
@@ -265,9 +276,8 @@ class Vehicle:
         """Queue messages; ``request`` waits for the acknowledgement of those that are commands."""
         for message in messages:
             self._put(self._encoder.encode(message))
-            command = getattr(message, "command", None)
-            if command is not None:
-                self.acks.sent(command, self.sysid, ONBOARD_COMPUTER_COMPID, request)
+            if message.get_msgId() in _COMMANDS:
+                self.acks.sent(message.command, self.sysid, ONBOARD_COMPUTER_COMPID, request)
 
     def _pump_streams(self, now_ns: int) -> None:
         request = self.streams.poll(now_ns)

@@ -13,14 +13,20 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 __all__ = [
+    "ARDUPILOT",
     "AUTOPILOT_COMPID",
     "CRC_EXTRA",
     "ONBOARD_COMPUTER_COMPID",
+    "PX4",
     "TARGET_OFFSETS",
     "Encoder",
     "enum_label",
+    "enum_value",
+    "has_location",
+    "is_ground",
     "is_plane",
     "mavlink",
+    "message_class",
     "message_fields",
     "message_name",
     "mode_numbers",
@@ -29,6 +35,8 @@ __all__ = [
 ]
 
 AUTOPILOT_COMPID: Final = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
+ARDUPILOT: Final = int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+PX4: Final = int(mavlink.MAV_AUTOPILOT_PX4)
 MAVLINK_VERSION: Final = 3
 """HEARTBEAT's field of that name."""
 ONBOARD_COMPUTER_COMPID: Final = int(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
@@ -94,6 +102,38 @@ def enum_label(enum: str, value: int) -> str:
     return str(entry.name).removeprefix(enum + "_") if entry is not None else str(value)
 
 
+def enum_value(enum: str, label: str) -> int:
+    """Value of an enum's label, with or without the enum's name in front.
+
+    Raises:
+        ValueError: it has no such label.
+    """
+    whole = label if label.startswith(enum + "_") else f"{enum}_{label}"
+    for value, entry in mavlink.enums[enum].items():
+        if entry.name == whole:
+            return int(value)
+    raise ValueError(f"{label!r} is no {enum}")
+
+
+def has_location(command: int) -> bool:
+    """Whether x and y of a MAV_CMD are a position."""
+    entry = mavlink.enums["MAV_CMD"].get(command)
+    return entry is not None and bool(entry.has_location)
+
+
+def message_class(name: str) -> Any:
+    """The class in pymavlink of a message.
+
+    Raises:
+        ValueError: there is no message of this name.
+    """
+    known = isinstance(name, str) and name.isidentifier()
+    found = getattr(mavlink, f"MAVLink_{name.lower()}_message", None) if known else None
+    if found is None:
+        raise ValueError(f"there is no MAVLink message {name!r}")
+    return found
+
+
 _COPTER_TYPES: Final = frozenset(
     {
         mavlink.MAV_TYPE_QUADROTOR,
@@ -119,14 +159,48 @@ _GROUND_STATION_SPELLING: Final = {
 }
 
 
+def is_ground(vehicle_type: int) -> bool:
+    """Whether a MAV_TYPE drives or swims on the surface."""
+    return vehicle_type in _GROUND_TYPES
+
+
+def _px4_mode(main: int, sub: int = 0) -> int:
+    """PX4 keeps main mode and sub mode in the two high bytes of ``custom_mode`` (px4_custom_mode.h)."""
+    return main << 16 | sub << 24
+
+
+PX4_MODES: Final = {
+    "MANUAL": _px4_mode(1),
+    "ALTCTL": _px4_mode(2),
+    "POSCTL": _px4_mode(3),
+    "AUTO.READY": _px4_mode(4, 1),
+    "AUTO.TAKEOFF": _px4_mode(4, 2),
+    "AUTO.LOITER": _px4_mode(4, 3),
+    "AUTO.MISSION": _px4_mode(4, 4),
+    "AUTO.RTL": _px4_mode(4, 5),
+    "AUTO.LAND": _px4_mode(4, 6),
+    "AUTO.FOLLOW_TARGET": _px4_mode(4, 8),
+    "AUTO.PRECLAND": _px4_mode(4, 9),
+    "ACRO": _px4_mode(5),
+    "OFFBOARD": _px4_mode(6),
+    "STABILIZED": _px4_mode(7),
+    "ORBIT": _px4_mode(3, 1),
+}
+"""Names as MAVROS and pymavlink spell them."""
+
+
 def is_plane(vehicle_type: int) -> bool:
     """Whether a MAV_TYPE flies ArduPlane's modes (fixed wing and VTOL)."""
     return vehicle_type in _PLANE_TYPES
 
 
 @cache
-def mode_numbers(vehicle_type: int) -> dict[str, int]:
-    """Mode name -> ArduPilot's ``custom_mode`` number for a MAV_TYPE; empty for a type without modes."""
+def mode_numbers(vehicle_type: int, autopilot: int = ARDUPILOT) -> dict[str, int]:
+    """Mode name -> ``custom_mode`` number for a MAV_TYPE and MAV_AUTOPILOT; empty where no modes are known."""
+    if autopilot == PX4:
+        return dict(PX4_MODES)
+    if autopilot != ARDUPILOT:
+        return {}
     if vehicle_type in _COPTER_TYPES:
         enum = "COPTER_MODE"
     elif vehicle_type in _PLANE_TYPES:

@@ -5,7 +5,8 @@ A scenario names one per UA; `agent_class` finds it. Write your own by subclassi
 
 from bridge.agents.agent import Agent
 from bridge.agents.beside import connect_ua
-from bridge.agents.client import CommandFailed, UaClient
+from bridge.agents.client import UaClient
+from bridge.agents.commands import CommandFailed, CommandInterrupted, CommandRefused, CommandTimedOut
 from bridge.agents.hold import Hold
 from bridge.agents.out_and_back import OutAndBack
 from bridge.agents.own import AgentError, load_class
@@ -31,6 +32,9 @@ __all__ = [
     "Agent",
     "AgentError",
     "CommandFailed",
+    "CommandInterrupted",
+    "CommandRefused",
+    "CommandTimedOut",
     "Hold",
     "OutAndBack",
     "Still",

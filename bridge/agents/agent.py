@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bridge.agents.client import CommandFailed, UaClient
+from bridge.agents.client import UaClient
+from bridge.agents.commands import CommandFailed
 from bridge.agents.latest import LatestPackages
 from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint
 from bridge.bus.session import Stamp
@@ -78,8 +80,20 @@ class Agent:
             passed = (self.ua.sim_time_ns - begin_ns) // period_ns
             await self.sleep_until((begin_ns + (passed + 1) * period_ns) / 1e9)
 
+    @property
+    def directory(self) -> Path:
+        """A folder of its own in the run directory, for whatever it wants to keep."""
+        return self.ua.files.folder
+
+    def record(self, name: str, **fields: Any) -> None:
+        """Append a line of JSON with sim time and ``fields`` to ``<name>.jsonl`` in the agent's own folder."""
+        self.ua.files.write(name, self.ua.sim_time_ns, fields)
+
     def on_tick(self, sim_time_ns: int) -> None:
         """What the agent does at each tick of the fleet clock. It must not wait: the clock waits for it."""
+
+    def transmit_package(self, sim_time_ns: int) -> None:
+        """Transmit the data package when it is due; called at each tick, before `on_tick`."""
         if self._ticks % self.transmit_config.every_ticks == 0:
             self.ua.transmit(self.transmit_config.channel, self.package(sim_time_ns))
         self._ticks += 1

@@ -10,8 +10,11 @@ import asyncio
 import logging
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol, TypeVar
 
+from bridge.agents.commands import CommandFailed, Commands, failure
+from bridge.agents.own_files import OwnFiles
 from bridge.bus.keys import ALL, checked_chunk
 from bridge.bus.messages import (
     AgentStatus,
@@ -38,10 +41,6 @@ LookAtStatus = Callable[[], CommunicationStatus | None]
 """Makes, or reads, a communication status; None if it is none."""
 
 
-class CommandFailed(RuntimeError):
-    """The aircraft refused a command or could not carry it out; the text says why."""
-
-
 class Outlet(Protocol):
     """Where what a node says goes."""
 
@@ -62,17 +61,19 @@ class Outlet(Protocol):
 _Waiter = tuple[Callable[[AircraftState], bool], "asyncio.Future[AircraftState]", float]
 
 
-class UaClient:
+class UaClient(Commands):
     """A node's view of the run. Its callbacks run in the event loop of whoever feeds it.
 
     Args:
         node: id of the node.
         outlet: where what it says goes.
         seed: of the run, for the agent's own random numbers.
+        folder: where its own files go; ``None``: nowhere.
     """
 
-    def __init__(self, node: str, outlet: Outlet, seed: int = 0) -> None:
+    def __init__(self, node: str, outlet: Outlet, seed: int = 0, folder: Path | None = None) -> None:
         self.node = node
+        self.files = OwnFiles(folder)
         self.seed = seed
         self.state: AircraftState | None = None
         self._comm_status: CommunicationStatus | None = None
@@ -177,7 +178,10 @@ class UaClient:
         """Have the aircraft carry out ``verb``; returns the result once it is there.
 
         Raises:
-            CommandFailed: if the aircraft refuses or fails, or nobody serves the command.
+            CommandRefused: the aircraft says no.
+            CommandTimedOut: it does not get there in time, or does not answer.
+            CommandInterrupted: another command, a pilot or a reboot came between.
+            CommandFailed: nobody serves the command; base of the three above.
         """
         if self.is_over:
             raise CommandFailed(f"UA {self.node}: {verb}: the run is over")
@@ -186,48 +190,11 @@ class UaClient:
         while (event := await events.get()) is not None:
             if event.phase == CommandEvent.RESULT:
                 if not event.success:
-                    raise CommandFailed(f"UA {self.node}: {verb}: {event.text}")
+                    raise failure(event.outcome, f"UA {self.node}: {verb}: {event.text}")
                 return event
             if on_feedback is not None and event.phase == CommandEvent.FEEDBACK:
                 on_feedback(event)
         raise CommandFailed(f"UA {self.node}: {verb}: nobody carried it out to the end")
-
-    async def arm(self) -> None:
-        """Arm the motors."""
-        await self.command("arm")
-
-    async def disarm(self) -> None:
-        """Disarm the motors."""
-        await self.command("disarm")
-
-    async def set_mode(self, mode: str) -> None:
-        """Change the flight mode, by the autopilot's own name."""
-        await self.command("mode", CommandGoal(mode=mode))
-
-    async def takeoff(self, altitude_rel_m: float) -> None:
-        """Take off and climb to ``altitude_rel_m`` above home."""
-        await self.command("takeoff", CommandGoal(altitude_rel_m=altitude_rel_m))
-
-    async def goto(
-        self,
-        latitude_deg: float,
-        longitude_deg: float,
-        altitude_rel_m: float,
-        *,
-        speed_mps: float = 0.0,
-        on_feedback: Callable[[CommandEvent], object] | None = None,
-    ) -> None:
-        """Fly to a point; returns when it is reached. ``speed_mps`` 0: as the autopilot is set."""
-        goal = CommandGoal("", longitude_deg, latitude_deg, altitude_rel_m, speed_mps)
-        await self.command("goto", goal, on_feedback)
-
-    async def rtl(self) -> None:
-        """Return to launch and land."""
-        await self.command("rtl")
-
-    async def land(self) -> None:
-        """Land here."""
-        await self.command("land")
 
     # --- fed by the host, or by Zenoh
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
 import itertools
 import sys
 from pathlib import Path
@@ -30,6 +31,12 @@ def load_class(place: str, name: str) -> type[Agent]:
         raise AgentError(f"{place} has no class {name}")
     if not issubclass(found, Agent):
         raise AgentError(f"{name} in {place} is no subclass of bridge.agents.Agent")
+    for method in ("on_tick", "on_packet"):
+        if inspect.iscoroutinefunction(getattr(found, method)):
+            raise AgentError(
+                f"{name}.{method} in {place} is an async def, which nobody would await: make it a plain def, and start "
+                "what has to wait with asyncio.create_task, or in fly"
+            )
     return found
 
 

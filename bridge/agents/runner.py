@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.agents.agent import Agent
-from bridge.agents.client import CommandFailed, UaClient
+from bridge.agents.client import UaClient
+from bridge.agents.commands import CommandFailed
 from bridge.agents.sim_loop import SimLoop
 from bridge.bus.messages import DecodeError
 
@@ -99,12 +100,14 @@ class AgentRunner:
         except BaseException as error:
             self._built.set_exception(error)
             return
+        self.ua.on_tick(self._agent.transmit_package)
         self.ua.on_tick(self._agent.on_tick)
         self._built.set_result(None)
         await self._stopped.wait()
         if self._flight is not None:
             self._flight.cancel()
         self.ua.report("is stopped")
+        self.ua.files.close()
 
     async def _fly(self) -> None:
         try:

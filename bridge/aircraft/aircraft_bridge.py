@@ -5,14 +5,16 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from aps.held import HeldDaemon
 from aps.inputs import Input
-from aps.vehicle.commands import CommandProgress, CommandResult
+from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
 from aps.vehicle.telemetry import AircraftState
 from bridge.aircraft.body import OnEvent
 from bridge.bus import messages
@@ -70,31 +72,65 @@ class AircraftBridge:
 
         def on_done(result: CommandResult) -> None:
             log.info("%s: %s", verb, result)
-            on_event(CommandEvent(CommandEvent.RESULT, result.reached, str(result)))
+            on_event(_result(result))
 
         try:
-            arguments, options = _arguments(verb, goal)
-            self.daemon.commands.start(verb, *arguments, on_progress=on_progress, on_done=on_done, **options)
+            self.daemon.commands.start_named(
+                verb, _arguments(verb, goal), on_progress=on_progress, on_done=on_done
+            )
         except ValueError as error:
-            on_event(CommandEvent(CommandEvent.RESULT, False, str(error)))
+            refused = Outcome.REFUSED.value
+            on_event(CommandEvent(CommandEvent.RESULT, False, str(error), outcome=refused))
+
+    def last_message(self, name: str) -> dict[str, Any] | None:
+        """The last MAVLink message of a type that the autopilot sent; ``None`` if there is none.
+
+        Raises:
+            ValueError: there is no message of this name.
+        """
+        last = self.daemon.vehicle.messages.last(name, self._now_ns)
+        return None if last is None else asdict(last)
 
 
-def _arguments(verb: str, goal: CommandGoal) -> tuple[tuple[Any, ...], dict[str, Any]]:
-    """What the daemon's command of this name takes from a goal."""
+def _arguments(verb: str, goal: CommandGoal) -> dict[str, Any]:
+    """What the daemon's command of this name takes from a goal: its fields, and over them its ``arguments``."""
+    arguments: dict[str, Any] = {}
     if verb == "mode":
-        return (goal.mode,), {}
-    if verb == "takeoff":
-        return (goal.altitude_rel_m,), {}
-    if verb == "goto":
-        place = (goal.latitude_deg, goal.longitude_deg, goal.altitude_rel_m)
-        return place, {"speed_mps": goal.speed_mps or None}
-    return (), {}
+        arguments = {"mode": goal.mode}
+    elif verb == "takeoff":
+        arguments = {"alt_rel_m": goal.altitude_rel_m}
+    elif verb == "goto":
+        arguments = {
+            "lat_deg": goal.latitude_deg,
+            "lon_deg": goal.longitude_deg,
+            "alt_rel_m": goal.altitude_rel_m,
+            "speed_mps": goal.speed_mps or None,
+        }
+    return arguments | (_object(goal.arguments) if goal.arguments else {})
+
+
+def _object(text: str) -> dict[str, Any]:
+    try:
+        content = json.loads(text)
+    except RecursionError as error:
+        raise ValueError("the arguments are nested too deep") from error
+    if not isinstance(content, dict):
+        raise ValueError(f"arguments are a JSON object, not {text[:40]!r}")
+    return content
 
 
 def _progress(progress: CommandProgress) -> CommandEvent:
     phase = CommandEvent.ACCEPTED if progress.phase == "accepted" else CommandEvent.FEEDBACK
     remaining_m = math.nan if progress.remaining_m is None else progress.remaining_m
-    return CommandEvent(phase, True, progress.text, remaining_m)
+    done = -1 if progress.done is None else progress.done
+    total = -1 if progress.total is None else progress.total
+    return CommandEvent(phase, True, progress.text, remaining_m, done=done, total=total)
+
+
+def _result(result: CommandResult) -> CommandEvent:
+    success = result.reached or result.outcome is Outcome.SUPERSEDED
+    value = "" if result.value is None else json.dumps(result.value)
+    return CommandEvent(CommandEvent.RESULT, success, str(result), outcome=result.outcome.value, value=value)
 
 
 def state_message(state: AircraftState, node: str, sim_time_ns: int) -> messages.AircraftState:

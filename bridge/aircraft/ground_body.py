@@ -54,4 +54,4 @@ class GroundBody:
     def start(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:  # noqa: ARG002
         """Refuse: there is nothing that could fly."""
         text = f"{verb}: node {self._node} has no aircraft"
-        on_event(CommandEvent(CommandEvent.RESULT, False, text))
+        on_event(CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))

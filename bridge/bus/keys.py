@@ -84,8 +84,12 @@ class Keys:
         return f"{self.prefix}/node/{node}/state"
 
     def command(self, node: str, verb: str) -> str:
-        """Queryable that carries out ``verb``: arm, disarm, mode, takeoff, goto, rtl or land."""
+        """Queryable that carries out ``verb``: one of ``bridge.record.input_fields.VERBS``."""
         return f"{self.prefix}/node/{node}/cmd/{verb}"
+
+    def mavlink(self, node: str, name: str) -> str:
+        """Queryable that gives the last MAVLink message of a type from the node's autopilot, as JSON."""
+        return f"{self.prefix}/node/{node}/mavlink/{name}"
 
     def agent(self, node: str) -> str:
         """What the node's agent says of itself."""

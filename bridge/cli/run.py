@@ -57,6 +57,7 @@ class SpeedType(click.ParamType[float | str]):
 )
 @click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
+@click.option("--api", is_flag=True, default=None, help="Serve each UA's HTTP API, from port 8760 on.")
 @click.option(
     "--udp-out",
     multiple=True,
@@ -83,6 +84,7 @@ def run(
     out: Path,
     first_slot: int | None,
     zenoh_port: int | None,
+    api: bool | None,
     udp_out: tuple[str, ...],
     digest: bool,
     as_json: bool,
@@ -108,6 +110,7 @@ def run(
             "--digest and --json: choose one; the JSON has the digest under its key digest"
         )
     changes: dict[str, Any] = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
+    changes["api"] = api
     changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
     changes["mavlink.udp_out"] = [place for place in udp_out if place != "none"] if udp_out else None
     try:

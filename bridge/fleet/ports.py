@@ -45,6 +45,8 @@ def ports_of(scenario: Scenario) -> Iterator[PortUse]:
     for ua in scenario.ua:
         yield PortUse(scenario.fdm_port(ua), "UDP", f"flight dynamics of UA {ua.id}", fdm_setting)
         yield PortUse(scenario.aps_port(ua), "TCP", f"MAVLink server of UA {ua.id}", "ports.aps")
+        if scenario.api:
+            yield PortUse(scenario.api_port(ua), "TCP", f"HTTP API of UA {ua.id}", "ports.api")
         if scenario.autopilot != "external":
             yield PortUse(scenario.autopilot_port(ua), "TCP", f"autopilot of UA {ua.id}", "ports.autopilot")
         if scenario.autopilot == "ardupilot":

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 from collections.abc import Mapping
+from contextlib import AsyncExitStack
 from typing import Any
+
+import zenoh
 
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from bridge.aircraft.aircraft_bridge import AircraftBridge
-from bridge.bus.session import Session
-from bridge.host.hosted_node import HostedNode
+from bridge.bus.inbox import Inbox
+from bridge.bus.session import Query, Session
+from bridge.host.hosted_node import ASKED_MAX, HostedNode
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
@@ -37,7 +42,10 @@ class HostedAircraft(HostedNode):
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
             )
         )
-        super().__init__(session, run, config, record, AircraftBridge(self.daemon, config.node))
+        self._aircraft = AircraftBridge(self.daemon, config.node)
+        super().__init__(session, run, config, record, self._aircraft)
+        self._api_port = scenario.api_port(config)
+        self._api = AsyncExitStack()
         self.daemon.on_bytes = record.write_mavlink
         self.daemon.on_wall_time = record.may_not_repeat
         self.daemon.on_link_down = self._link_down
@@ -50,13 +58,43 @@ class HostedAircraft(HostedNode):
         try:
             await self.daemon.__aenter__()
             await self.start()
+            await self._serve_api()
         finally:
             current_node.reset(token)
         log.info("MAVLink of UA %s at tcp:127.0.0.1:%d", self.id, self.daemon.listen_port)
         return self
 
+    async def _serve_api(self) -> None:
+        if self._scenario.api:
+            from bridge.host.api import api_of  # FastAPI takes its time, and most runs do without
+
+            await self._api.enter_async_context(api_of(self.daemon, self.node, self._api_port))
+            log.info("API of UA %s at http://127.0.0.1:%d", self.id, self._api_port)
+
+    def serve(self) -> None:
+        """Take operators' commands, and questions for MAVLink."""
+        super().serve()
+        looked_at: Inbox[Query] = Inbox(asyncio.get_running_loop(), self._look, limit=ASKED_MAX)
+        self._session.serve(self._keys.mavlink(self.id, "*"), looked_at.push)
+
+    def _look(self, query: Query) -> None:
+        """The last MAVLink message of a type: nothing is asked of the autopilot, so nothing is recorded."""
+        name = str(query.key_expr).rsplit("/", 1)[1]
+        try:
+            found = self._aircraft.last_message(name)
+        except ValueError:
+            found = None
+        try:
+            if found is not None:
+                key = self._keys.mavlink(self.id, name)
+                query.reply(key, json.dumps(found).encode(), encoding="application/json")
+            query.drop()
+        except zenoh.ZError as error:
+            log.warning("mavlink/%s: whoever asked is gone: %s", name, error)
+
     async def __aexit__(self, *exc: Any) -> None:
         """Close the daemon's sockets."""
+        await self._api.aclose()
         await self.daemon.__aexit__(*exc)
 
     def clock_came(self, sim_time_ns: int, *, is_tick: bool, absent: bool = False) -> None:

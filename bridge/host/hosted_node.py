@@ -67,6 +67,7 @@ class HostedNode:
         self._session, self._keys = session, run.keys
         self._loop = asyncio.get_running_loop()
         self._record = record
+        self._agent_folder = run.agent_folder(config.node)
         self._outlets = ZenohOutlets(session, run.keys, config.node)
         self.node = Node(config.node, body, self._outlets, record.write_input)
         self.runner: AgentRunner | None = None
@@ -91,7 +92,7 @@ class HostedNode:
     async def _start_agent(self, make: Callable[..., Any]) -> None:
         outlet = AgentOutlet(self._outlets)
         self.runner = AgentRunner(
-            UaClient(self.id, outlet, self._scenario.seed),
+            UaClient(self.id, outlet, self._scenario.seed, self._agent_folder),
             lambda client: make(client, self._config, self._scenario.transmit),
             lambda: self._loop.call_soon_threadsafe(self._agent_is_idle),
         )

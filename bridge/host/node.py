@@ -117,7 +117,7 @@ class Node:
         """Somebody outside wants the aircraft to do something: it is for the next tick, and recorded."""
         if not self.body.takes_input:
             text = "this run repeats a record: it takes no commands"
-            on_reply(CommandEvent(CommandEvent.RESULT, False, text))
+            on_reply(CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
             return
         self._asked.append((verb, goal, on_reply))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
@@ -11,7 +12,24 @@ from bridge.bus.messages.types import CommandGoal
 
 Kind = Literal["open", "frame", "close", "command"]
 KINDS: Final = get_args(Kind)
-VERBS: Final = ("arm", "disarm", "mode", "takeoff", "goto", "rtl", "land")
+VERBS: Final = (
+    *(
+        "arm",
+        "disarm",
+        "mode",
+        "takeoff",
+        "goto",
+        "goto_ned",
+        "velocity",
+        "follow",
+        "orbit",
+        "speed",
+        "rtl",
+        "land",
+    ),
+    *("reboot", "mission", "mission_set_current", "mission_upload", "mission_download", "mission_clear"),
+    *("parameter_get", "parameter_set", "parameters_set", "parameters", "message", "send"),
+)
 """What can be commanded: those of `aps.vehicle.commander`, named here so that readers do without aps."""
 TICK_MAX_NS: Final = (1 << 63) - 1
 LINK_MAX: Final = (1 << 31) - 1
@@ -103,6 +121,8 @@ def to_fields(item: RecordedInput) -> dict[str, Any]:
         # repr: -0.0 equals 0.0, but is not left out
         kept = {name: v for name, v in goal.items() if repr(v) != repr(getattr(empty, name))}
         fields |= {"verb": item.verb, **{name: _plain(v) for name, v in kept.items()}}
+        if "arguments" in kept:
+            fields["arguments"] = _as_object(item.goal.arguments)
     return fields
 
 
@@ -143,7 +163,8 @@ def _goal(fields: dict[str, Any]) -> CommandGoal:
     values: dict[str, Any] = {}
     for name in _GOAL_FIELDS:
         if name in fields:
-            values[name] = _text(name, fields[name]) if name == "mode" else _number(name, fields[name])
+            read = _READERS.get(name, _number)
+            values[name] = read(name, fields[name])
     return CommandGoal(**values)
 
 
@@ -151,6 +172,23 @@ def _text(key: str, value: object) -> str:
     if isinstance(value, str):
         return value
     raise InputError(f"key {key!r}: {value!r} is not text")
+
+
+def _arguments(key: str, value: object) -> str:
+    return json.dumps(value) if isinstance(value, dict) else _text(key, value)
+
+
+def _as_object(text: str) -> dict[str, Any] | str:
+    """Arguments as an object for people to edit, if they come back the same; else the text as it came."""
+    try:
+        content = json.loads(text)
+        same = isinstance(content, dict) and json.dumps(content, allow_nan=False) == text
+    except (ValueError, RecursionError):
+        return text
+    return content if same else text
+
+
+_READERS: Final = {"mode": _text, "arguments": _arguments}
 
 
 def _number(key: str, value: object) -> float:

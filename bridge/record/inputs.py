@@ -6,7 +6,8 @@
     {"tick_ns": 9900000000, "kind": "close", "link": 3}
 
 A link is opened before it has frames, and closed once at most; after that its number may be opened again. Of a
-command, fields of CommandGoal that are 0 or empty are left out. ``name`` is for people: it is not read.
+command, fields of CommandGoal that are 0 or empty are left out; ``arguments`` is an object. ``name`` is for people:
+it is not read.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ SCENARIO_FILE = "scenario.yaml"
 SUMMARY_FILE = "summary.json"
 LOG_FOLDER = "logs"
 SECRETS_FOLDER = "secrets"
+AGENT_FOLDER = "agents"
 TLOG_FOLDER = "tlog"
 
 
@@ -81,6 +82,10 @@ class RunDirectory:
     def log_path(self, process: str) -> Path:
         """Where the output of a process goes."""
         return self.path / LOG_FOLDER / f"{process}.log"
+
+    def agent_folder(self, node: str) -> Path:
+        """Where a node's agent keeps files of its own; made by the agent that does."""
+        return self.path / AGENT_FOLDER / node
 
     def write(
         self,

@@ -118,6 +118,7 @@ class Ports(Part):
     fdm: Port = 9002
     autopilot: Port = 5760
     aps: Port = 6760
+    api: Port = 8760
     gcs: Port = 14550
     mavsdk: Port = 14540
     zenoh: Port = 7447
@@ -150,6 +151,7 @@ class Scenario(Part):
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
     hosts: Annotated[int | str, BeforeValidator(_hosts)] = "auto"
+    api: bool = False
     origin: Origin
     radio: RadioSetting
     wind: str = "calm"
@@ -261,6 +263,10 @@ class Scenario(Part):
     def autopilot_port(self, ua: Aircraft) -> int:
         """TCP port of the autopilot of ``ua``."""
         return self._port(self.ports.autopilot, ua)
+
+    def api_port(self, ua: Aircraft) -> int:
+        """TCP port of the HTTP API of ``ua``, if the scenario asks for one."""
+        return self._port(self.ports.api, ua)
 
     def aps_port(self, ua: Aircraft) -> int:
         """TCP port of the MAVLink server of ``ua``."""

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import symtable
 from collections.abc import Collection
 from pathlib import Path
+
+PLAIN_METHODS = ("on_tick", "on_packet")
+"""Methods of an agent that are called, not awaited."""
 
 
 def mistake_in(place: str, name: str) -> str:
@@ -21,7 +25,20 @@ def mistake_in(place: str, name: str) -> str:
         return f"{path}:{error.lineno}: {error.msg}"
     except (OSError, ValueError) as error:
         return f"{path}: {error}"
-    return "" if name in names or "import *" in text else f"{path} has no class {name}"
+    if name not in names and "import *" not in text:
+        return f"{path} has no class {name}"
+    return _async_method_in(ast.parse(text), path, name)
+
+
+def _async_method_in(module: ast.Module, path: Path, name: str) -> str:
+    classes = (node for node in module.body if isinstance(node, ast.ClassDef) and node.name == name)
+    for method in (method for found in classes for method in found.body):
+        if isinstance(method, ast.AsyncFunctionDef) and method.name in PLAIN_METHODS:
+            return (
+                f"{path}:{method.lineno}: {name}.{method.name} is an async def, which nobody would await: make it a "
+                "plain def, and start what has to wait with asyncio.create_task, or in fly"
+            )
+    return ""
 
 
 def clash_of(places: Collection[str]) -> str:

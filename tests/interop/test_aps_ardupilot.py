@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from aps.daemon import Daemon, DaemonConfig
-from aps.vehicle.commands import Outcome
-from aps.vehicle.plans import PLANE_RADIUS_M
+from aps.vehicle.execution import Outcome
+from aps.vehicle.flight.plans import PLANE_RADIUS_M
 
 pytestmark = pytest.mark.ardupilot
 

@@ -77,11 +77,13 @@ def test_arbitrary_bytes_are_a_packet_or_refused(raw: bytes) -> None:
 
 FLOATS = st.floats(allow_nan=False)
 TEXT = st.text(st.characters(codec="utf-8"), max_size=20)
+PLAIN = st.none() | st.booleans() | st.integers() | FLOATS | TEXT
+ARGUMENTS = TEXT | st.dictionaries(TEXT, PLAIN | st.lists(PLAIN, max_size=3), max_size=3).map(json.dumps)
 COMMANDS = st.builds(
     RecordedInput.command,
     TICKS,
     st.sampled_from(VERBS),
-    st.builds(CommandGoal, TEXT, FLOATS, FLOATS, FLOATS, FLOATS),
+    st.builds(CommandGoal, TEXT, FLOATS, FLOATS, FLOATS, FLOATS, ARGUMENTS),
 )
 MESSAGES = st.one_of(
     st.builds(
@@ -116,7 +118,7 @@ JSON = st.recursive(
     max_leaves=5,
 )
 LIKELY = st.dictionaries(
-    st.sampled_from(["tick_ns", "kind", "link", "hex", "verb", "mode", "speed_mps"]),
+    st.sampled_from(["tick_ns", "kind", "link", "hex", "verb", "mode", "speed_mps", "arguments"]),
     JSON | st.sampled_from(["open", "frame", "close", "command", "goto", "fd09"]),
     max_size=7,
 )

@@ -265,6 +265,7 @@ class CommandGoal(Message):
     latitude_deg: float = 0.0
     altitude_rel_m: float = 0.0
     speed_mps: float = 0.0
+    arguments: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,6 +280,10 @@ class CommandEvent(Message):
     success: bool = False
     text: str = ""
     remaining_m: float = float("nan")
+    outcome: str = ""
+    value: str = ""
+    done: int = -1
+    total: int = -1
 
 
 @dataclass(frozen=True, slots=True)

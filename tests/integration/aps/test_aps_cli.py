@@ -5,6 +5,7 @@ import json
 import signal
 import sys
 import time
+import urllib.request
 
 import pytest
 
@@ -41,6 +42,35 @@ async def test_ready_line_and_clean_exit(autopilot, connect, number):
     _, stderr = await asyncio.wait_for(process.communicate(), 5)
     assert time.monotonic() - begin < 1.0
     assert process.returncode == 0
+    assert b"Traceback" not in stderr
+
+
+async def test_the_api_of_a_daemon_from_the_command_line(autopilot):
+    process = await start(
+        *("--autopilot", f"tcp:127.0.0.1:{autopilot.port}", "--sysid", "2", "--listen", "127.0.0.1:0"),
+        *("--api", "127.0.0.1:0"),
+    )
+    assert (await line(process)).startswith("READY aps")
+    name, _, sysid, url = (await line(process)).split()
+    assert (name, sysid) == ("API", "sysid=2")
+    with await asyncio.to_thread(urllib.request.urlopen, f"{url}state", timeout=10) as reply:
+        assert json.load(reply)["sysid"] == 2
+    process.send_signal(signal.SIGTERM)
+    _, stderr = await asyncio.wait_for(process.communicate(), 10)
+    assert process.returncode == 0
+    assert b"Traceback" not in stderr
+
+
+@pytest.mark.parametrize(
+    ("place", "says"), [("0.0.0.0:0", "it needs a token"), ("8760", "--api must be HOST:PORT")]
+)
+async def test_an_api_that_is_open_to_others_without_a_token_is_refused(autopilot, place, says):
+    process = await start(
+        "--autopilot", f"tcp:127.0.0.1:{autopilot.port}", "--listen=127.0.0.1:0", "--api", place
+    )
+    _, stderr = await asyncio.wait_for(process.communicate(), 20)
+    assert process.returncode == 2
+    assert says in stderr.decode()
     assert b"Traceback" not in stderr
 
 

@@ -273,7 +273,7 @@ async def test_autopilot_killed_and_restarted_ten_times_under_three_clients(
 
 
 async def test_state_is_stale_while_the_autopilot_is_away(autopilot, eventually, monkeypatch):
-    monkeypatch.setattr("aps.vehicle.telemetry.CONNECTED_S", 0.3)
+    monkeypatch.setattr("aps.vehicle.state.CONNECTED_S", 0.3)
     async with Daemon(config(autopilot)) as daemon:
         await eventually(lambda: daemon.state.connected)
         await autopilot.stop()

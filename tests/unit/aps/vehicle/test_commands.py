@@ -4,8 +4,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.timeouts import ACK_TIMEOUTS_S, LINK_LOSS_TIMEOUT_S
-from aps.vehicle import plans
-from aps.vehicle.commands import CommandExecution, Outcome
+from aps.vehicle.commands import CommandExecution
+from aps.vehicle.execution import Outcome
+from aps.vehicle.flight import plans, targets
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.telemetry import AircraftState
 
@@ -15,6 +16,7 @@ ACCEPTED, DENIED, FAILED, IN_PROGRESS = 0, 2, 4, 5
 ON_GROUND = AircraftState(
     sysid=3,
     vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
+    autopilot=3,
     time_boot_ms=60_000,
     mode="GUIDED",
     lat_deg=47.0,
@@ -167,7 +169,7 @@ def test_feedback_keeps_the_autopilots_time_not_ours():
 
 
 def test_goto_sends_an_exact_position_and_then_the_speed():
-    plan = plans.goto(FLYING, 47.0012345, 8.0054321, 40.0, speed_mps=7.0)
+    plan = targets.goto(FLYING, 47.0012345, 8.0054321, 40.0, speed_mps=7.0)
     execution = CommandExecution(plan)
     mode, reposition, speed = accepted(execution, FLYING)
     assert mode.command == MODE
@@ -184,7 +186,7 @@ def test_goto_sends_an_exact_position_and_then_the_speed():
 
 
 def test_refused_speed_does_not_end_the_goto():
-    execution = CommandExecution(plans.goto(FLYING, 47.001, 8.0, 20.0, speed_mps=7.0))
+    execution = CommandExecution(targets.goto(FLYING, 47.001, 8.0, 20.0, speed_mps=7.0))
     for command in (MODE, REPOSITION):
         execution.poll(FLYING, 0)
         execution.on_ack(command, ACCEPTED)
@@ -206,7 +208,7 @@ def test_refused_speed_does_not_end_the_goto():
     ],
 )
 def test_leaving_mode_or_disarming_interrupts(change, reason):
-    execution = CommandExecution(plans.goto(FLYING, 47.01, 8.0, 20.0))
+    execution = CommandExecution(targets.goto(FLYING, 47.01, 8.0, 20.0))
     accepted(execution, FLYING)
     execution.poll(FLYING, 1)
     execution.on_text(StatusText(4, "Battery failsafe"))
@@ -216,14 +218,14 @@ def test_leaving_mode_or_disarming_interrupts(change, reason):
 
 def test_a_mode_not_yet_shown_by_the_heartbeat_is_no_interruption():
     before = replace(FLYING, mode="LOITER")
-    execution = CommandExecution(plans.goto(before, 47.01, 8.0, 20.0))
+    execution = CommandExecution(targets.goto(before, 47.01, 8.0, 20.0))
     accepted(execution, before)
     execution.poll(replace(before, time_boot_ms=60_900), 1)
     assert execution.result is None
 
 
 def test_goto_of_a_ua_that_is_not_armed_ends():
-    execution = CommandExecution(plans.goto(ON_GROUND, 47.01, 8.0, 20.0))
+    execution = CommandExecution(targets.goto(ON_GROUND, 47.01, 8.0, 20.0))
     accepted(execution, ON_GROUND)
     execution.poll(replace(ON_GROUND, time_boot_ms=62_000), 1)
     assert execution.result is None
@@ -254,7 +256,7 @@ def test_return_and_landing_are_reached_on_the_ground(plan):
 
 
 def test_lost_link_is_forgiven_for_a_while():
-    execution = CommandExecution(plans.goto(FLYING, 47.01, 8.0, 20.0))
+    execution = CommandExecution(targets.goto(FLYING, 47.01, 8.0, 20.0))
     accepted(execution, FLYING)
     execution.on_link(False, 5 * S)
     assert execution.deadline_ns() == (5 + LINK_LOSS_TIMEOUT_S) * S

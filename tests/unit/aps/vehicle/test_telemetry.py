@@ -4,10 +4,11 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.vehicle.telemetry import Telemetry
+from aps.vehicle.telemetry import AircraftState, Telemetry
 from aps.wire.framer import Framer
 
 S = 1_000_000_000
+UNMEASURED = {"sysid", "heartbeat_age_s", "as_of_ns", "heard_ns"}
 RECORDING = Path(__file__).parents[3] / "data" / "mavlink_arducopter.bin"
 """ArduCopter 4.7-dev SITL (--model quad), system 4: arm, takeoff to 10 m, GUIDED leg, LAND; 50 s at 4 Hz."""
 
@@ -285,3 +286,80 @@ def test_home_that_is_not_on_earth_is_an_error(feed):
     message = mavlink.MAVLink_home_position_message(2_000_000_000, 0, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
     assert math.isnan(feed(message).home_lat_deg)
     assert feed.telemetry.decode_errors == 1
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "name"), [(6, 0, "OFFBOARD"), (4, 4, "AUTO.MISSION"), (3, 0, "POSCTL"), (9, 9, None)]
+)
+def test_modes_of_px4(feed, main, sub, name):
+    custom_mode = main << 16 | sub << 24
+    message = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_QUADROTOR, 12, 0x51, custom_mode, 3, 3)
+    assert feed(message).mode == (name or f"MODE_{custom_mode}")
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "number", "name"), [(12, 19, "MANUAL"), (12, 9, "SURFACE"), (11, 10, "AUTO")]
+)
+def test_modes_of_sub_and_boat(feed, vehicle, number, name):
+    assert feed(heartbeat(number, vehicle=vehicle)).mode == name
+
+
+def test_each_field_has_the_age_of_its_own_message(feed):
+    feed(heartbeat(), 1 * S)
+    feed(mavlink.MAVLink_attitude_message(2000, 0.1, -0.2, 3.0, 0, 0, 0), 4 * S)
+    state = feed.telemetry.state(10 * S)
+    assert (state.age_s("mode"), state.age_s("roll_rad"), state.age_s("time_boot_ms")) == (9.0, 6.0, 6.0)
+    assert state.age_s("lat_deg") == math.inf
+    assert state.age_s("wind_body_mps") == math.inf
+    feed(mavlink.MAVLink_wind_message(0.0, 3.0, 0.0), 9 * S)
+    state = feed.telemetry.state(10 * S)
+    assert (state.age_s("wind_ned_mps"), state.age_s("wind_body_mps")) == (1.0, 6.0)
+    with pytest.raises(ValueError, match="'sysid' is no measured field"):
+        state.age_s("sysid")
+
+
+def test_every_number_of_the_state_has_an_age(feed):
+    told = set(feed.telemetry.state(0).ages_s())
+    fields = {name for name in AircraftState.__dataclass_fields__ if name not in UNMEASURED}
+    assert fields | {"wind_body_mps"} == told
+
+
+def test_what_made_no_sense_does_not_make_a_field_younger(feed):
+    feed(mavlink.MAVLink_global_position_int_message(1, 0, 0, 0, 0, 0, 0, 0, 0), 1 * S)
+    feed(mavlink.MAVLink_global_position_int_message(2, 2_000_000_000, 0, 0, 0, 0, 0, 0, 0), 5 * S)
+    assert feed.telemetry.state(6 * S).age_s("lat_deg") == 5.0
+
+
+def test_the_autopilots_clock_may_begin_anew_after_49_days(feed):
+    feed(heartbeat(armed=True))
+    last_ms = (1 << 32) - 500
+    feed(clock(last_ms))
+    state = feed(clock(1500))
+    assert (state.time_boot_ms, feed.telemetry.reboots, state.armed) == (last_ms + 2000, 0, True)
+    assert feed(clock((1 << 32) - 100)).time_boot_ms == last_ms + 2000  # late
+    assert feed(clock(2500)).time_boot_ms == last_ms + 3000
+    feed(clock(900_000))
+    assert feed(clock(100)).time_boot_ms == 100
+    assert feed.telemetry.reboots == 1
+
+
+def test_another_boot_at_the_end_of_a_new_connection_is_a_reboot_even_if_it_is_older(feed):
+    noon_us = 1_700_000_000_000_000
+    feed(heartbeat(armed=True))
+    feed(mavlink.MAVLink_system_time_message(noon_us, 50_000))
+    feed(mavlink.MAVLink_system_time_message(noon_us + 60_000_000, 50_001))  # GPS sets the clock: no reboot
+    assert feed.telemetry.reboots == 0
+    feed.telemetry.link_up()
+    feed(mavlink.MAVLink_system_time_message(0, 55_000))  # not known yet
+    state = feed(mavlink.MAVLink_system_time_message(noon_us + 3_600_000_000, 300_000))
+    assert (feed.telemetry.reboots, state.armed, state.time_boot_ms) == (1, False, 300_000)
+    feed.telemetry.link_up()
+    feed(mavlink.MAVLink_system_time_message(noon_us + 3_601_000_000, 301_000))
+    assert feed.telemetry.reboots == 1
+
+
+def test_mission_state(feed):
+    state = feed(mavlink.MAVLink_mission_current_message(3, 12, 5))
+    assert (state.mission_current, state.mission_total, state.mission_state) == (3, 12, "COMPLETE")
+    state = feed(mavlink.MAVLink_mission_current_message(3))
+    assert (state.mission_current, state.mission_total, state.mission_state) == (3, -1, "")

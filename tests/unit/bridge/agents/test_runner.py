@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, cast
 
 import pytest
 
+from aps.vehicle.commander import argument_names
 from bridge.agents.agent import Agent, rng_of
-from bridge.agents.client import CommandFailed, OnEvent, UaClient
+from bridge.agents.client import OnEvent, UaClient
+from bridge.agents.commands import (
+    CommandFailed,
+    CommandInterrupted,
+    CommandRefused,
+    Commands,
+    CommandTimedOut,
+)
+from bridge.agents.own import AgentError, load_class
 from bridge.agents.runner import AgentRunner
 from bridge.bus.messages import (
     AgentStatus,
@@ -30,6 +41,7 @@ from bridge.bus.session import Stamp
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.model import Transmit
 from bridge.scenario.nodes import Aircraft
+from bridge.scenario.own_class import mistake_in
 
 TICK_NS = 50_000_000
 AIRCRAFT = Aircraft(id=1, agent=StillAgent(type="still"))
@@ -49,17 +61,20 @@ class Heard:
     def report(self, status: AgentStatus) -> None:
         self.reports.append(status)
 
+    goals: list[CommandGoal] = field(default_factory=list)
+
     def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
         self.commands.append((verb, on_event))
+        self.goals.append(goal)
 
 
 class Flown:
     """An agent that lives tick by tick, as on a host."""
 
-    def __init__(self, make: type[Agent], *, seed: int = 3) -> None:
+    def __init__(self, make: type[Agent], *, seed: int = 3, folder: Path | None = None) -> None:
         self.outlet = Heard()
         self._idle = threading.Event()
-        ua = UaClient("1", self.outlet, seed)
+        ua = UaClient("1", self.outlet, seed, folder)
         self.runner = AgentRunner(
             ua, lambda client: make(client, AIRCRAFT, Transmit(every_ticks=1000)), self._idle.set
         )
@@ -141,7 +156,154 @@ def test_a_slow_agent_keeps_the_tick_open_and_nothing_else(flown: list[Flown]) -
 
     flown.append(Flown(Slow))
     flown[0].ticks(5)
-    assert flown[0].sent == [("slow", n) for n in range(5)]
+    assert flown[0].sent == [("team", 0), *(("slow", n) for n in range(5))]
+
+
+def test_an_agent_with_an_on_tick_of_its_own_still_transmits_its_package(flown: list[Flown]) -> None:
+    class Own(Agent):
+        def on_tick(self, sim_time_ns: int) -> None:
+            self.ua.transmit("own", b"")
+
+    flown.append(Flown(Own))
+    flown[0].runner._agent.transmit_config = Transmit(every_ticks=2)
+    flown[0].ticks(4)
+    assert flown[0].sent == [("team", 0), ("own", 0), ("own", 1), ("team", 2), ("own", 2), ("own", 3)]
+
+
+def test_what_an_agent_records_is_in_its_own_folder_with_sim_time(flown: list[Flown], tmp_path: Path) -> None:
+    class Scribe(Agent):
+        def on_tick(self, sim_time_ns: int) -> None:
+            self.record("seen", count=self.ua.received, who="7")
+
+    flown.append(Flown(Scribe, folder=tmp_path / "agents" / "1"))
+    flown[0].ticks(3)
+    lines = (tmp_path / "agents" / "1" / "seen.jsonl").read_text().splitlines()
+    assert [json.loads(line) for line in lines] == [
+        {"sim_time_s": 0.05 * n, "count": 0, "who": "7"} for n in range(3)
+    ]
+    agent = flown[0].runner._agent
+    (agent.directory / "map.bin").write_bytes(b"1")
+    assert (tmp_path / "agents" / "1" / "map.bin").exists()
+    with pytest.raises(ValueError, match="cannot be part of a key"):
+        agent.record("../../etc", a=1)
+
+
+class Answering:
+    """What became of each command, by its verb: (outcome, value)."""
+
+    def __init__(self, outcomes: dict[str, tuple[str, object]]) -> None:
+        self.outcomes = outcomes
+        self.asked: list[tuple[str, dict[str, Any]]] = []
+
+    def answer(self, agent: Flown) -> None:
+        """Give the results of all commands with the next tick."""
+        commands, agent.outlet.commands[:] = list(agent.outlet.commands), []
+        events = []
+        for (verb, on_event), goal in zip(commands, agent.outlet.goals, strict=True):
+            self.asked.append((verb, json.loads(goal.arguments or "{}")))
+            outcome, value = self.outcomes.get(verb, ("reached", None))
+            text = "" if value is None else json.dumps(value)
+            success = outcome in ("reached", "superseded")
+            event = CommandEvent(
+                CommandEvent.RESULT, success, f"{verb} {outcome}", outcome=outcome, value=text
+            )
+            events.append((on_event, event))
+        agent.outlet.goals.clear()
+        agent.tick(lambda ua: [on_event(event) for on_event, event in events])
+
+
+def test_commands_give_values_and_typed_errors(flown: list[Flown]) -> None:
+    heard: list[object] = []
+
+    class Busy(Agent):
+        async def fly(self) -> None:
+            ua = self.ua
+            heard.append(await ua.parameters.get("RTL_ALT"))
+            heard.append(await ua.message("WIND"))
+            heard.append(await ua.missions.download("fence"))
+            heard.append(await ua.velocity(1.0, -2.0, yaw_rate_dps=5.0))
+            for error, call in (
+                (CommandRefused, ua.parameters.set("RTL_ALT", 5.0)),
+                (CommandTimedOut, ua.goto_ned(1.0, 2.0, -3.0, frame="offset")),
+                (CommandInterrupted, ua.orbit(47.0, 8.0, 20.0, 30.0)),
+            ):
+                with pytest.raises(error, match="UA 1: "):
+                    await call
+            await ua.mission([{"command": 16, "params": [0] * 7}])
+            heard.append("flown")
+
+    flown.append(Flown(Busy))
+    answers = Answering(
+        {
+            "parameter_get": ("reached", 1500.0),
+            "message": ("reached", {"direction": 90.0, "speed": None}),
+            "mission_download": ("reached", []),
+            "velocity": ("superseded", None),
+            "parameter_set": ("refused", None),
+            "goto_ned": ("timed_out", None),
+            "orbit": ("interrupted", None),
+            "mission_upload": ("reached", 1),
+        }
+    )
+    flown[0].tick()
+    for _ in range(9):
+        answers.answer(flown[0])
+    assert heard == [1500.0, {"direction": 90.0, "speed": None}, [], False, "flown"]
+    assert answers.asked[0] == ("parameter_get", {"name": "RTL_ALT"})
+    assert answers.asked[3][1]["yaw_rate_dps"] == 5.0
+    assert "yaw_deg" not in answers.asked[3][1]
+    assert [verb for verb, _ in answers.asked[-2:]] == ["mission_upload", "mission"]
+
+
+def test_every_command_of_an_agent_is_one_of_the_daemons_with_its_arguments() -> None:
+    """What `ua` sends is what the commander takes, name by name."""
+
+    class Noted(Commands):
+        def __init__(self) -> None:
+            self.sent: list[tuple[str, CommandGoal]] = []
+
+        async def command(self, verb: str, goal: Any = None, on_feedback: Any = None) -> CommandEvent:
+            self.sent.append((verb, goal or CommandGoal()))
+            return CommandEvent(
+                CommandEvent.RESULT, True, outcome="reached", value="{}" if verb == "message" else "1"
+            )
+
+    async def everything(ua: Noted) -> None:
+        await ua.disarm(force=True)
+        await ua.change_speed(5.0, "ground")
+        await ua.reboot()
+        await ua.goto(47.0, 8.0, 20.0, yaw_deg=10.0, frame="amsl")
+        await ua.goto_ned(1.0, 2.0, 3.0, yaw_deg=4.0)
+        await ua.velocity(1.0, 2.0, 3.0, yaw_deg=4.0, yaw_rate_dps=5.0)
+        await ua.follow(47.0, 8.0, 20.0, velocity_ned_mps=(1.0, 2.0, 3.0), yaw_deg=4.0)
+        await ua.orbit(47.0, 8.0, 20.0, 30.0)
+        await ua.mission([])
+        await ua.missions.set_current(1)
+        await ua.missions.fly(first=2)
+        await ua.missions.clear("rally")
+        await ua.missions.download()
+        await ua.parameters.get("X")
+        await ua.parameters.set("X", 1.0)
+        await ua.parameters.all()
+        await ua.message("WIND")
+        await ua.send("WIND", speed=1.0)
+
+    ua = Noted()
+    asyncio.run(everything(ua))
+    for verb, goal in ua.sent:
+        assert set(json.loads(goal.arguments or "{}")) <= set(argument_names(verb)), verb
+
+
+@pytest.mark.parametrize("method", ["on_tick", "on_packet"])
+def test_an_async_method_that_nobody_would_await_is_refused_by_name(tmp_path: Path, method: str) -> None:
+    file = tmp_path / "patrol.py"
+    file.write_text(
+        "from bridge.agents import Agent\n\n\nclass Patrol(Agent):\n"
+        f"    async def {method}(self, *_):\n        pass\n"
+    )
+    with pytest.raises(AgentError, match=f"Patrol.{method} in .*patrol.py is an async def"):
+        load_class(str(file), "Patrol")
+    assert f"patrol.py:5: Patrol.{method} is an async def" in mistake_in(str(file), "Patrol")
 
 
 def test_results_of_commands_come_with_a_tick(flown: list[Flown]) -> None:

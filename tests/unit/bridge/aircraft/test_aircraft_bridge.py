@@ -55,5 +55,25 @@ def test_what_cannot_be_done_is_told_at_once(
     assert says in event.text
 
 
+@pytest.mark.parametrize(
+    ("verb", "arguments", "says"),
+    [
+        ("goto_ned", '{"up_m": 3}', "goto_ned has no argument 'up_m'"),
+        ("parameter_get", '{"on_done": 3}', "parameter_get has no argument 'on_done'"),
+        ("velocity", "[1, 2]", "arguments are a JSON object"),
+        ("velocity", "{", "Expecting property name"),
+        ("velocity", "[" * 100_000, "nested too deep"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_words(
+    aircraft: AircraftBridge, verb: str, arguments: str, says: str
+) -> None:
+    events: list[CommandEvent] = []
+    aircraft.start(verb, CommandGoal(arguments=arguments), events.append)
+    [event] = events
+    assert (event.phase, event.success, event.outcome) == (CommandEvent.RESULT, False, "refused")
+    assert says in event.text
+
+
 def test_what_can_be_commanded_over_zenoh_is_what_aps_can_and_is_said_once() -> None:
     assert tuple(VERBS) == bridge.record.input_fields.VERBS

@@ -4,12 +4,18 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.vehicle import plans
 from aps.vehicle.commands import CommandExecution
+from aps.vehicle.flight import plans, targets
 from aps.vehicle.telemetry import AircraftState
 
 COPTER = AircraftState(
-    sysid=1, vehicle_type=mavlink.MAV_TYPE_QUADROTOR, lat_deg=47.0, lon_deg=8.0, alt_rel_m=20.0, armed=True
+    sysid=1,
+    vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
+    autopilot=3,
+    lat_deg=47.0,
+    lon_deg=8.0,
+    alt_rel_m=20.0,
+    armed=True,
 )
 PLANE = replace(COPTER, vehicle_type=mavlink.MAV_TYPE_FIXED_WING)
 VTOL = replace(COPTER, vehicle_type=20)
@@ -26,9 +32,9 @@ def first_messages(plan):
         (lambda: plans.set_mode(AircraftState(sysid=1), "GUIDED"), "no modes are known for MAV_TYPE 0"),
         (lambda: plans.takeoff(COPTER, 0.0), r"alt_rel_m must be in 0\.5\.\.10000, not 0\.0"),
         (lambda: plans.takeoff(COPTER, math.nan), "alt_rel_m must be in .*, not nan"),
-        (lambda: plans.goto(COPTER, 91.0, 8.0, 20.0), r"lat_deg must be in -90\.\.90, not 91\.0"),
-        (lambda: plans.goto(COPTER, 47.0, 181.0, 20.0), r"lon_deg must be in -180\.\.180, not 181\.0"),
-        (lambda: plans.goto(COPTER, 47.0, 8.0, 20.0, 0.0), r"speed_mps must be in 0\.1\.\.200, not 0\.0"),
+        (lambda: targets.goto(COPTER, 91.0, 8.0, 20.0), r"lat_deg must be in -90\.\.90, not 91\.0"),
+        (lambda: targets.goto(COPTER, 47.0, 181.0, 20.0), r"lon_deg must be in -180\.\.180, not 181\.0"),
+        (lambda: targets.goto(COPTER, 47.0, 8.0, 20.0, 0.0), r"speed_mps must be in 0\.1\.\.200, not 0\.0"),
     ],
 )
 def test_mistakes_of_the_caller_raise(call, message):
@@ -68,7 +74,7 @@ def test_vtol_takes_off_in_guided_and_lands_in_qland():
 
 
 def test_fixed_wing_is_there_when_it_circles():
-    goto = plans.goto(PLANE, 47.0, 8.0, 20.0)
+    goto = targets.goto(PLANE, 47.0, 8.0, 20.0)
     circling = replace(PLANE, lat_deg=47.0013)  # 145 m: the Aerosonde circles at 120 m
     assert goto.reached(circling)
     assert not goto.reached(replace(PLANE, lat_deg=47.0020))  # 223 m

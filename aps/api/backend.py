@@ -1,0 +1,103 @@
+"""What the API needs of a UA. A daemon by wall time gives it directly; in a run, the node does (bridge.host.api)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from aps.base import DaemonBase
+from aps.vehicle.execution import CommandProgress, CommandResult
+from aps.vehicle.messages import LastMessage
+from aps.vehicle.state import AircraftState
+from aps.vehicle.status_text import StatusText
+
+__all__ = ["Backend", "DaemonBackend"]
+
+
+class Backend(Protocol):
+    """A UA as the API sees it."""
+
+    def state(self) -> AircraftState:
+        """The state now."""
+
+    def statistics(self) -> dict[str, Any]:
+        """Counters of everything."""
+
+    def message_names(self) -> list[str]:
+        """The MAVLink messages that the autopilot has sent."""
+
+    def last_message(self, name: str) -> LastMessage | None:
+        """The last message of a type, ``None`` if none came.
+
+        Raises:
+            ValueError: there is no message of this name.
+        """
+
+    def start(
+        self,
+        verb: str,
+        arguments: Mapping[str, Any],
+        on_progress: Callable[[CommandProgress], None],
+        on_done: Callable[[CommandResult], None],
+    ) -> None:
+        """Start a command; ``on_done`` is called once, perhaps within this call.
+
+        Raises:
+            ValueError: no such verb, or a wrong argument.
+        """
+
+    def listen(
+        self, on_state: Callable[[AircraftState], None], on_text: Callable[[StatusText], None]
+    ) -> Callable[[], None]:
+        """Be told of every new state and of the autopilot's texts; returns what ends it."""
+
+
+class DaemonBackend:
+    """The API's view of a daemon.
+
+    Args:
+        daemon: the daemon.
+    """
+
+    def __init__(self, daemon: DaemonBase) -> None:
+        self._daemon = daemon
+
+    def state(self) -> AircraftState:
+        """The state now."""
+        return self._daemon.state
+
+    def statistics(self) -> dict[str, Any]:
+        """Counters of everything."""
+        return self._daemon.statistics()
+
+    def message_names(self) -> list[str]:
+        """The MAVLink messages that the autopilot has sent."""
+        return self._daemon.vehicle.messages.names()
+
+    def last_message(self, name: str) -> LastMessage | None:
+        """The last message of a type, ``None`` if none came."""
+        return self._daemon.vehicle.messages.last(name, self._daemon.state.as_of_ns)
+
+    def start(
+        self,
+        verb: str,
+        arguments: Mapping[str, Any],
+        on_progress: Callable[[CommandProgress], None],
+        on_done: Callable[[CommandResult], None],
+    ) -> None:
+        """Start a command."""
+        self._daemon.commands.start_named(verb, arguments, on_progress=on_progress, on_done=on_done)
+
+    def listen(
+        self, on_state: Callable[[AircraftState], None], on_text: Callable[[StatusText], None]
+    ) -> Callable[[], None]:
+        """Be told of every new state and of the autopilot's texts."""
+        subscription = self._daemon.subscribe(on_state)
+        texts = self._daemon.vehicle.text_listeners
+        texts.append(on_text)
+
+        def end() -> None:
+            subscription.cancel()
+            texts.remove(on_text)
+
+        return end

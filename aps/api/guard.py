@@ -1,0 +1,158 @@
+"""Who may use the API: hosts, origins, the token and sizes are looked at before any route is (ASGI).
+
+Without a token the API is for programs of this machine. A page of another site that a browser on this machine shows is
+none: it gives itself away by its Origin or by Sec-Fetch-Site, and one whose name was made to point here by its Host.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+from collections.abc import Awaitable, Callable, MutableMapping
+from dataclasses import dataclass
+from typing import Any, Final
+from urllib.parse import parse_qs, urlsplit
+
+__all__ = ["ApiConfig", "Guard", "is_loopback"]
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+MAX_BODY_BYTES: Final = 4 << 20
+LEAST_TOKEN_CHARS: Final = 16
+POLICY_VIOLATION: Final = 1008
+"""WebSocket close code."""
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address or name is of this machine alone."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApiConfig:
+    """Settings of one API.
+
+    Raises:
+        ValueError: it would be open to other machines without a token, or the token is short.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    """0 takes any free one."""
+    token: str = ""
+    """What requests have to carry; needed when it listens beyond loopback."""
+    hosts: tuple[str, ...] = ()
+    """Names by which it may be reached, beside addresses and localhost."""
+    origins: tuple[str, ...] = ()
+    """Web pages that may use it, such as ``https://gcs.example``, beside its own."""
+
+    def __post_init__(self) -> None:
+        if not self.token and not is_loopback(self.host):
+            raise ValueError(f"an API on {self.host} can be reached from other machines: it needs a token")
+        if self.token and (len(self.token) < LEAST_TOKEN_CHARS or not self.token.isascii()):
+            raise ValueError(f"the token must have at least {LEAST_TOKEN_CHARS} ASCII characters")
+
+
+class Guard:
+    """Refuses requests before they reach the app.
+
+    Args:
+        app: what is guarded.
+        config: who may come.
+        count: told why each refused request was refused.
+    """
+
+    def __init__(self, app: App, config: ApiConfig, count: Callable[[str], object]) -> None:
+        self._app, self._config, self._count = app, config, count
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
+        refusal = self._refusal(scope, headers)
+        if refusal is None:
+            await self._app(scope, _limited(receive), send)
+            return
+        status, reason = refusal
+        self._count(reason)
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": reason})
+        else:
+            await _answer(send, status, reason)
+
+    def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
+        if not self._host_is_ours(headers.get("host", "")):
+            return 421, "host"
+        if not self._origin_may(headers):
+            return 403, "origin"
+        if not self._token_fits(scope, headers):
+            return 401, "token"
+        length = headers.get("content-length", "0")
+        if not length.isdecimal() or len(length) > 12 or int(length) > MAX_BODY_BYTES:
+            return 413, "size"
+        return None
+
+    def _host_is_ours(self, host: str) -> bool:
+        """Addresses and our own names: no name of somebody else's that was made to point here."""
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        if name in self._config.hosts or name == "localhost":
+            return True
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
+
+    def _origin_may(self, headers: dict[str, str]) -> bool:
+        origin = headers.get("origin")
+        if origin is None:
+            return headers.get("sec-fetch-site", "none") in ("none", "same-origin")
+        return origin in self._config.origins or origin in (
+            f"http://{headers.get('host', '')}",
+            f"https://{headers.get('host', '')}",
+        )
+
+    def _token_fits(self, scope: Scope, headers: dict[str, str]) -> bool:
+        if not self._config.token:
+            return True
+        given = headers.get("authorization", "").removeprefix("Bearer ")
+        if not given:  # a browser's WebSocket cannot send headers
+            query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+            given = query.get("token", [""])[0]
+        return hmac.compare_digest(given.encode("utf-8"), self._config.token.encode("ascii"))
+
+
+async def _answer(send: Send, status: int, reason: str) -> None:
+    body = f'{{"detail":"refused: {reason}"}}'.encode()
+    headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
+    if status == 401:
+        headers.append((b"www-authenticate", b"Bearer"))
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})
+
+
+def _limited(receive: Receive) -> Receive:
+    """Ends a body that is longer than it may be, also one without a length."""
+    received = 0
+
+    async def limited() -> MutableMapping[str, Any]:
+        nonlocal received
+        message = await receive()
+        received += len(message.get("body", b""))
+        return {"type": "http.disconnect"} if received > MAX_BODY_BYTES else message
+
+    return limited

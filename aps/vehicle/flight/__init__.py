@@ -1,0 +1,1 @@
+"""What commands send to fly, and when their goals are reached."""

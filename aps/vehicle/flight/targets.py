@@ -1,0 +1,293 @@
+"""Where to fly to in GUIDED: points, velocities, moving targets. Frames are in the names of the arguments.
+
+A newer one of these supersedes the one before. Setpoints (velocities, moving targets, circles, local points) have no
+acknowledgement: the daemon repeats them, as autopilots want it (ArduCopter stops 3 s after the last velocity).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from aps.vehicle.commands import Plan, Step
+from aps.vehicle.execution import Refusal
+from aps.vehicle.flight.plans import (
+    PLANE_RADIUS_M,
+    ardupilot_only,
+    checked,
+    command_long,
+    finite_or_none,
+    horizontal_distance_m,
+    mode_step,
+    speed_step,
+)
+from aps.vehicle.flight.setpoints import (
+    Yaw,
+    global_setpoint,
+    guided,
+    leg_s,
+    local_setpoint,
+    offset_deg,
+    place_of,
+    reposition_step,
+    setpoints_only,
+    stop,
+)
+from aps.vehicle.telemetry import AircraftState, Vector3
+from aps.wire.dialect import is_ground, is_plane, mavlink
+
+__all__ = ["follow", "goto", "goto_ned", "velocity"]
+
+COPTER_RADIUS_M: Final = 2.0
+COPTER_HEIGHT_M: Final = 1.0
+PLANE_HEIGHT_M: Final = 15.0
+LEAST_RATE_HZ: Final = 1.0
+"""Of setpoints: ArduCopter's time-out is 3 s."""
+MOST_RATE_HZ: Final = 50.0
+POINT_PERIOD_S: Final = 1.0
+"""Between two repetitions of a point."""
+
+FRAMES: Final = {
+    "relative": mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    "amsl": mavlink.MAV_FRAME_GLOBAL,
+    "terrain": mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+}
+"""What a height counts from -> MAV_FRAME: home, mean sea level, the ground below."""
+LOCAL_FRAMES: Final = {
+    "origin": mavlink.MAV_FRAME_LOCAL_NED,
+    "offset": mavlink.MAV_FRAME_LOCAL_OFFSET_NED,
+    "body": mavlink.MAV_FRAME_BODY_OFFSET_NED,
+}
+VELOCITY_FRAMES: Final = {"ned": mavlink.MAV_FRAME_LOCAL_NED, "body": mavlink.MAV_FRAME_BODY_NED}
+
+
+def _choice(name: str, value: str, among: dict[str, int]) -> int:
+    if value not in among:
+        raise ValueError(f"{name} {value!r} is none of {', '.join(among)}")
+    return int(among[value])
+
+
+def goto(
+    state: AircraftState,
+    lat_deg: float,
+    lon_deg: float,
+    alt_rel_m: float,
+    speed_mps: float | None = None,
+    yaw_deg: float | None = None,
+    frame: str = "relative",
+) -> Plan:
+    """Fly to a point in GUIDED and hold (a fixed wing: circle) there.
+
+    Args:
+        state: the UA now.
+        lat_deg: latitude of the point.
+        lon_deg: longitude of the point.
+        alt_rel_m: height, by default above home; see ``frame``.
+        speed_mps: ground speed (fixed wing: airspeed); ``None`` leaves the autopilot's own.
+        yaw_deg: heading of the nose from north, clockwise; ``None`` as the autopilot likes. Not for planes.
+        frame: what the height counts from: ``relative`` home, ``amsl`` mean sea level, ``terrain`` the ground below.
+    """
+    ardupilot_only(state, "goto")
+    lat, lon, height_m = place_of(lat_deg, lon_deg, alt_rel_m)
+    mav_frame = _choice("frame", frame, FRAMES)
+    plane = is_plane(state.vehicle_type)
+    if yaw_deg is not None and plane:
+        raise ValueError("yaw_deg: a plane points where it flies")
+    radius_m, tolerance_m = (PLANE_RADIUS_M, PLANE_HEIGHT_M) if plane else (COPTER_RADIUS_M, COPTER_HEIGHT_M)
+
+    def climb_m(now: AircraftState) -> float:
+        if frame == "terrain" or is_ground(now.vehicle_type):
+            return 0.0  # what the height above the ground is, only the autopilot knows
+        return height_m - (now.alt_amsl_m if frame == "amsl" else now.alt_rel_m)
+
+    def remaining_m(now: AircraftState) -> float:
+        return math.hypot(horizontal_distance_m(now, lat, lon), climb_m(now))
+
+    def reached(now: AircraftState) -> bool:
+        return abs(climb_m(now)) <= tolerance_m and horizontal_distance_m(now, lat, lon) <= radius_m
+
+    steps = [mode_step(state, "GUIDED"), reposition_step(state, mav_frame, (lat, lon, height_m))]
+    if speed_mps is not None:
+        step = speed_step(state, speed_mps, "air" if plane else "ground")
+        steps.append(Step(step.message, command=step.command, optional=True))
+    if yaw_deg is not None:
+        steps.append(_yaw_step(state, checked("yaw_deg", yaw_deg, -360.0, 360.0)))
+    return Plan(
+        "goto",
+        tuple(steps),
+        reached,
+        timeout_s=leg_s(remaining_m(state)),
+        remaining_m=lambda now: finite_or_none(remaining_m(now)),
+        mode="GUIDED",
+        needs_armed=True,
+        target=True,
+    )
+
+
+def _yaw_step(state: AircraftState, yaw_deg: float) -> Step:
+    step = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), yaw_deg % 360.0)
+    return Step(step.message, command=step.command, optional=True)
+
+
+def goto_ned(
+    state: AircraftState,
+    north_m: float,
+    east_m: float,
+    down_m: float,
+    frame: str = "origin",
+    yaw_deg: float | None = None,
+    yaw_rate_dps: float | None = None,
+) -> Plan:
+    """Fly to a point in local metres in GUIDED, and hold there. Not for planes.
+
+    Args:
+        state: the UA now.
+        north_m: north of the point (``body``: ahead).
+        east_m: east of the point (``body``: to the right).
+        down_m: down of the point; negative is up.
+        frame: ``origin`` counts from the autopilot's local origin, ``offset`` from where the UA is now, ``body`` from
+            there and along its heading of now.
+        yaw_deg: heading of the nose; ``None`` as the autopilot likes.
+        yaw_rate_dps: rate of turn, instead of a heading.
+
+    Raises:
+        Refusal: ``offset`` and ``body`` without a position yet; a plane.
+    """
+    setpoints_only(state, "goto_ned")
+    _choice("frame", frame, LOCAL_FRAMES)
+    yaw = Yaw(yaw_deg, yaw_rate_dps)
+    asked = [
+        checked(name, value, -1e6, 1e6)
+        for name, value in (("north_m", north_m), ("east_m", east_m), ("down_m", down_m))
+    ]
+    goal = _from_origin(state, (asked[0], asked[1], asked[2]), frame)
+
+    def remaining_m(now: AircraftState) -> float:
+        return math.dist(now.position_ned_m, goal)
+
+    return Plan(
+        "goto_ned",
+        guided(state),
+        lambda now: remaining_m(now) <= COPTER_RADIUS_M,
+        timeout_s=leg_s(remaining_m(state)),
+        remaining_m=lambda now: finite_or_none(remaining_m(now)),
+        mode="GUIDED",
+        needs_armed=True,
+        target=True,
+        setpoint=lambda now, _: local_setpoint(now, LOCAL_FRAMES["origin"], goal, None, yaw),
+        setpoint_period_s=POINT_PERIOD_S,
+    )
+
+
+def _from_origin(state: AircraftState, offset_m: Vector3, frame: str) -> Vector3:
+    """A point of one of ``LOCAL_FRAMES`` as metres from the local origin: so it can be repeated while the UA moves."""
+    if frame == "origin":
+        return offset_m
+    north, east, down = offset_m
+    if frame == "body":
+        cos_yaw, sin_yaw = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
+        north, east = cos_yaw * north - sin_yaw * east, sin_yaw * north + cos_yaw * east
+    own = state.position_ned_m
+    goal = (own[0] + north, own[1] + east, own[2] + down)
+    if not all(math.isfinite(value) for value in goal):
+        raise Refusal(f"frame {frame!r} counts from the UA, and where it is is not known yet")
+    return goal
+
+
+def velocity(
+    state: AircraftState,
+    north_mps: float,
+    east_mps: float,
+    down_mps: float = 0.0,
+    yaw_deg: float | None = None,
+    yaw_rate_dps: float | None = None,
+    frame: str = "ned",
+    duration_s: float = 3.0,
+    rate_hz: float = 5.0,
+) -> Plan:
+    """Fly at a velocity in GUIDED for a time, then stop. A newer target before that takes over without a stop.
+
+    Args:
+        state: the UA now.
+        north_mps: velocity over ground to the north (``body``: ahead).
+        east_mps: to the east (``body``: to the right).
+        down_mps: down; negative climbs.
+        yaw_deg: heading of the nose; ``None`` as the autopilot likes.
+        yaw_rate_dps: rate of turn, instead of a heading.
+        frame: ``ned``, or ``body`` for along the heading, which may turn meanwhile.
+        duration_s: for how long, by the autopilot's clock.
+        rate_hz: how often the setpoint is repeated.
+    """
+    setpoints_only(state, "velocity")
+    mav_frame = _choice("frame", frame, VELOCITY_FRAMES)
+    yaw = Yaw(yaw_deg, yaw_rate_dps)
+    speeds = [
+        checked(name, value, -100.0, 100.0)
+        for name, value in (("north_mps", north_mps), ("east_mps", east_mps), ("down_mps", down_mps))
+    ]
+    wanted = (speeds[0], speeds[1], speeds[2])
+    return Plan(
+        "velocity",
+        guided(state),
+        lambda _: False,
+        timeout_s=math.inf,
+        mode="GUIDED",
+        needs_armed=True,
+        target=True,
+        setpoint=lambda now, _: local_setpoint(now, mav_frame, None, wanted, yaw),
+        setpoint_period_s=1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ),
+        duration_s=checked("duration_s", duration_s, 0.0, 86_400.0),
+        farewell=stop,
+    )
+
+
+def follow(
+    state: AircraftState,
+    lat_deg: float,
+    lon_deg: float,
+    alt_rel_m: float,
+    north_mps: float = 0.0,
+    east_mps: float = 0.0,
+    down_mps: float = 0.0,
+    yaw_deg: float | None = None,
+    duration_s: float = 3.0,
+    rate_hz: float = 5.0,
+) -> Plan:
+    """Fly with a moving target, whose position and velocity are those of now; then stop. Call again with newer ones.
+
+    Args:
+        state: the UA now.
+        lat_deg: latitude of the target.
+        lon_deg: longitude of the target.
+        alt_rel_m: its height above home.
+        north_mps: its velocity over ground to the north; between two calls it is taken to fly straight on.
+        east_mps: its velocity to the east.
+        down_mps: its velocity down.
+        yaw_deg: heading of the nose; ``None`` as the autopilot likes.
+        duration_s: for how long to go on without a newer call, by the autopilot's clock.
+        rate_hz: how often the setpoint is sent.
+    """
+    setpoints_only(state, "follow")
+    lat, lon, height_m = place_of(lat_deg, lon_deg, alt_rel_m)
+    yaw = Yaw(yaw_deg)
+    north = checked("north_mps", north_mps, -100.0, 100.0)
+    east = checked("east_mps", east_mps, -100.0, 100.0)
+    down = checked("down_mps", down_mps, -100.0, 100.0)
+
+    def setpoint(now: AircraftState, elapsed_s: float) -> Any:
+        place = offset_deg(lat, lon, north * elapsed_s, east * elapsed_s)
+        return global_setpoint(now, *place, height_m - down * elapsed_s, (north, east, down), yaw)
+
+    return Plan(
+        "follow",
+        guided(state),
+        lambda _: False,
+        timeout_s=math.inf,
+        mode="GUIDED",
+        needs_armed=True,
+        target=True,
+        setpoint=setpoint,
+        setpoint_period_s=1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ),
+        duration_s=checked("duration_s", duration_s, 0.0, 86_400.0),
+        farewell=stop,
+    )

@@ -1,0 +1,1 @@
+"""Missions, fences and rally points: items, files, and the MAVLink mission protocol."""

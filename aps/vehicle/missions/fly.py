@@ -1,0 +1,97 @@
+"""Flying the mission that the autopilot has: start, progress, complete, and where to go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from aps.timeouts import MODE_TIMEOUT_S
+from aps.vehicle.commands import Plan, Step
+from aps.vehicle.flight.plans import checked, command_long, finite_or_none, mode_step
+from aps.vehicle.telemetry import AircraftState
+from aps.wire.dialect import PX4, mavlink
+
+__all__ = ["fly", "set_current"]
+
+MISSION_TIMEOUT_S: Final = 24 * 3600.0
+STALE_S: Final = 5.0
+"""A mission that still says COMPLETE so long after its start, by the autopilot's clock, is complete (it was short), not
+the one before."""
+_ITEM_REACHED: Final = 46
+
+
+@dataclass
+class _End:
+    """Whether the mission is complete: the state at the start may still be that of the flight before.
+
+    The autopilot says so; one that does not has reached the last item, or landed.
+    """
+
+    start_ms: int
+    reached_ns: int
+    """When an item was last reached, before the start."""
+    started: bool = False
+
+    def is_there(self, now: AircraftState) -> bool:
+        self.started |= now.mission_state == "ACTIVE"
+        if now.mission_state == "COMPLETE":
+            return self.started or now.time_boot_ms - self.start_ms > STALE_S * 1000.0
+        if not self.started or now.mission_total < 1:
+            return False
+        landed = not now.armed and now.mission_total <= now.mission_current
+        newly_reached = now.heard_ns.get(_ITEM_REACHED, -1) > self.reached_ns
+        return landed or (newly_reached and now.mission_reached == now.mission_total)
+
+
+def fly(state: AircraftState, first: int | None = None) -> Plan:
+    """Fly the mission; done when its last item is.
+
+    Args:
+        state: the UA now.
+        first: number of the item to begin with, as the autopilot counts (ArduPilot: the first after home is 1);
+            ``None`` where it stopped before, or at the beginning.
+    """
+    mode = "AUTO.MISSION" if state.autopilot == PX4 else "AUTO"
+    steps = [mode_step(state, mode)]
+    if first is not None:
+        steps.insert(0, _current_step(state, first))
+    start = command_long(state, int(mavlink.MAV_CMD_MISSION_START))
+    steps.append(Step(start.message, command=start.command, optional=True))
+    end = _End(state.time_boot_ms, state.heard_ns.get(_ITEM_REACHED, -1))
+    return Plan(
+        "mission",
+        tuple(steps),
+        end.is_there,
+        MISSION_TIMEOUT_S,
+        remaining_m=lambda now: finite_or_none(now.waypoint_distance_m),
+        mode=mode,
+        needs_armed=True,
+        refusal_hint="" if state.mission_total else "the autopilot has no mission",
+        position=lambda now: (
+            max(0, now.mission_current),
+            now.mission_total if now.mission_total > 0 else None,
+        ),
+    )
+
+
+def _current_step(state: AircraftState, seq: int) -> Step:
+    if isinstance(seq, bool) or not isinstance(seq, int):
+        raise ValueError(f"the number of an item is a whole number, not {seq!r}")
+    number = checked("the number of an item", seq, 0, 0xFFFE)
+    return command_long(state, int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), number, 0.0)
+
+
+def set_current(state: AircraftState, seq: int) -> Plan:
+    """Have the autopilot go on with another item of its mission.
+
+    Args:
+        state: the UA now.
+        seq: number of the item, as the autopilot counts (ArduPilot: the first after home is 1).
+    """
+    return Plan(
+        "mission_set_current",
+        (_current_step(state, seq),),
+        lambda now: now.mission_current == seq,
+        MODE_TIMEOUT_S,
+        occupies="",
+    )

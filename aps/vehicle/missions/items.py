@@ -1,0 +1,194 @@
+"""One item of a mission, fence or list of rally points, as people write it and as MAVLink carries it.
+
+Home is no item here: ArduPilot keeps it as item 0 of a mission, which the transfers add and take off
+(``first_seq``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from aps.wire.dialect import ARDUPILOT, AUTOPILOT_COMPID, enum_value, has_location, mavlink
+
+__all__ = ["KINDS", "MissionItem", "first_seq", "items_of"]
+
+KINDS: Final = {
+    "mission": int(mavlink.MAV_MISSION_TYPE_MISSION),
+    "fence": int(mavlink.MAV_MISSION_TYPE_FENCE),
+    "rally": int(mavlink.MAV_MISSION_TYPE_RALLY),
+}
+"""What can be transferred -> MAV_MISSION_TYPE."""
+MAX_ITEMS: Final = 0xFFFE
+_GLOBAL: Final = frozenset({0, 3, 5, 6, 10, 11})
+"""MAV_FRAMEs whose x and y are a latitude and a longitude."""
+_TO_INT: Final = {5: 0, 6: 3, 11: 10}
+"""The _INT twins of MAV_FRAMEs, which mean the same in a MISSION_ITEM_INT."""
+_LOCAL: Final = frozenset({1, 4, 7, 8, 9, 12, 20, 21})
+"""MAV_FRAMEs in metres."""
+DEGREES: Final = 1e7
+TENTHS_OF_MM: Final = 1e4
+_INT32_MAX: Final = (1 << 31) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class MissionItem:
+    """One item.
+
+    Attributes:
+        command: MAV_CMD.
+        params: its seven parameters, as the MAVLink guide numbers them from 1. Of commands with a position the fifth
+            and sixth are latitude and longitude, degrees (metres in a local frame), the seventh is the height, m. NaN:
+            not given.
+        frame: MAV_FRAME; 3 (GLOBAL_RELATIVE_ALT): heights count from home.
+        autocontinue: whether the autopilot goes on by itself afterwards.
+
+    Raises:
+        ValueError: a number is none, or out of range.
+    """
+
+    command: int
+    params: tuple[float, float, float, float, float, float, float]
+    frame: int = 3
+    autocontinue: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.command <= 0xFFFF or not 0 <= self.frame <= 0xFF:
+            raise ValueError(f"command {self.command} and frame {self.frame} must be in 0..65535 and 0..255")
+        if len(self.params) != 7:
+            raise ValueError(f"an item has 7 parameters, not {len(self.params)}")
+        object.__setattr__(self, "params", tuple(float(value) for value in self.params))
+        if any(math.isinf(value) for value in self.params):
+            raise ValueError(f"params {self.params} must be finite, or NaN where nothing is given")
+        if self.is_global and not (abs(self._or_0(4)) <= 90.0 and abs(self._or_0(5)) <= 180.0):
+            raise ValueError(f"{self.params[4]}, {self.params[5]} is no latitude and longitude")
+        if max(abs(self._or_0(4)), abs(self._or_0(5))) * self._scale > _INT32_MAX:
+            raise ValueError(f"{self.params[4]}, {self.params[5]} is more than MAVLink can carry")
+
+    @classmethod
+    def waypoint(cls, lat_deg: float, lon_deg: float, alt_rel_m: float, hold_s: float = 0.0) -> MissionItem:
+        """Fly to a point, height above home."""
+        return cls(int(mavlink.MAV_CMD_NAV_WAYPOINT), (hold_s, 0.0, 0.0, 0.0, lat_deg, lon_deg, alt_rel_m))
+
+    @classmethod
+    def from_json(cls, item: Any) -> MissionItem:
+        """From ``{"command": 16 or "NAV_WAYPOINT", "params": [7 numbers or null], "frame": 3, "autocontinue": true}``.
+
+        Raises:
+            ValueError: it is something else.
+        """
+        if isinstance(item, MissionItem):
+            return item
+        if not isinstance(item, Mapping) or not {"command", "params"} <= item.keys():
+            raise ValueError(f"an item has 'command' and 'params', unlike {item!r}")
+        extra = item.keys() - {"command", "params", "frame", "autocontinue"}
+        if extra:
+            raise ValueError(f"key {min(extra, key=str)!r} of an item is unknown")
+        params = item["params"]
+        if not isinstance(params, Sequence) or isinstance(params, str) or len(params) != 7:
+            raise ValueError(f"params must be a list of 7 numbers, not {params!r}")
+        return cls(
+            _whole("MAV_CMD", item["command"]),
+            tuple(_number(value) for value in params),  # type: ignore[arg-type]
+            _whole("MAV_FRAME", item.get("frame", 3)),
+            bool(item.get("autocontinue", True)),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """As ``from_json`` reads it."""
+        params = [None if math.isnan(value) else value for value in self.params]
+        return {
+            "command": self.command,
+            "params": params,
+            "frame": self.frame,
+            "autocontinue": self.autocontinue,
+        }
+
+    @property
+    def is_global(self) -> bool:
+        """Whether it has a latitude and a longitude."""
+        return self.frame in _GLOBAL and has_location(self.command)
+
+    @property
+    def _scale(self) -> float:
+        if self.is_global:
+            return DEGREES
+        return TENTHS_OF_MM if self.frame in _LOCAL and has_location(self.command) else 1.0
+
+    def _or_0(self, index: int) -> float:
+        value = self.params[index]
+        return 0.0 if math.isnan(value) else value
+
+    def to_message(self, sysid: int, seq: int, kind: int, *, current: bool = False) -> Any:
+        """MISSION_ITEM_INT to the autopilot of a system."""
+        return mavlink.MAVLink_mission_item_int_message(
+            sysid,
+            AUTOPILOT_COMPID,
+            seq,
+            self.frame,
+            self.command,
+            int(current),
+            int(self.autocontinue),
+            *self.params[:4],
+            round(self._or_0(4) * self._scale),
+            round(self._or_0(5) * self._scale),
+            self.params[6],
+            kind,
+        )
+
+    @classmethod
+    def from_fields(cls, fields: Mapping[str, Any]) -> MissionItem:
+        """From the fields of a MISSION_ITEM_INT.
+
+        Raises:
+            ValueError: they make no sense.
+        """
+        command, frame = int(fields["command"]), _TO_INT.get(int(fields["frame"]), int(fields["frame"]))
+        scale = 1.0
+        if has_location(command):
+            scale = DEGREES if frame in _GLOBAL else TENTHS_OF_MM if frame in _LOCAL else 1.0
+        first = [float(fields[f"param{n}"]) for n in range(1, 5)]
+        params = (*first, fields["x"] / scale, fields["y"] / scale, float(fields["z"]))
+        return cls(command, params, frame, bool(fields["autocontinue"]))
+
+
+def _whole(enum: str, value: Any) -> int:
+    if isinstance(value, str):
+        return enum_value(enum, value)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{value!r} is no number and no name of a {enum}")
+    return value
+
+
+def _number(value: Any) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{value!r} is no parameter: numbers, or null where nothing is given")
+    return float(value)
+
+
+def items_of(items: Any) -> list[MissionItem]:
+    """The items of a list of them, or of their JSON.
+
+    Raises:
+        ValueError: it is no such list; the text says which item is wrong.
+    """
+    if not isinstance(items, Sequence) or isinstance(items, str | bytes):
+        raise ValueError(f"items must be a list, not {type(items).__name__}")
+    if len(items) > MAX_ITEMS:
+        raise ValueError(f"{len(items)} items are more than the {MAX_ITEMS} that MAVLink can count")
+    read = []
+    for number, item in enumerate(items):
+        try:
+            read.append(MissionItem.from_json(item))
+        except ValueError as error:
+            raise ValueError(f"item {number}: {error}") from error
+    return read
+
+
+def first_seq(kind: int, autopilot: int) -> int:
+    """The number that an autopilot gives to the first item: ArduPilot's missions begin with home, as item 0."""
+    return int(kind == KINDS["mission"] and autopilot == ARDUPILOT)

@@ -1,0 +1,298 @@
+"""The MAVLink mission protocol from our side: upload, download, clear. No I/O, no clock.
+
+Upload: we send MISSION_COUNT, the autopilot asks for each item, and closes with MISSION_ACK. Download: we ask for the
+list, then for each item, and close with MISSION_ACK ourselves. Whoever waits repeats what it said last: the time for
+that runs by the instants that are passed in. (https://mavlink.io/en/services/mission.html)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from aps.timeouts import TRANSFER_TIMEOUTS_S
+from aps.vehicle.execution import NS_PER_S, Execution, Outcome
+from aps.vehicle.missions.items import KINDS, MissionItem, first_seq, items_of
+from aps.vehicle.telemetry import AircraftState
+from aps.wire.dialect import AUTOPILOT_COMPID, enum_label, mavlink
+
+__all__ = [
+    "TRANSFER",
+    "ClearExecution",
+    "DownloadExecution",
+    "UploadExecution",
+    "clear",
+    "download",
+    "upload",
+]
+
+TRANSFER: Final = "transfer"
+FEEDBACK_ITEMS: Final = 10
+"""Items between two pieces of feedback."""
+_ACCEPTED: Final = int(mavlink.MAV_MISSION_ACCEPTED)
+_DENIED: Final = int(mavlink.MAV_MISSION_DENIED)
+_CANCELLED: Final = int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
+_SEQUENCE: Final = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
+
+
+def kind_number(kind: str) -> int:
+    """MAV_MISSION_TYPE of a name in ``KINDS``.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"kind {kind!r} is none of {', '.join(KINDS)}")
+    return KINDS[kind]
+
+
+class _Transfer(Execution):
+    """What is said again and again until an answer comes."""
+
+    wanted = frozenset({40, 44, 47, 51, 73})  # MISSION_REQUEST, _COUNT, _ACK, _REQUEST_INT, _ITEM_INT
+
+    def __init__(self, verb: str, sysid: int, kind: str) -> None:
+        super().__init__(verb, TRANSFER)
+        self._sysid = sysid
+        self._kind = kind_number(kind)
+        self._words = kind
+        self._said: list[Any] = []
+        self._due_at_ns: int | None = None
+        self._tries = 0
+        self._now: list[Any] = []
+
+    def _say(self, message: Any, now_ns: int, *, tries: int = 0) -> None:
+        """Say something, now and until something else is said."""
+        self._said, self._tries = [message], tries + 1
+        self._now = [message]
+        self._due_at_ns = now_ns + round(TRANSFER_TIMEOUTS_S[tries] * NS_PER_S)
+
+    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+        if self._due_at_ns is None:
+            self._begin(state, now_ns)
+        elif now_ns >= self._due_at_ns and not self._now:
+            if self._tries >= len(TRANSFER_TIMEOUTS_S):
+                self.end(Outcome.TIMED_OUT, f"no answer after {self._tries} tries ({self._progress()})")
+                return self._parting()
+            self._say(self._said[0], now_ns, tries=self._tries)
+        messages, self._now = self._now, []
+        return messages
+
+    def _due_ns(self) -> int | None:
+        return self._due_at_ns
+
+    def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
+        """A message of the protocol, of this kind of list."""
+        if self.result is not None or self._due_at_ns is None or fields.get("mission_type", 0) != self._kind:
+            return
+        if name == "MISSION_ACK":
+            self._on_ack(int(fields["type"]), now_ns)
+        else:
+            self._on_answer(name, fields, now_ns)
+
+    def _refused(self, result: int) -> None:
+        hint = " (another transfer is under way)" if result == _DENIED else ""
+        self.refuse(f"{enum_label('MAV_MISSION_RESULT', result).removeprefix('MAV_MISSION_')}{hint}")
+
+    def _begin(self, state: AircraftState, now_ns: int) -> None:
+        raise NotImplementedError
+
+    def _on_answer(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
+        raise NotImplementedError
+
+    def _on_ack(self, result: int, now_ns: int) -> None:  # noqa: ARG002
+        if result != _ACCEPTED:
+            self._refused(result)
+
+    def _progress(self) -> str:
+        return self._words
+
+    def _parting(self) -> list[Any]:
+        """What is said when we give up."""
+        return []
+
+
+class UploadExecution(_Transfer):
+    """Gives the autopilot a list of items, in place of the one that it has.
+
+    Args:
+        state: the UA now.
+        items: what to give, without home.
+        kind: one of ``KINDS``.
+    """
+
+    def __init__(self, state: AircraftState, items: Sequence[MissionItem], kind: str) -> None:
+        super().__init__("mission_upload", state.sysid, kind)
+        self._first = first_seq(self._kind, state.autopilot)
+        self._items = [_home(state)] * self._first + list(items)
+        self._sent = 0
+        """Items that the autopilot has asked for."""
+
+    def _begin(self, state: AircraftState, now_ns: int) -> None:  # noqa: ARG002
+        count = mavlink.MAVLink_mission_count_message(
+            self._sysid, AUTOPILOT_COMPID, len(self._items), self._kind
+        )
+        self._say(count, now_ns)
+
+    def _on_answer(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
+        if name not in ("MISSION_REQUEST_INT", "MISSION_REQUEST"):
+            return
+        seq = int(fields["seq"])
+        if not 0 <= seq < len(self._items):
+            self.refuse(f"the autopilot asks for item {seq} of {len(self._items)}")
+            return
+        first_time = seq >= self._sent
+        self._sent = max(self._sent, seq + 1)
+        self._say(self._items[seq].to_message(self._sysid, seq, self._kind, current=seq == 0), now_ns)
+        if first_time and (self._sent % FEEDBACK_ITEMS == 0 or self._sent == len(self._items)):
+            self._tell()
+        elif first_time and self._sent == 1:
+            self.tell("accepted", "accepted by the autopilot", done=0, total=len(self._items) - self._first)
+
+    def _tell(self) -> None:
+        done, total = self._sent - self._first, len(self._items) - self._first
+        self.tell("feedback", self._progress(), done=done, total=total)
+
+    def _on_ack(self, result: int, now_ns: int) -> None:  # noqa: ARG002
+        if result == _ACCEPTED:
+            if self._sent == len(self._items):
+                self.end(Outcome.REACHED, value=len(self._items) - self._first)
+        elif result != _SEQUENCE:  # the answer to an item that came twice: it asks again for the one it wants
+            self._refused(result)
+
+    def _progress(self) -> str:
+        return f"{self._words}: {self._sent} of {len(self._items)} items sent"
+
+    def _parting(self) -> list[Any]:
+        return [_ack(self._sysid, _CANCELLED, self._kind)]
+
+
+def _ack(sysid: int, result: int, kind: int) -> Any:
+    return mavlink.MAVLink_mission_ack_message(sysid, AUTOPILOT_COMPID, result, kind)
+
+
+def _home(state: AircraftState) -> MissionItem:
+    """ArduPilot keeps its own home in place of this item: it is there to be counted."""
+    known = state.home_lat_deg == state.home_lat_deg
+    place = (state.home_lat_deg, state.home_lon_deg, state.home_alt_amsl_m) if known else (0.0, 0.0, 0.0)
+    return MissionItem(int(mavlink.MAV_CMD_NAV_WAYPOINT), (0.0, 0.0, 0.0, 0.0, *place), frame=0)
+
+
+class DownloadExecution(_Transfer):
+    """Gets the list of items that the autopilot has, as ``result.value`` (without home).
+
+    Args:
+        state: the UA now.
+        kind: one of ``KINDS``.
+    """
+
+    def __init__(self, state: AircraftState, kind: str) -> None:
+        super().__init__("mission_download", state.sysid, kind)
+        self._first = first_seq(self._kind, state.autopilot)
+        self._count: int | None = None
+        self._items: list[MissionItem] = []
+        self._complete = False
+
+    def _begin(self, state: AircraftState, now_ns: int) -> None:  # noqa: ARG002
+        asked = mavlink.MAVLink_mission_request_list_message(self._sysid, AUTOPILOT_COMPID, self._kind)
+        self._say(asked, now_ns)
+
+    def _on_answer(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
+        if name == "MISSION_COUNT" and self._count is None:
+            self._count = int(fields["count"])
+            self.tell(
+                "accepted", "accepted by the autopilot", done=0, total=max(0, self._count - self._first)
+            )
+            self._ask(now_ns)
+        elif (
+            name == "MISSION_ITEM_INT" and self._count is not None and int(fields["seq"]) == len(self._items)
+        ):
+            try:
+                self._items.append(MissionItem.from_fields(fields))
+            except ValueError as error:
+                self._now = [_ack(self._sysid, int(mavlink.MAV_MISSION_ERROR), self._kind)]
+                self.refuse(f"item {len(self._items)} of the autopilot is none: {error}")
+                return
+            if len(self._items) % FEEDBACK_ITEMS == 0:
+                done, total = len(self._items) - self._first, self._count - self._first
+                self.tell("feedback", self._progress(), done=done, total=total)
+            self._ask(now_ns)
+
+    def _ask(self, now_ns: int) -> None:
+        """Ask for the next item, or close."""
+        if len(self._items) < (self._count or 0):
+            request = mavlink.MAVLink_mission_request_int_message(
+                self._sysid, AUTOPILOT_COMPID, len(self._items), self._kind
+            )
+            self._say(request, now_ns)
+        else:
+            self._now = [_ack(self._sysid, _ACCEPTED, self._kind)]
+            self._due_at_ns = now_ns
+            self._complete = True
+
+    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+        messages = super()._poll(state, now_ns)
+        if self._complete:
+            self.end(Outcome.REACHED, value=[item.to_json() for item in self._items[self._first :]])
+        return messages
+
+    def _progress(self) -> str:
+        return f"{self._words}: {len(self._items)} of {'?' if self._count is None else self._count} items"
+
+    def _parting(self) -> list[Any]:
+        return [_ack(self._sysid, _CANCELLED, self._kind)]
+
+
+class ClearExecution(_Transfer):
+    """Has the autopilot forget a list.
+
+    Args:
+        state: the UA now.
+        kind: one of ``KINDS``.
+    """
+
+    def __init__(self, state: AircraftState, kind: str) -> None:
+        super().__init__("mission_clear", state.sysid, kind)
+
+    def _begin(self, state: AircraftState, now_ns: int) -> None:  # noqa: ARG002
+        self._say(
+            mavlink.MAVLink_mission_clear_all_message(self._sysid, AUTOPILOT_COMPID, self._kind), now_ns
+        )
+
+    def _on_answer(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
+        """Nothing but the acknowledgement answers it."""
+
+    def _on_ack(self, result: int, now_ns: int) -> None:
+        super()._on_ack(result, now_ns)
+        self.end(Outcome.REACHED)
+
+
+def upload(state: AircraftState, items: list[Any], kind: str = "mission") -> UploadExecution:
+    """Give the autopilot a mission, fence or rally points, in place of what it has.
+
+    Args:
+        state: the UA now.
+        items: MissionItem, or their JSON; without home.
+        kind: ``mission``, ``fence`` or ``rally``.
+    """
+    return UploadExecution(state, items_of(items), kind)
+
+
+def download(state: AircraftState, kind: str = "mission") -> DownloadExecution:
+    """Get the mission, fence or rally points that the autopilot has: the result's value is a list of items.
+
+    Args:
+        state: the UA now.
+        kind: ``mission``, ``fence`` or ``rally``.
+    """
+    return DownloadExecution(state, kind)
+
+
+def clear(state: AircraftState, kind: str = "mission") -> ClearExecution:
+    """Have the autopilot forget its mission, fence or rally points.
+
+    Args:
+        state: the UA now.
+        kind: ``mission``, ``fence`` or ``rally``.
+    """
+    return ClearExecution(state, kind)

@@ -1,0 +1,1 @@
+"""Parameters: one, all, from files, and over MAVLink FTP."""

@@ -1,0 +1,357 @@
+"""The API over a real socket: a real daemon behind it, and a scripted autopilot behind that."""
+
+import asyncio
+import contextlib
+import http.client
+import json
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from websockets.asyncio.client import connect as open_stream
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from aps.api.backend import DaemonBackend
+from aps.api.guard import ApiConfig
+from aps.api.server import ApiServer
+from aps.daemon import Daemon, DaemonConfig
+from aps.vehicle.commander import VERBS, argument_names
+from tests.integration.aps.conftest import ScriptedAutopilot
+
+TOKEN = "0123456789abcdef-token"
+
+
+class Keeping(ScriptedAutopilot):
+    """A scripted autopilot with a mission protocol and two parameters."""
+
+    def __init__(self):
+        super().__init__()
+        self.items = {0: [], 1: [], 2: []}
+        self.parameters = {"RTL_ALT": 1500.0, "WPNAV_SPEED": 500.0}
+        self._receiving = (0, 0, [])
+
+    def _handle(self, message):
+        super()._handle(message)
+        handler = getattr(self, "on_" + message.get_type().lower(), None)
+        if handler is not None:
+            handler(message, (message.get_srcSystem(), message.get_srcComponent()))
+
+    def on_mission_count(self, message, who):
+        self._receiving = (message.mission_type, message.count, [])
+        self._ask(who)
+
+    def on_mission_item_int(self, message, who):
+        self._receiving[2].append(message)
+        self._ask(who)
+
+    def _ask(self, who):
+        kind, count, items = self._receiving
+        if len(items) < count:
+            self.send(mavlink.MAVLink_mission_request_int_message(*who, len(items), kind))
+        else:
+            self.items[kind] = items
+            self.send(mavlink.MAVLink_mission_ack_message(*who, 0, kind))
+
+    def on_mission_request_list(self, message, who):
+        count = len(self.items[message.mission_type])
+        self.send(mavlink.MAVLink_mission_count_message(*who, count, message.mission_type))
+
+    def on_mission_request_int(self, message, who):
+        kept = self.items[message.mission_type][message.seq]
+        values = [getattr(kept, name) for name in kept.fieldnames]
+        self.send(mavlink.MAVLink_mission_item_int_message(*who, *values[2:]))
+
+    def on_param_request_read(self, message, who):
+        self._tell(message.param_id, 65535)
+
+    def on_param_set(self, message, who):
+        self.parameters[message.param_id] = message.param_value
+        self._tell(message.param_id, 65535)
+
+    def on_param_request_list(self, message, who):
+        for index, name in enumerate(self.parameters):
+            self._tell(name, index)
+
+    def _tell(self, name, index):
+        if name in self.parameters:
+            value = self.parameters[name]
+            self.send(
+                mavlink.MAVLink_param_value_message(name.encode(), value, 9, len(self.parameters), index)
+            )
+
+
+@pytest.fixture
+async def keeping():
+    autopilot = Keeping()
+    await autopilot.start()
+    yield autopilot
+    await autopilot.stop()
+
+
+@pytest.fixture
+async def daemon(keeping, eventually):
+    config = DaemonConfig(autopilot=f"tcp:127.0.0.1:{keeping.port}", sysid=2)
+    async with Daemon(config) as daemon:
+        await eventually(lambda: daemon.state.ready_to_arm and daemon.state.position_ned_m)
+        daemon.commands.ftp = False
+        yield daemon
+
+
+class Caller:
+    """Calls the API as any HTTP client would."""
+
+    def __init__(self, port):
+        self.port = port
+
+    async def __call__(self, method, path, body=None, **headers):
+        data = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
+        return await asyncio.to_thread(self._call, method, path, data, headers)
+
+    def _call(self, method, path, data, headers):
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        with contextlib.closing(connection):
+            kind = {"Content-Type": "application/json"} if data else {}
+            connection.request(
+                method, path, data, kind | {name.replace("_", "-"): text for name, text in headers.items()}
+            )
+            reply = connection.getresponse()
+            text = reply.read().decode()
+            is_json = reply.headers.get_content_type() == "application/json"
+            return reply.status, json.loads(text) if is_json else text
+
+
+@pytest.fixture
+async def call(daemon):
+    async with ApiServer(DaemonBackend(daemon), ApiConfig()) as server:
+        caller = Caller(server.port)
+        caller.server = server
+        yield caller
+
+
+async def test_state_messages_and_statistics(call, keeping):
+    status, state = await call("GET", "/state")
+    assert (status, state["mode"], state["armed"], state["connected"]) == (200, "STABILIZE", False, True)
+    assert state["lat_deg"] == pytest.approx(47.0)
+    assert 0.0 <= state["age_s"]["lat_deg"] < 5.0
+    assert state["wind_ned_mps"] == [None, None, None]
+    assert state["age_s"]["wind_ned_mps"] is None
+    status, names = await call("GET", "/messages")
+    assert {"HEARTBEAT", "ATTITUDE"} <= set(names)
+    status, last = await call("GET", "/messages/attitude")
+    assert (status, last["name"], last["fields"]["roll"]) == (200, "ATTITUDE", pytest.approx(0.1))
+    assert (await call("GET", "/messages/NOTHING"))[0] == 404
+    status, never = await call("GET", "/messages/WIND")
+    assert (status, "no WIND has come" in never["detail"]) == (404, True)
+    status, statistics = await call("GET", "/statistics")
+    assert (status, statistics["autopilot"]["connections"]) == (200, 1)
+
+
+async def test_commands_to_their_result(call, keeping, daemon):
+    keeping.refuse[400] = (4, "Arm: Gyros inconsistent")
+    status, result = await call("POST", "/commands/arm")
+    assert (status, result["outcome"], result["reason"]) == (
+        409,
+        "refused",
+        "FAILED: Arm: Gyros inconsistent",
+    )
+    del keeping.refuse[400]
+    for verb, arguments in (("mode", {"mode": "GUIDED"}), ("arm", {}), ("takeoff", {"alt_rel_m": 10})):
+        status, result = await call("POST", f"/commands/{verb}", arguments)
+        assert (status, result["outcome"]) == (200, "reached"), result
+    assert daemon.state.alt_rel_m > 9.0
+    status, started = await call("POST", "/commands/takeoff?wait=false", {"alt_rel_m": 900})
+    assert (status, started["verb"], started["result"]) == (202, "takeoff", None)
+    status, landed = await call("POST", "/commands/land")
+    assert landed["outcome"] == "reached"
+    status, ended = await call("GET", f"/commands/{started['id']}")
+    assert ended["result"]["reason"] == "by land"
+    assert [job["verb"] for job in (await call("GET", "/commands"))[1]][-2:] == ["takeoff", "land"]
+    assert (await call("GET", "/commands/999"))[0] == 404
+
+
+async def test_wrong_arguments_are_named(call):
+    for verb, arguments, says in (
+        ("goto", {"lat_deg": 147, "lon_deg": 8, "alt_rel_m": 5}, "lat_deg must be in -90..90"),
+        ("goto", {"lat_deg": 47}, "lon_deg"),
+        ("goto", {"lat_deg": 47, "lon_deg": 8, "alt_rel_m": 5, "fast": 1}, "fast"),
+        ("mode", {"mode": "SWIM"}, "'SWIM' is none of"),
+        ("mission_upload", {"items": [{"command": 16}]}, "item 0"),
+        ("send", {"name": "WIND", "fields": {"power": 1}}, "no field 'power'"),
+    ):
+        status, reply = await call("POST", f"/commands/{verb}", arguments)
+        assert status == 422
+        assert says in json.dumps(reply)
+
+
+PLAN = {
+    "fileType": "Plan",
+    "mission": {
+        "items": [
+            {
+                "type": "SimpleItem",
+                "command": 16,
+                "frame": 3,
+                "params": [0, 0, 0, None, 47 + n / 1000, 8, 20],
+                "autoContinue": True,
+            }
+            for n in range(25)
+        ]
+    },
+    "geoFence": {"circles": [{"circle": {"center": [47, 8], "radius": 100}, "inclusion": True}]},
+    "rallyPoints": {"points": [[47.5, 8.5, 30]]},
+}
+
+
+async def test_plans_and_waypoint_files_up_and_down(call, keeping):
+    status, reply = await call("PUT", "/plan", PLAN)
+    assert (status, reply) == (200, {"mission": 25, "fence": 1, "rally": 1})
+    assert [len(items) for items in keeping.items.values()] == [26, 1, 1]
+    status, plan = await call("GET", "/plan")
+    assert [item["params"] for item in plan["mission"]["items"]] == [
+        pytest.approx(item["params"]) if None not in item["params"] else item["params"]
+        for item in PLAN["mission"]["items"]
+    ]
+    assert plan["geoFence"]["circles"][0]["circle"] == {"center": [47, 8], "radius": 100}
+    assert plan["rallyPoints"]["points"] == [[47.5, 8.5, 30]]
+    status, text = await call("GET", "/waypoints")
+    assert len(text.splitlines()) == 27
+    status, reply = await call("PUT", "/waypoints", text.encode())
+    assert (status, reply) == (200, {"mission": 25})
+    status, reply = await call("PUT", "/waypoints", b"QGC WPL 110\nnonsense")
+    assert (status, reply["detail"]) == (422, "line 2: 12 columns are expected, not 1")
+
+
+async def test_parameters_as_files(call, keeping):
+    _, text = await call("GET", "/parameters")
+    assert text.split() == ["RTL_ALT", "1500", "WPNAV_SPEED", "500"]
+    _, differences = await call("POST", "/parameters/compare", b"RTL_ALT 1500\nWPNAV_SPEED 600\nNEW 1\n")
+    assert differences == [
+        {"name": "NEW", "file": 1.0, "autopilot": None},
+        {"name": "WPNAV_SPEED", "file": 600.0, "autopilot": 500.0},
+    ]
+    assert (await call("PUT", "/parameters", b"RTL_ALT,2000\n"))[1] == {"set": 1}
+    assert keeping.parameters["RTL_ALT"] == 2000.0
+
+
+async def test_the_stream_tells_states_messages_texts_progress_and_results(call, keeping):
+    address = f"ws://127.0.0.1:{call.server.port}/stream?rate_hz=20&messages=ATTITUDE"
+    async with open_stream(address) as stream, asyncio.timeout(20):
+        keeping.send(mavlink.MAVLink_statustext_message(4, b"Low battery"))
+        running = asyncio.create_task(call("POST", "/commands/mode", {"mode": "GUIDED"}))
+        seen = {}
+        while not {"state", "message", "text", "progress", "result"} <= seen.keys():
+            event = json.loads(await stream.recv())
+            seen.setdefault(event["type"], event)
+        await running
+    assert seen["state"]["lat_deg"] == pytest.approx(47.0)
+    assert seen["message"]["name"] == "ATTITUDE"
+    assert (seen["text"]["text"], seen["text"]["severity"]) == ("Low battery", 4)
+    assert (seen["progress"]["phase"], seen["progress"]["verb"]) == ("accepted", "mode")
+    assert seen["result"]["outcome"] == "reached"
+
+
+async def test_a_listener_that_does_not_read_holds_up_nobody(call, daemon, eventually):
+    address = f"ws://127.0.0.1:{call.server.port}/stream?rate_hz=50&messages=HEARTBEAT,ATTITUDE,SYS_STATUS"
+    async with open_stream(address, max_queue=1) as stalled, open_stream(address) as reader:
+        stalled.transport.pause_reading()
+        before = daemon.state.time_boot_ms
+        last = 0
+        async with asyncio.timeout(30):
+            while last < before + 20_000:
+                event = json.loads(await reader.recv())
+                last = event.get("time_boot_ms", last)
+        assert (await call("GET", "/state"))[0] == 200
+        stalled.transport.resume_reading()
+
+
+async def test_a_message_that_does_not_exist_closes_the_stream(call):
+    async with open_stream(f"ws://127.0.0.1:{call.server.port}/stream?messages=NOTHING") as stream:
+        with pytest.raises(ConnectionClosed, match="no MAVLink message"):
+            await stream.recv()
+
+
+async def test_every_command_is_described_with_its_arguments(call):
+    status, api = await call("GET", "/openapi.json")
+    schemas = api["components"]["schemas"]
+    for verb in VERBS:
+        body = api["paths"][f"/commands/{verb}"]["post"]["requestBody"]
+        model = body["content"]["application/json"]["schema"]
+        name = model.get("$ref", "").rsplit("/", 1)[-1] or verb
+        properties = schemas.get(name, model).get("properties", {})
+        assert tuple(properties) == argument_names(verb), verb
+    status, page = await call("GET", "/")
+    assert (status, "openapi.json" in page) == (200, True)
+    assert "https://" not in page  # it works without a network
+
+
+async def test_pages_of_other_sites_are_refused(call):
+    for headers, status, reason in (
+        ({"Host": "evil.example"}, 421, "host"),
+        ({"Host": "evil.example:8760"}, 421, "host"),
+        ({"Origin": "http://evil.example"}, 403, "origin"),
+        ({"Origin": "null"}, 403, "origin"),
+        ({"Sec_Fetch_Site": "cross-site"}, 403, "origin"),
+        ({"Content_Length": "99999999"}, 413, "size"),
+    ):
+        call.server.refused.clear()
+        assert (await call("POST", "/commands/arm", **headers))[0] == status
+        assert call.server.refused == {reason: 1}
+    for host in ("localhost:1", "[::1]:1", "192.168.1.7"):
+        assert (await call("GET", "/state", Host=host))[0] == 200
+
+
+async def test_a_stream_of_another_site_is_refused(call):
+    address = f"ws://127.0.0.1:{call.server.port}/stream"
+    with pytest.raises(InvalidStatus, match="403"):
+        async with open_stream(address, origin="http://evil.example"):
+            pass
+    async with open_stream(address, origin=f"http://127.0.0.1:{call.server.port}") as stream:
+        assert await asyncio.wait_for(stream.recv(), 10)
+
+
+async def test_with_a_token_nothing_goes_without(daemon):
+    config = ApiConfig(token=TOKEN, hosts=("ua.example",), origins=("https://gcs.example",))
+    async with ApiServer(DaemonBackend(daemon), config) as server:
+        call = Caller(server.port)
+        assert (await call("GET", "/state"))[0] == 401
+        assert (await call("GET", "/state", Authorization="Bearer " + TOKEN[:-1]))[0] == 401
+        assert (await call("GET", "/state", Authorization="Bearer \u00fc"))[0] == 401
+        good = {"Authorization": f"Bearer {TOKEN}"}
+        assert (await call("GET", "/state", **good))[0] == 200
+        assert (await call("GET", "/state", Host="ua.example", **good))[0] == 200
+        assert (await call("GET", "/state", Origin="https://gcs.example", **good))[0] == 200
+        address = f"ws://127.0.0.1:{server.port}/stream"
+        with pytest.raises(InvalidStatus):
+            async with open_stream(address):
+                pass
+        async with open_stream(f"{address}?token={TOKEN}") as stream:
+            assert await asyncio.wait_for(stream.recv(), 10)
+
+
+def test_beyond_this_machine_it_needs_a_token():
+    with pytest.raises(ValueError, match="it needs a token"):
+        ApiConfig(host="0.0.0.0")
+    with pytest.raises(ValueError, match="at least 16"):
+        ApiConfig(host="0.0.0.0", token="short")
+    assert ApiConfig(host="0.0.0.0", token=TOKEN).token == TOKEN
+
+
+async def test_a_port_in_use_is_an_error_at_once(daemon, call):
+    with pytest.raises(OSError, match="in use"):
+        async with ApiServer(DaemonBackend(daemon), ApiConfig(port=call.server.port)):
+            pass
+
+
+async def test_garbage_on_the_port_is_no_end_of_it(call):
+    for data in (
+        b"\x00" * 5000,
+        b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 5000,
+        b"POST /commands/arm HTTP/9\r\n\r\n",
+    ):
+        reader, writer = await asyncio.open_connection("127.0.0.1", call.server.port)
+        writer.write(data)
+        with contextlib.suppress(ConnectionError):
+            await writer.drain()
+            writer.write_eof()
+            await asyncio.wait_for(reader.read(), 10)
+        writer.close()
+    assert (await call("GET", "/state"))[0] == 200

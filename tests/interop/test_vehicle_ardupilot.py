@@ -1,0 +1,360 @@
+"""Commands, missions and parameters on real ArduCopter and ArduPlane, SITL's built-in vehicles."""
+
+import asyncio
+import contextlib
+import math
+import os
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.daemon import Daemon, DaemonConfig
+from aps.vehicle.execution import Outcome
+from aps.vehicle.missions.items import MissionItem
+from aps.wire.framer import Framer
+
+pytestmark = [pytest.mark.ardupilot, pytest.mark.slow]
+
+HOME = "-35.363262,149.165237,584,353"
+SYSID = 4
+COPTER_PARAMETERS = Path(__file__).parents[2] / "sitl_configs" / "params" / "copter.parm"
+# The built-in vehicles count as uncalibrated without offsets of the accelerometers.
+CALIBRATED = "".join(
+    f"INS_ACC{n}OFFS_{axis} 0.001\nINS_ACC{n}SCAL_{axis} 1.001\n" for n in ("", 2) for axis in "XYZ"
+)
+COPTER = "FRAME_CLASS 1\nFRAME_TYPE 0\nBATT_MONITOR 4\n" + CALIBRATED
+M_PER_DEG = math.radians(6_378_137.0)
+
+
+def free_instance():
+    """A value for ``-I`` with free TCP ports. SITL keeps it in 8 bits."""
+    for number in range(100):
+        instance = 20 + (os.getpid() + number) % 80
+        with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
+            for serial in (0, 2, 3):
+                stack.enter_context(socket.create_server(("127.0.0.1", 5760 + 10 * instance + serial)))
+            return instance
+    raise AssertionError("no free instance")
+
+
+@pytest.fixture
+async def copter(arducopter, tmp_path):
+    """A real ArduCopter at ten times real time, and its daemon."""
+    instance = free_instance()
+    own = tmp_path / "own.parm"
+    own.write_text(COPTER)
+    log = (tmp_path / "sitl.log").open("wb")
+    process = await asyncio.create_subprocess_exec(
+        str(arducopter),
+        *("-w", "--model", "quad", "-I", str(instance), "--sysid", str(SYSID), "--home", HOME),
+        *("--defaults", f"{COPTER_PARAMETERS},{own}", "--serial0", "tcp:0", "--speedup", "10"),
+        cwd=tmp_path,
+        stdout=log,
+        stderr=log,
+    )
+    try:
+        port = 5760 + 10 * instance
+        async with Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{port}", sysid=SYSID)) as daemon:
+            yield daemon
+    finally:
+        process.kill()
+        await process.wait()
+        log.close()
+
+
+async def until(daemon, condition, timeout_s=60.0):
+    """Wait for a state."""
+    there = asyncio.Event()
+    subscription = daemon.subscribe(lambda state: there.set() if condition(state) else None)
+    try:
+        await asyncio.wait_for(there.wait(), timeout_s)
+    finally:
+        subscription.cancel()
+
+
+async def in_the_air(daemon, alt_rel_m=15.0):
+    """Take off; returns the state on the ground."""
+    await asyncio.wait_for(daemon.wait_heard(), 30)
+    assert (await daemon.commands.set_mode("GUIDED")).reached
+    await until(daemon, lambda state: state.ready_to_arm and state.position_ok)
+    home = daemon.state
+    for result in (await daemon.commands.arm(), await daemon.commands.takeoff(alt_rel_m)):
+        assert result.reached, result
+    return home
+
+
+async def test_targets_of_every_kind(copter):
+    home = await in_the_air(copter)
+    run = copter.commands.run
+    result = await run("goto_ned", 20.0, 10.0, -15.0, yaw_deg=90.0)
+    assert result.reached, result
+    assert math.dist(copter.state.position_ned_m, (20.0, 10.0, -15.0)) < 2.0
+    result = await run("goto_ned", 10.0, 0.0, 0.0, frame="body", yaw_deg=0.0)
+    assert result.reached, result
+    # The nose pointed east: ahead is east.
+    assert copter.state.position_ned_m[1] == pytest.approx(20.0, abs=3.0)
+
+    older = asyncio.create_task(run("goto", home.lat_deg + 0.01, home.lon_deg, 20.0))
+    states = []
+    subscription = copter.subscribe(states.append, rate_hz=5.0)
+    await asyncio.sleep(0.3)
+    result = await run("velocity", 0.0, -4.0, -1.0, duration_s=15.0)
+    subscription.cancel()
+    assert result.reached, result
+    assert (await older).outcome is Outcome.SUPERSEDED
+    assert min(state.velocity_ned_mps[1] for state in states) == pytest.approx(-4.0, abs=0.4)
+    assert min(state.velocity_ned_mps[2] for state in states) == pytest.approx(-1.0, abs=0.3)
+    await until(copter, lambda state: math.hypot(*state.velocity_ned_mps) < 0.3)
+
+    above_sea_m = home.alt_amsl_m + 25.0
+    result = await run("goto", home.lat_deg, home.lon_deg, above_sea_m, frame="amsl", speed_mps=8.0)
+    assert result.reached, result
+    assert copter.state.alt_amsl_m == pytest.approx(above_sea_m, abs=1.5)
+    refused = await copter.commands.run("reboot")
+    assert refused.outcome is Outcome.REFUSED
+
+
+async def test_orbit_stays_on_its_circle(copter):
+    home = await in_the_air(copter)
+    states = []
+    copter.subscribe(states.append, rate_hz=5.0)
+    result = await copter.commands.run(
+        "orbit", home.lat_deg, home.lon_deg, 20.0, radius_m=25.0, speed_mps=5.0, turns=1.5
+    )
+    assert result.reached, result
+    last = states[-100:]  # 20 s at 5 m/s: most of the last turn
+    radii_m = [math.hypot(*state.position_ned_m[:2]) for state in last]
+    assert max(radii_m) < 30.0
+    assert min(radii_m) > 20.0
+    assert all(state.groundspeed_mps == pytest.approx(5.0, abs=1.5) for state in last)
+    # Clockwise from above: the bearing from the centre grows.
+    north, east, _ = last[0].position_ned_m
+    assert north * last[0].velocity_ned_mps[1] - east * last[0].velocity_ned_mps[0] > 0.0
+
+
+async def test_follow_keeps_up_with_a_moving_target(copter):
+    home = await in_the_air(copter)
+    run = copter.commands.run
+    target_m, speed_mps = 0.0, 5.0
+    started_ms = copter.state.time_boot_ms
+    result = None
+    for _ in range(30):
+        target_m = (copter.state.time_boot_ms - started_ms) * 1e-3 * speed_mps
+        pending = asyncio.create_task(
+            run("follow", home.lat_deg + target_m / M_PER_DEG, home.lon_deg, 15.0, speed_mps, duration_s=5.0)
+        )
+        await asyncio.sleep(0.1)
+        if result is not None:
+            assert (await result).outcome is Outcome.SUPERSEDED
+        result = pending
+    target_m = (copter.state.time_boot_ms - started_ms) * 1e-3 * speed_mps
+    assert target_m > 100.0
+    assert copter.state.position_ned_m[0] == pytest.approx(target_m, abs=15.0)
+    result.cancel()
+
+
+def square(home, count=4, alt_rel_m=20.0):
+    """Waypoints around home."""
+    items = [MissionItem(22, (0.0, 0.0, 0.0, 0.0, home.lat_deg, home.lon_deg, alt_rel_m))]
+    for number in range(count):
+        angle = math.tau * number / count
+        lat = home.lat_deg + 30.0 * math.cos(angle) / M_PER_DEG
+        lon = home.lon_deg + 30.0 * math.sin(angle) / M_PER_DEG / math.cos(math.radians(home.lat_deg))
+        items.append(MissionItem(16, (0.0, 0.0, 0.0, 0.0, round(lat, 7), round(lon, 7), alt_rel_m)))
+    return items
+
+
+async def test_a_mission_is_flown_to_its_end(copter):
+    run = copter.commands.run
+    await asyncio.wait_for(copter.wait_heard(), 30)
+    assert (await run("mode", "GUIDED")).reached
+    await until(copter, lambda state: state.ready_to_arm and state.position_ok)
+    items = [*square(copter.state), MissionItem(20, (0.0,) * 7)]
+    result = await run("mission_upload", items)
+    assert (result.reached, result.value) == (True, 6), result
+    downloaded = await run("mission_download")
+    assert downloaded.reached, downloaded
+    kept = [MissionItem.from_json(item) for item in downloaded.value]
+    assert [(item.command, item.params[4:]) for item in kept[:5]] == [
+        (item.command, pytest.approx(item.params[4:], abs=2e-7)) for item in items[:5]
+    ]
+    result = await run("mission_set_current", 3)
+    assert result.reached, result
+    assert (await run("mission_set_current", 1)).reached
+    assert (await run("arm")).reached
+    seen = []
+    result = await run("mission", on_progress=lambda progress: seen.append((progress.done, progress.total)))
+    assert result.reached, result
+    await until(copter, lambda state: state.mission_state == "COMPLETE")
+    assert {done for done, _ in seen if done is not None} >= {1, 2, 3, 4, 5, 6}
+    assert {total for _, total in seen if total is not None} == {6}
+    assert (await run("mission_clear")).reached
+    assert (await run("mission_download")).value == []
+    assert (await run("mission_set_current", 40)).outcome is Outcome.REFUSED
+
+
+async def test_200_items_fence_and_rally_up_and_down(copter):
+    run = copter.commands.run
+    await asyncio.wait_for(copter.wait_heard(), 30)
+    await until(copter, lambda state: state.position_ok)
+    items = square(copter.state, 199)
+    assert (await run("mission_upload", items)).reached
+    kept = [MissionItem.from_json(item) for item in (await run("mission_download")).value]
+    assert [item.to_message(1, 0, 0).to_dict() for item in kept] == [
+        item.to_message(1, 0, 0).to_dict() for item in items
+    ]
+    corners = [
+        MissionItem(5001, (5.0, 0, 0, 0, *item.params[4:6], 0.0)) for item in square(copter.state, 5)[1:]
+    ]
+    assert (await run("mission_upload", corners, kind="fence")).reached
+    kept = [MissionItem.from_json(item) for item in (await run("mission_download", kind="fence")).value]
+    assert [(item.command, item.params[0], item.params[4:6]) for item in kept] == [
+        (item.command, item.params[0], item.params[4:6]) for item in corners
+    ]
+    points = [MissionItem(5100, (0.0, 0, 0, 0, *item.params[4:])) for item in square(copter.state, 3)[1:]]
+    assert (await run("mission_upload", points, kind="rally")).reached
+    kept = [MissionItem.from_json(item) for item in (await run("mission_download", kind="rally")).value]
+    assert [item.params[4:] for item in kept] == [item.params[4:] for item in points]
+    assert (await run("mission_clear", kind="fence")).reached
+    assert (await run("mission_download", kind="fence")).value == []
+    assert len((await run("mission_download")).value) == 200
+
+
+async def test_parameters_by_both_ways_are_the_same(copter):
+    run = copter.commands.run
+    await asyncio.wait_for(copter.wait_heard(), 30)
+    await until(copter, lambda state: state.position_ok)  # calibrations are over
+    told = []
+    packed = await run("parameters", on_progress=told.append)
+    assert packed.reached, packed
+    assert len(packed.value) > 800
+    assert not any("one by one" in progress.text for progress in told)
+    one_by_one = await run("parameters", ftp=False)
+    assert one_by_one.reached, one_by_one
+    counters = {"STAT_RUNTIME", "STAT_BOOTCNT"}
+    assert {k: v for k, v in packed.value.items() if k not in counters} == {
+        k: v for k, v in one_by_one.value.items() if k not in counters
+    }
+    assert (await run("parameter_get", "rtl_loit_time")).value == packed.value["RTL_LOIT_TIME"]
+    assert (await run("parameter_set", "RTL_LOIT_TIME", 2500)).reached
+    assert (await run("parameter_get", "RTL_LOIT_TIME")).value == 2500
+    result = await run("parameter_get", "NO_SUCH_THING")
+    assert not result.reached
+    assert (await run("parameters_set", {"RTL_LOIT_TIME": 1000, "WPNAV_RADIUS": 150.0})).value == 2
+
+
+async def test_reboot_and_messages_on_demand(copter):
+    run = copter.commands.run
+    await asyncio.wait_for(copter.wait_heard(), 30)
+    await until(copter, lambda state: state.time_boot_ms > 20_000)
+    result = await run("message", "AUTOPILOT_VERSION")
+    assert result.reached, result
+    assert result.value["vendor_id"] >= 0
+    assert copter.vehicle.messages.last("HEARTBEAT", 0).fields["autopilot"] == 3
+    refused = await run("message", "ODOMETRY")
+    assert refused.outcome is Outcome.REFUSED
+    result = await asyncio.wait_for(run("reboot"), 60)
+    assert result.reached, result
+    assert copter.telemetry.reboots == 1
+
+
+class LossyClient:
+    """A ground station of pymavlink on the daemon's port, whose link drops 5 % of the frames and corrupts 2 %."""
+
+    def __init__(self, reader, writer, sysid, seed):
+        self._reader, self._writer = reader, writer
+        self._mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
+        self._mav.robust_parsing = True
+        self._framer = Framer()
+        self._draws = np.random.default_rng(seed)
+        self._heard = []
+        self.lost = self.corrupted = 0
+
+    def _carried(self, raw):
+        draw = self._draws.random()
+        if draw < 0.05:
+            self.lost += 1
+            return b""
+        if draw < 0.07:
+            self.corrupted += 1
+            at = int(self._draws.integers(len(raw)))
+            return raw[:at] + bytes([raw[at] ^ 0x40]) + raw[at + 1 :]
+        return raw
+
+    def send(self, message):
+        self._writer.write(self._carried(bytes(message.pack(self._mav))))
+        self._mav.seq = (self._mav.seq + 1) % 256
+
+    async def next(self, kinds, timeout_s=0.3):
+        """The next message of some types, or ``None`` after a while."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                while True:
+                    while self._heard:
+                        message = self._heard.pop(0)
+                        if message.get_type() in kinds:
+                            return message
+                    data = await self._reader.read(65536)
+                    for frame in self._framer.receive(data):
+                        self._heard += self._mav.parse_buffer(self._carried(frame.raw)) or []
+        return None
+
+    async def upload(self, messages):
+        """As a ground station does it: repeat what was said last until the autopilot goes on."""
+        said = mavlink.MAVLink_mission_count_message(SYSID, 1, len(messages), 0)
+        for _ in range(5000):
+            self.send(said)
+            answer = await self.next(("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"))
+            if answer is not None and answer.get_type() == "MISSION_ACK":
+                if answer.type != mavlink.MAV_MISSION_INVALID_SEQUENCE:
+                    return answer.type
+            elif answer is not None:
+                said = messages[answer.seq]
+        raise AssertionError("no end")
+
+    async def download(self):
+        said, items, count = mavlink.MAVLink_mission_request_list_message(SYSID, 1, 0), [], None
+        while count is None or len(items) < count:
+            self.send(said)
+            answer = await self.next(("MISSION_COUNT", "MISSION_ITEM_INT"))
+            if answer is not None and answer.get_type() == "MISSION_COUNT":
+                count = answer.count
+            elif answer is not None and count is not None and answer.seq == len(items):
+                items.append(answer)
+            if count is not None:
+                said = mavlink.MAVLink_mission_request_int_message(SYSID, 1, len(items), 0)
+        return items
+
+
+async def test_a_lossy_client_gets_200_items_up_and_down_and_a_second_is_denied(copter):
+    await asyncio.wait_for(copter.wait_heard(), 30)
+    await until(copter, lambda state: state.position_ok)
+    items = [square(copter.state, 200)[0], *square(copter.state, 200)]
+    messages = [item.to_message(SYSID, seq, 0, current=seq == 0) for seq, item in enumerate(items)]
+    streams = [await asyncio.open_connection("127.0.0.1", copter.listen_port) for _ in range(2)]
+    first, second = (LossyClient(*stream, 255 - n, n) for n, stream in enumerate(streams))
+    uploading = asyncio.create_task(first.upload(messages))
+    while copter.vehicle.messages.last("MISSION_REQUEST", 0) is None:  # noqa: ASYNC110
+        await asyncio.sleep(0.01)
+    denied = None
+    while denied is None:
+        assert not uploading.done()
+        second.send(mavlink.MAVLink_mission_count_message(SYSID, 1, 3, 0))
+        denied = await second.next(("MISSION_ACK",))
+    assert denied.type == mavlink.MAV_MISSION_DENIED
+    refused = await copter.commands.run("mission_upload", square(copter.state, 3))
+    assert refused.reason == "DENIED (another transfer is under way)"
+    assert await uploading == mavlink.MAV_MISSION_ACCEPTED
+    kept = await first.download()
+    assert [(m.seq, m.command, m.frame, m.x, m.y, m.z) for m in kept[1:]] == [
+        (m.seq, m.command, m.frame, m.x, m.y, m.z) for m in messages[1:]
+    ]
+    assert len(kept) == 202
+    assert first.lost > 20
+    assert first.corrupted > 5
+    assert len((await copter.commands.run("mission_download")).value) == 201
+    for _, writer in streams:
+        writer.transport.abort()

@@ -1,0 +1,248 @@
+import math
+from dataclasses import replace
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.vehicle.commands import CommandExecution
+from aps.vehicle.execution import Outcome, Refusal
+from aps.vehicle.flight import orbit, plans, targets
+from aps.vehicle.flight.setpoints import offset_deg
+from aps.vehicle.state import AircraftState
+from tests.unit.aps.vehicle.peer import Bench
+
+S = 1_000_000_000
+COPTER = AircraftState(
+    sysid=1,
+    vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
+    autopilot=3,
+    time_boot_ms=60_000,
+    mode="GUIDED",
+    armed=True,
+    lat_deg=47.0,
+    lon_deg=8.0,
+    alt_rel_m=20.0,
+    alt_amsl_m=420.0,
+    yaw_rad=math.pi / 2,
+    position_ned_m=(10.0, 20.0, -20.0),
+)
+PLANE = replace(COPTER, vehicle_type=mavlink.MAV_TYPE_FIXED_WING)
+
+
+class Flight:
+    """A plan carried out, with what it has sent."""
+
+    def __init__(self, plan, state=COPTER):
+        self.execution, self.state, self.now_ns = CommandExecution(plan), state, 0
+
+    def after(self, seconds, **changes):
+        """Messages that are sent when so much time has passed on both clocks."""
+        self.now_ns += round(seconds * S)
+        passed_ms = self.state.time_boot_ms + round(seconds * 1000)
+        self.state = replace(self.state, time_boot_ms=passed_ms, **changes)
+        return self.execution.poll(self.state, self.now_ns)
+
+
+def test_velocity_is_repeated_at_its_rate_and_ends_with_a_stop():
+    flight = Flight(targets.velocity(COPTER, 3.0, -4.0, 1.0, duration_s=1.0, rate_hz=4.0))
+    sent = [message for _ in range(30) for message in flight.after(0.05)]
+    assert flight.execution.result.reached
+    moves, stop = sent[:-1], sent[-1]
+    assert len(moves) == 4
+    for message in moves:
+        assert (message.vx, message.vy, message.vz) == (3.0, -4.0, 1.0)
+        # Only the velocity counts: no position, acceleration, yaw or its rate.
+        assert message.type_mask == 0b1101_1100_0111
+        assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
+    assert (stop.vx, stop.vy, stop.vz) == (0.0, 0.0, 0.0)
+
+
+def test_setpoints_keep_their_rate_in_a_simulation_faster_than_the_clock():
+    execution = CommandExecution(targets.velocity(COPTER, 1.0, 0.0, duration_s=10.0, rate_hz=5.0))
+    sent = []
+    for ms in range(0, 9_950, 50):  # 200 times faster: 10 s of flight in 50 ms
+        sent += execution.poll(replace(COPTER, time_boot_ms=60_000 + ms), ms * 5_000)
+    assert len(sent) == 50
+
+
+@pytest.mark.parametrize(
+    ("frame", "mav_frame"), [("ned", mavlink.MAV_FRAME_LOCAL_NED), ("body", mavlink.MAV_FRAME_BODY_NED)]
+)
+def test_velocity_with_yaw_rate_in_either_frame(frame, mav_frame):
+    [message] = Flight(targets.velocity(COPTER, 1.0, 0.0, yaw_rate_dps=90.0, frame=frame)).after(0.0)
+    assert message.coordinate_frame == mav_frame
+    assert message.type_mask == 0b0101_1100_0111
+    assert message.yaw_rate == pytest.approx(math.pi / 2)
+
+
+def test_from_another_mode_guided_comes_first():
+    loiter = replace(COPTER, mode="LOITER")
+    flight = Flight(targets.velocity(loiter, 1.0, 0.0), loiter)
+    [mode] = flight.after(0.0)
+    assert (mode.command, mode.param2) == (176, 4)
+    flight.execution.on_ack(176, 0)
+    [message] = flight.after(0.1, mode="GUIDED")
+    assert message.vx == 1.0
+    assert flight.after(0.3, mode="LOITER") == []
+    assert flight.execution.result.outcome is Outcome.INTERRUPTED
+
+
+@pytest.mark.parametrize(
+    ("frame", "expected"),
+    [("origin", (1.0, 2.0, -3.0)), ("offset", (11.0, 22.0, -23.0)), ("body", (8.0, 21.0, -23.0))],
+)
+def test_local_points_of_each_frame_are_sent_as_metres_from_the_origin(frame, expected):
+    """The nose points east: a metre ahead is a metre east, two to the right are two south."""
+    flight = Flight(targets.goto_ned(COPTER, 1.0, 2.0, -3.0, frame=frame))
+    [message] = flight.after(0.0)
+    assert (message.x, message.y, message.z) == pytest.approx(expected)
+    assert message.type_mask == 0b1101_1111_1000
+    assert flight.after(0.4) == []
+    assert len(flight.after(0.7)) == 1  # repeated, as nobody acknowledges it
+    flight.after(0.1, position_ned_m=expected)
+    assert flight.execution.result.reached
+
+
+def test_a_local_point_from_nowhere_is_refused():
+    with pytest.raises(Refusal, match="where it is is not known"):
+        targets.goto_ned(replace(COPTER, position_ned_m=(math.nan,) * 3), 1.0, 0.0, 0.0, frame="offset")
+
+
+@pytest.mark.parametrize(
+    ("frame", "mav_frame", "there"),
+    [
+        ("relative", 3, {"alt_rel_m": 50.0}),
+        ("amsl", 0, {"alt_amsl_m": 50.0}),
+        ("terrain", 10, {}),
+    ],
+)
+def test_heights_of_goto_count_from_what_the_frame_says(frame, mav_frame, there):
+    plan = targets.goto(COPTER, 47.0, 8.0, 50.0, frame=frame, yaw_deg=-90.0)
+    _, reposition, yaw = [step.message(0) for step in plan.steps]
+    assert (reposition.frame, reposition.z) == (mav_frame, 50.0)
+    assert (yaw.command, yaw.param1) == (mavlink.MAV_CMD_CONDITION_YAW, 270.0)
+    assert plan.reached(COPTER) is (frame == "terrain")
+    assert plan.reached(replace(COPTER, **there))
+
+
+def test_a_followed_target_moves_between_the_calls():
+    flight = Flight(targets.follow(COPTER, 47.0, 8.0, 30.0, north_mps=10.0, down_mps=-1.0, duration_s=2.0))
+    [first] = flight.after(0.0)
+    [later] = flight.after(1.5)
+    assert (first.lat_int, first.alt) == (470_000_000, 30.0)
+    assert later.lat_int - 470_000_000 == pytest.approx(15.0 / 6_378_137.0 / math.pi * 180e7, abs=1)
+    assert (later.alt, later.vx, later.vz) == (31.5, 10.0, -1.0)
+    assert later.type_mask == 0b1101_1100_0000
+    [stop] = flight.after(0.5)
+    assert (stop.get_type(), stop.vx) == ("SET_POSITION_TARGET_LOCAL_NED", 0.0)
+    assert flight.execution.result.reached
+
+
+def test_an_orbit_leads_around_the_circle_and_counts_its_turns():
+    plan = orbit.orbit(COPTER, 47.0, 8.0, 20.0, radius_m=50.0, speed_mps=5.0, turns=1.0, clockwise=False)
+    flight = Flight(plan)
+    for step in range(800):
+        bearing = -step * 0.01  # counter-clockwise, 0.5 m at a time
+        lat, lon = offset_deg(47.0, 8.0, 50.0 * math.cos(bearing), 50.0 * math.sin(bearing))
+        messages = flight.after(0.1, lat_deg=lat, lon_deg=lon)
+        if flight.execution.result is not None:
+            break
+        [message] = messages
+        north_m = math.radians(message.lat_int * 1e-7 - 47.0) * 6_378_137.0
+        east_m = math.radians(message.lon_int * 1e-7 - 8.0) * 6_378_137.0 * math.cos(math.radians(47.0))
+        assert math.hypot(north_m, east_m) == pytest.approx(50.0, abs=0.1)
+        assert math.hypot(message.vx, message.vy) == pytest.approx(5.0, abs=1e-3)
+        assert message.vx * north_m + message.vy * east_m == pytest.approx(0.0, abs=5.0)
+        # Counter-clockwise: centre to point, cross velocity, points up (negative down).
+        assert north_m * message.vy - east_m * message.vx < 0.0
+        # The nose looks at the centre.
+        assert math.cos(message.yaw - math.atan2(-east_m, -north_m)) > 0.999
+    assert flight.execution.result.reached
+    assert step == math.ceil(math.tau / 0.01)
+
+
+def test_a_planes_orbit_is_its_own():
+    plan = orbit.orbit(PLANE, 47.0, 8.0, 90.0, radius_m=120.0, clockwise=False)
+    _, reposition = [step.message(0) for step in plan.steps]
+    assert (reposition.command, reposition.param3, reposition.z) == (192, -120.0, 90.0)
+    assert plan.setpoint is None
+
+
+@pytest.mark.parametrize("make", [targets.velocity, targets.goto_ned])
+def test_a_plane_takes_no_setpoints(make):
+    with pytest.raises(Refusal, match="ArduPlane takes no setpoints"):
+        make(PLANE, 1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: targets.velocity(COPTER, math.nan, 0.0), "north_mps must be in"),
+        (lambda: targets.velocity(COPTER, 1.0, 0.0, rate_hz=0.5), "rate_hz must be in 1..50"),
+        (lambda: targets.velocity(COPTER, 1.0, 0.0, frame="enu"), "frame 'enu' is none of ned, body"),
+        (lambda: targets.velocity(COPTER, 1.0, 0.0, yaw_deg=1.0, yaw_rate_dps=1.0), "exclude each other"),
+        (lambda: targets.goto(COPTER, 47.0, 8.0, 5.0, frame="agl"), "none of relative, amsl, terrain"),
+        (lambda: targets.goto(PLANE, 47.0, 8.0, 5.0, yaw_deg=0.0), "a plane points where it flies"),
+        (lambda: targets.follow(COPTER, 147.0, 8.0, 5.0), "lat_deg must be in"),
+        (lambda: orbit.orbit(COPTER, 47.0, 8.0, 5.0, radius_m=1.0), "radius_m must be in 2..10000"),
+        (lambda: plans.change_speed(COPTER, 5.0, "warp"), "kind 'warp' is none of"),
+    ],
+)
+def test_mistakes_of_the_caller_raise(call, text):
+    with pytest.raises(ValueError, match=text):
+        call()
+
+
+def guided():
+    bench = Bench()
+    bench.tell(mavlink.MAVLink_heartbeat_message(2, 3, 0x51 | 0x80, 4, 4, 3))
+    bench.step()
+    return bench
+
+
+def test_a_newer_target_supersedes_and_another_command_interrupts():
+    bench = guided()
+    ends = []
+    for verb, arguments in (
+        ("goto", (47.0, 8.0, 20.0)),
+        ("goto", (47.1, 8.0, 20.0)),
+        ("velocity", (1.0, 0.0)),
+        ("speed", (5.0,)),
+        ("rtl", ()),
+    ):
+        bench.commands.start(verb, *arguments, on_done=lambda result: ends.append(str(result)))
+    assert ends == [
+        "goto superseded: by goto",
+        "goto superseded: by velocity",
+        "velocity interrupted: by rtl",
+    ]
+
+
+def test_what_this_vehicle_cannot_do_is_refused_not_raised():
+    bench = Bench(kind=1)
+    ends = []
+    bench.commands.start("velocity", 1.0, 0.0, on_done=ends.append)
+    assert ends[0].outcome is Outcome.REFUSED
+    px4 = Bench(mav_autopilot=12)
+    px4.commands.start("takeoff", 20.0, on_done=ends.append)
+    assert ends[1].reason == "takeoff is known of ArduPilot alone, and MAV_AUTOPILOT is 12"
+
+
+def test_a_reboot_is_the_goal_of_one_and_the_end_of_others():
+    bench = guided()
+    ends = []
+    bench.tell(mavlink.MAVLink_system_time_message(0, 100_000))
+    for verb, arguments in (("goto", (47.0, 8.0, 20.0)), ("reboot", ())):
+        bench.commands.start(verb, *arguments, on_done=lambda result: ends.append(str(result)))
+    assert ends == ["goto interrupted: by reboot"]
+    bench.commands.start("parameter_get", "X", on_done=lambda result: ends.append(str(result)))
+    bench.tell(mavlink.MAVLink_system_time_message(0, 100))
+    assert ends[1:] == ["reboot reached", "parameter_get interrupted: the autopilot rebooted"]
+
+
+def test_px4_modes_are_set_by_main_and_sub_mode():
+    px4 = replace(COPTER, autopilot=12)
+    message = plans.set_mode(px4, "auto.mission").steps[0].message(0)
+    assert (message.command, message.param1, message.param2, message.param3) == (176, 1.0, 4.0, 4.0)
+    message = plans.rtl(px4).steps[0].message(0)
+    assert (message.param2, message.param3) == (4.0, 5.0)

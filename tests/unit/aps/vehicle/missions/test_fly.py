@@ -1,0 +1,85 @@
+from dataclasses import replace
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.vehicle.commands import CommandExecution
+from aps.vehicle.execution import Outcome
+from aps.vehicle.missions import fly
+from aps.vehicle.state import AircraftState
+from tests.unit.aps.vehicle.flight.test_targets import COPTER
+
+AUTO = replace(COPTER, mode="AUTO", mission_current=1, mission_total=3, mission_state="ACTIVE")
+
+
+def started(state=COPTER, **options):
+    """A mission whose steps are all acknowledged; gives the execution and what was sent."""
+    execution, sent = CommandExecution(fly.fly(state, **options)), []
+    while messages := execution.poll(state, 0):
+        sent += messages
+        execution.on_ack(messages[0].command, 0)
+    return execution, [(message.command, message.param1, message.param2) for message in sent]
+
+
+def test_a_mission_is_done_when_the_autopilot_says_complete():
+    execution, sent = started()
+    assert sent == [(176, 1.0, 3.0), (300, 0.0, 0.0)]
+    execution.poll(replace(AUTO, time_boot_ms=61_000), 1)
+    assert execution.events[-1].text.startswith("AUTO, 20.0 m above home, item 1 of 3")
+    assert (execution.events[-1].done, execution.events[-1].total) == (1, 3)
+    execution.poll(replace(AUTO, time_boot_ms=62_000, mission_current=3), 2)
+    assert execution.result is None
+    execution.poll(replace(AUTO, time_boot_ms=63_000, mission_current=3, mission_state="COMPLETE"), 3)
+    assert execution.result.reached
+
+
+def test_complete_of_the_flight_before_is_not_this_ones():
+    execution, _ = started(replace(COPTER, mission_state="COMPLETE"))
+    execution.poll(replace(AUTO, time_boot_ms=61_000, mission_state="COMPLETE"), 1)
+    assert execution.result is None
+    execution.poll(replace(AUTO, time_boot_ms=66_000, mission_state="COMPLETE"), 2)
+    assert execution.result.reached  # it was too short to be seen active
+
+
+def test_a_mission_that_ends_with_a_landing_is_done_when_disarmed():
+    execution, _ = started()
+    execution.poll(AUTO, 1)
+    execution.poll(replace(AUTO, mission_current=3, armed=False), 2)
+    assert execution.result.reached
+
+
+def test_an_autopilot_that_never_says_complete_is_done_with_its_last_item():
+    before = replace(COPTER, mission_reached=3, heard_ns={46: 5})
+    execution, _ = started(before)
+    execution.poll(replace(AUTO, mission_current=3, mission_reached=3, heard_ns={46: 5}), 1)
+    assert execution.result is None  # that was the flight before
+    execution.poll(replace(AUTO, mission_current=3, mission_reached=2, heard_ns={46: 6}), 2)
+    assert execution.result is None
+    execution.poll(replace(AUTO, mission_current=3, mission_reached=3, heard_ns={46: 7}), 3)
+    assert execution.result.reached
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [({"mode": "LOITER"}, "mode changed to LOITER"), ({"armed": False}, "the UA is not armed")],
+)
+def test_leaving_auto_interrupts(changes, reason):
+    execution, _ = started()
+    execution.poll(AUTO, 1)
+    execution.poll(replace(AUTO, **changes), 2)
+    assert (execution.result.outcome, execution.result.reason) == (Outcome.INTERRUPTED, reason)
+
+
+def test_it_begins_with_the_item_that_is_asked_for():
+    _, sent = started(first=2)
+    assert sent[0] == (mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 2.0, 0.0)
+
+
+def test_set_current_is_done_when_the_autopilot_is_there():
+    plan = fly.set_current(AUTO, 2)
+    assert not plan.reached(AUTO)
+    assert plan.reached(replace(AUTO, mission_current=2))
+    with pytest.raises(ValueError, match="whole number"):
+        fly.set_current(AUTO, 1.5)
+    with pytest.raises(ValueError, match="no modes are known"):
+        fly.fly(AircraftState(sysid=1))

@@ -1,0 +1,160 @@
+import math
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.vehicle.execution import Outcome
+from aps.vehicle.missions.items import MissionItem
+from tests.unit.aps.vehicle.peer import Bench, KeepingAutopilot
+
+ITEMS = [
+    MissionItem(
+        16, (n % 7, 0.0, 0.0, math.nan, round(47.0 + n * 1e-4, 7), round(-8.0 - n * 3e-4, 7), 20.0 + n)
+    )
+    for n in range(200)
+]
+
+
+def same(items, others):
+    """NaN equals NaN here."""
+    return [repr(item) for item in items] == [repr(MissionItem.from_json(other)) for other in others]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_200_items_up_and_down_unchanged_over_a_link_that_loses_and_corrupts(seed):
+    bench = Bench(drop=0.05, corrupt=0.02, seed=seed)
+    result = bench.run("mission_upload", ITEMS)
+    assert (result.outcome, result.value) == (Outcome.REACHED, 200)
+    # The autopilot has 201: home is its first.
+    kept = bench.autopilot.items[0]
+    assert [item.seq for item in kept] == list(range(201))
+    assert [(item.x, item.y, item.z) for item in kept[1:]] == [
+        (round(item.params[4] * 1e7), round(item.params[5] * 1e7), item.params[6]) for item in ITEMS
+    ]
+    result = bench.run("mission_download")
+    assert result.reached
+    assert same(ITEMS, result.value)
+    for link in (bench.to_autopilot, bench.from_autopilot):
+        assert link.dropped > 10
+        assert link.corrupted > 3
+    assert bench.heard("MISSION_ACK")[-1].type == mavlink.MAV_MISSION_ACCEPTED
+
+
+def test_a_clean_transfer_says_nothing_twice():
+    bench = Bench()
+    bench.run("mission_upload", ITEMS[:5])
+    assert [message.seq for message in bench.heard("MISSION_ITEM_INT")] == [0, 1, 2, 3, 4, 5]
+    assert [message.count for message in bench.heard("MISSION_COUNT")] == [6]
+    assert [message.current for message in bench.heard("MISSION_ITEM_INT")] == [1, 0, 0, 0, 0, 0]
+    bench.run("mission_download")
+    assert [message.seq for message in bench.heard("MISSION_REQUEST_INT")] == [0, 1, 2, 3, 4, 5]
+    assert len(bench.heard("MISSION_ACK")) == 1
+
+
+@pytest.mark.parametrize(("kind", "number"), [("fence", 1), ("rally", 2)])
+def test_fence_and_rally_have_no_home(kind, number):
+    bench = Bench()
+    items = [MissionItem(5100, (0.0, 0.0, 0.0, 0.0, 47.0, 8.0, 30.0))] * 3
+    assert bench.run("mission_upload", items, kind=kind).value == 3
+    assert len(bench.autopilot.items[number]) == 3
+    assert same(items, bench.run("mission_download", kind=kind).value)
+    assert bench.run("mission_clear", kind=kind).reached
+    assert bench.autopilot.items[number] == []
+    assert bench.run("mission_download", kind=kind).value == []
+
+
+def test_px4_keeps_no_home():
+    bench = Bench(mav_autopilot=12)
+    bench.run("mission_upload", ITEMS[:2])
+    assert len(bench.autopilot.items[0]) == 2
+    assert same(ITEMS[:2], bench.run("mission_download").value)
+
+
+def test_progress_counts_the_items():
+    bench = Bench()
+    bench.run("mission_upload", ITEMS[:25])
+    told = [(progress.phase, progress.done, progress.total) for progress in bench.progress]
+    assert told == [("accepted", 0, 25), ("feedback", 9, 25), ("feedback", 19, 25), ("feedback", 25, 25)]
+
+
+def test_a_denied_upload_is_refused_in_the_autopilots_words():
+    bench = Bench()
+    bench.autopilot.busy_with = (255, 190)
+    result = bench.run("mission_upload", ITEMS)
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "DENIED (another transfer is under way)")
+
+
+def test_a_second_transfer_of_ours_is_refused_and_the_first_goes_on():
+    bench = Bench()
+    ends = []
+    for verb, arguments in (("mission_upload", (ITEMS,)), ("mission_download", ())):
+        bench.commands.start(verb, *arguments, on_done=ends.append)
+    assert [str(end) for end in ends] == ["mission_download refused: mission_upload is under way"]
+    for _ in range(1000):
+        bench.step()
+    assert [str(end) for end in ends[1:]] == ["mission_upload reached"]
+
+
+def test_an_autopilot_that_falls_silent_ends_the_transfer_and_is_told():
+    autopilot = KeepingAutopilot()
+    bench = Bench(autopilot)
+    autopilot.mute.add("MISSION_ITEM_INT")
+    autopilot.step = lambda: None  # nor does it ask again
+    result = bench.run("mission_upload", ITEMS)
+    assert result.outcome is Outcome.TIMED_OUT
+    assert result.reason == "no answer after 8 tries (mission: 1 of 201 items sent)"
+    assert bench.heard("MISSION_ACK")[-1].type == mavlink.MAV_MISSION_OPERATION_CANCELLED
+
+
+def test_an_autopilot_that_asks_for_what_there_is_not_is_no_end_of_us():
+    autopilot = KeepingAutopilot()
+    bench = Bench(autopilot)
+    bench.commands.start("mission_upload", ITEMS[:2], on_done=(ends := []).append)
+    bench.step()
+    autopilot.say(mavlink.MAVLink_mission_request_int_message(7, 191, 500, 0))
+    bench.step()
+    assert [str(end) for end in ends] == ["mission_upload refused: the autopilot asks for item 500 of 3"]
+
+
+def test_messages_for_other_stations_are_not_ours():
+    autopilot = KeepingAutopilot()
+    bench = Bench(autopilot)
+    bench.commands.start("mission_download", on_done=(ends := []).append)
+    autopilot.mute.add("MISSION_REQUEST_LIST")
+    autopilot.say(mavlink.MAVLink_mission_count_message(255, 190, 0, 0))
+    for _ in range(20):
+        bench.step()
+    assert ends == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("mission", "moon"), "items must be a list"),
+        (([{"command": 16}],), "item 0: an item has 'command' and 'params'"),
+        (([{"command": "FLY", "params": [0] * 7}],), "item 0: 'FLY' is no MAV_CMD"),
+        (([{"command": 16, "params": [0] * 6}],), "item 0: params must be a list of 7 numbers"),
+        (([{"command": 16, "params": [0, 0, 0, 0, 91, 0, 0]}],), "no latitude and longitude"),
+        (([], "moon"), "kind 'moon' is none of mission, fence, rally"),
+    ],
+)
+def test_mistakes_of_the_caller_raise(arguments, text):
+    bench = Bench()
+    with pytest.raises(ValueError, match=text):
+        bench.commands.start("mission_upload", *arguments)
+
+
+@pytest.mark.parametrize(
+    "item",
+    [
+        MissionItem(16, (0.0, 0.0, 0.0, math.nan, 47.1234567, -8.7654321, 12.5)),
+        MissionItem(16, (0.0, 0.0, 0.0, 0.0, 12.5, -7.25, -3.0), frame=1),
+        MissionItem(203, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0), frame=2),
+        MissionItem(177, (2.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0), autocontinue=False),
+    ],
+)
+def test_an_item_is_the_same_after_message_and_json(item):
+    message = item.to_message(1, 3, 0)
+    fields = {name: getattr(message, name) for name in message.fieldnames}
+    assert repr(MissionItem.from_fields(fields)) == repr(item)
+    assert repr(MissionItem.from_json(item.to_json())) == repr(item)

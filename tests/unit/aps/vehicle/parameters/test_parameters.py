@@ -1,0 +1,162 @@
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.vehicle.execution import Outcome
+from aps.vehicle.parameters.files import compare, read_parameters, write_parameters
+from aps.vehicle.parameters.ftp import unpacked
+from aps.vehicle.parameters.transfer import as_float32, decoded, encoded
+from tests.unit.aps.vehicle.peer import Bench, KeepingAutopilot, packed
+
+_VALUES = np.random.default_rng(5)
+PARAMETERS = {
+    f"P{n:03}_{'ABCDEFGH'[n % 8] * (n % 5)}X": as_float32(float(_VALUES.uniform(-9.0, 9.0)))
+    for n in range(300)
+}
+
+
+@pytest.mark.parametrize("ftp", [True, False])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_all_parameters_over_a_link_that_loses_and_corrupts(ftp, seed):
+    bench = Bench(KeepingAutopilot(PARAMETERS, ftp), drop=0.05, corrupt=0.02, seed=seed)
+    result = bench.run("parameters", ftp=ftp)
+    assert result.reached, result
+    assert result.value == PARAMETERS
+    assert bench.from_autopilot.dropped > 0
+    assert bool(bench.heard("PARAM_REQUEST_LIST")) is not ftp
+
+
+def test_an_autopilot_without_ftp_is_asked_one_by_one():
+    bench = Bench(KeepingAutopilot(PARAMETERS, ftp=False))
+    result = bench.run("parameters")
+    assert result.value == PARAMETERS
+    assert bench.now_ns < 5e9  # two questions that nobody answers cost 2 s
+    assert bench.progress[0].text.startswith("not by FTP (no answer after 2 tries")
+
+
+def test_the_file_is_closed_at_the_end():
+    bench = Bench(KeepingAutopilot(PARAMETERS))
+    assert bench.run("parameters").reached
+    opcodes = [message.payload[3] for message in bench.heard("FILE_TRANSFER_PROTOCOL")]
+    assert opcodes[0] == 4
+    assert opcodes[-1] == 1
+    assert set(opcodes[1:-1]) == {15}
+
+
+def test_gaps_are_asked_for_by_number():
+    autopilot = KeepingAutopilot(PARAMETERS, ftp=False)
+    autopilot.skip_from_list = {0, 5, *range(100, 125), 299}
+    bench = Bench(autopilot)
+    result = bench.run("parameters", ftp=False)
+    assert result.value == PARAMETERS
+    assert [m.param_index for m in bench.heard("PARAM_REQUEST_READ")] == sorted(autopilot.skip_from_list)
+    assert bench.now_ns < 3e9
+    assert [(p.done, p.total) for p in bench.progress] == [(100, 300), (200, 300), (300, 300)]
+
+
+def test_get_and_set():
+    bench = Bench(KeepingAutopilot({"RTL_ALT": 1500.0}))
+    assert bench.run("parameter_get", "rtl_alt").value == 1500.0
+    assert bench.run("parameter_set", "RTL_ALT", 0.1).reached
+    assert bench.autopilot.parameters["RTL_ALT"] == as_float32(0.1)
+    assert len(bench.heard("PARAM_SET")) == 1
+
+
+def test_what_is_set_already_is_not_set_again():
+    bench = Bench(KeepingAutopilot({"RTL_ALT": 1500.0}))
+    assert bench.run("parameter_set", "RTL_ALT", 1500).reached
+    assert bench.heard("PARAM_SET") == []
+
+
+def test_a_value_that_is_not_taken_is_refused_with_the_one_that_is_kept():
+    autopilot = KeepingAutopilot({"STAT": 3.0, "RTL_ALT": 1.0})
+    autopilot.read_only.add("STAT")
+    result = Bench(autopilot).run("parameters_set", {"RTL_ALT": 2.0, "STAT": 4.0})
+    assert result.outcome is Outcome.REFUSED
+    assert result.reason == "the autopilot keeps STAT at 3 and does not take 4 (1 of 2 are set)"
+    assert autopilot.parameters == {"STAT": 3.0, "RTL_ALT": 2.0}
+
+
+def test_a_parameter_that_does_not_exist():
+    result = Bench().run("parameter_get", "NONE")
+    assert (result.outcome, result.reason) == (Outcome.TIMED_OUT, "no answer: there may be no parameter NONE")
+
+
+def test_an_error_of_the_autopilot_is_its_reason():
+    bench = Bench()
+    bench.commands.start("parameter_get", "NONE", on_done=(ends := []).append)
+    bench.autopilot.say(mavlink.MAVLink_param_error_message(7, 191, b"NONE", -1, 1))
+    bench.step()
+    assert str(ends[0]) == "parameter_get refused: DOES_NOT_EXIST"
+
+
+def test_whole_numbers_are_kept_whole():
+    autopilot = KeepingAutopilot({"N": 1.0})
+    autopilot._param_value_out = lambda index, name: autopilot.say(
+        mavlink.MAVLink_param_value_message(name.encode(), autopilot.parameters[name], 1, 1, index)
+    )
+    bench = Bench(autopilot)
+    for value in (1.5, 300, -1):
+        result = bench.run("parameter_set", "N", value)
+        assert result.reason == f"N is a whole number in 0..255: {float(value)!r} is none"
+    assert bench.run("parameter_set", "N", 255).reached
+    assert bench.heard("PARAM_SET")[0].param_type == 1
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments", "text"),
+    [
+        ("parameter_get", ("",), "no parameter's name"),
+        ("parameter_get", ("RTL ALT",), "no parameter's name"),
+        ("parameter_set", ("RTL_ALT", float("nan")), "must be a number, not nan"),
+        ("parameter_set", ("RTL_ALT", 1e300), "too large"),
+        ("parameters_set", (["RTL_ALT"],), "names and numbers"),
+    ],
+)
+def test_mistakes_of_the_caller_raise(verb, arguments, text):
+    with pytest.raises(ValueError, match=text):
+        Bench().commands.start(verb, *arguments)
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 4, 5, 6])
+def test_px4_sends_whole_numbers_as_bits(kind):
+    assert decoded(encoded(100, kind, 12), kind, 12) == 100
+    assert encoded(100, kind, 3) == 100
+    assert decoded(1.4e-45, 6, 12) == 1  # the smallest float: bits of 1
+
+
+def test_packed_parameters_with_padding_and_types():
+    content = (
+        bytes.fromhex("1b6703000300")
+        + bytes([1, 0x20]) + b"A_B" + bytes([0xFF])
+        + bytes([0, 0, 0])
+        + bytes([2, 0x02]) + b"C" + bytes([0x39, 0x30])
+        + bytes([0])
+        + bytes([0x83, 0x01]) + b"X" + bytes([1, 0, 0, 0])
+    )  # fmt: skip
+    assert unpacked(content) == {"A_B": -1.0, "A_C": 12345.0, "AX": 1.0}
+    assert unpacked(packed(PARAMETERS)) == PARAMETERS
+
+
+@pytest.mark.parametrize("cut", [0, 3, 7, 9, 50])
+def test_a_torn_packed_file_is_an_error(cut):
+    with pytest.raises(ValueError, match="packed"):
+        unpacked(packed(PARAMETERS)[:cut])
+
+
+def test_parameter_files():
+    text = "# saved\nRTL_ALT,1500\nWPNAV_SPEED   500.5 # cm/s\n\n1\t1\tATC_RAT\t0.135\t9\n"
+    values = read_parameters(text)
+    assert values == {"RTL_ALT": 1500.0, "WPNAV_SPEED": 500.5, "ATC_RAT": 0.135}
+    assert read_parameters(write_parameters(PARAMETERS)) == pytest.approx(PARAMETERS, rel=1e-6)
+    kept = {name: as_float32(value) for name, value in read_parameters(write_parameters(PARAMETERS)).items()}
+    assert kept == PARAMETERS
+    assert compare({"A": 0.1, "B": 1.0, "C": 2.0}, {"A": as_float32(0.1), "B": 2.0, "D": 3.0}) == [
+        ("B", 1.0, 2.0),
+        ("C", 2.0, None),
+        ("D", None, 3.0),
+    ]
+    with pytest.raises(ValueError, match="line 2: a name and a value"):
+        read_parameters("A 1\nB\n")
+    with pytest.raises(ValueError, match="line 1: nan is no value"):
+        read_parameters("A nan\n")
