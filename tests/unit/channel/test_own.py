@@ -13,6 +13,7 @@ from channel import own, presets
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import PresetError
+from tests.unit.channel.medium.one_by_one import transmitted
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "models" / "my_models.py"
 TEXT = """\
@@ -22,6 +23,7 @@ propagation: {class: "models/mine.py:Steep", exponent: 5.0}
 CODE = """\
 import numpy as np
 from channel.variant import Variant
+
 
 
 class Steep(Variant):
@@ -70,7 +72,7 @@ def test_a_medium_uses_it(mine):
     medium = Medium(Radio(presets.load_radio(mine / "mine.yaml")), seed=1, nodes=("a", "b"))
     medium.place("a", (0.0, 0.0, -40.0))
     medium.place("b", (100.0, 0.0, -40.0))
-    (reception,) = medium.transmit("a", 0, 0, 10)
+    (reception,) = transmitted(medium, "a", 0, 0, 10)
     assert reception.received_power_dbm == pytest.approx(18.0 + 2 * 2.3 - 100.0)
 
 

@@ -9,6 +9,7 @@ from channel.cli.sweep import reach
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import load_radio
+from tests.unit.channel.medium.one_by_one import transmitted
 
 
 def bulge_db(ground_m, tx_m, rx_m, frequency_hz=915e6, **overrides):
@@ -81,11 +82,11 @@ def test_telemetry_ends_near_its_horizon():
 
 
 def test_a_medium_has_it_too():
-    radio = Radio(load_radio("corrected", {"shadowing": {"model": "none"}}))
+    radio = Radio(load_radio("corrected", {"shadowing": {"model": "none"}, "transmit_power_dbm": 90.0}))
     medium = Medium(radio, seed=1, nodes=["a", "b"])
     medium.place("a", (0.0, 0.0, -40.0))
     medium.place("b", (80_000.0, 0.0, -40.0))
-    (reception,) = medium.transmit("a", 0, 0, 40)
+    (reception,) = transmitted(medium, "a", 0, 0, 40)
     assert reception.received_power_dbm == pytest.approx(
         float(radio.link(80_000.0).received_power_dbm), abs=6e-4
     )
