@@ -19,7 +19,7 @@ from channel.philox import WORDS_PER_COUNT, PhiloxRuns, Words, philox_words
 
 __all__ = ["WORDS_PER_COUNT", "Draws", "LinkDraws", "Purpose", "stream_key", "uniform_from_words"]
 
-BLOCK_BITS = 7
+BLOCK_BITS = 8
 BLOCK_PACKETS = 1 << BLOCK_BITS
 """Sequence numbers that are drawn ahead of need per link of a small fleet; a draw does not depend on it."""
 AHEAD_MAX_NODES = 64
@@ -193,6 +193,8 @@ class _Ahead:
         self._block = np.full(size, -1, dtype=np.int64)
         self._table = np.zeros((len(purposes), size, BLOCK_PACKETS, size))
         self._flat = self._table.reshape(len(purposes), -1)
+        # two packets more than a block: rows that are a power of two apart share places in the processor's cache
+        self._words = np.zeros((size, BLOCK_PACKETS + 2, WORDS_PER_COUNT), dtype=np.uint64)
 
     def rows(self, tx: Indices, seq: NDArray[np.int64]) -> tuple[NDArray[np.bool_] | None, Indices]:
         """Return which packets' draws are not in the table, None if all are, and where the row of each begins.
@@ -217,11 +219,12 @@ class _Ahead:
             return
         others = np.flatnonzero(np.arange(len(self._block)) != tx)
         keys = self._links.keys((self._purposes[0].stream,), np.full_like(others, tx), others)
-        words = np.zeros((len(self._block), BLOCK_PACKETS, WORDS_PER_COUNT), dtype=np.uint64)
+        words = self._words
         for rx, key in zip(others.tolist(), np.ascontiguousarray(keys.T), strict=True):
-            words[rx] = self._links.draws.run(key, block * BLOCK_PACKETS, BLOCK_PACKETS)
+            words[rx, :BLOCK_PACKETS] = self._links.draws.run(key, block * BLOCK_PACKETS, BLOCK_PACKETS)
         for row, purpose in zip(self._table, self._purposes, strict=True):
-            row[tx] = uniform_from_words(words[:, :, purpose.word]).T
+            by_packet = np.ascontiguousarray(words[:, :BLOCK_PACKETS, purpose.word].T)
+            row[tx] = uniform_from_words(by_packet)
         self._block[tx] = block
 
 

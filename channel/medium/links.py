@@ -61,15 +61,15 @@ class Links(NamedTuple):
 
 
 def _path_at(path: Path, links: Indices) -> Path:
-    return Path(
-        _number_at(path.frequency_hz, links),
-        path.distance_m[links],
-        _number_at(path.height_tx_m, links),
-        _number_at(path.height_rx_m, links),
-        _at(path.position_tx_ned_m, links),
-        _at(path.position_rx_ned_m, links),
-        _at(path.attitude_tx_wxyz, links),
-        _at(path.attitude_rx_wxyz, links),
+    return path._replace(
+        frequency_hz=_number_at(path.frequency_hz, links),
+        distance_m=path.distance_m[links],
+        height_tx_m=_number_at(path.height_tx_m, links),
+        height_rx_m=_number_at(path.height_rx_m, links),
+        position_tx_ned_m=_at(path.position_tx_ned_m, links),
+        position_rx_ned_m=_at(path.position_rx_ned_m, links),
+        attitude_tx_wxyz=_at(path.attitude_tx_wxyz, links),
+        attitude_rx_wxyz=_at(path.attitude_rx_wxyz, links),
     )
 
 

@@ -59,9 +59,18 @@ class Packets(NamedTuple):
 
     def in_order(self) -> Packets:
         """Return the packets in canonical order."""
-        if self.size < 2:
+        if self._is_in_order():
             return self
         return self.at(np.lexsort((self.seq, self.tx, self.sim_time_ns)))
+
+    def _is_in_order(self) -> bool:
+        """Return whether each packet has a later time than the one before it, or the same and a later transmitter."""
+        if self.size < 2:
+            return True
+        time, tx = self.sim_time_ns, self.tx
+        in_order = time[1:] > time[:-1]
+        in_order |= (time[1:] == time[:-1]) & (tx[1:] > tx[:-1])
+        return int(np.count_nonzero(in_order)) == in_order.size
 
     @classmethod
     def joined(cls, parts: list[Packets]) -> Packets:

@@ -64,7 +64,10 @@ class Settling:
 
     def counted_bytes(self, packets: Packets) -> NDArray[np.int64]:
         """Return the lengths of packets as the error model of their transmitter counts them, shape (P,)."""
-        rows = list(zip(self._kind[packets.tx].tolist(), packets.length_bytes.tolist(), strict=True))
+        payloads = packets.length_bytes
+        if len(self._kinds) == 1 and np.count_nonzero(payloads == payloads[:1]) == payloads.size > 0:
+            return np.full(payloads.size, self._kinds[0].length_bytes(int(payloads[0])), dtype=np.int64)
+        rows = list(zip(self._kind[packets.tx].tolist(), payloads.tolist(), strict=True))
         counted = {row: self._kinds[row[0]].length_bytes(row[1]) for row in set(rows)}
         return np.array([counted[row] for row in rows], dtype=np.int64)
 

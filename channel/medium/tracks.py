@@ -80,6 +80,7 @@ class Tracks:
     def __init__(self, count: int, max_age_ns: int) -> None:
         self._max_age_ns = max_age_ns
         self._nodes = np.arange(count)
+        self._first = self._nodes * FIRST_SAMPLES
         self._held = np.zeros(count, dtype=np.intp)
         self._times = np.zeros((count, FIRST_SAMPLES), dtype=np.int64)
         self._rows = np.zeros((COLUMNS, count, FIRST_SAMPLES))
@@ -134,6 +135,7 @@ class Tracks:
         """Double the samples that can be held, or drop the older half of those of each node that has its fill."""
         held = self._times.shape[1]
         if held < 2 * KEPT_SAMPLES:
+            self._first = self._nodes * (2 * held)
             self._times = np.concatenate((self._times, np.zeros_like(self._times)), axis=1)
             self._rows = np.concatenate((self._rows, np.zeros_like(self._rows)), axis=2)
             return
@@ -181,18 +183,20 @@ class Tracks:
     def _spans_at(self, instants_ns: Times) -> _Spans:
         """Return the spans of all nodes around instants; if they are the same for all of these, they are kept."""
         after = self._after(instants_ns)
-        shared = bool((after == after[0]).all())
+        shared = len(after) == 1 or bool((after == after[0]).all())
         if shared:
             after = after[:1]
-        moving = (after > 0) & (after < self._held)
-        left = np.where(moving, after - 1, np.minimum(after, np.maximum(self._held - 1, 0)))
-        right = np.where(moving, after, left)
-        base = self._rows[:, self._nodes, left]
-        change = self._rows[:, self._nodes, right] - base
-        start_ns, end_ns = self._times[self._nodes, left], self._times[self._nodes, right]
-        low_ns = np.where(after > 0, start_ns, NEVER).max()
-        high_ns = np.where(after < self._held, end_ns, FOREVER).min()
-        per_ns = np.where(moving, 1.0 / np.maximum(end_ns - start_ns, 1), 0.0)
+        inside, begun = after < self._held, after > 0
+        moving = inside & begun
+        right = self._first + np.minimum(after, np.maximum(self._held - 1, 0))
+        left = right - moving
+        shape = (COLUMNS, *after.shape)
+        base = self._rows.reshape(COLUMNS, -1).take(left, axis=1).reshape(shape)
+        change = self._rows.reshape(COLUMNS, -1).take(right, axis=1).reshape(shape) - base
+        start_ns, end_ns = self._times.take(left), self._times.take(right)
+        per_ns = moving / np.maximum(end_ns - start_ns, 1)
+        low_ns = np.where(begun, start_ns, NEVER).max()
+        high_ns = np.where(inside, end_ns, FOREVER).min()
         spans = _Spans(int(low_ns), int(high_ns), start_ns, per_ns, base, change)
         if shared:
             self._spans = spans
@@ -201,23 +205,22 @@ class Tracks:
     def _after(self, instants_ns: Times) -> Indices:
         """Return how many samples of each node are older than each instant, shape (instants, nodes)."""
         times = instants_ns[:, np.newaxis]
-        after = np.broadcast_to(self._held, (len(instants_ns), len(self._held)))
+        after = np.empty((len(instants_ns), len(self._held)), dtype=np.intp)
+        after[:] = self._held
         for _ in range(STEPS_BACK):
-            before = np.maximum(after - 1, 0)
-            back = (after > 0) & (self._times[self._nodes, before] >= times)
-            if not back.any():
+            back = self._not_older(times, after)
+            if not np.count_nonzero(back):
                 return after
-            after = np.where(back, before, after)
-        return self._searched(instants_ns, after)
-
-    def _searched(self, instants_ns: Times, after: Indices) -> Indices:
-        """Search the tracks of nodes whose samples around some instant are further back."""
-        before = np.maximum(after - 1, 0)
-        open_ends = (after > 0) & (self._times[self._nodes, before] >= instants_ns[:, np.newaxis])
-        for node in np.flatnonzero(open_ends.any(axis=0)).tolist():
+            after -= back
+        for node in np.flatnonzero(self._not_older(times, after).any(axis=0)).tolist():
             held = self._times[node, : self._held[node]]
             after[:, node] = np.searchsorted(held, instants_ns, side="left")
         return after
+
+    def _not_older(self, times: Times, after: Indices) -> NDArray[np.bool_]:
+        """Return where the last of so many samples of a node is not older than an instant."""
+        last = self._times.take(self._first + np.maximum(after - 1, 0))
+        return (last >= times) & (after > 0)
 
 
 def _nearer(rows: FloatArray, previous: FloatArray) -> FloatArray:

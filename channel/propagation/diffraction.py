@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +59,10 @@ def bulge_loss_db(path: Path, radius_factor: float) -> FloatArray | None:
     the share 1 - (D / horizon)^2. A smooth sphere attenuates more than an edge (P.526-15, sec. 3): deep behind the
     horizon the loss is too small.
     """
+    lowest_m = min(np.min(path.height_tx_m, initial=np.inf), np.min(path.height_rx_m, initial=np.inf))
+    nearest_edge_m = 2.0 * math.sqrt(2.0 * radius_factor * EARTH_RADIUS_M * lowest_m)
+    if np.max(path.distance_m, initial=0.0) <= NEAR * nearest_edge_m:
+        return None  # most ticks of a fleet, at little cost
     edge_m = horizon_m(path, radius_factor)
     if np.all(path.distance_m <= NEAR * edge_m):
         return None
