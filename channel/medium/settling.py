@@ -32,6 +32,7 @@ from channel.medium.reception import (
     Receptions,
 )
 from channel.medium.tracks import Snapshot, Tracks
+from channel.medium.verdict import Judge
 
 LINKS_AT_ONCE = 8192
 """Links of one pass, so that its arrays stay in the processor's cache; changes no result."""
@@ -58,13 +59,23 @@ class Settling:
         draws: of the run's links.
         tracks: where the nodes are.
         cull: whether to leave out draws that cannot change a fate.
+        judge: takes in what was drawn, for a verdict.
     """
 
-    def __init__(self, radio: Radio, draws: LinkDraws, tracks: Tracks, *, cull: bool = True) -> None:
+    def __init__(
+        self,
+        radio: Radio,
+        draws: LinkDraws,
+        tracks: Tracks,
+        *,
+        cull: bool = True,
+        judge: Judge | None = None,
+    ) -> None:
         self._radio = radio
         self._draws = draws
         self._tracks = tracks
         self._cull = cull
+        self._judge = judge
         self._terms = RandomTerms(radio, draws)
         self._max_gain_db = self._terms.max_gain_db
         self._has_interferers = bool(radio.config.interference.interferers)
@@ -184,8 +195,11 @@ class Settling:
         uniform = self._uniforms(links, *terms.purposes)
         power_dbm = mean_dbm + terms.gain_db(links, uniform)
         on = terms.interferers_on(links) if self._has_interferers else ()
-        signal = signal_of(radio, links.distance_m, power_dbm, radio.noise_dbm(path, on), lengths)
+        noise_dbm = radio.noise_dbm(path, on)
+        signal = signal_of(radio, links.distance_m, power_dbm, noise_dbm, lengths)
         fate = (uniform[Purpose.ERASURE] <= signal.per).astype(np.uint8)
+        if self._judge is not None:
+            self._judge.take(links, mean_dbm, noise_dbm, signal, fate == ERASED)
         return Settled(*signal, chance, fate)
 
     def _other_losses(self, settled: Settled, links: Links) -> None:
@@ -197,7 +211,10 @@ class Settling:
             return
         uniform = self._uniforms(links, *purposes)
         if base_loss > 0.0:
-            settled.fate[uniform[Purpose.BASE_LOSS] <= base_loss] = BASE_LOSS
+            lost = uniform[Purpose.BASE_LOSS] <= base_loss
+            settled.fate[lost] = BASE_LOSS
+            if self._judge is not None:
+                self._judge.take_base_losses(lost)
         if self._has_bursts:
             settled.fate[uniform[Purpose.BURST] <= self._terms.burst_chances(links)] = BURST
 
