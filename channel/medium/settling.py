@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from channel.checks import FloatArray
+from channel.checks import ChannelInputError, FloatArray
 from channel.draws import LinkDraws
 from channel.link.lengths import Lengths
 from channel.link.radio import Radio
@@ -18,6 +18,7 @@ from channel.medium.links import Indices, Links
 from channel.medium.pair import Pair, Settled, blank, put
 from channel.medium.reception import EVERYBODY, Packets, Receptions
 from channel.medium.tracks import Snapshot, Tracks
+from channel.medium.verdict import Judge
 
 LINKS_AT_ONCE = 8192
 """Links of one piece, so that its arrays stay in the processor's cache; changes no result."""
@@ -31,20 +32,29 @@ class Settling:
         draws: of the run's links.
         tracks: where the nodes are.
         cull: whether to leave out draws that cannot change a fate.
+        judge: takes in what was drawn, for a verdict; the nodes have one kind of radio then.
 
     Raises:
-        ChannelInputError: radios on several frequencies.
+        ChannelInputError: radios on several frequencies, or of several kinds for one judge.
     """
 
     def __init__(
-        self, radios: Sequence[Radio], draws: LinkDraws, tracks: Tracks, *, cull: bool = True
+        self,
+        radios: Sequence[Radio],
+        draws: LinkDraws,
+        tracks: Tracks,
+        *,
+        cull: bool = True,
+        judge: Judge | None = None,
     ) -> None:
         self._draws = draws
         self._tracks = tracks
         self._kinds: list[Radio] = []
         self._kind = np.array([self._kind_of(radio) for radio in radios], dtype=np.intp)
+        if judge is not None and len(self._kinds) > 1:
+            raise ChannelInputError("judge", f"{len(self._kinds)} kinds of radio", "one kind at all nodes")
         self._pairs = [
-            Pair(here.towards(there), draws, tracks, cull=cull)
+            Pair(here.towards(there), draws, tracks, cull=cull, judge=judge)
             for here in self._kinds
             for there in self._kinds
         ]
