@@ -38,7 +38,7 @@ bench-fdm: $(VENV)/.dev  ## Run the benchmarks of the flight dynamics (ARDUPILOT
 	$(BIN)/python -m benchmarks fdm fdm_ardupilot fdm_placement fdm_fleet fdm_fuzz
 
 bench-aps: $(VENV)/.dev  ## Run the benchmarks of the MAVLink daemon.
-	$(BIN)/python -m benchmarks aps aps_fairness
+	$(BIN)/python -m benchmarks aps aps_fairness aps_routers
 
 bench-channel: $(VENV)/.dev  ## Run the benchmarks of the channel.
 	$(BIN)/python -m benchmarks channel

@@ -7,19 +7,17 @@ import asyncio
 import errno
 import json
 import logging
-import math
 import re
 import signal
 import sys
 from collections.abc import Sequence
 from contextlib import AsyncExitStack
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from aps.config import DaemonConfig
 from aps.daemon import Daemon
 from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
+from aps.status import plain_state
 from aps.vehicle.telemetry import AircraftState
 
 EXAMPLES = """\
@@ -29,6 +27,7 @@ examples:
   python -m aps --autopilot serial:/dev/ttyACM0:115200 --udp-out 127.0.0.1:14550 --tlog logs
   python -m aps --udp-out 192.168.1.7:14550,max-hz=*:2    # thinned for a slow way
   python -m aps --config daemons.yaml        # several daemons in one process
+  python -m aps status                       # a live table of the running daemons and their links
   python -m aps --json --rate-hz 5 | jq .alt_rel_m
 then, for one:
   mavproxy.py --master tcp:127.0.0.1:6760
@@ -102,16 +101,7 @@ def _configs(arguments: argparse.Namespace) -> list[DaemonConfig]:
 
 def state_line(state: AircraftState) -> str:
     """The state as one line of JSON; what is not known is null."""
-    values = asdict(state) | {"wind_body_mps": state.wind_body_mps}
-    return json.dumps({"event": "state", **{name: _jsonable(value) for name, value in values.items()}})
-
-
-def _jsonable(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_jsonable(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
+    return json.dumps({"event": "state", **plain_state(state)})
 
 
 def _ready(daemon: Daemon, *, as_json: bool) -> str:
@@ -163,7 +153,10 @@ def _log_statistics(daemons: Sequence[Daemon]) -> None:
 
 def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     """Run until SIGTERM or SIGINT; returns the exit status."""
-    arguments = _arguments(prog).parse_args(argv)
+    given = sys.argv[1:] if argv is None else argv
+    if given[:1] == ["status"]:
+        return _status(given[1:], prog)
+    arguments = _arguments(prog).parse_args(given)
     logging.basicConfig(
         level=logging.WARNING if arguments.quiet else logging.INFO,
         format="%(asctime)s %(name)s: %(message)s",
@@ -181,6 +174,24 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     if failure is not None:
         print(f"aps: the daemon failed: {failure}", file=sys.stderr)
     return 0 if failure is None else 1
+
+
+def _status(argv: Sequence[str], prog: str) -> int:
+    """Show the running daemons."""
+    parser = argparse.ArgumentParser(
+        prog=f"{prog} status",
+        description="Show the running daemons of this user on this machine, and their links.",
+    )
+    parser.add_argument("--once", action="store_true", help="look once, instead of every second until Ctrl-C")
+    parser.add_argument("--json", action="store_true", help="print JSON, with all counters")
+    parser.add_argument("--period", type=float, default=1.0, metavar="S", help="between two looks (1)")
+    arguments = parser.parse_args(argv)
+    from aps.status_view import watch  # a daemon does without rich
+
+    try:
+        return watch(arguments.period, once=arguments.once, as_json=arguments.json)
+    except OSError as error:
+        return _refuse(str(error))
 
 
 def _refuse(text: str) -> int:

@@ -18,6 +18,7 @@ from aps.links.link import Link, Role
 from aps.links.table import LinkTable
 from aps.links.tcp import TcpServer
 from aps.logs.tlog import TlogWriter
+from aps.status import StatusServer, plain_state
 from aps.timeouts import SILENCE_TIMEOUT_S
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.subscription import Subscription
@@ -79,6 +80,7 @@ class DaemonBase(ABC):
         """The record of all frames, if there is one."""
         self._clock = clock
         self.drivers: list[Driver] = [self.server]
+        self._status: StatusServer | None = None
         self._tasks: dict[Driver, asyncio.Task[None]] = {}
         self._heard_event = asyncio.Event()
         self.vehicle.on_heard = self._heard_event.set
@@ -147,6 +149,10 @@ class DaemonBase(ABC):
             **({} if self.tlog is None else {"tlog": asdict(self.tlog.counters)}),
             "failure": None if self.failure is None else repr(self.failure),
         }
+
+    def told(self) -> dict[str, Any]:
+        """State and counters as plain data: what ``lostlink aps status`` shows; what is not known is ``None``."""
+        return {"sysid": self.config.sysid, "state": plain_state(self.state), "statistics": self.statistics()}
 
     # Recording.
 
@@ -219,6 +225,8 @@ class DaemonBase(ABC):
         except BaseException:
             await self._stop()
             raise
+        self._status = StatusServer(str(self.listen_port), self.told)
+        await self._status.start()
         return self
 
     async def __aexit__(
@@ -231,6 +239,8 @@ class DaemonBase(ABC):
         await self._stop()
 
     async def _stop(self) -> None:
+        if self._status is not None:
+            self._status.close()
         tasks = list(self._tasks.values())
         for task in tasks:
             task.cancel()

@@ -17,6 +17,7 @@ from aps.hub.hub import Hub
 from aps.hub.routing import Router
 from aps.links.link import Link, Role
 from aps.timeouts import HEARTBEAT_PERIOD_S, SILENCE_TIMEOUT_S
+from aps.vehicle.status_text import STATUSTEXT_ID
 from aps.vehicle.vehicle import Vehicle
 from aps.wire.dialect import AUTOPILOT_COMPID, ONBOARD_COMPUTER_COMPID
 from aps.wire.framer import Frame
@@ -124,10 +125,12 @@ class Core:
 
     # What the hub has for us (aps.hub.hub.Local).
 
-    def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> None:
-        """A frame came from an autopilot's link."""
-        if link.id == self.router.primary:
-            self._changed |= self.vehicle.receive(frame, now_ns)
+    def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> bool:
+        """A frame came from an autopilot's link; returns whether it concerns others, too."""
+        if link.id != self.router.primary:
+            return True
+        self._changed |= self.vehicle.receive(frame, now_ns)
+        return frame.msg_id != STATUSTEXT_ID or not self.vehicle.answers_us(frame)
 
     def addressed(self, frame: Frame, link: Link, alone: bool) -> None:
         """A frame came that is for us, or for everybody."""

@@ -88,6 +88,10 @@ class HeldDaemon(DaemonBase):
             raise ValueError(
                 f"a held autopilot has one link, tcp:HOST:PORT, not {config.autopilot!r} and more"
             )
+        if address.opening.rules.key is not None:
+            raise ValueError(
+                "a held autopilot's link cannot be signed: signatures have the time of the machine"
+            )
         self.link = HeldLink(address, config.queue_limit_bytes)
         self._now_ns = 0
         super().__init__(config, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
@@ -211,9 +215,7 @@ class HeldDaemon(DaemonBase):
             self.counters.overfull_reads += 1
             self._wall_time(f"the autopilot wrote {len(data)} bytes at once: it may have had to wait")
         self._tell_bytes("from_autopilot", data)
-        frames = self.link.framer.receive(data)
-        self.link.traffic.received(frames, len(data), self._now_ns)
-        self.core.frames(self.link, frames, self._now_ns)
+        self.core.frames(self.link, self.link.receive(data, self._now_ns), self._now_ns)
         if was_up and not self.link.up:
             self.counters.link_losses += 1
             self._heard_event.clear()

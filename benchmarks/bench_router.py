@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.bus.keys import Keys
-from bridge.bus.session import AGENT, Sample, Session, Stamp, free_port, open_client, open_router
+from bridge.bus.session import Sample, Session, Stamp, free_port, open_client, open_router
 from bridge.radio.deliveries import DeliveryColumns
 from bridge.radio.virtual_radio import Forward, VirtualRadio
 from channel.link.radio import Radio
@@ -142,7 +142,7 @@ def _transmit(sender: Session) -> None:
         pause_s = start + seq / RATE_HZ - time.monotonic()
         if pause_s > 0:
             time.sleep(pause_s)
-        stamp = Stamp(seq, seq * 1_000_000, AGENT).to_bytes()
+        stamp = Stamp(seq, seq * 1_000_000).to_bytes()
         sender.put_bytes(KEYS.tx("0", "team"), PAYLOAD, attachment=stamp, must_arrive=True)
 
 

@@ -126,6 +126,9 @@ class RadioConfig(Settings):
     cable_loss_db: float = Field(
         default=0.0, ge=0.0, le=100.0, description="between radio and antenna, at each end"
     )
+    receive_cable_loss_db: float | None = Field(
+        default=None, ge=0.0, le=100.0, description="of the receiver, if it is another"
+    )
     propagation: Propagation = Field(default_factory=FreeSpace)
     earth_radius_factor: float | None = Field(
         default=4.0 / 3.0, gt=0.0, le=100.0, description="by which the air bends rays; null: a flat Earth"
@@ -160,3 +163,8 @@ class RadioConfig(Settings):
     def receiving_antenna(self) -> Isotropic | HalfWaveDipole | Sector | Pattern:
         """The receiver's antenna."""
         return self.antenna if self.receive_antenna is None else self.receive_antenna
+
+    @property
+    def receiving_cable_loss_db(self) -> float:
+        """What the receiver's cable takes, dB."""
+        return self.cable_loss_db if self.receive_cable_loss_db is None else self.receive_cable_loss_db

@@ -19,7 +19,8 @@ from channel.philox import WORDS_PER_COUNT, PhiloxRuns, Words, philox_words
 
 __all__ = ["WORDS_PER_COUNT", "Draws", "LinkDraws", "Purpose", "stream_key", "uniform_from_words"]
 
-BLOCK_PACKETS = 128
+BLOCK_BITS = 7
+BLOCK_PACKETS = 1 << BLOCK_BITS
 """Sequence numbers that are drawn ahead of need per link of a small fleet; a draw does not depend on it."""
 AHEAD_MAX_NODES = 64
 """In larger fleets nothing is drawn ahead: the blocks of all links would take too much memory."""
@@ -162,10 +163,10 @@ class LinkDraws:
         ahead = self._ahead.get(purposes)
         if ahead is None:
             ahead = self._ahead[purposes] = _Ahead(self, purposes)
-        there, row = ahead.rows(tx, seq)
+        missing, row = ahead.rows(tx, seq)
         uniform = ahead.take(row[packet] + rx)
-        if not there.all():
-            late = np.flatnonzero(~there[packet])
+        if missing is not None:
+            late = np.flatnonzero(missing[packet])
             of = packet[late]
             uniform[:, late] = self._at_once(purposes, tx[of], rx[late], seq[of])
         return uniform
@@ -193,15 +194,19 @@ class _Ahead:
         self._table = np.zeros((len(purposes), size, BLOCK_PACKETS, size))
         self._flat = self._table.reshape(len(purposes), -1)
 
-    def rows(self, tx: Indices, seq: NDArray[np.int64]) -> tuple[NDArray[np.bool_], Indices]:
-        """Return whether the draws of packets are in the table, and where the row of each begins.
+    def rows(self, tx: Indices, seq: NDArray[np.int64]) -> tuple[NDArray[np.bool_] | None, Indices]:
+        """Return which packets' draws are not in the table, None if all are, and where the row of each begins.
 
         A transmitter's block moves on with its sequence numbers, never back.
         """
-        block, slot = np.divmod(seq, BLOCK_PACKETS)
+        block = seq >> BLOCK_BITS
+        row = ((tx << BLOCK_BITS) + (seq & (BLOCK_PACKETS - 1))) * len(self._block)
+        missing = block != self._block[tx]
+        if not np.count_nonzero(missing):
+            return None, row
         for i in np.flatnonzero(block > self._block[tx]).tolist():
             self._fill(int(tx[i]), int(block[i]))
-        return block == self._block[tx], (tx * BLOCK_PACKETS + slot) * len(self._block)
+        return block != self._block[tx], row
 
     def take(self, at: Indices) -> FloatArray:
         """Return the draws at places in the table, shape (purposes, L)."""

@@ -16,6 +16,7 @@ ROUNDS = 10
 MULTIPLIERS = (0xD2E7470EE14C6C93, 0xCA5A826395121157)
 WEYL = (0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B)
 MASK_64 = 2**64 - 1
+BEFORE_ZERO = (MASK_64,) * WORDS_PER_COUNT
 FEW = 24
 """Up to so many keys Python's own integers are faster than arrays."""
 
@@ -91,13 +92,15 @@ class PhiloxRuns:
 
     def __init__(self) -> None:
         self._philox = np.random.Philox(key=0)
+        self._counter = np.zeros(WORDS_PER_COUNT, dtype=np.uint64)
+        self._key = np.zeros(2, dtype=np.uint64)
         self._state = self._philox.state
+        self._state["state"] = {"counter": self._counter, "key": self._key}
+        self._state["buffer_pos"] = WORDS_PER_COUNT
 
     def words(self, key: Words, first: int, count: int) -> Words:
         """Return the words of `count` counters from `first` on, shape (count, 4)."""
-        start = (first - 1) % 2**256  # numpy steps the counter before it draws
-        words = [start >> shift & MASK_64 for shift in (0, 64, 128, 192)]
-        self._state["state"] = {"counter": np.array(words, dtype=np.uint64), "key": key}
-        self._state["buffer_pos"] = WORDS_PER_COUNT
+        self._counter[:] = (first - 1, 0, 0, 0) if first else BEFORE_ZERO  # numpy steps it before it draws
+        self._key[:] = key
         self._philox.state = self._state
         return self._philox.random_raw(count * WORDS_PER_COUNT).reshape(count, WORDS_PER_COUNT)

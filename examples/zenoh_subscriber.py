@@ -11,6 +11,8 @@ config.insert_json5("mode", '"client"')
 config.insert_json5(
     "connect/endpoints", json.dumps([sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7447"])
 )
+config.insert_json5("transport/auth/usrpwd/user", '"observer"')
+config.insert_json5("transport/auth/usrpwd/password", '"observer"')
 with zenoh.open(config) as session, contextlib.suppress(KeyboardInterrupt, BrokenPipeError):
     subscriber = session.declare_subscriber("lostlink/*/node/*/rx/**")
     for sample in subscriber:

@@ -8,9 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
+
+settings.register_profile("any machine", deadline=None)
+settings.load_profile("any machine")
 
 
 def _ardupilot_binary(name: str) -> Path:

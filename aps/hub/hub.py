@@ -23,8 +23,8 @@ Tap = Callable[[bytes, Link], None]
 class Local(Protocol):
     """What is at home at the hub: the vehicle's side of the daemon."""
 
-    def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> None:
-        """A frame came from an autopilot's link."""
+    def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> bool:
+        """A frame came from an autopilot's link; returns whether it concerns others, too."""
 
     def addressed(self, frame: Frame, link: Link, alone: bool) -> None:
         """A frame came that is for us, or for everybody; ``alone``: nobody else has our ids."""
@@ -39,6 +39,8 @@ class HubCounters:
 
     dropped_no_autopilot: int = 0
     """Frames of our own for an autopilot that no link leads to."""
+    kept: int = 0
+    """Frames of the autopilot that answer us alone, though they name no target."""
     sent: int = 0
     """Frames of our own."""
 
@@ -83,21 +85,18 @@ class Hub:
         self._limiters.pop(link_id, None)
 
     def receive(self, frames: Sequence[Frame], link: Link, now_ns: int) -> None:
-        """Frames from a link, in order."""
-        plain = link.rules.incoming is None and not link.rules.read_only
+        """Frames from a link (what its rules let in, see ``Link.receive``), in order."""
         from_autopilot = link.role is Role.AUTOPILOT
         for frame in frames:
-            if not plain and not link.rules.takes(frame):
-                link.counters.dropped_in += 1
-                continue
             for tap in self.taps:
                 tap(frame.raw, link)
             self._take(frame, link, from_autopilot, now_ns)
 
     def _take(self, frame: Frame, link: Link, from_autopilot: bool, now_ns: int) -> None:
         local = self.local
-        if from_autopilot and local is not None:
-            local.from_autopilot(frame, link, now_ns)
+        if from_autopilot and local is not None and not local.from_autopilot(frame, link, now_ns):
+            self.counters.kept += 1
+            return
         route = self.router.route(frame, link.id, now_ns)
         if route.to_us and local is not None:
             local.addressed(frame, link, route.outcome is not Outcome.TARGETED)
@@ -118,7 +117,7 @@ class Hub:
         if limiter is not None and not limiter.passes(frame, now_ns):
             to.counters.dropped_rate_out += 1
             return
-        to.outbox.put(raw)
+        to.send(raw)
 
     def send(self, raw: bytes, link: Link) -> None:
         """Send a frame of our own."""
@@ -126,7 +125,7 @@ class Hub:
         self.router.sent(raw)
         for tap in self.taps:
             tap(raw, link)
-        link.outbox.put(raw)
+        link.send(raw)
 
     def send_to_autopilot(self, raw: bytes) -> None:
         """Send a frame of our own to the autopilot; without a link to one it is dropped and counted."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 from aps.links.link import CLIENT_OPENING, Opening, Role
 from aps.links.rules import Filter, LinkRules
+from aps.wire.signing import read_key
 
 __all__ = ["KINDS", "Address", "parse_address", "parse_autopilot", "parse_host_port"]
 
@@ -58,7 +60,8 @@ def parse_address(text: str, role: Role = Role.CLIENT) -> Address:
     """``KIND:PLACE[,RULE...]``, see ``KINDS``; ``:PORT`` alone is on loopback.
 
     Rules: ``read-only``; ``block-in=30/33``, ``allow-out=0/1``, and the same with ``-systems`` or ``-components``
-    after in or out; ``max-hz=30:5/33:2`` (message id or ``*``: rate).
+    after in or out; ``max-hz=30:5/33:2`` (message id or ``*``: rate); ``key=FILE``: sign and verify with the key
+    in a file.
 
     Raises:
         ValueError: with the text and what is allowed.
@@ -126,7 +129,7 @@ _FILTERS: Final = {
 
 def _rules(words: list[str], text: str) -> LinkRules:
     filters = {"in": Filter(), "out": Filter()}
-    read_only, rates_hz = False, {}
+    read_only, rates_hz, key = False, {}, None
     for word in words:
         name, _, value = word.partition("=")
         try:
@@ -134,12 +137,14 @@ def _rules(words: list[str], text: str) -> LinkRules:
                 read_only = True
             elif name == "max-hz":
                 rates_hz = _rates(value)
+            elif name == "key" and value:
+                key = read_key(Path(value))
             elif name in _FILTERS:
                 way, change = _FILTERS[name]
                 filters[way] = change(filters[way], _numbers(value))
             else:
-                raise ValueError(f"no such rule; there are: read-only, max-hz, {', '.join(_FILTERS)}")
-        except ValueError as error:
+                raise ValueError(f"no such rule; there are: read-only, max-hz, key, {', '.join(_FILTERS)}")
+        except (ValueError, OSError) as error:
             raise ValueError(f"rule {word!r} of link {text!r}: {error}") from error
     incoming, outgoing = (None if filters[way] == Filter() else filters[way] for way in ("in", "out"))
-    return LinkRules(read_only, incoming, outgoing, rates_hz)
+    return LinkRules(read_only, incoming, outgoing, rates_hz, key)

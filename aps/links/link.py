@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import Enum
@@ -10,7 +11,8 @@ from typing import Any, Final, Protocol
 from aps.links.outbox import FrameQueue
 from aps.links.rules import NO_RULES, LinkRules
 from aps.links.traffic import Traffic
-from aps.wire.framer import Framer
+from aps.wire.framer import Frame, Framer
+from aps.wire.signing import Signing
 
 __all__ = ["CLIENT_OPENING", "Link", "LinkCounters", "LinkOwner", "Opening", "Role"]
 
@@ -79,6 +81,9 @@ class Link:
         self.framer = Framer()
         self.traffic = Traffic()
         self.counters = LinkCounters()
+        key = opening.rules.key
+        self.signing = None if key is None else Signing(key, lambda: time.time_ns() // 1000)
+        """Signs and verifies, if the link has a key."""
         self._holds: set[str] = set()
 
     def hold(self, reason: str) -> None:
@@ -93,6 +98,25 @@ class Link:
             self._holds.discard(reason)
             if not self._holds:
                 self._resume_reading()
+
+    def receive(self, data: bytes, now_ns: int) -> list[Frame]:
+        """Bytes came: the frames that they complete and that the link's rules let in, in order."""
+        frames = self.framer.receive(data)
+        self.traffic.received(frames, len(data), now_ns)
+        if self.signing is not None:
+            frames = [frame for frame in frames if self.signing.verify(frame)]
+        if self.rules.incoming is None and not self.rules.read_only:
+            return frames
+        taken = [frame for frame in frames if self.rules.takes(frame)]
+        self.counters.dropped_in += len(frames) - len(taken)
+        return taken
+
+    def send(self, raw: bytes) -> None:
+        """Queue one frame, signed if the link has a key."""
+        if self.signing is None:
+            self.outbox.put(raw)
+        elif (signed := self.signing.sign(raw)) is not None:
+            self.outbox.put(signed)
 
     @property
     def can_wait(self) -> bool:
@@ -118,6 +142,7 @@ class Link:
             "framer": asdict(self.framer.counters),
             "outbox": asdict(self.outbox.counters),
             **asdict(self.counters),
+            **({} if self.signing is None else {"signing": asdict(self.signing.counters)}),
         }
 
 

@@ -50,6 +50,9 @@ class LinkRules:
     max_rate_hz: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
     """Message id -> how often it goes out at most, per sender; key -1 is for all ids that are not named."""
 
+    key: bytes | None = field(default=None, repr=False)
+    """If set, what goes out is signed with it, and what comes in without its signature is not taken."""
+
     def __post_init__(self) -> None:
         for msg_id, rate_hz in self.max_rate_hz.items():
             if not rate_hz > 0.0:

@@ -73,7 +73,9 @@ class LinkTable:
     def flush(self) -> None:
         """Write what waits on all links, as far as they take it."""
         for link in self.links.values():
-            link.outbox.flush()
+            outbox = link.outbox
+            if outbox.waiting_frames:
+                outbox.flush()
 
     def close(self) -> None:
         """Drop all links."""
@@ -105,11 +107,10 @@ class LinkTable:
             self._tell(f"rate of {link.name}", f"{link.name} sends more than it may: datagrams are dropped")
             return
         counters = link.framer.counters
-        skipped = counters.skipped_bytes
-        frames = link.framer.receive(data)
-        link.traffic.received(frames, len(data), self._clock())
+        skipped, came = counters.skipped_bytes, counters.frames
+        frames = link.receive(data, self._clock())
         if allowance is not None:
-            self._charge(link, allowance, len(frames), counters.skipped_bytes - skipped, now_s)
+            self._charge(link, allowance, counters.frames - came, counters.skipped_bytes - skipped, now_s)
         self._on_frames(link, frames, len(data))
 
     def link_closed(self, link: Link, error: Exception | None) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from aps.timeouts import CONNECTED_S
-from aps.wire.framer import Frame
+from aps.wire.framer import MAGIC_V2, Frame
 
 __all__ = ["Traffic"]
 
@@ -61,7 +61,8 @@ class Traffic:
         for frame in frames:
             if frame.msg_id == _HEARTBEAT:
                 self.heartbeat_ns = now_ns
-            sender, seq = frame.sysid << 8 | frame.compid, frame.seq
+            raw = frame.raw
+            sender, seq = frame.sysid << 8 | frame.compid, raw[4] if raw[0] == MAGIC_V2 else raw[2]
             expected = sequence.get(sender)
             if expected is not None and seq != expected:
                 missing = (seq - expected) & 0xFF

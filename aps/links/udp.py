@@ -26,14 +26,15 @@ _log = logging.getLogger(__name__)
 class DatagramOutbox(FrameQueue):
     """Sends whole frames in datagrams, at once: a datagram never waits for its reader."""
 
-    def __init__(self, limit_bytes: int, send: Callable[[bytes], None]) -> None:
+    def __init__(self, limit_bytes: int, send: Callable[[bytes], bool]) -> None:
         super().__init__(limit_bytes)
         self._send = send
 
     def flush(self) -> None:
         """Send all that waits."""
-        while data := self.take(DATAGRAM_BYTES):
-            self._send(data)
+        while self._waiting:
+            if not self._send(self.take(DATAGRAM_BYTES)):
+                self.counters.dropped_full += 1
 
 
 class UdpLink(Link):
@@ -44,7 +45,7 @@ class UdpLink(Link):
         name: str,
         address: Address,
         limit_bytes: int,
-        send: Callable[[bytes], None],
+        send: Callable[[bytes], bool],
         forget: Callable[[], None],
     ) -> None:
         super().__init__(name, DatagramOutbox(limit_bytes, send), address.opening, connectionless=True)
@@ -86,6 +87,7 @@ class UdpSender:
         self.address = address
         self._owner, self._limit_bytes = owner, limit_bytes
         self._transport: asyncio.DatagramTransport | None = None
+        self._socket: socket.socket | None = None
         self._link: UdpLink | None = None
         self._heard_s: float | None = None
 
@@ -110,7 +112,7 @@ class UdpSender:
             self._renew(asyncio.get_running_loop().time())
 
     async def _open(self) -> None:
-        connection = await _connected_socket(self.address.host, self.address.port)
+        self._socket = connection = await _connected_socket(self.address.host, self.address.port)
         self._transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
             lambda: _Datagrams(self._received), sock=connection
         )
@@ -133,9 +135,18 @@ class UdpSender:
             link.outbox.close()
             self._owner.link_closed(link, None)
 
-    def _send(self, data: bytes) -> None:
-        if self._transport is not None:
-            self._transport.sendto(data)
+    def _send(self, data: bytes) -> bool:
+        """Send now; returns whether the system took it."""
+        if self._socket is None:
+            return False
+        try:
+            self._socket.send(data)  # asyncio's own way costs as much again
+        except ConnectionRefusedError:
+            return True  # of the datagram before: nobody listens there (yet), which UDP does not mind
+        except OSError as error:
+            _log.debug("UDP: %s", error)
+            return False
+        return True
 
     def _received(self, data: bytes, _: Any) -> None:
         self._heard_s = asyncio.get_running_loop().time()
@@ -146,7 +157,7 @@ class UdpSender:
         """Close the socket."""
         if self._transport is not None:
             self._transport.close()
-            self._transport = None
+        self._transport = self._socket = None
         self._end_link()
 
 
@@ -229,9 +240,11 @@ class UdpListener:
         self._heard_s[place] = asyncio.get_running_loop().time()
         self._owner.link_data(link, data)
 
-    def _send(self, data: bytes, place: Any) -> None:
-        if self._transport is not None:
-            self._transport.sendto(data, place)
+    def _send(self, data: bytes, place: Any) -> bool:
+        if self._transport is None:
+            return False
+        self._transport.sendto(data, place)
+        return True
 
     def _forget(self, place: Any) -> None:
         link = self._peers.pop(place, None)

@@ -294,6 +294,11 @@ class StreamArbiter:
         """What waits for an acknowledgement: the same object for all tries of one request."""
         return self._outstanding
 
+    def asks_for(self, msg_id: int) -> bool:
+        """Whether we are asking for a message, or have, and were refused."""
+        outstanding = self._outstanding
+        return msg_id in self.refused or (outstanding is not None and outstanding.msg_id == msg_id)
+
     @property
     def idle(self) -> bool:
         """Whether everything that is wanted has been asked for and answered."""

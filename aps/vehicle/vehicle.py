@@ -7,6 +7,7 @@ forwards frames, is not known here.
 from __future__ import annotations
 
 import logging
+import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -37,6 +38,7 @@ _PARAM_VALUE: Final = 22
 _COMMAND_ACK: Final = 77
 _PARAM_VALUE_START: Final = struct.Struct("<fHH16s")
 _ACK: Final = struct.Struct("<HBBiBB")
+_NO_STREAM: Final = re.compile(rb"No ap_message for mavlink id \((\d+)\)")
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
 
@@ -125,6 +127,11 @@ class Vehicle:
             else:
                 self._from_foreign(frame)
         return changed
+
+    def answers_us(self, frame: Frame) -> bool:
+        """Whether a STATUSTEXT is ArduPilot's word on a stream that we have asked for and it does not have."""
+        found = _NO_STREAM.match(frame.payload[1:])
+        return found is not None and self.streams.asks_for(int(found[1]))
 
     def state_changed(self, now_ns: int) -> None:
         """Tell the subscribers and commands, after all frames that came at once."""
@@ -237,6 +244,8 @@ class Vehicle:
             counters.late += 1
 
     def _status_text(self, frame: Frame) -> None:
+        if self.answers_us(frame):
+            return
         text = self._assembler.take(frame)
         if text is not None:
             _log.info("autopilot: %s", text.text)

@@ -3,7 +3,7 @@
 It cannot transmit as a node that has an agent, since one sender numbers a node's packets; as a node whose agent is
 ``free`` it can:
 
-    async with connect_ua("tcp/127.0.0.1:7447", run="20261121T120000Z-separation", node="1") as ua:
+    async with connect_ua("runs/20261121T120000Z-separation", node="1") as ua:
         await ua.wait_for(lambda state: state.armed)
         await ua.rtl()
 
@@ -18,10 +18,12 @@ import logging
 import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import zenoh
 
 from bridge.agents.client import OnEvent, UaClient
+from bridge.bus.identity.roster import node_identity
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
 from bridge.bus.messages import (
@@ -34,7 +36,8 @@ from bridge.bus.messages import (
     DecodeError,
     decode,
 )
-from bridge.bus.session import Sample, Session, Stamp, open_client
+from bridge.bus.session import Sample, Session, Stamp
+from bridge.run.access import Access, access_of
 from bridge.timeouts import COMMAND_QUERY_S
 
 log = logging.getLogger("beside")
@@ -139,22 +142,23 @@ def _event_of(reply: zenoh.Reply) -> CommandEvent:
 
 @asynccontextmanager
 async def connect_ua(
-    endpoint: str, run: str, node: str, *, is_sender: bool = False
+    run: str | Path, node: str, *, is_sender: bool = False, access: Access | None = None
 ) -> AsyncIterator[UaClient]:
     """Join a run beside the agent of ``node``, or in place of one.
 
     Args:
-        endpoint: of the run's router.
-        run: name of the run.
+        run: its directory, or its name if that is in `runs/`.
         node: id of the node.
         is_sender: transmit as the node, whose agent in the scenario is of type ``free``. Numbers begin at 0: one
             program transmits as a node in a run.
+        access: what `lostlink token` printed, if the directory is not at hand; ``run`` is then not looked at.
 
     Raises:
-        SessionError: if there is no router at ``endpoint``.
+        SessionError: if there is no such run, or it is over; the text says which.
     """
-    with open_client(endpoint) as session:
-        keys = Keys(run)
+    access = access or access_of(run, node_identity(node))
+    with access.open() as session:
+        keys = Keys(access.run)
         ua = UaClient(node, ZenohOutlet(session, keys, node, is_sender=is_sender))
         _Feed(session, keys, ua)
         try:

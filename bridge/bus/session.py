@@ -1,6 +1,7 @@
 """Zenoh sessions that speak our messages: one router per run, everything else a client of it.
 
-Scouting and gossip are off: with them two clients could find each other and talk past the radio.
+Scouting and gossip are off: with them two clients could find each other and talk past the radio. The router of a run
+asks for user and password, and lets each do what the table of rights says (`bridge.bus.identity`).
 """
 
 from __future__ import annotations
@@ -17,15 +18,14 @@ from typing import Any, Self
 import zenoh
 from zenoh.handlers import Callback
 
+from bridge.bus.identity.guard import Guard
+from bridge.bus.identity.keyring import Credentials
 from bridge.bus.messages import Message, encode, encoding_of
 
-CONNECT_TIMEOUT_S = 10.0
 CONNECT_RETRY = {"period_init_ms": 50, "period_max_ms": 50, "period_increase_factor": 1}
 """The processes of a run start together, so that most knock before the router is there (Zenoh: each second)."""
 STUCK_READER_S = 1.0
 """How long the router waits for a reader that takes nothing before it cuts it off (Zenoh's default: 5 s)."""
-AGENT = b"agent"
-"""The source in the stamps of a node's agent: the one sender that numbers the node's packets."""
 _ATTACHMENT = struct.Struct("<qqB16s")
 """Sequence number, time in ns, length of the id, id: the layout that rmw_zenoh attaches to a sample."""
 
@@ -39,7 +39,10 @@ class SessionError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """What travels beside a packet: who sent it as which number, and when (sim time)."""
+    """What travels beside a packet: its number, and when it was sent (sim time).
+
+    The source is what the sender says of itself. Who a packet is from is told by its key, which the router guards.
+    """
 
     seq: int
     sim_time_ns: int
@@ -72,6 +75,7 @@ def _config(settings: Iterable[tuple[str, Any]]) -> zenoh.Config:
     config = zenoh.Config()
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/gossip/enabled", "false")
+    config.insert_json5("adminspace/enabled", "false")
     for key, value in settings:
         config.insert_json5(key, json.dumps(value))
     return config
@@ -172,11 +176,12 @@ class Session:
         self.close()
 
 
-def open_router(endpoint: str) -> Session:
+def open_router(endpoint: str, guard: Guard | None = None) -> Session:
     """A session that routes for all the others.
 
     Args:
         endpoint: where it listens, such as ``tcp/127.0.0.1:7447``.
+        guard: whom it lets in, and what they may do; None: everybody, everything (no run of ours does that).
 
     Raises:
         SessionError: if it cannot listen there.
@@ -187,31 +192,54 @@ def open_router(endpoint: str) -> Session:
         ("listen/exit_on_failure", True),
         ("scouting/delay", 0),  # nobody is looked for, so nobody need be waited for
         ("transport/link/tx/queue/congestion_control/block/wait_before_close", int(STUCK_READER_S * 1e6)),
+        *(guard.settings if guard is not None else ()),
     ]
-    return _open(settings, f"cannot listen on {endpoint}")
+    return _open(settings, lambda: f"cannot listen on {endpoint}")
 
 
-def open_client(endpoint: str, *, timeout_s: float = CONNECT_TIMEOUT_S) -> Session:
+def open_client(endpoint: str, credentials: Credentials | None = None, *, timeout_s: float = 0.0) -> Session:
     """A session that reaches the others through the router at ``endpoint`` only.
 
+    Args:
+        endpoint: where the router listens.
+        credentials: as whom.
+        timeout_s: how long to try (wall time); 0: once, as a router that refuses looks to Zenoh like one that is not
+            there yet.
+
     Raises:
-        SessionError: if there is no router within ``timeout_s`` (wall time).
+        SessionError: if there is no router, or it does not let this user in.
     """
-    settings = [
+    settings: list[tuple[str, Any]] = [
         ("mode", "client"),
         ("connect/endpoints", [endpoint]),
         ("connect/timeout_ms", int(timeout_s * 1000)),
         ("connect/exit_on_failure", True),
         ("connect/retry", CONNECT_RETRY),
     ]
-    return _open(settings, f"no Zenoh router answered at {endpoint} within {timeout_s:g} s")
+    user = "nobody"
+    if credentials is not None:
+        user = credentials.user
+        settings += [
+            ("transport/auth/usrpwd/user", credentials.user),
+            ("transport/auth/usrpwd/password", credentials.password),
+        ]
+    return _open(settings, lambda: _why_no_client(endpoint, user))
 
 
-def _open(settings: list[tuple[str, Any]], failure: str) -> Session:
+def _why_no_client(endpoint: str, user: str) -> str:
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=1.0):
+            return f"the Zenoh router at {endpoint} does not let {user} in"
+    except (OSError, ValueError):
+        return f"no Zenoh router answers at {endpoint}"
+
+
+def _open(settings: list[tuple[str, Any]], failure: Callable[[], str]) -> Session:
     try:
         return Session(zenoh.open(_config(settings)))
     except zenoh.ZError as error:
-        raise SessionError(f"{failure} ({plain_text(error)})") from error
+        raise SessionError(f"{failure()} ({plain_text(error)})") from error
 
 
 def plain_text(error: zenoh.ZError) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 import click
 import zenoh
 
+from bridge.bus.identity.keyring import OBSERVERS
 from bridge.bus.keys import ROOT
 from bridge.bus.messages import DecodeError, decode
 from bridge.bus.messages.codec import class_of
@@ -38,6 +39,9 @@ WAITING_MAX = 10_000
 def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: bool) -> None:
     """Print the samples that match KEY (a Zenoh key expression), decoded where they are messages of ours.
 
+    It looks as an observer, who sees everything but what nodes give to their radios (tx), commands, and what the
+    radio tells the hosts.
+
     \b
     Examples:
       lostlink echo 'lostlink/**/node/*/rx/**'
@@ -60,7 +64,7 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
     except ValueError as error:
         raise click.BadParameter(str(error), param_hint="--connect") from error
     try:
-        with open_client(endpoint) as session:
+        with open_client(endpoint, OBSERVERS) as session:
             try:
                 session.subscribe(key, on_sample)
             except zenoh.ZError as error:

@@ -15,6 +15,7 @@ COMMANDS = {
     "aps": "bridge.cli.aps",
     "doctor": "bridge.cli.doctor",
     "echo": "bridge.cli.echo",
+    "token": "bridge.cli.token",
     "link": "channel.cli.commands",
     "radios": "channel.cli.commands",
     "figures": "channel.cli.commands",

@@ -12,6 +12,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
 
+from bridge.bus.identity.keyring import Credentials, Keyring
+from bridge.bus.identity.roster import SUPERVISOR, roster
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Links, Message, decode
@@ -24,7 +26,7 @@ from bridge.fleet.hosts import PREFIX, host_groups
 from bridge.fleet.ports import HOST, conflicts, ports_of
 from bridge.record.events import DIED, KILLED, Report
 from bridge.record.provenance import collect, write_provenance
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import SECRETS_FOLDER, RunDirectory
 from bridge.scenario.agents import FreeAgent, OwnAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.named_files import named_files
@@ -107,6 +109,7 @@ class Fleet:
         self._children: list[Child] = []
         self._router: Child | None = None
         self._session: Session | None = None
+        self._keyring: Keyring | None = None
         loop = asyncio.get_running_loop()
         self._outcome: asyncio.Future[Ending] = loop.create_future()
         # What decides the run is never dropped; of what is only looked at the newest is enough.
@@ -151,11 +154,13 @@ class Fleet:
         except AutopilotError as error:
             raise FleetError(str(error)) from error
         endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
-        info = self._run.write(self._scenario, endpoint, self._replay, self._hosts)
+        nodes = [node.node for node in self._scenario.nodes]
+        self._keyring = Keyring.create(self._run.path / SECRETS_FOLDER, roster(nodes, self._hosts))
+        info = self._run.write(self._scenario, endpoint, self._replay, self._hosts, self._keyring)
         try:
             everybody = await self._start_ours()
             keys = Keys(info.run)
-            self._session = await self._unless_over(_connect(endpoint))
+            self._session = await self._unless_over(_connect(endpoint, self._keyring.credentials(SUPERVISOR)))
             self._listen(self._session, keys)
             await self._unless_over(self._all_alive(self._session, keys, everybody))
             self._session.put(keys.clock_start, Header(), must_arrive=True)
@@ -248,6 +253,8 @@ class Fleet:
             self.killed += await end_with_news(self._router, self._news, ROUTER_GRACE_S)
         if self._session is not None:
             self._session.close()
+        if self._keyring is not None:
+            self._keyring.remove()
         self._tell_what_was_missed()
 
     def _tell_what_was_missed(self) -> None:
@@ -384,12 +391,12 @@ class Fleet:
         return "\n".join(f"{child.spec.log_path}: {child.log_tail(1)}" for child in told)
 
 
-async def _connect(endpoint: str) -> Session:
+async def _connect(endpoint: str, credentials: Credentials) -> Session:
     """Join the router once it listens, in short tries, so that an interrupted start ends soon."""
     deadline = asyncio.get_running_loop().time() + START_S
     while True:
         try:
-            return await asyncio.to_thread(open_client, endpoint, timeout_s=0.5)
+            return await asyncio.to_thread(open_client, endpoint, credentials, timeout_s=0.5)
         except SessionError as error:
             if asyncio.get_running_loop().time() > deadline:
                 raise FleetError(str(error)) from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, AircraftState, Header
-from bridge.bus.session import AGENT, Session, Stamp
+from bridge.bus.session import Session, Stamp
 
 
 class ZenohOutlets:
@@ -15,12 +15,11 @@ class ZenohOutlets:
 
     def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
         """Give a packet to the radio."""
-        attachment = Stamp(stamp.seq, stamp.sim_time_ns, AGENT).to_bytes()
         self._session.put_bytes(
             self._keys.tx(self._node, channel, to=to),
             payload,
             encoding=encoding,
-            attachment=attachment,
+            attachment=stamp.to_bytes(),
             must_arrive=True,
         )
 

@@ -31,7 +31,7 @@ _Came = tuple[Callable[[Sample], None], Sample]
 async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: asyncio.Event) -> None:
     """Serve until ``stop`` is set."""
     report = Report(run.path, name)
-    with open_client(run.info.endpoint, timeout_s=START_S) as session:
+    with open_client(run.info.endpoint, run.credentials(name), timeout_s=START_S) as session:
         async with AsyncExitStack() as stack:
             hosted = [_hosted(session, run, node) for node in nodes]
             for one in hosted:

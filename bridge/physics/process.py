@@ -152,7 +152,7 @@ class Physics:
 def serve(run: RunDirectory) -> None:
     """Host the run's UA until a signal ends it."""
     report = Report(run.path, "physics")
-    with open_client(run.info.endpoint, timeout_s=START_S) as session:
+    with open_client(run.info.endpoint, run.credentials("physics"), timeout_s=START_S) as session:
         physics = Physics(session, run, report)
         on_stop_signal(physics.stop)
         session.declare_alive(run.keys.alive("physics"))

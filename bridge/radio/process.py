@@ -7,7 +7,9 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from functools import partial
 
+from bridge.bus.identity.logins import LoginWatch
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, Clock, Header, Truths, decode
 from bridge.bus.session import Sample, Session, Stamp, open_router
@@ -41,7 +43,7 @@ Handler = Callable[[str, Sample], None]
 class RouterProcess:
     """Moves samples between Zenoh and the core, in one thread and in the order in which they came."""
 
-    def __init__(self, session: Session, run: RunDirectory) -> None:
+    def __init__(self, session: Session, run: RunDirectory, report: Report) -> None:
         scenario, keys = run.scenario, run.keys
         radios = radios_of(scenario)
         self._keys: Keys = keys
@@ -53,14 +55,13 @@ class RouterProcess:
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
-        radio = radios[scenario.stations[0]]
-        self._judge = Judge(radio, len(scenario.stations))
-        medium = Medium(radio, seed=scenario.seed, nodes=scenario.stations, judge=self._judge)
+        self._judge = Judge(len(scenario.stations))
+        medium = Medium(radios, seed=scenario.seed, nodes=scenario.stations, judge=self._judge)
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self._core = VirtualRadio(medium, ring, mtu_bytes)
         self._publisher = TickPublisher(session, keys, scenario.stations, run.info.hosts)
         self._free = {node.node for node in scenario.nodes if not node.has_agent}
-        self._report = Report(run.path, "router")
+        self._report = report
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.stations}
         self._writer = DeliveryColumns(run.path, scenario.stations)
         self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
@@ -227,10 +228,18 @@ class RouterProcess:
         self._core.transmitted.clear()
 
 
+def login_refused(report: Report, reason: str, number: int) -> None:
+    """Count a login that the router refused, and log the first ones."""
+    report.count(f"logins_refused_{reason}")
+    if number <= REFUSALS_LOGGED_MAX:
+        log.warning("refused a login (%s)", reason)
+
+
 def serve(run: RunDirectory) -> None:
     """Route for the run until a signal ends it."""
-    with open_router(run.info.endpoint) as session:
-        process = RouterProcess(session, run)
+    report = Report(run.path, "router")
+    with LoginWatch(partial(login_refused, report)), open_router(run.info.endpoint, run.guard) as session:
+        process = RouterProcess(session, run, report)
         on_stop_signal(process.stop)
         session.declare_alive(run.keys.alive("router"))
         log.info("routing run %s at %s", run.info.run, run.info.endpoint)

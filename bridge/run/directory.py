@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from bridge.bus.identity.guard import Guard
+from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.keys import Keys
 from bridge.scenario.model import Scenario
 
@@ -16,6 +18,7 @@ RUN_FILE = "run.json"
 SCENARIO_FILE = "scenario.yaml"
 SUMMARY_FILE = "summary.json"
 LOG_FOLDER = "logs"
+SECRETS_FOLDER = "secrets"
 TLOG_FOLDER = "tlog"
 
 
@@ -29,6 +32,7 @@ class RunInfo:
         pid: process id of its supervisor.
         replay: directory of the run whose inputs it repeats; "" if it takes those from outside.
         hosts: by name, the ids of the nodes in each.
+        secrets: directory of its passwords, as long as it goes on.
     """
 
     run: str
@@ -36,6 +40,7 @@ class RunInfo:
     pid: int
     replay: str = ""
     hosts: dict[str, list[str]] = field(default_factory=dict)
+    secrets: str = ""
 
     @property
     def is_live(self) -> bool:
@@ -83,10 +88,12 @@ class RunDirectory:
         endpoint: str,
         replay: Path | None = None,
         hosts: Mapping[str, Sequence[str]] | None = None,
+        keyring: Keyring | None = None,
     ) -> RunInfo:
         """Write what the run's processes read."""
         groups = {name: list(nodes) for name, nodes in (hosts or {}).items()}
-        info = RunInfo(self.path.name, endpoint, os.getpid(), str(replay.resolve()) if replay else "", groups)
+        repeated, secrets = str(replay.resolve()) if replay else "", str(keyring.path) if keyring else ""
+        info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, groups, secrets)
         (self.path / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info
@@ -102,6 +109,19 @@ class RunDirectory:
             return RunInfo(**json.loads((self.path / RUN_FILE).read_text(encoding="utf-8")))
         except TypeError as error:
             raise ValueError(f"{self.path / RUN_FILE}: not the description of a run: {error}") from error
+
+    def credentials(self, process: str) -> Credentials:
+        """What a process of the run logs in to its router with.
+
+        Raises:
+            OSError, ValueError: they are not there or not ours.
+        """
+        return Keyring(Path(self.info.secrets)).credentials(process)
+
+    @property
+    def guard(self) -> Guard:
+        """What the run's router is opened with."""
+        return Guard(self.info.run, Keyring(Path(self.info.secrets)))
 
     @property
     def keys(self) -> Keys:

@@ -6,7 +6,7 @@ import bisect
 from typing import NamedTuple
 
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import GroundNode
+from bridge.scenario.nodes import GroundNode, GroundPlace
 from bridge.scenario.resolve import origin_of
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
@@ -32,7 +32,9 @@ class GroundTrack:
     def __init__(self, scenario: Scenario, node: GroundNode) -> None:
         self._origin = origin_of(scenario.origin)
         self._times_ns = [round(point.sim_time_s * 1e9) for point in node.track]
-        self._points = [point.position_ned_m for point in node.track] or [node.place.position_ned_m]
+        self._points = [point.position_ned_m for point in node.track] or [
+            (node.place or GroundPlace()).position_ned_m
+        ]
         self.is_fixed = len(self._points) == 1
 
     def at(self, sim_time_ns: int) -> GroundPlaceAt:

@@ -80,11 +80,11 @@ class TrackPoint(GroundPlace):
 
 
 class GroundNode(Part):
-    """A station without an aircraft: it stands at ``place``, or moves along ``track``, straight from point to point."""
+    """A station without an aircraft: it stands at ``place`` (the origin if there is none), or moves along ``track``."""
 
     kind: Literal["ground"]
     id: Slug
-    place: GroundPlace = GroundPlace()
+    place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None
     agent: GroundAgentConfig
@@ -96,7 +96,7 @@ class GroundNode(Part):
 
     @model_validator(mode="after")
     def _moves_forward(self) -> GroundNode:
-        if self.track and "place" in self.model_fields_set:
+        if self.track and self.place is not None:
             raise ValueError("place and track: give one of them")
         if any(b.sim_time_s <= a.sim_time_s for a, b in pairwise(self.track)):
             raise ValueError("track: sim_time_s has to rise from point to point")

@@ -33,55 +33,65 @@ class Curves(Generic[Key]):
 
     def _clear(self) -> None:
         self._rows: dict[Key, int] = {}
+        self._ends_of_row: list[tuple[float, ...]] = []
+        self._columns = np.empty((3, 0))
         self._flat = np.empty(0)
-        self._first = np.empty(0)
-        self._last = np.empty(0)
-        self._offset = np.empty(0, dtype=np.intp)
+        self._rise = np.empty(0)
 
-    def rows(self, keys: Sequence[Key]) -> NDArray[np.intp]:
-        """Return the row of each key; curves that are not there yet are made. Rows hold until the next call."""
-        missing = [key for key in dict.fromkeys(keys) if key not in self._rows]
-        if missing and self._flat.size > MAX_VALUES:
-            self._clear()
-            missing = list(dict.fromkeys(keys))
+    def rows(self, keys: Sequence[Key], which: Rows) -> Rows:
+        """Return the curve that each link uses; curves that are not there yet are made.
+
+        Args:
+            keys: of the curves in use, each once.
+            which: place in `keys`, one for all links or one for each.
+        """
+        missing = [key for key in keys if key not in self._rows]
         if missing:
+            if self._flat.size > MAX_VALUES:
+                self._clear()
+                missing = list(keys)
             self._add(missing)
-        return np.array([self._rows[key] for key in keys], dtype=np.intp)
+        if isinstance(which, int):
+            return self._rows[keys[which]]
+        rows: NDArray[np.intp] = np.array([self._rows[key] for key in keys], dtype=np.intp)[which]
+        return rows
 
     def _add(self, keys: Sequence[Key]) -> None:
         curves = [self._make(key) for key in keys]
-        starts = self._flat.size + np.cumsum([0, *(values.size for _, values in curves)])
-        first = np.array([start for start, _ in curves], dtype=np.float64)
-        sizes = np.diff(starts)
-        self._rows |= {key: len(self._first) + i for i, key in enumerate(keys)}
-        self._first = np.concatenate((self._first, first))
-        self._last = np.concatenate((self._last, first + sizes - 1))
-        self._offset = np.concatenate((self._offset, starts[:-1]))
+        start = self._flat.size
+        for key, (first, values) in zip(keys, curves, strict=True):
+            self._rows[key] = len(self._ends_of_row)
+            self._ends_of_row.append((float(first), float(first + values.size - 1), float(start - first)))
+            start += values.size
+        self._columns = np.array(self._ends_of_row).T
         self._flat = np.concatenate((self._flat, *(values for _, values in curves)))
+        self._rise = np.diff(self._flat, append=0.0)  # from the last value of a curve nothing goes on
 
     def at_steps(self, steps: FloatArray, row: Rows) -> FloatArray:
         """Return values at whole multiples of the step."""
-        first = self._first[row]
-        index = np.minimum(np.maximum(steps, first), self._last[row])
-        index -= first
-        at = index.astype(np.intp)
-        at += self._offset[row]
-        return self._flat.take(at)
+        first, last, offset = self._ends(row)
+        index = np.minimum(np.maximum(steps, first), last)
+        index += offset
+        return self._flat.take(index.astype(np.intp))
 
     def between(self, value: FloatArray, row: Rows) -> FloatArray:
         """Return values at any place, linear between the steps."""
-        first = self._first[row]
+        first, last, offset = self._ends(row)
         where = value * self._steps_per_unit
         np.maximum(where, first, out=where)
-        np.minimum(where, self._last[row], out=where)
-        where -= first
-        left = np.minimum(where.astype(np.intp), (self._last[row] - first).astype(np.intp) - 1)
+        np.minimum(where, last, out=where)
+        left = np.minimum(np.floor(where), last - 1.0)
         where -= left
-        left += self._offset[row]
-        here = self._flat.take(left)
-        left += 1
-        rise = self._flat.take(left)
-        rise -= here
+        left += offset
+        at = left.astype(np.intp)
+        here = self._flat.take(at)
+        rise = self._rise.take(at)
         rise *= where
         rise += here
         return rise
+
+    def _ends(self, row: Rows) -> tuple[FloatArray | float, ...]:
+        """Return the first and last step of each curve, and what is to be added to a step for its place."""
+        if isinstance(row, int):
+            return self._ends_of_row[row]
+        return tuple(self._columns[:, row])

@@ -97,16 +97,15 @@ class Expectation:
         With fading that depends on elevation, angles are rounded to whole degrees.
         """
         if elevation_deg is None:
-            rows = self._curves.rows([(length, 0) for length in lengths.distinct])
-            which = int(rows[0]) if isinstance(lengths.which, int) else rows[lengths.which]
+            which = self._curves.rows([(length, 0) for length in lengths.distinct], lengths.which)
             return self._curves.between(snr_db, which)
         degrees = np.rint(elevation_deg).astype(np.intp)
         kind = degrees + DEGREES * np.asarray(lengths.which)
         kinds = np.flatnonzero(np.bincount(kind.ravel()))
-        row_of_kind = np.zeros(int(kinds[-1]) + 1 if kinds.size else 1, dtype=np.intp)
+        place = np.zeros(int(kinds[-1]) + 1 if kinds.size else 1, dtype=np.intp)
+        place[kinds] = np.arange(kinds.size)
         keys = [(lengths.distinct[each // DEGREES], each % DEGREES) for each in kinds.tolist()]
-        row_of_kind[kinds] = self._curves.rows(keys)
-        return self._curves.between(snr_db, row_of_kind[kind])
+        return self._curves.between(snr_db, self._curves.rows(keys, place[kind]))
 
     def _make_curve(self, kind: tuple[int, int]) -> tuple[int, FloatArray]:
         """Return the averages for a length and an elevation in degrees, and where on the grid they begin."""

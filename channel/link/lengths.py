@@ -28,9 +28,12 @@ class Lengths(NamedTuple):
 
     @classmethod
     def of(cls, length_bytes: NDArray[np.int64], packet: NDArray[np.intp]) -> Lengths:
-        """Return the lengths of links, from those of packets and the row of each link's packet."""
+        """Return the lengths of links, from those of packets, at least one, and the row of each link's packet."""
+        first = length_bytes[0]
+        if np.count_nonzero(length_bytes == first) == length_bytes.size:
+            return cls((int(first),), 0)
         distinct, which = np.unique(length_bytes, return_inverse=True)
-        return cls(tuple(distinct.tolist()), 0 if len(distinct) == 1 else which[packet])
+        return cls(tuple(distinct.tolist()), which[packet])
 
     def at(self, links: NDArray[np.intp]) -> Lengths:
         """Return the lengths of some of the links."""

@@ -39,13 +39,14 @@ class PerTable:
     def per(self, snr_db: FloatArray, lengths: Lengths) -> FloatArray:
         """Return the rate at SNRs that are whole steps of 0.001 dB."""
         if self._is_tabled(lengths, snr_db.size):
-            rows = self._tables.rows(lengths.distinct)
-            which = int(rows[0]) if isinstance(lengths.which, int) else rows[lengths.which]
+            which = self._tables.rows(lengths.distinct, lengths.which)
             return self._tables.at_steps(np.rint(snr_db * STEPS_PER_DB), which)
         return in_steps(self._per(snr_db, lengths.bytes_each), STEPS_PER_ONE)
 
     def hopeless_below_db(self, lengths: Lengths) -> FloatArray | float:
         """Return an SNR of each link up to which the rate is 1 for certain, dB; -inf if there is none."""
+        if isinstance(lengths.which, int):
+            return self._hopeless_db(lengths.distinct[0])
         return lengths.each(np.array([self._hopeless_db(length) for length in lengths.distinct]))
 
     def _hopeless_db(self, length: int) -> float:

@@ -25,6 +25,8 @@ from channel.propagation.atmosphere import ItuAtmosphere
 from channel.propagation.diffraction import bulge_loss_db
 
 States = tuple[bool | NDArray[np.bool_], ...]
+OF_RECEIVER = ("offset_db", "noise", "bandwidth_hz", "interference", "bursts", "base_loss")
+"""What is the receiver's on a link between two radios, beside its antenna and cable."""
 MAX_WAY_M = 1e12
 """Farther than any radio, and near enough that squares do not overflow."""
 MAX_FREQUENCY_HZ = 1e12
@@ -40,7 +42,7 @@ class Delivery:
 
 
 class Radio:
-    """The physics of one radio configuration; the same at both ends.
+    """The physics of one radio configuration; the same at both ends, unless made by `towards`.
 
     Args:
         config: the radio, see `presets.load_radio`.
@@ -66,6 +68,32 @@ class Radio:
             or bool(config.interference.interferers)
             or getattr(config.propagation, "needs_places", False)
         )
+
+    def towards(self, receiver: Radio) -> Radio:
+        """Return the physics of links on which this radio transmits to another one.
+
+        Power, antenna and cable of the transmitter, its modulation, bit rate and framing, and the way (path loss,
+        atmosphere, shadowing, fading, polarisation) are as this radio has them. Antenna, cable, offset, noise, noise
+        bandwidth, interference, bursts and base loss are the receiver's. The shorter of two ranges holds.
+
+        Raises:
+            ChannelInputError: the receiver is on another frequency.
+        """
+        here, there = self.config, receiver.config
+        if here == there:
+            return self
+        if here.frequency_hz != there.frequency_hz:
+            allowed = f"{here.frequency_hz:g}, the frequency of {here.name}: radios of one run share it"
+            raise ChannelInputError(f"frequency_hz of {there.name}", there.frequency_hz, allowed)
+        ranges_m = [each.max_range_m for each in (here, there) if each.max_range_m is not None]
+        of_receiver = {name: getattr(there, name) for name in OF_RECEIVER}
+        ends = {
+            "name": f"{here.name} to {there.name}",
+            "receive_antenna": there.receiving_antenna,
+            "receive_cable_loss_db": there.receiving_cable_loss_db,
+            "max_range_m": min(ranges_m, default=None),
+        }
+        return Radio(here.model_copy(update=of_receiver | ends))
 
     def length_bytes(self, payload_bytes: int) -> int:
         """Return the length that the error model counts for a payload of `payload_bytes`.
@@ -212,7 +240,8 @@ class Radio:
             )
         if config.cable_loss_db:
             terms.append(BudgetTerm("transmit_cable_db", -config.cable_loss_db))
-            terms.append(BudgetTerm("receive_cable_db", -config.cable_loss_db))
+        if config.receiving_cable_loss_db:
+            terms.append(BudgetTerm("receive_cable_db", -config.receiving_cable_loss_db))
         return (*terms, BudgetTerm("offset_db", config.offset_db))
 
     def budget(self, path: Path) -> tuple[BudgetTerm, ...]:
@@ -286,7 +315,7 @@ class Radio:
         gain_db = self.config.receiving_antenna.towards_db(to_body(attitude, -way.way_ned))
         offset_hz = 0.0 if interferer.frequency_hz is None else carrier - self.config.frequency_hz
         way = with_reflection(way, self.config.propagation, None, self.config.receiving_antenna)
-        received_db = gain_db + self.config.offset_db - self.config.cable_loss_db
+        received_db = gain_db + self.config.offset_db - self.config.receiving_cable_loss_db
         kept_db = received_db - self.config.interference.rejection_db(offset_hz)
         return np.asarray(interferer.power_dbm + kept_db - self._loss_db(way))
 

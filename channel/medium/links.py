@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,7 @@ from channel.medium.reception import Packets
 Indices = NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True)
-class Links:
+class Links(NamedTuple):
     """L links of one pass.
 
     Attributes:
@@ -50,8 +49,7 @@ class Links:
 
     def at(self, links: Indices) -> Links:
         """Return some of the links."""
-        return replace(
-            self,
+        return self._replace(
             packet=self.packet[links],
             tx=self.tx[links],
             rx=self.rx[links],

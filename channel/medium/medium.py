@@ -8,7 +8,7 @@ and receptions come out as columns: all that can be settled is settled in one pa
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ __all__ = ["EVERYBODY", "FATES", "Fate", "Medium", "Packets", "Receptions"]
 
 MAX_TRUTH_AGE_NS = 1_000_000_000
 MAX_LENGTH_BYTES = 1 << 24
+WHOLE = np.dtype(np.int64)
 
 Which = str | Sequence[str] | NDArray[np.intp]
 """A node's name, or names or indices of several nodes."""
@@ -34,7 +35,7 @@ class Medium:
     """One radio channel shared by a fixed set of nodes.
 
     Args:
-        radio: the same at every node.
+        radio: the same at every node, or that of each node by its name; all on one frequency.
         seed: the run's seed.
         nodes: names of all nodes; every other node is an intended receiver of each packet to everybody.
         max_truth_age_ns: how far a node's truth may lag behind the newest before it is used as it is.
@@ -43,26 +44,38 @@ class Medium:
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
         index: of each name.
+        radios: of each node.
+
+    Raises:
+        ChannelInputError: names that are not distinct, a node without a radio, radios on several frequencies.
     """
 
     def __init__(
         self,
-        radio: Radio,
+        radio: Radio | Mapping[str, Radio],
         *,
         seed: int,
         nodes: Iterable[str],
         max_truth_age_ns: int = MAX_TRUTH_AGE_NS,
         judge: Judge | None = None,
     ) -> None:
-        self.radio = radio
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
         if len(self.index) != len(self.nodes):
             raise ChannelInputError("nodes", self.nodes, "names that differ")
         self.draws = Draws(check_seed(seed))
         self._tracks = Tracks(len(self.nodes), max_truth_age_ns)
-        self._settling = Settling(radio, LinkDraws(self.draws, self.nodes), self._tracks, judge=judge)
+        self.radios = tuple(self._radio_of(node, radio) for node in self.nodes)
+        self._settling = Settling(self.radios, LinkDraws(self.draws, self.nodes), self._tracks, judge=judge)
         self._waiting: list[Packets] = []
+
+    @staticmethod
+    def _radio_of(node: str, radio: Radio | Mapping[str, Radio]) -> Radio:
+        if isinstance(radio, Radio):
+            return radio
+        if node not in radio:
+            raise ChannelInputError("radio", ", ".join(radio), f"a radio for each node, {node} too")
+        return radio[node]
 
     @property
     def in_flight(self) -> int:
@@ -148,8 +161,9 @@ class Medium:
         _within("seq", packets.seq, 0, MAX_SEQ)
         _within("length_bytes", packets.length_bytes, 0, MAX_LENGTH_BYTES)
         _within("sim_time_ns", packets.sim_time_ns, -FOREVER, FOREVER)
-        if (packets.to == packets.tx).any():
-            node = int(packets.tx[packets.to == packets.tx][0])
+        to_itself = packets.to == packets.tx
+        if np.count_nonzero(to_itself):
+            node = int(packets.tx[to_itself][0])
             raise ChannelInputError("to", self.nodes[node], "a node other than the transmitter")
         if packets.size:
             self._waiting.append(packets)
@@ -160,7 +174,10 @@ class Medium:
             return self._settling.receptions(NO_PACKETS)
         waiting = Packets.joined(self._waiting)
         ready = waiting.sim_time_ns <= self._tracks.frontier_ns()
-        self._waiting = [] if ready.all() else [waiting.at(~ready)]
+        if np.count_nonzero(ready) == ready.size:
+            self._waiting = []
+            return self._settling.receptions(waiting.in_order())
+        self._waiting = [waiting.at(~ready)]
         return self._settling.receptions(waiting.at(ready).in_order())
 
     def flush(self) -> Receptions:
@@ -203,8 +220,11 @@ def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
 
 def _within(name: str, values: NDArray[np.int64] | NDArray[np.intp], low: int, high: int) -> None:
     """Refuse columns that are not of whole numbers in a range."""
-    if values.dtype.kind != "i":
-        raise ChannelInputError(name, f"array of {values.dtype}", "an array of integers")
-    if values.size and not (low <= int(values.min()) and int(values.max()) <= high):
+    if values.dtype != WHOLE:
+        raise ChannelInputError(name, f"array of {values.dtype}", "an array of integers of 64 bits")
+    above_low = (values - low if low else values).view(
+        np.uint64
+    )  # what is below it wraps round to large numbers
+    if values.size and np.maximum.reduce(above_low) > high - low:
         bad = values[(values < low) | (values > high)]
         raise ChannelInputError(name, int(bad[0]), f"an integer from {low} to {high}")

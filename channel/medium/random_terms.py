@@ -9,7 +9,6 @@ draws; one that lasts over time or place is a field over both, see `channel.fadi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import inf
 from typing import NamedTuple
 
@@ -172,8 +171,7 @@ def _ends_at(links: Links, rows: Indices) -> Links:
     assert path.position_tx_ned_m is not None
     assert path.position_rx_ned_m is not None
     velocities = links.velocity_tx_ned_mps, links.velocity_rx_ned_mps
-    return replace(
-        links,
+    return links._replace(
         packet=links.packet[rows],
         tx=links.tx[rows],
         rx=links.rx[rows],

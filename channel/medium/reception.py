@@ -59,11 +59,15 @@ class Packets(NamedTuple):
 
     def in_order(self) -> Packets:
         """Return the packets in canonical order."""
+        if self.size < 2:
+            return self
         return self.at(np.lexsort((self.seq, self.tx, self.sim_time_ns)))
 
     @classmethod
     def joined(cls, parts: list[Packets]) -> Packets:
         """Return the packets of all parts."""
+        if len(parts) == 1:
+            return parts[0]
         return cls(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 

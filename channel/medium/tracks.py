@@ -41,6 +41,29 @@ class Snapshot(NamedTuple):
     velocity_ned_mps: FloatArray | None
 
 
+class _Spans(NamedTuple):
+    """The samples before and after instants, of all nodes; both are the same one where a node stands.
+
+    Attributes:
+        low_ns: the spans hold for instants after it ...
+        high_ns: ... and up to this one.
+        start_ns: of the earlier samples, shape (instants, nodes).
+        per_ns: 1 over the length of the span, 0 of a node that stands.
+        base: the earlier samples, shape (columns, instants, nodes).
+        change: from there to the later ones.
+    """
+
+    low_ns: int
+    high_ns: int
+    start_ns: Times
+    per_ns: FloatArray
+    base: FloatArray
+    change: FloatArray
+
+
+NO_SPANS = _Spans(FOREVER, NEVER, np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
 class Tracks:
     """The recent truth of a fixed set of nodes, in one common north-east-down frame.
 
@@ -48,6 +71,10 @@ class Tracks:
         count: how many nodes.
         max_age_ns: a node whose newest truth is older than the newest of all by more than this is taken to
             stand where it was last seen.
+
+    Attributes:
+        known: which nodes were ever seen, shape (nodes,).
+        all_known: whether all of them were.
     """
 
     def __init__(self, count: int, max_age_ns: int) -> None:
@@ -55,16 +82,15 @@ class Tracks:
         self._nodes = np.arange(count)
         self._held = np.zeros(count, dtype=np.intp)
         self._times = np.zeros((count, FIRST_SAMPLES), dtype=np.int64)
-        self._rows = np.zeros((count, FIRST_SAMPLES, COLUMNS))
+        self._rows = np.zeros((COLUMNS, count, FIRST_SAMPLES))
         self._newest = np.full(count, NEVER, dtype=np.int64)
         self._first_ns: int | None = None
         self._newest_ns = NEVER
         self._frontier_ns = NEVER
-
-    @property
-    def known(self) -> NDArray[np.bool_]:
-        """Which nodes were ever seen."""
-        return self._held > 0
+        self._moved = False
+        self._spans = NO_SPANS
+        self.known = np.zeros(count, dtype=bool)
+        self.all_known = False
 
     def observe(self, nodes: Indices, sim_time_ns: Times | int, rows: FloatArray) -> None:
         """Take in one truth sample of each of some nodes; one that is not newer than the node's newest is left out.
@@ -84,38 +110,48 @@ class Tracks:
             self._make_room()
         at = self._held[nodes]
         self._times[nodes, at] = times
-        self._rows[nodes, at] = _nearer(rows, self._rows[nodes, np.maximum(at - 1, 0)])
+        self._rows[:, nodes, at] = _nearer(rows.T, self._rows[:, nodes, np.maximum(at - 1, 0)])
         self._held[nodes] = at + 1
         self._newest[nodes] = times
         if self._first_ns is None:
             self._first_ns = int(times[0])
         self._newest_ns = max(self._newest_ns, int(times.max()))
+        self._changed(nodes)
 
     def place(self, node: int, row: FloatArray) -> None:
         """Put a node where it stays for good."""
-        self._times[node, 0], self._rows[node, 0], self._held[node] = 0, row, 1
+        self._times[node, 0], self._rows[:, node, 0], self._held[node] = 0, row, 1
         self._newest[node] = FOREVER
+        self._changed(node)
+
+    def _changed(self, nodes: Indices | int) -> None:
+        self._moved, self._spans = True, NO_SPANS
+        if not self.all_known:
+            self.known[nodes] = True
+            self.all_known = bool(self.known.all())
 
     def _make_room(self) -> None:
         """Double the samples that can be held, or drop the older half of those of each node that has its fill."""
         held = self._times.shape[1]
         if held < 2 * KEPT_SAMPLES:
             self._times = np.concatenate((self._times, np.zeros_like(self._times)), axis=1)
-            self._rows = np.concatenate((self._rows, np.zeros_like(self._rows)), axis=1)
+            self._rows = np.concatenate((self._rows, np.zeros_like(self._rows)), axis=2)
             return
         full = np.flatnonzero(self._held == held)
         self._times[full, : held // 2] = self._times[full, held // 2 :]
-        self._rows[full, : held // 2] = self._rows[full, held // 2 :]
+        self._rows[:, full, : held // 2] = self._rows[:, full, held // 2 :]
         self._held[full] = held // 2
 
     def frontier_ns(self) -> int:
         """Return the latest instant at which every node that still reports is known; it never goes back."""
-        horizon = self._newest_ns - self._max_age_ns
-        waited_for = self._newest >= horizon
-        if self._first_ns is None or self._first_ns >= horizon:
-            waited_for |= self._newest == NEVER
-        frontier = int(self._newest.min(initial=FOREVER, where=waited_for)) if waited_for.any() else NEVER
-        self._frontier_ns = max(self._frontier_ns, frontier)
+        if self._moved:
+            self._moved = False
+            horizon = self._newest_ns - self._max_age_ns
+            waited_for = self._newest >= horizon
+            if self._first_ns is None or self._first_ns >= horizon:
+                waited_for |= self._newest == NEVER
+            frontier = int(np.min(self._newest, initial=FOREVER, where=waited_for))
+            self._frontier_ns = max(self._frontier_ns, frontier if waited_for.any() else NEVER)
         return self._frontier_ns
 
     def at(self, instants_ns: Times, *, attitude: bool = False, velocity: bool = False) -> Snapshot:
@@ -126,24 +162,41 @@ class Tracks:
         stands.
 
         Args:
-            instants_ns: shape (U,).
+            instants_ns: shape (U,), rising.
             attitude: whether attitudes are wanted.
             velocity: whether velocities are.
         """
+        spans = self._spans
+        if not spans.low_ns < instants_ns[0] <= instants_ns[-1] <= spans.high_ns:
+            spans = self._spans_at(instants_ns)
+        columns = slice(0, COLUMNS) if attitude else POSITION
+        weight = (instants_ns[:, np.newaxis] - spans.start_ns) * spans.per_ns
+        moved = (spans.base[columns] + weight * spans.change[columns]).reshape(-1, weight.size)
+        speed = None
+        if velocity:
+            per_second = spans.change[POSITION] * (spans.per_ns * NS_PER_S)
+            speed = np.broadcast_to(per_second, (3, *weight.shape)).reshape(3, weight.size)
+        return Snapshot(moved[POSITION], _unit(moved[ATTITUDE]) if attitude else None, speed)
+
+    def _spans_at(self, instants_ns: Times) -> _Spans:
+        """Return the spans of all nodes around instants; if they are the same for all of these, they are kept."""
         after = self._after(instants_ns)
+        shared = bool((after == after[0]).all())
+        if shared:
+            after = after[:1]
         moving = (after > 0) & (after < self._held)
         left = np.where(moving, after - 1, np.minimum(after, np.maximum(self._held - 1, 0)))
         right = np.where(moving, after, left)
-        columns = COLUMNS if attitude else POSITION.stop
-        base = self._rows[self._nodes, left, :columns]
-        change = self._rows[self._nodes, right, :columns] - base
-        start_ns = self._times[self._nodes, left]
-        span_ns = self._times[self._nodes, right] - start_ns
-        per_ns = np.where(moving, 1.0 / np.maximum(span_ns, 1), 0.0)
-        weight = (np.clip(instants_ns, -FOREVER, FOREVER)[:, np.newaxis] - start_ns) * per_ns
-        moved = _columns(base + weight[..., np.newaxis] * change)
-        speed = _columns(change[..., POSITION] * (per_ns * NS_PER_S)[..., np.newaxis]) if velocity else None
-        return Snapshot(moved[POSITION], _unit(moved[ATTITUDE]) if attitude else None, speed)
+        base = self._rows[:, self._nodes, left]
+        change = self._rows[:, self._nodes, right] - base
+        start_ns, end_ns = self._times[self._nodes, left], self._times[self._nodes, right]
+        low_ns = np.where(after > 0, start_ns, NEVER).max()
+        high_ns = np.where(after < self._held, end_ns, FOREVER).min()
+        per_ns = np.where(moving, 1.0 / np.maximum(end_ns - start_ns, 1), 0.0)
+        spans = _Spans(int(low_ns), int(high_ns), start_ns, per_ns, base, change)
+        if shared:
+            self._spans = spans
+        return spans
 
     def _after(self, instants_ns: Times) -> Indices:
         """Return how many samples of each node are older than each instant, shape (instants, nodes)."""
@@ -167,18 +220,13 @@ class Tracks:
         return after
 
 
-def _columns(rows: FloatArray) -> FloatArray:
-    """Return shape (..., columns) as (columns, everything else)."""
-    return np.ascontiguousarray(rows.reshape(-1, rows.shape[-1]).T)
-
-
 def _nearer(rows: FloatArray, previous: FloatArray) -> FloatArray:
-    """Return samples with their quaternions in the sign that is nearer to those before them."""
-    product = rows[:, ATTITUDE] * previous[:, ATTITUDE]
-    away = product[:, 0] + product[:, 1] + product[:, 2] + product[:, 3] < 0.0
+    """Return samples, shape (columns, nodes), with their quaternions in the sign that is nearer to those before."""
+    product = rows[ATTITUDE] * previous[ATTITUDE]
+    away = product[0] + product[1] + product[2] + product[3] < 0.0
     if away.any():
         rows = rows.copy()
-        rows[away, ATTITUDE] *= -1.0
+        rows[ATTITUDE, away] *= -1.0
     return rows
 
 

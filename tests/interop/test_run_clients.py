@@ -12,9 +12,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def test_mavsdk_finds_ua_0_and_its_position(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+@pytest.mark.parametrize("way", ["tcp", "udp"])
+def test_mavsdk_finds_ua_0_and_its_position(
+    tmp_path: Path, free_slot: Callable[[int], int], way: str
+) -> None:
     pytest.importorskip("mavsdk", reason="no mavsdk: pip install mavsdk")
     slot = free_slot(2)
+    assert slot >= 10, "else the UDP port is another one"
     command = [sys.executable, "-m", "bridge.cli.main", "run", "--speed", "1", "--out", str(tmp_path)]
     command += ["--first-slot", str(slot), "--zenoh-port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
@@ -24,7 +28,7 @@ def test_mavsdk_finds_ua_0_and_its_position(tmp_path: Path, free_slot: Callable[
         watch = [
             sys.executable,
             str(ROOT / "examples" / "mavsdk_watch.py"),
-            f"tcpout://127.0.0.1:{6760 + 10 * slot}",
+            f"tcpout://127.0.0.1:{6760 + 10 * slot}" if way == "tcp" else f"udpin://127.0.0.1:{14600 + slot}",
         ]
         with subprocess.Popen(watch, stdout=subprocess.PIPE, text=True) as client:
             assert client.stdout is not None

@@ -1,6 +1,7 @@
 """One client's abuse must not be noticed by the others: processes, sockets, and a witness's clock."""
 
 import asyncio
+import json
 import socket
 import sys
 import time
@@ -10,6 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.daemon import Daemon, DaemonConfig
+from benchmarks import bench_aps_routers
 from benchmarks.bench_aps_fairness import ABUSES, LIMIT_GAP_MS, LIMIT_GROWTH_MB, RATE_HZ, measure
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
@@ -48,6 +50,14 @@ async def test_no_turn_of_the_event_loop_takes_long(autopilot, connect, abuse):
         totals = daemon.statistics()
         shown = {**totals["client_totals"], "turned_away": totals["turned_away"]}
         assert shown[SHOWN[abuse]] > 0
+
+
+@pytest.mark.slow
+def test_the_benchmark_of_routers_in_short(capsys):
+    bench_aps_routers.main(["--rounds", "1", "--seconds", "1"])
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["routers"]["aps"]["arrived"] > 0.99
+    assert 0.0 < told["idle_cores"] < bench_aps_routers.LIMIT_CORES
 
 
 SHOWN = {

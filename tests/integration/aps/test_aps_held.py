@@ -369,3 +369,17 @@ async def test_udp_output_is_no_input_until_its_peer_speaks(fly, make_udp_peer):
 async def test_a_tcp_link_of_wall_time_is_refused_for_a_held_autopilot():
     with pytest.raises(ValueError, match="a held autopilot has one link, tcp:HOST:PORT, not 'serial:/dev/x'"):
         HeldDaemon(DaemonConfig(autopilot="serial:/dev/x", sysid=2))
+
+
+async def test_what_a_links_rules_keep_out_is_no_input(fly, make_udp_peer, eventually):
+    peer = await make_udp_peer()
+    async with fly(links=(f"udp-out:127.0.0.1:{peer.port},read-only",)) as flight:
+        flight.exchange_until(lambda: flight.daemon.state.mode)
+        await peer.next("HEARTBEAT")
+        peer.send(GUIDED)
+        (link,) = flight.daemon.links.clients.values()
+        await eventually(lambda: link.counters.dropped_in == 1)
+        for _ in range(20):
+            flight.exchange()
+        assert flight.inputs == {}
+        assert flight.daemon.state.mode != "GUIDED"

@@ -244,3 +244,39 @@ async def test_statistics_of_a_link(autopilot, make_udp_peer, eventually):
         told = daemon.statistics()["clients"][0]
         assert (told["up"], told["lost_in"], told["role"]) == (True, 2, Role.CLIENT.value)
         await eventually(lambda: daemon.statistics()["autopilot_links"][0]["rate_in_hz"] > 50)
+
+
+async def test_autopilot_killed_and_restarted_ten_times_under_three_clients(
+    autopilot, connect, make_udp_peer, eventually
+):
+    peer = await make_udp_peer()
+    async with Daemon(config(autopilot, f"udp-out:127.0.0.1:{peer.port}")) as daemon:
+        clients = [await connect(daemon.listen_port), await connect(daemon.listen_port, 254), peer]
+        for client in clients:
+            await client.next("ATTITUDE")
+        clients[0].send(mavlink.MAVLink_command_long_message(2, 1, 511, 0, 30, 20_000, 0, 0, 0, 0, 0))
+        await eventually(lambda: autopilot.intervals_us.get(30) == 20_000)
+        links = set(daemon.links.clients)
+        for restart in range(10):
+            await autopilot.stop()
+            await eventually(lambda: not daemon.link_up)
+            autopilot.boot()
+            before_s = asyncio.get_running_loop().time()
+            await autopilot.start()
+            await asyncio.wait_for(daemon.wait_heard(), 3.0)
+            await eventually(lambda: autopilot.intervals_us.get(30) == 20_000, 3.0)
+            assert asyncio.get_running_loop().time() - before_s < 3.0
+            for client in clients:
+                await client.next("ATTITUDE", lambda message: message.time_boot_ms < 60_000)
+            assert autopilot.connections == restart + 2
+        assert set(daemon.links.clients) == links
+
+
+async def test_state_is_stale_while_the_autopilot_is_away(autopilot, eventually, monkeypatch):
+    monkeypatch.setattr("aps.vehicle.telemetry.CONNECTED_S", 0.3)
+    async with Daemon(config(autopilot)) as daemon:
+        await eventually(lambda: daemon.state.connected)
+        await autopilot.stop()
+        await eventually(lambda: not daemon.state.connected)
+        assert daemon.state.heartbeat_age_s > 0.3
+        assert daemon.statistics()["autopilot_links"] == []

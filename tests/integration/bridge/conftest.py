@@ -18,6 +18,9 @@ from typing import Any
 import psutil
 import pytest
 
+from bridge.bus.session import Session
+from bridge.run.access import access_of
+
 LOSTLINK = [sys.executable, "-m", "bridge.cli.main"]
 STILL = """\
 schema: 1
@@ -91,6 +94,10 @@ class Run:
     def children(self) -> list[psutil.Process]:
         """All processes below it."""
         return psutil.Process(self.process.pid).children(recursive=True)
+
+    def join(self, identity: str) -> Session:
+        """A client of its router, as one of its identities."""
+        return access_of(self.directory, identity).open()
 
     @property
     def endpoint(self) -> str:

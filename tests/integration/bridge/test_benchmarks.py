@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from benchmarks import bench_messages, bench_record
+from benchmarks import bench_access, bench_messages, bench_record
 
 
 def test_messages_are_coded_beside_rosbags(capsys: pytest.CaptureFixture[str]) -> None:
@@ -20,3 +20,10 @@ def test_a_million_receptions_would_cost_under_20_mb(capsys: pytest.CaptureFixtu
     assert found["rows"] == 39_900
     assert found["append_ns"] > 0
     assert found["parquet_bytes"] < 20.0
+
+
+def test_access_is_measured() -> None:
+    (row,) = bench_access.main(["--receivers", "2", "--packets", "100", "--rounds", "1", "--json"])["rows"]
+    assert row["rules"] > 40
+    assert 0 < row["ratio"] < 10
+    assert row["refused_us"] > 0

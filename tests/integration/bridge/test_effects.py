@@ -14,7 +14,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from bridge.bus.keys import Keys
-from bridge.bus.session import open_client
 from bridge.record import names
 from bridge.record.provenance import read_provenance
 from bridge.record.streams import read_stream
@@ -108,7 +107,7 @@ def test_what_could_not_be_read_is_told_in_the_summary(start_run: StartRun, tmp_
         scenario=f"{head}{babbler}{tail}".replace("moon2020", "perfect"), duration_s=10.0, speed="4"
     )
     run.wait_for("sim time")
-    with open_client(run.endpoint) as session:
+    with run.join("physics") as session:
         keys = Keys(run.directory.name)
         session.put_bytes(keys.clock_exchange, b"garbage", must_arrive=True)
         assert run.finish() == 0, run.output.decode()

@@ -131,7 +131,7 @@ async def test_an_operators_command_is_repeated(
 ) -> None:
     run = start_run(speed="6", duration_s=30.0)
     run.wait_for("sim time")
-    async with connect_ua(run.endpoint, run.directory.name, "1") as ua:
+    async with connect_ua(run.directory, "1") as ua:
         await ua.wait_for(lambda state: state.mode != "", timeout_s=20)
         await ua.set_mode("GUIDED")
         await ua.wait_for(lambda state: state.ready_to_arm, timeout_s=60)

@@ -16,8 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from bridge.bus.keys import Keys
-from bridge.bus.messages import Header, Truth, Vector3
-from bridge.bus.session import open_client
+from bridge.bus.session import Stamp
 from bridge.record.tables.schema import DELIVERIES
 from bridge.scenario.file import SCENARIOS
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
@@ -119,17 +118,15 @@ def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> Non
     run = start_run(duration_s=15.0)
     run.wait_for("sim time")
     keys = Keys(run.directory.name)
-    nan = float("nan")
-    with open_client(run.endpoint) as session:
-        session.put(
-            keys.truth("0"), Truth(Header.at(0, "0"), position_ned_m=Vector3(nan, nan, nan)), must_arrive=True
-        )
-        session.put_bytes(keys.answer("0"), b"garbage", must_arrive=True)
-        session.put_bytes(keys.tx("0", "team"), b"from a guest", must_arrive=True)
-        session.put_bytes(keys.tx("9", "team"), b"from nobody", must_arrive=True)
+    stamp = Stamp(1_000_000, 0).to_bytes()
+    with run.join("physics") as physics, run.join("host-0") as host, run.join("node-0") as node:
+        physics.put_bytes(keys.tick("truths"), b"garbage", must_arrive=True)
+        host.put_bytes(keys.answer("0"), b"garbage", must_arrive=True)
+        node.put_bytes(keys.tx("0", "team"), b"without a stamp", must_arrive=True)
+        node.put_bytes(keys.tx("0", "team", to="9"), b"to nobody", attachment=stamp, must_arrive=True)
     assert run.finish() == 0, run.output.decode()
     summary = run.summary
-    assert summary["refused"] == {"malformed": 2, "not_the_agent": 1, "unknown_node": 1}
+    assert summary["refused"] == {"malformed": 2, "without_stamp": 1, "unknown_address": 1}
     assert all(set(link["lost"]) <= {"channel_erasure"} for link in summary["links"])
 
 

@@ -30,12 +30,12 @@ def test_outputs_reach_whoever_listens_and_change_nothing(start_run: StartRun) -
             senders |= {message.get_srcSystem() for message in messages if message.get_type() == "HEARTBEAT"}
     assert senders == {1, 2}
     summary = told.summary
-    assert summary["counters"]["ua-0"]["mavlink.client_totals.frames_out"] > 100
+    assert summary["counters"]["node-0"]["mavlink.client_totals.frames_out"] > 100
     quiet = start_run("--udp-out", "none", duration_s=5.0)
     assert quiet.finish() == 0, quiet.output.decode()
     without = quiet.summary
     assert without["digest"] == summary["digest"]
-    assert "mavlink.client_totals.frames_out" not in without["counters"]["ua-0"]
+    assert "mavlink.client_totals.frames_out" not in without["counters"]["node-0"]
     logs = [next((run.directory / "tlog").glob("0-*.tlog")) for run in (told, quiet)]
     assert logs[0].read_bytes() == logs[1].read_bytes()
     log = mavutil.mavlink_connection(str(logs[0]))

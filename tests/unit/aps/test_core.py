@@ -212,3 +212,32 @@ def test_deadline_of_the_core_includes_the_silence():
     bench = flying(silence_s=0.25)
     bench.wait(0.0)  # our heartbeat is sent
     assert bench.core.deadline_ns() == S // 4
+
+
+def test_the_autopilots_words_on_streams_that_it_lacks_reach_nobody_who_did_not_ask():
+    bench = Bench({VFR_HUD: 5.0})
+    queue = Kept()
+    texts = []
+    bench.core.vehicle.texts = texts.append
+    bench.client(1, queue)
+    bench.heartbeat()
+    bench.say(no_stream(VFR_HUD), mavlink.MAVLink_statustext_message(6, b"No ap_message for mavlink id (30)"))
+    bench.ack(SET_MESSAGE_INTERVAL, FAILED)
+    bench.say(no_stream(VFR_HUD))  # it may come after the acknowledgement
+    told = [message.text for message in queue.messages if message.get_type() == "STATUSTEXT"]
+    assert told == ["No ap_message for mavlink id (30)"]
+    assert [text.text for text in texts] == told
+    assert bench.core.statistics()["hub"]["kept"] == 2
+
+
+def no_stream(number):
+    return mavlink.MAVLink_statustext_message(6, b"No ap_message for mavlink id (%d)" % number)
+
+
+class Kept:
+    def __init__(self):
+        self.parser = mavlink.MAVLink(None)
+        self.messages = []
+
+    def put(self, frame):
+        self.messages += self.parser.parse_buffer(frame)

@@ -70,8 +70,8 @@ def test_a_medium_uses_it(mine):
     medium = Medium(Radio(presets.load_radio(mine / "mine.yaml")), seed=1, nodes=("a", "b"))
     medium.place("a", (0.0, 0.0, -40.0))
     medium.place("b", (100.0, 0.0, -40.0))
-    (reception,) = medium.transmit("a", 0, 0, 10)
-    assert reception.received_power_dbm == pytest.approx(18.0 + 2 * 2.3 - 100.0)
+    medium.send(medium.packets(tx="a", seq=0, length_bytes=10))
+    assert medium.settle().received_power_dbm[0] == pytest.approx(18.0 + 2 * 2.3 - 100.0)
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ class Bench:
 
     def say(self, name, data, now_ns=S):
         link = self.links[name]
-        self.hub.receive(link.framer.receive(data), link, now_ns)
+        self.hub.receive(link.receive(data, now_ns), link, now_ns)
 
     def sent(self):
         """What has gone out since the last call: link -> bytes."""

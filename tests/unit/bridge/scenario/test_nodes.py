@@ -42,7 +42,10 @@ def test_roles_follow_from_kind_and_agent() -> None:
 
 
 def test_what_is_read_back_is_the_same() -> None:
-    it = scenario("{id: gcs, kind: ground, place: {north_m: 7}, radio: corrected, agent: {type: free}}")
+    it = scenario(
+        "{id: gcs, kind: ground, place: {north_m: 7}, radio: corrected, agent: {type: free}}",
+        "{id: van, kind: ground, track: [{sim_time_s: 0}, {sim_time_s: 3, north_m: 4}], agent: {type: still}}",
+    )
     assert Scenario.from_yaml(it.to_yaml()) == it
 
 

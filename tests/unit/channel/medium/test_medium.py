@@ -154,8 +154,8 @@ def test_ledger_finds_what_does_not_balance():
         (lambda m: m.observe("0", 0, (math.nan, 0, 0)), "position_ned_m"),
         (lambda m: m.observe("0", 0, (0, 0)), "position_ned_m"),
         (lambda m: m.observe("0", 0, (0, 0, 0), attitude_wxyz=(0, 0, 0, 0)), "attitude_wxyz"),
-        (lambda m: Medium(m.radio, seed=1.5, nodes="ab"), "seed"),
-        (lambda m: Medium(m.radio, seed=1, nodes="aa"), "nodes"),
+        (lambda m: Medium(radio(), seed=1.5, nodes="ab"), "seed"),
+        (lambda m: Medium(radio(), seed=1, nodes="aa"), "nodes"),
     ],
 )
 def test_mistakes_of_the_caller_are_named(call, name):

@@ -104,7 +104,9 @@ def placed(radio, places_m, *, cull, attitudes=None):
     for node, row in enumerate(truth_rows(places_m, attitudes)):
         if node != 3:  # the one that is never seen
             tracks.place(node, row)
-    settling = Settling(radio, LinkDraws(Draws(2), [str(i) for i in range(count)]), tracks, cull=cull)
+    settling = Settling(
+        [radio] * count, LinkDraws(Draws(2), [str(i) for i in range(count)]), tracks, cull=cull
+    )
     tx, seq = np.divmod(np.arange(40 * count), 40)
     length = 20 + 300 * (seq % 3)
     return settling.receptions(Packets(100_000_000 * seq, tx, seq, length, np.full_like(tx, -1)).in_order())

@@ -81,11 +81,15 @@ def test_telemetry_ends_near_its_horizon():
 
 
 def test_a_medium_has_it_too():
-    radio = Radio(load_radio("corrected", {"shadowing": {"model": "none"}}))
+    changes = {
+        "shadowing": {"model": "none"},
+        "noise": {"model": "fixed", "floor_dbm": -330.0},
+    }  # else nobody would look at its power
+    radio = Radio(load_radio("corrected", changes))
     medium = Medium(radio, seed=1, nodes=["a", "b"])
     medium.place("a", (0.0, 0.0, -40.0))
     medium.place("b", (80_000.0, 0.0, -40.0))
-    (reception,) = medium.transmit("a", 0, 0, 40)
-    assert reception.received_power_dbm == pytest.approx(
+    medium.send(medium.packets(tx="a", seq=0, length_bytes=40))
+    assert medium.settle().received_power_dbm[0] == pytest.approx(
         float(radio.link(80_000.0).received_power_dbm), abs=6e-4
     )

@@ -1,0 +1,143 @@
+"""MAVLink 2 signing of one link: frames are signed on the way out and verified on the way in. No I/O.
+
+Source: mavlink.io, "Message Signing". The signature is link id, timestamp (10 us since 2015, six bytes) and the first
+six bytes of SHA-256 over key, frame, link id and timestamp. A timestamp counts once per sender and link id, and a
+sender that is new may not be more than a minute behind.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from fastcrc.crc16 import mcrf4xx
+
+from aps.wire.dialect import CRC_EXTRA
+from aps.wire.framer import CRC_BYTES, INCOMPAT_SIGNED, MAGIC_V2, SIGNATURE_BYTES, Frame
+
+__all__ = ["KEY_BYTES", "Signing", "SigningCounters", "read_key"]
+
+KEY_BYTES: Final = 32
+EPOCH_UNIX_US: Final = 1_420_070_400_000_000
+"""2015-01-01, from which timestamps count."""
+UNIT_US: Final = 10
+OLDEST_UNITS: Final = 60_000_000 // UNIT_US
+"""How far behind the first frame of a sender may be."""
+TIMESTAMP_BYTES: Final = 6
+DIGEST_BYTES: Final = 6
+MAX_SENDERS: Final = 256
+RADIO_STATUS: Final = 109
+"""Comes from radios, which have no key: taken unsigned, as ArduPilot does."""
+
+
+@dataclass(slots=True)
+class SigningCounters:
+    """What became of the frames."""
+
+    signed: int = 0
+    verified: int = 0
+    unsigned: int = 0
+    """Refused: without a signature."""
+    bad: int = 0
+    """Refused: with a wrong one."""
+    old: int = 0
+    """Refused: a timestamp that was there before, or is long past."""
+    not_signable: int = 0
+    """Not sent: MAVLink 1 has no signatures."""
+
+
+def read_key(path: Path) -> bytes:
+    """The key in a file: 64 hexadecimal digits, or a passphrase whose SHA-256 it is (as in MAVProxy).
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is empty.
+    """
+    text = path.read_text(encoding="utf-8").strip()
+    if not text:
+        raise ValueError(f"{path} has no key: 64 hexadecimal digits or a passphrase are expected")
+    if len(text) == 2 * KEY_BYTES and all(digit in "0123456789abcdefABCDEF" for digit in text):
+        return bytes.fromhex(text)
+    return hashlib.sha256(text.encode()).digest()
+
+
+class Signing:
+    """One link's key, timestamps and link id.
+
+    Args:
+        key: 32 bytes that both sides have.
+        clock_us: us since 1970.
+        link_id: of ours, 0..255.
+    """
+
+    def __init__(self, key: bytes, clock_us: Callable[[], int], link_id: int = 0) -> None:
+        if len(key) != KEY_BYTES or not 0 <= link_id <= 255:
+            raise ValueError(
+                f"a key has {KEY_BYTES} bytes and a link id is in 0..255, not {len(key)} and {link_id}"
+            )
+        self.counters = SigningCounters()
+        self._key, self._clock_us, self._link_id = key, clock_us, link_id
+        self._latest = 0
+        self._heard: dict[tuple[int, int, int], int] = {}
+        """sysid, compid, link id -> latest timestamp."""
+
+    def verify(self, frame: Frame) -> bool:
+        """Whether a frame that came may be taken."""
+        if not frame.signed:
+            if frame.msg_id == RADIO_STATUS:
+                return True
+            self.counters.unsigned += 1
+            return False
+        raw = frame.raw
+        body, signature = raw[:-DIGEST_BYTES], raw[-DIGEST_BYTES:]
+        if not hmac.compare_digest(self._digest(body), signature):
+            self.counters.bad += 1
+            return False
+        timestamp = int.from_bytes(body[-TIMESTAMP_BYTES:], "little")
+        sender = (frame.sysid, frame.compid, raw[-SIGNATURE_BYTES])
+        oldest = self._heard.get(sender, max(self._latest, self._now()) - OLDEST_UNITS)
+        if timestamp <= oldest:
+            self.counters.old += 1
+            return False
+        if len(self._heard) >= MAX_SENDERS and sender not in self._heard:
+            self.counters.old += 1  # to forget another would let its frames be taken twice
+            return False
+        self._heard[sender] = timestamp
+        self._latest = max(self._latest, timestamp)
+        self.counters.verified += 1
+        return True
+
+    def sign(self, raw: bytes) -> bytes | None:
+        """A whole frame with our signature; one that has somebody's already as it is; ``None`` for MAVLink 1."""
+        if raw[0] != MAGIC_V2:
+            self.counters.not_signable += 1
+            return None
+        if raw[2] & INCOMPAT_SIGNED:
+            return raw
+        extra = _extra_of(raw)
+        covered = raw[1:2] + bytes([raw[2] | INCOMPAT_SIGNED]) + raw[3:-CRC_BYTES]
+        frame = raw[:1] + covered + mcrf4xx(covered + extra).to_bytes(CRC_BYTES, "little")
+        self._latest = max(self._latest + 1, self._now())
+        body = frame + bytes([self._link_id]) + self._latest.to_bytes(TIMESTAMP_BYTES, "little")
+        self.counters.signed += 1
+        return body + self._digest(body)
+
+    def _now(self) -> int:
+        return (self._clock_us() - EPOCH_UNIX_US) // UNIT_US
+
+    def _digest(self, body: bytes) -> bytes:
+        return hashlib.sha256(self._key + body).digest()[:DIGEST_BYTES]
+
+
+def _extra_of(raw: bytes) -> bytes:
+    """The byte of a frame's message definition; of an unknown one found by its checksum."""
+    extra = CRC_EXTRA.get(int.from_bytes(raw[7:10], "little"))
+    if extra is not None:
+        return extra
+    covered, crc = raw[1:-CRC_BYTES], int.from_bytes(raw[-CRC_BYTES:], "little")
+    candidates = (bytes([value]) for value in range(256))
+    return next(extra for extra in candidates if mcrf4xx(covered + extra) == crc)

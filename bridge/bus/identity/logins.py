@@ -1,0 +1,88 @@
+"""What Zenoh lets its router see of those whom it refuses: the logins, in its log.
+
+Zenoh (1.10) tells refused logins in its log only, without the user, and refused messages only at its level `trace`,
+beside each message that it lets pass. So the log is read for logins here, and
+``RUST_LOG=zenoh::net::routing::interceptor::access_control=trace`` writes everything else to the router's own log.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import threading
+from collections import Counter
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final, Self
+
+import zenoh
+
+VARIABLE: Final = "RUST_LOG"
+NEEDED: Final = ",".join(
+    (
+        "zenoh_transport::unicast::establishment::accept=debug",
+        "zenoh::net::routing::interceptor::access_control=info",
+    )
+)
+"""Zenoh is asked to log this; it prints a line for each login, none for a message."""
+DEFAULT: Final = "error"
+STDOUT = 1
+NO_PASSWORD = "no_password"
+WRONG_PASSWORD = "wrong_password"
+UNKNOWN_USER = "unknown_user"
+NO_RIGHTS = "no_rights"
+"""Logged in from where the user has no rights: an observer from another machine."""
+_SAYINGS: Final = {
+    "Recv InitSyn. Expected extension": NO_PASSWORD,
+    "Invalid password": WRONG_PASSWORD,
+    "Invalid user": UNKNOWN_USER,
+    "did not match any configured ACL subject": NO_RIGHTS,
+}
+_EXPECTED = re.compile(r"unicast::establishment::accept: ")
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+
+
+def why_refused(line: str) -> str | None:
+    """The reason, if a line of Zenoh's log tells of a refused login."""
+    return next((reason for text, reason in _SAYINGS.items() if text in line), None)
+
+
+class LoginWatch:
+    """Reads Zenoh's log, which goes to the process's stdout, as long as it is entered; once per process.
+
+    Args:
+        on_refused: called with the reason and how often there was that reason, in a thread of this watch.
+    """
+
+    def __init__(self, on_refused: Callable[[str, int], object]) -> None:
+        self._on_refused = on_refused
+        self._refused: Counter[str] = Counter()
+        self._thread = threading.Thread(target=self._read, name="login watch", daemon=True)
+
+    def __enter__(self) -> Self:
+        read, write = os.pipe()
+        self._stdout, self._pipe = os.dup(STDOUT), os.fdopen(read, encoding="utf-8", errors="replace")
+        os.dup2(write, STDOUT)
+        os.close(write)
+        self._thread.start()
+        os.environ[VARIABLE] = f"{NEEDED},{os.environ.get(VARIABLE, DEFAULT)}"
+        zenoh.init_log_from_env_or(DEFAULT)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        os.dup2(self._stdout, STDOUT)  # closes the pipe's only other end, so that the thread comes to its end
+        self._thread.join()
+        self._pipe.close()
+        os.close(self._stdout)
+
+    def _read(self) -> None:
+        for coloured in self._pipe:
+            line = _COLOUR.sub("", coloured)
+            reason = why_refused(line)
+            if reason is not None:
+                self._refused[reason] += 1
+                self._on_refused(reason, self._refused[reason])
+            elif not _EXPECTED.search(line):
+                os.write(self._stdout, line.encode())

@@ -1,0 +1,90 @@
+"""The table of rights: which role may do what with which key. Everything else is refused.
+
+It has a row per kind of key, as the key space of the design has (docs/identities.md). A key is given below
+`lostlink/<run>/`. For a role that stands for nodes, ``{node}`` is each of its own nodes; for the others it is every
+node. ``{self}`` is the identity's own name; for a role that has many to deal with (the radio, observers) it is any.
+
+The radio is in the table although nobody logs in as it: the router's own session is the radio, and Zenoh filters only
+what comes from and goes to others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Flag, auto
+
+
+class Role(Flag):
+    """What an identity is for. Several together are a set."""
+
+    PHYSICS = auto()
+    RADIO = auto()
+    HOST = auto()
+    """A host process: aircraft bridges and agents of its nodes."""
+    NODE = auto()
+    """A program of somebody's own that acts for one node: a free-running agent, a script."""
+    SUPERVISOR = auto()
+    OPERATOR = auto()
+    OBSERVER = auto()
+
+
+NOBODY = Role(0)
+PHYSICS, RADIO, HOST, NODE = Role.PHYSICS, Role.RADIO, Role.HOST, Role.NODE
+SUPERVISOR, OPERATOR, OBSERVER = Role.SUPERVISOR, Role.OPERATOR, Role.OBSERVER
+OWN = HOST | NODE
+"""Who stands for nodes, and has to do with these only."""
+LOOKERS = OBSERVER | OPERATOR | SUPERVISOR
+"""Who may look at everything that may be looked at at all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Rights on one kind of key.
+
+    Attributes:
+        key: below `lostlink/<run>/`.
+        writes: may put samples.
+        reads: get the samples.
+        serves: may answer queries (commands).
+        asks: may send queries.
+        holds: may hold a liveliness token.
+        watches: see the tokens come and go.
+    """
+
+    key: str
+    writes: Role = NOBODY
+    reads: Role = NOBODY
+    serves: Role = NOBODY
+    asks: Role = NOBODY
+    holds: Role = NOBODY
+    watches: Role = NOBODY
+
+
+TABLE = (
+    Row("node/{node}/state", writes=HOST, reads=OWN | LOOKERS),
+    Row("node/{node}/cmd/*", serves=HOST, asks=OWN | OPERATOR),
+    Row("node/{node}/tx/**", writes=OWN, reads=RADIO),
+    Row("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
+    Row("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),
+    Row("node/{node}/agent", writes=OWN, reads=OWN | RADIO | LOOKERS),
+    Row("node/{node}/answer", writes=HOST, reads=OWN | RADIO | LOOKERS),
+    Row("truth/*", writes=PHYSICS, reads=RADIO | LOOKERS),
+    Row("clock", writes=PHYSICS, reads=OWN | PHYSICS | RADIO | LOOKERS),
+    Row("clock/exchange", writes=PHYSICS, reads=OWN | RADIO | LOOKERS),
+    Row("clock/release", writes=RADIO, reads=OWN | PHYSICS | LOOKERS),
+    Row("clock/end", writes=RADIO, reads=OWN | PHYSICS | LOOKERS),
+    Row("clock/start", writes=SUPERVISOR, reads=OWN | PHYSICS | RADIO | LOOKERS),
+    Row("clock/cmd/*", serves=PHYSICS, asks=OPERATOR),
+    Row("tick/**", writes=RADIO | PHYSICS, reads=RADIO | LOOKERS),
+    Row("host/{self}/**", writes=RADIO, reads=HOST),
+    Row("ending", writes=RADIO, reads=LOOKERS),
+    Row("alive/{self}", holds=RADIO | PHYSICS | HOST, watches=LOOKERS),
+)
+"""All rights. A row that is not here is a key that nobody but the radio may use."""
+
+SCOPES = {
+    PHYSICS: ("clock/**",),
+    HOST: ("node/{node}/**", "clock/**", "host/{self}/**"),
+    NODE: ("node/{node}/**", "clock/**"),
+}
+"""What may be named in a subscription; what comes is what the role reads. Lookers may name anything."""

@@ -1,0 +1,93 @@
+"""Nodes of kinds in a run: on the ground, free-running, isolated; packets for one of them."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bridge.agents import connect_ua
+from bridge.record.tables.parquet import read_table
+from bridge.record.tables.schema import DELIVERIES, TRUTH
+from tests.integration.bridge.conftest import STILL, Run, StartRun
+
+BASE = """\
+from bridge.agents import Agent
+
+class Base(Agent):
+    async def fly(self):
+        assert self.ua.state is not None and self.ua.state.mode == "GROUND"
+        for n in range(20):
+            self.ua.transmit("orders", b"to one", to="1")
+            await self.sleep(0.1)
+"""
+TRACK = "[{{sim_time_s: 1, north_m: 10}}, {{sim_time_s: 2, north_m: 30, height_m: 4}}]"
+
+
+def rows(run: Run, **wanted: str) -> list[dict[str, Any]]:
+    found = []
+    for batch in read_table(run.directory, DELIVERIES):
+        names = list(batch)
+        for values in zip(*(batch[name].tolist() for name in names), strict=True):
+            row = dict(zip(names, values, strict=True))
+            if all(row[name] == value for name, value in wanted.items()):
+                found.append(row)
+    return found
+
+
+def test_a_ground_station_hears_and_sends_to_one(start_run: StartRun, tmp_path: Path) -> None:
+    (tmp_path / "base.py").write_text(BASE)
+    more = (
+        "  - {{id: gcs, kind: ground, place: {{north_m: 200, height_m: 3}}, "
+        f"agent: {{{{type: own, isolated: true, class: {tmp_path}/base.py:Base}}}}}}}}\n"
+        f"  - {{{{id: van, kind: ground, track: {TRACK}, agent: {{{{type: still}}}}}}}}\n"
+    )
+    run = start_run(scenario=STILL.replace("moon2020", "perfect") + more, duration_s=5.0)
+    assert run.finish() == 0, run.output.decode()
+    orders = [row for row in rows(run, tx="gcs", rx="1") if row["length_bytes"] == len(b"to one")]
+    assert len(orders) == 20
+    assert {row["fate"] for row in orders} == {"delivered"}
+    assert not [row for row in rows(run, tx="gcs", rx="0") if row["length_bytes"] == len(b"to one")]
+    assert all(abs(row["distance_m"] - 200.0) < 0.1 for row in rows(run, tx="0", rx="gcs"))
+    truth = {
+        name: np.concatenate([batch[name] for batch in read_table(run.directory, TRUTH)])
+        for name in ("node", "tick_ns", "position_north_m", "position_down_m")
+    }
+    van = truth["node"] == "van"
+    at = {
+        int(t): (n, d)
+        for t, n, d in zip(
+            truth["tick_ns"][van], truth["position_north_m"][van], truth["position_down_m"][van], strict=True
+        )
+    }
+    assert at[0] == (10.0, -2.0)
+    assert at[1_500_000_000] == (20.0, -3.0)
+    assert max(at) < 3_000_000_000  # the base had a task, and is done with it
+    assert run.summary["ending"] == "done"
+    assert not run.summary["may_not_repeat"]
+    assert (run.directory / "logs" / "host-of-gcs.log").exists()
+
+
+def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
+    more = "  - {{id: probe, kind: ground, place: {{north_m: 50}}, agent: {{type: free}}}}\n"
+    run = start_run(scenario=STILL.replace("moon2020", "perfect") + more, duration_s=8.0, speed="2")
+    run.wait_for("sim time")
+
+    async def talk() -> int:
+        async with connect_ua(run.directory, "probe", is_sender=True) as probe:
+            heard = asyncio.Event()
+            probe.on_packet(lambda *_: heard.set())
+            await asyncio.wait_for(heard.wait(), 30.0)
+            for n in range(5):
+                probe.transmit("chatter", bytes(n + 1))
+            probe.transmit("chatter", b"one", to="0")
+            return probe.sent
+
+    assert asyncio.run(talk()) == 6
+    assert run.finish() == 0, run.output.decode()
+    assert [row["seq"] for row in rows(run, tx="probe", rx="1")] == [0, 1, 2, 3, 4]
+    assert [row["seq"] for row in rows(run, tx="probe", rx="0")] == [0, 1, 2, 3, 4, 5]
+    assert {row["fate"] for row in rows(run, tx="probe")} == {"delivered"}
+    assert any("transmits as node probe" in reason for reason in run.summary["may_not_repeat"])

@@ -1,0 +1,23 @@
+"""The channel's benchmark, in short."""
+
+import json
+
+from benchmarks import bench_channel
+
+
+def test_ticks_batches_and_single_packets_are_measured(capsys):
+    bench_channel.main(["--rounds", "2", "--json"])
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["radio"] == "moon2020"
+    yardstick_ns = 1e3 * figures["numpy_add_us"]
+    assert 0.0 < figures["batch_ns_per_link"] < yardstick_ns  # far below it on any machine
+    assert 0.0 < figures["tick_ns_per_link"] < 4.0 * yardstick_ns
+    assert 0.0 < figures["books_ns_per_link"] < 4.0 * yardstick_ns
+    assert 0.0 < figures["packet_us"] < 2.0 * yardstick_ns
+
+
+def test_fleets_are_measured_for_presets(capsys):
+    bench_channel.print_fleets(["moon2020", "wifi-2.4"], [10, 70], 4)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[-2:]] == ["moon2020", "wifi-2.4"]
+    assert all(float(ns) > 0.0 for line in lines[-2:] for ns in line.split()[1:])
