@@ -107,7 +107,7 @@ def _verdict(checks: Sequence[dict[str, Any]], links: Sequence[dict[str, Any]], 
     if ending in UNJUDGED:
         return f"{UNJUDGED[ending]}: {counts if links else 'no link was recorded'}"
     if not checks:
-        return f"no verdict: {counts}; nothing was drawn, or the nodes have radios of several kinds"
+        return f"no verdict: {counts}; nothing was drawn"
     failed = [f"{check['name']} (chance {check['chance']:.2g})" for check in checks if not check["passed"]]
     if failed:
         return f"fail: {len(failed)} of {len(checks)} checks against the model: {', '.join(failed)}; {counts}"

@@ -55,8 +55,7 @@ class RouterProcess:
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
-        kinds = {id(radio): radio for radio in radios.values()}
-        self._judge = Judge(radios[scenario.stations[0]], len(scenario.stations)) if len(kinds) == 1 else None
+        self._judge = Judge(len(scenario.stations))
         medium = Medium(radios, seed=scenario.seed, nodes=scenario.stations, judge=self._judge)
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self._core = VirtualRadio(medium, ring, mtu_bytes)
@@ -112,7 +111,7 @@ class RouterProcess:
             self._close_files()
         self._tell_overload()
         self._report.close()
-        checks = () if self._judge is None else self._judge.verdict().checks
+        checks = self._judge.verdict().checks
         write_ledger(
             self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress, checks
         )

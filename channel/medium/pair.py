@@ -60,7 +60,7 @@ class Pair:
         draws: of the run's links.
         tracks: which nodes were seen.
         cull: whether to leave out draws that cannot change a fate.
-        judge: takes in what was drawn.
+        judge: takes in what is drawn, for a verdict.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class Pair:
         signal = signal_of(radio, links.distance_m, power_dbm, noise_dbm, lengths)
         fate = (uniform[Purpose.ERASURE] <= signal.per).astype(np.uint8)
         if self._judge is not None:
-            self._judge.take(links, mean_dbm, noise_dbm, signal, fate == ERASED)
+            self._judge.take(radio, links, mean_dbm, noise_dbm, signal, fate == ERASED)
         return Settled(*signal, chance, fate)
 
     def _other_losses(self, settled: Settled, links: Links) -> None:
@@ -156,7 +156,7 @@ class Pair:
             lost = uniform[Purpose.BASE_LOSS] <= base_loss
             settled.fate[lost] = BASE_LOSS
             if self._judge is not None:
-                self._judge.take_base_losses(lost)
+                self._judge.take_base_losses(self.radio, lost)
         if self._has_bursts:
             settled.fate[uniform[Purpose.BURST] <= self.terms.burst_chances(links)] = BURST
 

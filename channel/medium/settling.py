@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from channel.checks import ChannelInputError, FloatArray
+from channel.checks import FloatArray
 from channel.draws import LinkDraws
 from channel.link.lengths import Lengths
 from channel.link.radio import Radio
@@ -32,10 +32,10 @@ class Settling:
         draws: of the run's links.
         tracks: where the nodes are.
         cull: whether to leave out draws that cannot change a fate.
-        judge: takes in what was drawn, for a verdict; the nodes have one kind of radio then.
+        judge: takes in what is drawn, for a verdict.
 
     Raises:
-        ChannelInputError: radios on several frequencies, or of several kinds for one judge.
+        ChannelInputError: radios on several frequencies.
     """
 
     def __init__(
@@ -51,8 +51,6 @@ class Settling:
         self._tracks = tracks
         self._kinds: list[Radio] = []
         self._kind = np.array([self._kind_of(radio) for radio in radios], dtype=np.intp)
-        if judge is not None and len(self._kinds) > 1:
-            raise ChannelInputError("judge", f"{len(self._kinds)} kinds of radio", "one kind at all nodes")
         self._pairs = [
             Pair(here.towards(there), draws, tracks, cull=cull, judge=judge)
             for here in self._kinds

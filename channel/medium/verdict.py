@@ -84,12 +84,10 @@ class Judge:
     """Collects what a verdict needs, at the cost of a few sums per packet.
 
     Args:
-        radio: whose law is judged.
         nodes: how many nodes there are.
     """
 
-    def __init__(self, radio: Radio, nodes: int) -> None:
-        self._radio = radio
+    def __init__(self, nodes: int) -> None:
         self._expected = np.zeros(MAX_BINS)
         self._variance = np.zeros(MAX_BINS)
         self._erased = np.zeros(MAX_BINS)
@@ -97,11 +95,14 @@ class Judge:
         self._impossible = 0
         self._base_losses = 0
         self._base_packets = 0
+        self._base_expected = 0.0
+        self._base_variance = 0.0
         self._off_noise = 0
-        self._places = _Places(radio, nodes)
+        self._places = _Places(nodes)
 
     def take(
         self,
+        radio: Radio,
         links: Links,
         mean_power_dbm: FloatArray,
         noise_dbm: FloatArray | float,
@@ -111,6 +112,7 @@ class Judge:
         """Take in what was drawn on L links.
 
         Args:
+            radio: whose law is judged, at both ends.
             links: the links; which of them are here may depend on their geometry, but on no draw.
             mean_power_dbm: of the link budget.
             noise_dbm: noise floor and interference that the radio has there; broadcasts.
@@ -129,11 +131,14 @@ class Judge:
         certain = spread == 0.0
         if certain.any():
             self._impossible += int(np.count_nonzero(erased[certain] != (per[certain] == 1.0)))
-        self._places.take(links, signal.received_power_dbm - mean_power_dbm)
+        self._places.take(radio, links, signal.received_power_dbm - mean_power_dbm)
 
-    def take_base_losses(self, lost: NDArray[np.bool_]) -> None:
-        """Take in which packets the base loss lost, shape (L,)."""
+    def take_base_losses(self, radio: Radio, lost: NDArray[np.bool_]) -> None:
+        """Take in which packets the base loss of a radio lost, shape (L,)."""
+        share = radio.config.base_loss
         self._base_packets += lost.size
+        self._base_expected += lost.size * share
+        self._base_variance += lost.size * share * (1.0 - share)
         self._base_losses += int(np.count_nonzero(lost))
 
     def verdict(self) -> Verdict:
@@ -143,12 +148,10 @@ class Judge:
         return Verdict(tuple(checks))
 
     def _base(self) -> list[Check]:
-        share, count, lost = self._radio.config.base_loss, self._base_packets, self._base_losses
-        if share * (1.0 - share) * count < LEAST_VARIANCE:
+        if self._base_variance < LEAST_VARIANCE:
             return []
-        low = float(special.bdtr(lost, count, share))
-        high = float(special.bdtrc(lost - 1, count, share)) if lost else 1.0
-        return [Check("base loss", count, lost / count, min(1.0, 2.0 * min(low, high)))]
+        z = (self._base_losses - self._base_expected) / math.sqrt(self._base_variance)
+        return [Check("base loss", self._base_packets, z, 2.0 * float(special.ndtr(-abs(z))))]
 
     def _draws(self) -> list[Check]:
         if not self._packets:
@@ -174,14 +177,8 @@ class Judge:
 class _Places:
     """Powers at places far from each other, each as where in its law it lies."""
 
-    def __init__(self, radio: Radio, nodes: int) -> None:
-        config = radio.config
-        lasting_m = [config.shadowing.decorrelation_m if config.shadowing.is_random else None]
-        lasting_m.append(None if radio.sight is None else radio.sight.decorrelation_m)
-        self._radio = radio
-        self._apart_m = APART * max((each for each in lasting_m if each is not None), default=0.0)
-        self._is_random = config.shadowing.is_random or config.fading.is_random or radio.sight is not None
-        self._is_judged = _judged_links(nodes, disjoint=getattr(config.shadowing, "shared_ends", 0.0) > 0.0)
+    def __init__(self, nodes: int) -> None:
+        self._judged = {shared: _judged_links(nodes, disjoint=shared) for shared in (False, True)}
         self._next_ns = np.zeros(nodes * nodes, dtype=np.int64)
         self._nodes = nodes
         self._seen: dict[int, list[FloatArray]] = {}
@@ -189,24 +186,27 @@ class _Places:
         self._exact = 0
         self._normal: list[float] = []
 
-    def take(self, links: Links, gain_db: FloatArray) -> None:
+    def take(self, radio: Radio, links: Links, gain_db: FloatArray) -> None:
+        config = radio.config
         link = links.tx * self._nodes + links.rx
-        judged = np.flatnonzero(self._is_judged[link])
+        shared = getattr(config.shadowing, "shared_ends", 0.0) > 0.0
+        judged = np.flatnonzero(self._judged[shared][link])
         if not judged.size:
             return
-        if not self._is_random:
+        if not (config.shadowing.is_random or config.fading.is_random or radio.sight is not None):
             self._exact += judged.size
             self._off += int(np.count_nonzero(np.abs(gain_db[judged]) > EXACT_DB))
             return
         when_ns = links.sim_time_ns[judged]
         due = judged[when_ns >= self._next_ns[link[judged]]]
-        rows = [row for row in due.tolist() if self._is_new(links, row, int(link[row]))]
+        apart_m = _apart_m(radio)
+        rows = [row for row in due.tolist() if self._is_new(links, row, int(link[row]), apart_m)]
         if rows:
             at = np.array(rows, dtype=np.intp)
-            normal = special.ndtri(chance_of_less(self._radio, links.at(at).path, gain_db[at]))
+            normal = special.ndtri(chance_of_less(radio, links.at(at).path, gain_db[at]))
             self._normal += np.clip(normal, -FARTHEST, FARTHEST).tolist()
 
-    def _is_new(self, links: Links, row: int, link: int) -> bool:
+    def _is_new(self, links: Links, row: int, link: int, apart_m: float) -> bool:
         """Return whether a link is far from all places where it was judged before; if so, keep the place."""
         when_ns = int(links.packets.sim_time_ns[links.packet[row]])
         if when_ns < self._next_ns[link]:
@@ -218,9 +218,9 @@ class _Places:
         assert links.path.position_tx_ned_m is not None
         assert links.path.position_rx_ned_m is not None
         here = np.stack((links.path.position_tx_ned_m[row], links.path.position_rx_ned_m[row]))
-        if self._apart_m > 0.0 and seen:
+        if apart_m > 0.0 and seen:
             moved_m = np.sqrt(np.sum(np.square(np.array(seen) - here), axis=-1)).sum(axis=-1)
-            if moved_m.min() < self._apart_m:
+            if moved_m.min() < apart_m:
                 return False
         seen.append(here)
         return True
@@ -241,6 +241,16 @@ class _Places:
             Check("level of the powers", count, z, 2.0 * float(special.ndtr(-abs(z)))),
             Check("spread of the powers", count, around / (count - 1), min(1.0, 2.0 * min(low, high))),
         ]
+
+
+def _apart_m(radio: Radio) -> float:
+    """Return how far the ends have to move for lasting terms to be drawn anew, nearly."""
+    shadowing = radio.config.shadowing
+    lasting_m = [
+        shadowing.decorrelation_m if shadowing.is_random else None,
+        None if radio.sight is None else radio.sight.decorrelation_m,
+    ]
+    return APART * max((each for each in lasting_m if each is not None), default=0.0)
 
 
 def _judged_links(nodes: int, *, disjoint: bool) -> NDArray[np.bool_]:

@@ -19,9 +19,7 @@ def test_at_most_one_right_run_in_a_hundred_fails(name):
     radio = Radio(presets.load_radio(name))
     reach = reach_m(radio)
     failed = [
-        seed
-        for seed in range(RUNS)
-        if not verdict_of(radio, Judge(radio, NODES), seed, RECEPTIONS, reach).passed
+        seed for seed in range(RUNS) if not verdict_of(radio, Judge(NODES), seed, RECEPTIONS, reach).passed
     ]
     assert len(failed) <= RUNS // 100, failed
 

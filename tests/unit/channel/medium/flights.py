@@ -45,16 +45,20 @@ class Other(Judge):
     """Judges by another radio than the one that drew: what it has for mean power, noise and error rate."""
 
     def __init__(self, radio):
-        super().__init__(radio, NODES)
+        super().__init__(NODES)
         self._other = radio
 
-    def take(self, links, mean_power_dbm, noise_dbm, signal, erased):
-        del mean_power_dbm, noise_dbm
+    def take(self, drawn, links, mean_power_dbm, noise_dbm, signal, erased):
+        del drawn, mean_power_dbm, noise_dbm
         radio, path = self._other, links.path
         noise_dbm = radio.noise_dbm(path)
         lengths = Lengths.same(radio.length_bytes(LENGTH_BYTES))
         per = signal_of(radio, links.distance_m, signal.received_power_dbm, noise_dbm, lengths).per
-        super().take(links, radio.mean_power_dbm(path), noise_dbm, signal._replace(per=per), erased)
+        super().take(radio, links, radio.mean_power_dbm(path), noise_dbm, signal._replace(per=per), erased)
+
+    def take_base_losses(self, drawn, lost):
+        del drawn
+        super().take_base_losses(self._other, lost)
 
 
 def verdict_of(drawn, judge, seed, receptions, reach):

@@ -17,14 +17,14 @@ def radio(name, changes=None):
 
 
 def test_nothing_drawn_is_nothing_judged():
-    assert not Judge(radio("wifi-2.4"), NODES).verdict().judged
+    assert not Judge(NODES).verdict().judged
     assert Verdict(()).passed
 
 
 @pytest.mark.parametrize("name", ["moon2020", "wifi-2.4", "disk"])
 def test_a_right_run_passes(name):
     own = radio(name)
-    verdict = verdict_of(own, Judge(own, NODES), 3, RECEPTIONS, reach_m(own))
+    verdict = verdict_of(own, Judge(NODES), 3, RECEPTIONS, reach_m(own))
     assert verdict.judged
     assert verdict.passed, verdict.checks
 
