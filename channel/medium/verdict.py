@@ -36,8 +36,8 @@ APART_NS = 2_000_000_000
 MAX_PAIRS = 128
 MAX_PLACES = 400
 """Of one pair."""
-LEVEL = 1e-3
-"""Of each check: with at most six the verdict fails in 0.6 % of runs with nothing wrong."""
+LEVEL = 2e-4
+"""Of each check: with six that count, the verdict fails in one of a thousand runs with nothing wrong."""
 EXACT_DB = 2.0 / STEPS_PER_DB
 FARTHEST = 8.0
 
