@@ -35,7 +35,7 @@ KEYS = Keys(RUN)
 PAYLOAD = bytes(324)
 AHEAD = 50
 """Packets that may be on their way at once, so that no queue fills."""
-WAIT_S = 60.0
+WAIT_S = 120.0
 
 
 @dataclass(frozen=True)

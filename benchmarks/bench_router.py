@@ -23,6 +23,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,7 @@ class Router:
         self.core = VirtualRadio(medium, Ring(nodes), dict.fromkeys(nodes, 65535))
         self._publisher = TickPublisher(session, KEYS, nodes, {HOST: nodes})
         self._writer = DeliveryColumns(folder, nodes)
+        self.close = self._writer.close
         self.deliveries = 0
 
     def place(self, sim_time_ns: int, places: Sequence[tuple[float, float]]) -> None:
@@ -131,8 +133,10 @@ def fan_out_us(kind: str, receivers: int, ticks: int, *, lone: bool = False) -> 
     pairs = [KEYS.rx(node, sender, "team") for sender in senders for node in nodes if node != sender]
 
     def body(session: Session) -> float:
-        with tempfile.TemporaryDirectory() as folder:
-            router = Router(session, nodes, Radio(load_radio("moon2020")), Path(folder))
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            closing(Router(session, nodes, Radio(load_radio("moon2020")), Path(folder))) as router,
+        ):
             places = [(0.0, 0.0), *((100.0, float(index)) for index in range(receivers))]
             for sim_time_ns in range(0, (WARM_UP + ticks) * TICK_NS + STEP_NS, STEP_NS):
                 router.place(sim_time_ns, places)  # nobody moves
@@ -161,12 +165,13 @@ def fleet_load(count: int, ticks: int) -> tuple[float, float]:
 
     def body(session: Session) -> float:
         nonlocal share
-        with tempfile.TemporaryDirectory() as folder:
-            # a disk of such a radius that a tenth of the pairs lie within it
-            gaps_m = [np.hypot(a[0] - b[0], a[1] - b[1]) for a in places for b in places if a is not b]
-            reach_m = float(np.quantile(gaps_m, 0.1))
-            radio = Radio(load_radio("corrected", {"max_range_m": reach_m}))
-            router = Router(session, nodes, radio, Path(folder))
+        # a disk of such a radius that a tenth of the pairs lie within it
+        gaps_m = [np.hypot(a[0] - b[0], a[1] - b[1]) for a in places for b in places if a is not b]
+        radio = Radio(load_radio("corrected", {"max_range_m": float(np.quantile(gaps_m, 0.1))}))
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            closing(Router(session, nodes, radio, Path(folder))) as router,
+        ):
             router.place(0, places)
             began_s = 0.0
             for seq in range(WARM_UP + ticks):

@@ -19,6 +19,7 @@ COMMANDS = {
     "link": "channel.cli.commands",
     "radios": "channel.cli.commands",
     "figures": "channel.cli.commands",
+    "laws": "channel.cli.commands",
     "fit": "bridge.cli.fit",
 }
 """The module of each command, which has its name there too. Only that of the command given is imported."""

@@ -78,7 +78,10 @@ def test_header_agrees_with_pymavlink(raws):
         assert frame.msg_id == message.get_msgId()
         assert (frame.sysid, frame.compid) == (message.get_srcSystem(), message.get_srcComponent())
         assert frame.seq == message.get_seq()
-        assert frame.target_system == getattr(message, "target_system", 0)
+        target = (
+            message.target if message.get_type() == "MANUAL_CONTROL" else getattr(message, "target_system", 0)
+        )
+        assert frame.target_system == target
         assert frame.target_component == (
             getattr(message, "target_component", 0) if hasattr(message, "target_system") else 0
         )

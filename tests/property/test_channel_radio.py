@@ -19,8 +19,9 @@ def test_rates_are_probabilities_and_loss_grows_with_distance(name, near, more, 
     link = RADIOS[name].link([near, near + more], length_bytes=length)
     for rate in (link.per, link.ber):
         assert np.all((rate >= 0.0) & (rate <= 1.0))
-    assert link.path_loss_db[0] <= link.path_loss_db[1] + 1e-9
-    assert link.per[0] <= link.per[1] + 1e-12
+    if RADIOS[name].config.propagation.model != "two-ray":  # two rays interfere
+        assert link.path_loss_db[0] <= link.path_loss_db[1] + 1e-9
+        assert link.per[0] <= link.per[1] + 1e-12
     assert np.all(np.isfinite([link.path_loss_db, link.received_power_dbm, link.snr_db]))
 
 

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from benchmarks.fit_coverage import SETS, synthetic_log
 from bridge.cli.main import lostlink
+from tests.unit.bridge.record.tables.rows import fleet_columns, write_deliveries
 
 COMMANDS = ("link", "radios", "figures", "laws", "fit")
 
@@ -27,6 +28,7 @@ def flight(tmp_path_factory):
     log = synthetic_log(SETS["paper-like"], 600, (3,))
     rows = zip(log.distance_m, log.delivered, log.rssi_dbm, strict=True)
     lines = [f"{d:.2f},{int(ok)},{'' if np.isnan(r) else round(r)}" for d, ok, r in rows]
+    write_deliveries(folder / "runs" / "20261121T120000Z-separation", list(fleet_columns(2, 300)), 2)
     (folder / "flight.csv").write_text("\n".join(["distance_m,delivered,rssi_dbm", *lines]))
     return folder
 
