@@ -1,11 +1,16 @@
-"""What the radio router costs per delivery, as a multiple of a bare Zenoh fan-out with the same clients.
+"""What the radio router costs, alone, and what a received packet costs an agent.
 
-Both run in a process of their own with a Zenoh router session: the bare one puts each packet on one key per
-receiver and does nothing else; ours decides each packet's fate by `moon2020` (at 100 m, so that all arrive), books
-it, writes its rows and forwards it. Ticks and truth, which cost the same whatever is transmitted, are not in it. Rounds
-alternate; the figures are medians of CPU time per delivery.
+- `fan-out`: CPU time per delivery as a multiple of a bare Zenoh fan-out to the same receivers, which only puts each
+  packet on a key per receiver. At each tick every node transmits to all others. Ours takes the packets, settles them,
+  books them, writes their rows and hands them on: in one message to the host of the receivers (`hosts`), and besides
+  to a subscriber of each one's `rx` (`hosts and rx`). `lone`: the same with one sender per tick.
+- `fleet`: so many nodes, each heard by a tenth of the others, all transmitting: CPU time per second of sim time. Below
+  1 it keeps up with real time on one core.
+- `agent`: CPU time per reception of an agent that looks at none of them, and of one that decodes each.
 
-    python -m benchmarks.bench_router [--receivers 1 10 50] [--rounds 3] [--json]
+Receivers are a process of their own; CPU time is that of the measured process with its Zenoh threads. Medians.
+
+    python -m benchmarks.bench_router [--receivers 1 10 50] [--nodes 100] [--rounds 5] [--packets 1000] [--json]
 """
 
 from __future__ import annotations
@@ -17,157 +22,280 @@ import statistics
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from bridge.bus.keys import Keys
-from bridge.bus.session import Sample, Session, Stamp, free_port, open_client, open_router
+import numpy as np
+
+from bridge.agents.agent import Agent
+from bridge.agents.client import UaClient
+from bridge.agents.runner import AgentRunner
+from bridge.bus.keys import Address, Keys
+from bridge.bus.messages import AircraftState, DataPackage, Header, Quaternion, Truth, Vector3, decode, encode
+from bridge.bus.session import Session, Stamp, free_port, open_client, open_router
 from bridge.radio.deliveries import DeliveryColumns
-from bridge.radio.virtual_radio import Forward, VirtualRadio
+from bridge.radio.publisher import TickPublisher
+from bridge.radio.ring import Ring
+from bridge.radio.virtual_radio import VirtualRadio
+from bridge.scenario.agents import StillAgent
+from bridge.scenario.model import Transmit
+from bridge.scenario.nodes import Aircraft
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import load_radio
 
 KEYS = Keys("bench")
-PAYLOAD = bytes(324)
-RATE_HZ = 500
-PACKETS = 1500
-LEVEL = (1.0, 0.0, 0.0, 0.0)
+PAYLOAD = encode(DataPackage(Header.at(0, "0"), 2412, AircraftState(mode="GUIDED")))
+TICK_NS = 100_000_000
+STEP_NS = 5_000_000_000
+HOST = "host-0"
+HOST_ONLY, BOTH, BARE = "hosts", "hosts and rx", "bare"
+FLEET_SIDE_M = 4000.0
+WARM_UP = 20
 
 
-def bare_fan_out(session: Session, nodes: list[str], _folder: Path) -> Callable[[Sample], None]:
-    """A packet to one key per receiver, with nothing decided."""
-    keys = [KEYS.rx(node, "0", "team") for node in nodes[1:]]
+class Router:
+    """The router of a run without its process: the core, what it publishes, and its record."""
 
-    def forward(sample: Sample) -> None:
-        for key in keys:
-            session.put_bytes(key, sample.payload, attachment=sample.attachment)
+    def __init__(self, session: Session, nodes: Sequence[str], radio: Radio, folder: Path) -> None:
+        medium = Medium(radio, seed=1, nodes=nodes)
+        self.core = VirtualRadio(medium, Ring(nodes), dict.fromkeys(nodes, 65535))
+        self._publisher = TickPublisher(session, KEYS, nodes, {HOST: nodes})
+        self._writer = DeliveryColumns(folder, nodes)
+        self.deliveries = 0
 
-    return forward
+    def place(self, sim_time_ns: int, places: Sequence[tuple[float, float]]) -> None:
+        """Take true states."""
+        self.core.on_truths(
+            Truth(
+                Header.at(sim_time_ns, node),
+                position_ned_m=Vector3(north_m, east_m, -40.0),
+                attitude=Quaternion(),
+            )
+            for node, (north_m, east_m) in zip(self.core.nodes, places, strict=True)
+        )
 
-
-def radio_router(session: Session, nodes: list[str], folder: Path) -> Callable[[Sample], None]:
-    """Our core with its record, in Zenoh's thread (its process adds a queue of its own)."""
-    medium = Medium(Radio(load_radio("moon2020")), seed=1, nodes=nodes)
-    core = VirtualRadio(KEYS, medium, nodes)
-    writer = DeliveryColumns(folder, nodes)
-    for tick_ns in (0, 3600 * 10**9):
-        for i, node in enumerate(nodes):
-            core.on_truth(node, tick_ns, (100.0 if i else 0.0, float(i), -40.0), LEVEL)
-
-    def forward(sample: Sample) -> None:
-        payload, stamp = sample.payload.to_bytes(), Stamp.from_sample(sample)
-        core.on_packet("0", "team", payload, sample.encoding, stamp)
-        for action in core.settle():
-            if isinstance(action, Forward):
-                session.put_bytes(
-                    action.key, payload, encoding=action.packet.encoding, attachment=action.attachment
-                )
-        writer.write(core.settled)
-        core.settled.clear()
-
-    return forward
-
-
-def serve(kind: str, endpoint: str, nodes: list[str], pipe: Connection) -> None:
-    """The measured process: reports its CPU time whenever asked."""
-    with open_router(endpoint) as session, tempfile.TemporaryDirectory() as folder:
-        make = {"bare": bare_fan_out, "router": radio_router}[kind]
-        session.subscribe(KEYS.tx("*", "*"), make(session, nodes, Path(folder)))
-        pipe.send("ready")
-        while pipe.recv() == "cpu":
-            pipe.send(time.process_time())
+    def tick(self, senders: Sequence[str], seq: int, sim_time_ns: int) -> None:
+        """Take a packet of each sender, and do all that the router does at a tick."""
+        stamp = Stamp(seq, sim_time_ns)
+        for node in senders:
+            self.core.on_packet(Address(node, "main", "all", "team"), PAYLOAD, "", stamp)
+        settled = self.core.settle()
+        self._publisher.to_nodes(sim_time_ns, settled)
+        self._publisher.to_observers(sim_time_ns, settled, self.core.ledger)
+        self._writer.write(settled)
+        self.core.transmitted.clear()
+        self.deliveries += int(np.count_nonzero(settled.receptions.fate == 0))
 
 
-def receive(endpoint: str, nodes: list[str], expected: int, pipe: Connection) -> None:
-    """All receivers, a session each, in a process of their own."""
-    done, lock, count = threading.Event(), threading.Lock(), 0
-
-    def on_sample(_sample: Sample) -> None:
-        nonlocal count
-        with lock:
-            count += 1
-            if count >= expected:
-                done.set()
-
-    sessions = [open_client(endpoint) for _ in nodes[1:]]
-    for session, node in zip(sessions, nodes[1:], strict=True):
-        session.subscribe(KEYS.rx(node, "*", "*"), on_sample)
+def receive(endpoint: str, keys: Sequence[str], pipe: Connection) -> None:
+    """The receivers: a session each, in a process of their own."""
+    sessions = [open_client(endpoint) for _ in keys]
+    for session, key in zip(sessions, keys, strict=True):
+        session.subscribe(key, lambda _: None)
     pipe.send("ready")
     pipe.recv()
-    done.wait(60)
-    pipe.send(count)
     for session in sessions:
         session.close()
 
 
-def measure(kind: str, receivers: int) -> float:
-    """CPU time of the serving process per delivery, us."""
-    context = mp.get_context("spawn")
-    endpoint, nodes = f"tcp/127.0.0.1:{free_port()}", [str(i) for i in range(receivers + 1)]
-    server_pipe, server_end = context.Pipe()
-    receiver_pipe, receiver_end = context.Pipe()
-    server = context.Process(target=serve, args=(kind, endpoint, nodes, server_end), daemon=True)
-    server.start()
-    server_pipe.recv()
-    expected = PACKETS * receivers
-    receiver = context.Process(target=receive, args=(endpoint, nodes, expected, receiver_end), daemon=True)
-    receiver.start()
-    receiver_pipe.recv()
-    with open_client(endpoint) as sender:
-        time.sleep(0.3)  # Zenoh has no event for "the subscription has reached me"; a benchmark may wait
-        before_s = _cpu(server_pipe)
-        receiver_pipe.send("count")
-        _transmit(sender)
-        delivered = receiver_pipe.recv()
-        used_s = _cpu(server_pipe) - before_s
-    server_pipe.send("end")
-    receiver.join(10)
-    server.join(10)
-    if delivered < 0.99 * expected:
-        raise RuntimeError(f"{kind}, {receivers} receivers: only {delivered} of {expected} arrived")
-    return float(used_s / delivered * 1e6)
+def served(keys: Sequence[str], wanted: Sequence[str], body: Callable[[Session], float]) -> float:
+    """What ``body`` measures with the router's session, while somebody subscribes to ``keys``."""
+    context, endpoint = mp.get_context("spawn"), f"tcp/127.0.0.1:{free_port()}"
+    mine, theirs = context.Pipe()
+    with open_router(endpoint) as session:
+        receiver = context.Process(target=receive, args=(endpoint, keys, theirs), daemon=True)
+        receiver.start()
+        mine.recv()
+        interests = [session.interest(key) for key in wanted]
+        deadline = time.monotonic() + 10.0
+        while not all(wants() for wants in interests):
+            if time.monotonic() > deadline:
+                raise RuntimeError("the receivers' subscriptions have not reached the router within 10 s")
+            time.sleep(0.01)
+        try:
+            return body(session)
+        finally:
+            mine.send("end")
+            receiver.join(10)
 
 
-def _cpu(pipe: Connection) -> float:
-    pipe.send("cpu")
-    return float(pipe.recv())
+def fan_out_us(kind: str, receivers: int, ticks: int, *, lone: bool = False) -> float:
+    """CPU time per delivery, us."""
+    nodes = [str(index) for index in range(receivers + 1)]
+    senders = nodes[:1] if lone else nodes
+    rx = [KEYS.rx(node, "*", "*") for node in nodes]
+    keys = {BARE: rx, HOST_ONLY: [KEYS.heard(HOST)], BOTH: [KEYS.heard(HOST), *rx]}[kind]
+    pairs = [KEYS.rx(node, sender, "team") for sender in senders for node in nodes if node != sender]
+
+    def body(session: Session) -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            router = Router(session, nodes, Radio(load_radio("moon2020")), Path(folder))
+            places = [(0.0, 0.0), *((100.0, float(index)) for index in range(receivers))]
+            for sim_time_ns in range(0, (WARM_UP + ticks) * TICK_NS + STEP_NS, STEP_NS):
+                router.place(sim_time_ns, places)  # nobody moves
+            began_s, deliveries = 0.0, 0
+            for seq in range(WARM_UP + ticks):
+                if seq == WARM_UP:
+                    began_s, deliveries = time.process_time(), router.deliveries
+                if kind == BARE:
+                    stamp = Stamp(seq, seq * TICK_NS).to_bytes()
+                    for key in pairs:
+                        session.put_bytes(key, PAYLOAD, attachment=stamp, must_arrive=True)
+                    router.deliveries += len(pairs)
+                else:
+                    router.tick(senders, seq, seq * TICK_NS)
+            return (time.process_time() - began_s) / (router.deliveries - deliveries) * 1e6
+
+    return served(keys, keys, body)
 
 
-def _transmit(sender: Session) -> None:
-    start = time.monotonic()
-    for seq in range(PACKETS):
-        pause_s = start + seq / RATE_HZ - time.monotonic()
-        if pause_s > 0:
-            time.sleep(pause_s)
-        stamp = Stamp(seq, seq * 1_000_000).to_bytes()
-        sender.put_bytes(KEYS.tx("0", "team"), PAYLOAD, attachment=stamp, must_arrive=True)
+def fleet_load(count: int, ticks: int) -> tuple[float, float]:
+    """CPU time per second of sim time with so many nodes at 10 Hz, and the share of pairs in range."""
+    nodes = [str(index) for index in range(count)]
+    rng = np.random.default_rng(7)
+    places = [tuple(row) for row in (rng.random((count, 2)) * FLEET_SIDE_M).tolist()]
+    share = 0.0
+
+    def body(session: Session) -> float:
+        nonlocal share
+        with tempfile.TemporaryDirectory() as folder:
+            # a disk of such a radius that a tenth of the pairs lie within it
+            gaps_m = [np.hypot(a[0] - b[0], a[1] - b[1]) for a in places for b in places if a is not b]
+            reach_m = float(np.quantile(gaps_m, 0.1))
+            radio = Radio(load_radio("corrected", {"max_range_m": reach_m}))
+            router = Router(session, nodes, radio, Path(folder))
+            router.place(0, places)
+            began_s = 0.0
+            for seq in range(WARM_UP + ticks):
+                if seq == WARM_UP:
+                    began_s = time.process_time()
+                router.place((seq + 1) * TICK_NS, places)
+                router.tick(nodes, seq, seq * TICK_NS)
+            share = router.deliveries / ((WARM_UP + ticks) * count * (count - 1))
+            return (time.process_time() - began_s) / (ticks * TICK_NS / 1e9)
+
+    return served([KEYS.heard(HOST)], [KEYS.heard(HOST)], body), share
+
+
+class Deaf(Agent):
+    """Looks at no packet and transmits none."""
+
+    def transmit_package(self, sim_time_ns: int) -> None:
+        """Transmit nothing."""
+
+
+class Reader(Deaf):
+    """Decodes every packet."""
+
+    def on_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:  # noqa: ARG002
+        """Decode it."""
+        decode(payload, DataPackage)
+
+
+class _Nowhere:
+    def transmit(self, *_: object) -> None:
+        """Nobody hears."""
+
+    report = command = transmit
+
+
+def agent_us(kind: type[Agent], senders: int, ticks: int) -> float:
+    """CPU time of the process per reception, us: the agent's thread, and who hands it its ticks."""
+    idle = threading.Semaphore(0)
+    config = Aircraft(id=0, agent=StillAgent(type="still"))
+    ua = UaClient("0", _Nowhere())
+    runner = AgentRunner(ua, lambda client: kind(client, config, Transmit()), idle.release)
+    runner.start().result()
+    state, began_s = AircraftState(), 0.0
+    for tick in range(WARM_UP + ticks):
+        if tick == WARM_UP:
+            began_s = time.process_time()
+        packets = [(str(1 + sender), Stamp(tick, tick * TICK_NS)) for sender in range(senders)]
+
+        def give(ua: UaClient, packets: list[tuple[str, Stamp]] = packets) -> None:
+            for sender, stamp in packets:
+                ua.take_packet(sender, "team", PAYLOAD, stamp)
+
+        runner.tick(tick * TICK_NS, [lambda ua: ua.take_state(state), give])
+        idle.acquire()
+    used_s = time.process_time() - began_s
+    runner.ask_to_stop()
+    runner.join(5.0)
+    return used_s / (ticks * senders) * 1e6
+
+
+def measure(arguments: argparse.Namespace) -> dict[str, Any]:
+    """All figures."""
+    median = statistics.median
+    rows = []
+    for receivers in arguments.receivers:
+        ticks = max(arguments.packets // (receivers + 1), 5)
+        rounds = [
+            {kind: fan_out_us(kind, receivers, ticks) for kind in (BARE, HOST_ONLY, BOTH)}
+            for _ in range(arguments.rounds)
+        ]
+        row: dict[str, Any] = {"receivers": receivers}
+        row |= {f"{kind} us": median(each[kind] for each in rounds) for kind in (BARE, HOST_ONLY, BOTH)}
+        row |= {
+            f"{kind} ratio": median(each[kind] / each[BARE] for each in rounds) for kind in (HOST_ONLY, BOTH)
+        }
+        row["lone us"] = median(
+            fan_out_us(HOST_ONLY, receivers, arguments.packets, lone=True) for _ in range(arguments.rounds)
+        )
+        rows.append(row)
+    fleets = [fleet_load(arguments.nodes, max(arguments.packets // 10, 5)) for _ in range(arguments.rounds)]
+    ticks = max(arguments.packets // 5, 5)
+    return {
+        "benchmark": "router",
+        "rows": rows,
+        "fleet": {
+            "nodes": arguments.nodes,
+            "cpu_s_per_sim_s": median(load for load, _ in fleets),
+            "delivered_share": fleets[0][1],
+        },
+        "agent": {
+            "looks at none us": median(agent_us(Deaf, 49, ticks) for _ in range(arguments.rounds)),
+            "decodes each us": median(agent_us(Reader, 49, ticks) for _ in range(arguments.rounds)),
+        },
+    }
 
 
 def main(argv: list[str] | None = None) -> dict[str, Any]:
     """Run the benchmark; prints and returns the figures."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.bench_router", description=__doc__)
-    parser.add_argument("--receivers", type=int, nargs="+", default=[1, 10])
-    parser.add_argument("--rounds", type=int, default=3)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.bench_router",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--receivers", type=int, nargs="+", default=[1, 10, 50])
+    parser.add_argument("--nodes", type=int, default=100)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--packets", type=int, default=1000)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args(argv)
-    result: dict[str, Any] = {"benchmark": "router", "rows": []}
-    for receivers in arguments.receivers:
-        rounds = [(measure("bare", receivers), measure("router", receivers)) for _ in range(arguments.rounds)]
-        bare_us, router_us = (statistics.median(column) for column in zip(*rounds, strict=True))
-        ratio = statistics.median(router / bare for bare, router in rounds)
-        row = {"receivers": receivers, "bare_us": bare_us, "router_us": router_us, "ratio": ratio}
-        result["rows"].append(row)
-        if not arguments.json:
-            print(
-                f"router: {receivers} receivers: {router_us:.1f} us CPU per delivery, "
-                f"bare fan-out {bare_us:.1f} us, ratio {ratio:.2f}",
-                flush=True,
-            )
+    result = measure(arguments)
     if arguments.json:
         print(json.dumps(result))
+        return result
+    for row in result["rows"]:
+        print(
+            f"router: {row['receivers']} receivers: us CPU per delivery: bare {row[f'{BARE} us']:.1f}, "
+            f"{HOST_ONLY} {row[f'{HOST_ONLY} us']:.1f} (ratio {row[f'{HOST_ONLY} ratio']:.2f}), "
+            f"{BOTH} {row[f'{BOTH} us']:.1f} ({row[f'{BOTH} ratio']:.2f}); "
+            f"lone sender {row['lone us']:.1f}"
+        )
+    fleet, agent = result["fleet"], result["agent"]
+    print(
+        f"router: {fleet['nodes']} nodes at 10 Hz, {fleet['delivered_share']:.2f} of the receptions delivered: "
+        f"{fleet['cpu_s_per_sim_s']:.2f} s of CPU per second of sim time"
+    )
+    print(
+        f"agent: {agent['looks at none us']:.1f} us per reception if it looks at none, "
+        f"{agent['decodes each us']:.1f} us if it decodes each"
+    )
     return result
 
 

@@ -25,8 +25,7 @@ from channel.validity import OutsideValidityError
 SCHEMA = 2
 FIGURE_FILE = "probability_of_delivery.png"
 BIN_SENT_MIN = 50
-"""Bins with fewer packets are shown but not judged."""
-BINS_WITHIN_MIN = 0.95
+"""Bins with fewer packets are shown, but not held against their interval."""
 MARKERS = "os^vD<>Pp*"
 
 
@@ -84,34 +83,35 @@ def summarise(
         "counters": reports.counters,
         "bins_judged": len(judged),
         "bins_within": within,
-        "verdict": _verdict(len(judged), within, ledger["links"], ending) + _remark(unfinished),
+        "checks": ledger["checks"],
+        "verdict": _verdict(ledger["checks"], ledger["links"], ending) + _remark(unfinished),
     }
 
 
 UNJUDGED = {"interrupted": "interrupted", "failed": "broke off"}
-"""Endings after which the bins are not judged, and how the verdict begins."""
+"""Endings after which nothing is judged, and how the verdict begins."""
 
 
 def _read_ledger(run: RunDirectory, ending: str) -> dict[str, Any]:
     """What the router left; nothing if the run broke off before it could."""
     file = run.path / LEDGER
     if ending in UNJUDGED and not file.exists():
-        return {"links": [], "bins": [], "refused": {}}
+        return {"links": [], "bins": [], "refused": {}, "checks": []}
     ledger: dict[str, Any] = json.loads(file.read_text(encoding="ascii"))
     return ledger
 
 
-def _verdict(judged: int, within: int, links: Sequence[dict[str, Any]], ending: str) -> str:
+def _verdict(checks: Sequence[dict[str, Any]], links: Sequence[dict[str, Any]], ending: str) -> str:
     sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
     counts = f"{delivered} of {sent} packets delivered"
     if ending in UNJUDGED:
         return f"{UNJUDGED[ending]}: {counts if links else 'no link was recorded'}"
-    if not judged:
-        return f"no verdict: {counts}; no distance bin has {BIN_SENT_MIN} packets or more"
-    agreement = (
-        f"{within} of {judged} bins (each directed link, each 20 m) within the 99 % interval of the model"
-    )
-    return f"{'pass' if within >= BINS_WITHIN_MIN * judged else 'fail'}: {agreement}; {counts}"
+    if not checks:
+        return f"no verdict: {counts}; nothing was drawn"
+    failed = [f"{check['name']} (chance {check['chance']:.2g})" for check in checks if not check["passed"]]
+    if failed:
+        return f"fail: {len(failed)} of {len(checks)} checks against the model: {', '.join(failed)}; {counts}"
+    return f"pass: {len(checks)} checks of draws and powers against the model; {counts}"
 
 
 def _remark(unfinished: Sequence[str]) -> str:

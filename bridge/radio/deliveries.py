@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TypeVar
@@ -18,6 +18,7 @@ from bridge.record.tables.journal import TableWriter
 from bridge.record.tables.schema import DELIVERIES
 from channel.medium import reception as medium
 from channel.medium.ledger import Ledger
+from channel.medium.verdict import Check
 
 LEDGER = "ledger.json"
 FATES = (*(fate.value for fate in medium.FATES), *(cause.value for cause in Cause))
@@ -133,8 +134,9 @@ def write_ledger(
     ledger: Ledger,
     refused: Mapping[Refusal, int],
     progress: Callable[[float], object] = lambda _: None,
+    checks: Iterable[Check] = (),
 ) -> None:
-    """Write the counters: per directed link, what was measured and predicted per bin, what was not taken.
+    """Write the counters: per directed link, what was measured and predicted per bin, what was not taken, checks.
 
     ``progress`` is told now and then which share of the bins is done.
     """
@@ -159,7 +161,12 @@ def write_ledger(
     partial = path.with_suffix(".partial")
     partial.write_text(
         json.dumps(
-            {"links": links, "bins": bins, "refused": {r.value: n for r, n in sorted(refused.items())}},
+            {
+                "links": links,
+                "bins": bins,
+                "refused": {r.value: n for r, n in sorted(refused.items())},
+                "checks": [check._asdict() | {"passed": check.passed} for check in checks],
+            },
             indent=1,
         )
         + "\n",

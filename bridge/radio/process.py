@@ -28,6 +28,7 @@ from bridge.run.process import exit_status, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radios_of
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.medium.medium import Medium
+from channel.medium.verdict import Judge
 from channel.validity import OutsideValidityError
 
 IDLE_S = 5.0
@@ -54,7 +55,8 @@ class RouterProcess:
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
-        medium = Medium(radios, seed=scenario.seed, nodes=scenario.stations)
+        self._judge = Judge(len(scenario.stations))
+        medium = Medium(radios, seed=scenario.seed, nodes=scenario.stations, judge=self._judge)
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self._core = VirtualRadio(medium, ring, mtu_bytes)
         self._publisher = TickPublisher(session, keys, scenario.stations, run.info.hosts)
@@ -109,7 +111,10 @@ class RouterProcess:
             self._close_files()
         self._tell_overload()
         self._report.close()
-        write_ledger(self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress)
+        checks = self._judge.verdict().checks
+        write_ledger(
+            self._run.path / LEDGER, self._core.ledger, self._core.refused, self._tell_progress, checks
+        )
 
     def _close_files(self) -> None:
         self._writer.close()

@@ -9,6 +9,8 @@ from channel.geometry import Path
 from channel.link.radio import Radio
 
 PANELS = 32
+FINE_PANELS = 512
+"""Of fading without shadowing, whose law is then a stair over the nodes."""
 LEAST_SIGMA_DB = 1e-6
 """A sigma of 0 counts as this: a step."""
 
@@ -26,7 +28,8 @@ def chance_of_less(radio: Radio, path: Path, gain_db: FloatArray) -> FloatArray:
     """
     fading = radio.config.fading
     elevation = path.elevation_deg if fading.by_elevation else np.zeros(1)
-    nodes_db, weights = fading.rule(elevation, PANELS)
+    panels = PANELS if radio.config.shadowing.is_random else FINE_PANELS
+    nodes_db, weights = fading.rule(elevation, panels)
     out = np.zeros(len(gain_db))
     for chance, excess_db, sigma_db in _states(radio, path, len(gain_db)):
         # the loss has to be more than this for the gain to be less

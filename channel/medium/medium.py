@@ -20,6 +20,7 @@ from channel.link.radio import Radio
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
 from channel.medium.tracks import FOREVER, Tracks, truth_rows
+from channel.medium.verdict import Judge
 
 __all__ = ["EVERYBODY", "FATES", "Fate", "Medium", "Packets", "Receptions"]
 
@@ -39,6 +40,7 @@ class Medium:
         seed: the run's seed.
         nodes: names of all nodes; every other node is an intended receiver of each packet to everybody.
         max_truth_age_ns: how far a node's truth may lag behind the newest before it is used as it is.
+        judge: takes in what is drawn, for a verdict in the end.
 
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
@@ -56,6 +58,7 @@ class Medium:
         seed: int,
         nodes: Iterable[str],
         max_truth_age_ns: int = MAX_TRUTH_AGE_NS,
+        judge: Judge | None = None,
     ) -> None:
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
@@ -64,7 +67,7 @@ class Medium:
         self.draws = Draws(check_seed(seed))
         self._tracks = Tracks(len(self.nodes), max_truth_age_ns)
         self.radios = tuple(self._radio_of(node, radio) for node in self.nodes)
-        self._settling = Settling(self.radios, LinkDraws(self.draws, self.nodes), self._tracks)
+        self._settling = Settling(self.radios, LinkDraws(self.draws, self.nodes), self._tracks, judge=judge)
         self._waiting: list[Packets] = []
 
     @staticmethod

@@ -22,6 +22,7 @@ from channel.medium.links import Indices, Links
 from channel.medium.random_terms import RandomTerms
 from channel.medium.reception import BASE_LOSS, BURST, ERASED, NO_POSITION, OUT_OF_RANGE
 from channel.medium.tracks import Tracks
+from channel.medium.verdict import Judge
 
 MARGIN_DB = 0.01
 """More than rounding to steps can add to an SNR."""
@@ -59,14 +60,24 @@ class Pair:
         draws: of the run's links.
         tracks: which nodes were seen.
         cull: whether to leave out draws that cannot change a fate.
+        judge: takes in what is drawn, for a verdict.
     """
 
-    def __init__(self, radio: Radio, draws: LinkDraws, tracks: Tracks, *, cull: bool = True) -> None:
+    def __init__(
+        self,
+        radio: Radio,
+        draws: LinkDraws,
+        tracks: Tracks,
+        *,
+        cull: bool = True,
+        judge: Judge | None = None,
+    ) -> None:
         self.radio = radio
         self.terms = RandomTerms(radio, draws)
         self._draws = draws
         self._tracks = tracks
         self._cull = cull
+        self._judge = judge
         self._least_dbm = radio.noise_floor_dbm - self.terms.max_gain_db - MARGIN_DB
         self._has_range = math.isfinite(radio.max_range_m)
         self._has_interferers = bool(radio.config.interference.interferers)
@@ -126,8 +137,11 @@ class Pair:
         uniform = self._uniforms(links, *terms.purposes)
         power_dbm = mean_dbm + terms.gain_db(links, uniform)
         on = terms.interferers_on(links) if self._has_interferers else ()
-        signal = signal_of(radio, links.distance_m, power_dbm, radio.noise_dbm(path, on), lengths)
+        noise_dbm = radio.noise_dbm(path, on)
+        signal = signal_of(radio, links.distance_m, power_dbm, noise_dbm, lengths)
         fate = (uniform[Purpose.ERASURE] <= signal.per).astype(np.uint8)
+        if self._judge is not None:
+            self._judge.take(radio, links, mean_dbm, noise_dbm, signal, fate == ERASED)
         return Settled(*signal, chance, fate)
 
     def _other_losses(self, settled: Settled, links: Links) -> None:
@@ -139,7 +153,10 @@ class Pair:
             return
         uniform = self._uniforms(links, *purposes)
         if base_loss > 0.0:
-            settled.fate[uniform[Purpose.BASE_LOSS] <= base_loss] = BASE_LOSS
+            lost = uniform[Purpose.BASE_LOSS] <= base_loss
+            settled.fate[lost] = BASE_LOSS
+            if self._judge is not None:
+                self._judge.take_base_losses(self.radio, lost)
         if self._has_bursts:
             settled.fate[uniform[Purpose.BURST] <= self.terms.burst_chances(links)] = BURST
 

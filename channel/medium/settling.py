@@ -18,6 +18,7 @@ from channel.medium.links import Indices, Links
 from channel.medium.pair import Pair, Settled, blank, put
 from channel.medium.reception import EVERYBODY, Packets, Receptions
 from channel.medium.tracks import Snapshot, Tracks
+from channel.medium.verdict import Judge
 
 LINKS_AT_ONCE = 8192
 """Links of one piece, so that its arrays stay in the processor's cache; changes no result."""
@@ -31,20 +32,27 @@ class Settling:
         draws: of the run's links.
         tracks: where the nodes are.
         cull: whether to leave out draws that cannot change a fate.
+        judge: takes in what is drawn, for a verdict.
 
     Raises:
         ChannelInputError: radios on several frequencies.
     """
 
     def __init__(
-        self, radios: Sequence[Radio], draws: LinkDraws, tracks: Tracks, *, cull: bool = True
+        self,
+        radios: Sequence[Radio],
+        draws: LinkDraws,
+        tracks: Tracks,
+        *,
+        cull: bool = True,
+        judge: Judge | None = None,
     ) -> None:
         self._draws = draws
         self._tracks = tracks
         self._kinds: list[Radio] = []
         self._kind = np.array([self._kind_of(radio) for radio in radios], dtype=np.intp)
         self._pairs = [
-            Pair(here.towards(there), draws, tracks, cull=cull)
+            Pair(here.towards(there), draws, tracks, cull=cull, judge=judge)
             for here in self._kinds
             for there in self._kinds
         ]

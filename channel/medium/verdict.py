@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from channel import special
 from channel.checks import FloatArray
-from channel.geometry import Path
+from channel.link.decision import Signal
 from channel.link.gain_law import chance_of_less
 from channel.link.radio import Radio
 from channel.link.steps import STEPS_PER_DB
+from channel.medium.links import Links
 
 BIN_WIDTH_M = 20.0
 MAX_BINS = 8192
@@ -35,8 +36,8 @@ APART_NS = 2_000_000_000
 MAX_PAIRS = 128
 MAX_PLACES = 400
 """Of one pair."""
-LEVEL = 1e-3
-"""Of each check: with at most six the verdict fails in 0.6 % of runs with nothing wrong."""
+LEVEL = 2e-4
+"""Of each check: with six that count, the verdict fails in one of a thousand runs with nothing wrong."""
 EXACT_DB = 2.0 / STEPS_PER_DB
 FARTHEST = 8.0
 
@@ -79,88 +80,78 @@ class Verdict:
         return all(check.passed for check in self.checks)
 
 
-class Heard(NamedTuple):
-    """L links on which a signal was drawn, as columns.
-
-    Attributes:
-        tx: transmitting node, index.
-        rx: receiving node, index.
-        sim_time_ns: when the packet was sent.
-        path: the geometry, with positions of shape (L, 3).
-        distance_m: between the ends.
-        mean_power_dbm: of the link budget.
-        received_power_dbm: with the drawn terms, in whole steps.
-        snr_db: likewise.
-        noise_dbm: noise floor and interference that the radio has there; broadcasts.
-        per: packet error rate at the drawn power.
-        erased: whether the draw of the error model lost the packet.
-        base_loss: whether the base loss did, or would have; None: there is no base loss.
-    """
-
-    tx: NDArray[np.intp]
-    rx: NDArray[np.intp]
-    sim_time_ns: NDArray[np.int64]
-    path: Path
-    distance_m: FloatArray
-    mean_power_dbm: FloatArray
-    received_power_dbm: FloatArray
-    snr_db: FloatArray
-    noise_dbm: FloatArray | float
-    per: FloatArray
-    erased: NDArray[np.bool_]
-    base_loss: NDArray[np.bool_] | None
-
-
 class Judge:
     """Collects what a verdict needs, at the cost of a few sums per packet.
 
     Args:
-        radio: whose law is judged.
         nodes: how many nodes there are.
     """
 
-    def __init__(self, radio: Radio, nodes: int) -> None:
-        self._radio = radio
+    def __init__(self, nodes: int) -> None:
         self._expected = np.zeros(MAX_BINS)
         self._variance = np.zeros(MAX_BINS)
         self._erased = np.zeros(MAX_BINS)
         self._packets = 0
         self._impossible = 0
         self._base_losses = 0
+        self._base_packets = 0
+        self._base_expected = 0.0
+        self._base_variance = 0.0
         self._off_noise = 0
-        self._places = _Places(radio, nodes)
+        self._places = _Places(nodes)
 
-    def take(self, heard: Heard) -> None:
-        """Take in what became of packets."""
-        self._packets += len(heard.per)
-        index = np.minimum(heard.distance_m * (1.0 / BIN_WIDTH_M), MAX_BINS - 1).astype(np.intp)
-        spread = heard.per * (1.0 - heard.per)
-        self._expected += np.bincount(index, heard.per, MAX_BINS)
+    def take(
+        self,
+        radio: Radio,
+        links: Links,
+        mean_power_dbm: FloatArray,
+        noise_dbm: FloatArray | float,
+        signal: Signal,
+        erased: NDArray[np.bool_],
+    ) -> None:
+        """Take in what was drawn on L links.
+
+        Args:
+            radio: whose law is judged, at both ends.
+            links: the links; which of them are here may depend on their geometry, but on no draw.
+            mean_power_dbm: of the link budget.
+            noise_dbm: noise floor and interference that the radio has there; broadcasts.
+            signal: as drawn, in whole steps.
+            erased: whether the draw of the error model lost the packet.
+        """
+        per = signal.per
+        self._packets += per.size
+        index = np.minimum(links.distance_m * (1.0 / BIN_WIDTH_M), MAX_BINS - 1).astype(np.intp)
+        spread = per * (1.0 - per)
+        self._expected += np.bincount(index, per, MAX_BINS)
         self._variance += np.bincount(index, spread, MAX_BINS)
-        self._erased += np.bincount(index, heard.erased, MAX_BINS)
-        noise_db = heard.received_power_dbm - heard.snr_db - heard.noise_dbm
+        self._erased += np.bincount(index, erased, MAX_BINS)
+        noise_db = signal.received_power_dbm - signal.snr_db - noise_dbm
         self._off_noise += int(np.count_nonzero(np.abs(noise_db) > EXACT_DB))
         certain = spread == 0.0
         if certain.any():
-            self._impossible += int(np.count_nonzero(heard.erased[certain] != (heard.per[certain] == 1.0)))
-        if heard.base_loss is not None:
-            self._base_losses += int(np.count_nonzero(heard.base_loss))
-        self._places.take(heard)
+            self._impossible += int(np.count_nonzero(erased[certain] != (per[certain] == 1.0)))
+        self._places.take(radio, links, signal.received_power_dbm - mean_power_dbm)
+
+    def take_base_losses(self, radio: Radio, lost: NDArray[np.bool_]) -> None:
+        """Take in which packets the base loss of a radio lost, shape (L,)."""
+        share = radio.config.base_loss
+        self._base_packets += lost.size
+        self._base_expected += lost.size * share
+        self._base_variance += lost.size * share * (1.0 - share)
+        self._base_losses += int(np.count_nonzero(lost))
 
     def verdict(self) -> Verdict:
         """Return what there is to say by now."""
         checks = [*self._draws(), *self._places.checks()]
-        base_loss = self._radio.config.base_loss
-        if base_loss * (1.0 - base_loss) * self._packets >= LEAST_VARIANCE:
-            low = float(special.bdtr(self._base_losses, self._packets, base_loss))
-            high = (
-                float(special.bdtrc(self._base_losses - 1, self._packets, base_loss))
-                if self._base_losses
-                else 1.0
-            )
-            share = self._base_losses / self._packets
-            checks.append(Check("base loss", self._packets, share, min(1.0, 2.0 * min(low, high))))
+        checks += self._base()
         return Verdict(tuple(checks))
+
+    def _base(self) -> list[Check]:
+        if self._base_variance < LEAST_VARIANCE:
+            return []
+        z = (self._base_losses - self._base_expected) / math.sqrt(self._base_variance)
+        return [Check("base loss", self._base_packets, z, 2.0 * float(special.ndtr(-abs(z))))]
 
     def _draws(self) -> list[Check]:
         if not self._packets:
@@ -177,25 +168,17 @@ class Judge:
         bins = int(np.count_nonzero(enough))
         if bins > 1:
             off = np.square(self._erased - self._expected)[enough] / self._variance[enough]
-            checks.append(Check("losses by distance", bins, float(off.sum()), _chance_of_chi2(off, bins)))
+            checks.append(
+                Check("losses by distance", bins, float(off.sum()), float(special.chdtrc(bins, off.sum())))
+            )
         return checks
-
-
-def _chance_of_chi2(off: FloatArray, bins: int) -> float:
-    return float(special.chdtrc(bins, off.sum()))
 
 
 class _Places:
     """Powers at places far from each other, each as where in its law it lies."""
 
-    def __init__(self, radio: Radio, nodes: int) -> None:
-        config = radio.config
-        lasting_m = [config.shadowing.decorrelation_m if config.shadowing.is_random else None]
-        lasting_m.append(None if radio.sight is None else radio.sight.decorrelation_m)
-        self._radio = radio
-        self._apart_m = APART * max((each for each in lasting_m if each is not None), default=0.0)
-        self._is_random = config.shadowing.is_random or config.fading.is_random or radio.sight is not None
-        self._is_judged = _judged_links(nodes, disjoint=getattr(config.shadowing, "shared_ends", 0.0) > 0.0)
+    def __init__(self, nodes: int) -> None:
+        self._judged = {shared: _judged_links(nodes, disjoint=shared) for shared in (False, True)}
         self._next_ns = np.zeros(nodes * nodes, dtype=np.int64)
         self._nodes = nodes
         self._seen: dict[int, list[FloatArray]] = {}
@@ -203,45 +186,44 @@ class _Places:
         self._exact = 0
         self._normal: list[float] = []
 
-    def take(self, heard: Heard) -> None:
-        link = heard.tx * self._nodes + heard.rx
-        judged = np.flatnonzero(self._is_judged[link])
+    def take(self, radio: Radio, links: Links, gain_db: FloatArray) -> None:
+        config = radio.config
+        link = links.tx * self._nodes + links.rx
+        shared = getattr(config.shadowing, "shared_ends", 0.0) > 0.0
+        judged = np.flatnonzero(self._judged[shared][link])
         if not judged.size:
             return
-        if not self._is_random:
-            gain_db = heard.received_power_dbm[judged] - heard.mean_power_dbm[judged]
+        if not (config.shadowing.is_random or config.fading.is_random or radio.sight is not None):
             self._exact += judged.size
-            self._off += int(np.count_nonzero(np.abs(gain_db) > EXACT_DB))
+            self._off += int(np.count_nonzero(np.abs(gain_db[judged]) > EXACT_DB))
             return
-        due = judged[heard.sim_time_ns[judged] >= self._next_ns[link[judged]]]
-        rows = [row for row in due.tolist() if self._is_new(heard, row, int(link[row]))]
+        when_ns = links.sim_time_ns[judged]
+        due = judged[when_ns >= self._next_ns[link[judged]]]
+        apart_m = _apart_m(radio)
+        rows = [row for row in due.tolist() if self._is_new(links, row, int(link[row]), apart_m)]
         if rows:
-            self._judge(heard, np.array(rows, dtype=np.intp))
+            at = np.array(rows, dtype=np.intp)
+            normal = special.ndtri(chance_of_less(radio, links.at(at).path, gain_db[at]))
+            self._normal += np.clip(normal, -FARTHEST, FARTHEST).tolist()
 
-    def _is_new(self, heard: Heard, row: int, link: int) -> bool:
+    def _is_new(self, links: Links, row: int, link: int, apart_m: float) -> bool:
         """Return whether a link is far from all places where it was judged before; if so, keep the place."""
-        when_ns = int(heard.sim_time_ns[row])
+        when_ns = int(links.packets.sim_time_ns[links.packet[row]])
         if when_ns < self._next_ns[link]:
             return False  # an earlier packet of the same pass was taken
         self._next_ns[link] = when_ns + APART_NS
         seen = self._seen.setdefault(link, [])
         if len(seen) >= MAX_PLACES:
             return False
-        assert heard.path.position_tx_ned_m is not None
-        assert heard.path.position_rx_ned_m is not None
-        here = np.stack((heard.path.position_tx_ned_m[row], heard.path.position_rx_ned_m[row]))
-        if self._apart_m > 0.0 and seen:
+        assert links.path.position_tx_ned_m is not None
+        assert links.path.position_rx_ned_m is not None
+        here = np.stack((links.path.position_tx_ned_m[row], links.path.position_rx_ned_m[row]))
+        if apart_m > 0.0 and seen:
             moved_m = np.sqrt(np.sum(np.square(np.array(seen) - here), axis=-1)).sum(axis=-1)
-            if moved_m.min() < self._apart_m:
+            if moved_m.min() < apart_m:
                 return False
         seen.append(here)
         return True
-
-    def _judge(self, heard: Heard, rows: NDArray[np.intp]) -> None:
-        path = _path_at(heard.path, rows, len(heard.tx))
-        gain_db = heard.received_power_dbm[rows] - heard.mean_power_dbm[rows]
-        normal = special.ndtri(chance_of_less(self._radio, path, gain_db))
-        self._normal += np.clip(normal, -FARTHEST, FARTHEST).tolist()
 
     def checks(self) -> list[Check]:
         if self._exact:
@@ -259,6 +241,16 @@ class _Places:
             Check("level of the powers", count, z, 2.0 * float(special.ndtr(-abs(z)))),
             Check("spread of the powers", count, around / (count - 1), min(1.0, 2.0 * min(low, high))),
         ]
+
+
+def _apart_m(radio: Radio) -> float:
+    """Return how far the ends have to move for lasting terms to be drawn anew, nearly."""
+    shadowing = radio.config.shadowing
+    lasting_m = [
+        shadowing.decorrelation_m if shadowing.is_random else None,
+        None if radio.sight is None else radio.sight.decorrelation_m,
+    ]
+    return APART * max((each for each in lasting_m if each is not None), default=0.0)
 
 
 def _judged_links(nodes: int, *, disjoint: bool) -> NDArray[np.bool_]:
@@ -280,18 +272,6 @@ def _judged_links(nodes: int, *, disjoint: bool) -> NDArray[np.bool_]:
         if count >= MAX_PAIRS:
             break
     return judged
-
-
-def _path_at(path: Path, rows: NDArray[np.intp], links: int) -> Path:
-    """Return the geometry of some links."""
-    return Path._make(None if column is None else _at(column, rows, links) for column in path)
-
-
-def _at(column: FloatArray | float, rows: NDArray[np.intp], links: int) -> FloatArray:
-    array = np.asarray(column)
-    if array.ndim and array.shape[0] == links:
-        return array[rows]
-    return np.broadcast_to(array, (links, *array.shape))[rows]
 
 
 def text_of(checks: Sequence[Check]) -> str:

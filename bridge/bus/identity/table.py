@@ -65,6 +65,7 @@ class Row:
 TABLE = (
     Row("node/{node}/state", writes=HOST, reads=OWN | LOOKERS),
     Row("node/{node}/cmd/*", serves=HOST, asks=OWN | OPERATOR),
+    Row("node/{node}/mavlink/*", serves=HOST, asks=OWN | LOOKERS),
     Row("node/{node}/tx/**", writes=HOST | FREE, reads=RADIO),
     Row("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
     Row("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),

@@ -23,7 +23,13 @@ def row(start_m: float, sent: int, measured: float, low: float = 0.4, high: floa
     return {**ends, **counts, "predicted": 0.5, "ci99": [low, high]}
 
 
-def summary_of(path: Path, bins: list[dict[str, Any]], ending: str = "done") -> dict[str, Any]:
+def check(name: str, chance: float) -> dict[str, Any]:
+    return {"name": name, "size": 100, "found": 1.0, "chance": chance, "passed": chance >= 1e-3}
+
+
+def summary_of(
+    path: Path, bins: list[dict[str, Any]], ending: str = "done", checks: list[dict[str, Any]] | None = None
+) -> dict[str, Any]:
     sent, delivered = (sum(b[k] for b in bins) for k in ("sent", "delivered"))
     links = [
         {
@@ -34,17 +40,27 @@ def summary_of(path: Path, bins: list[dict[str, Any]], ending: str = "done") -> 
             "lost": {"channel_erasure": sent - delivered},
         }
     ]
-    (path / LEDGER).write_text(json.dumps({"links": links, "bins": bins, "refused": {}}))
+    (path / LEDGER).write_text(
+        json.dumps({"links": links, "bins": bins, "refused": {}, "checks": checks or []})
+    )
     return summarise(SCENARIO, RunDirectory(path), Timing(100.0, 10.0), ending)
 
 
-def test_pass_needs_95_percent_of_the_bins_with_50_packets(tmp_path: Path) -> None:
-    good = [row(20.0 * i, 50, 0.5) for i in range(19)]
-    assert summary_of(tmp_path, [*good, row(400, 50, 0.9)])["verdict"].startswith("pass: 19 of 20")
-    assert summary_of(tmp_path, [*good[1:], row(400, 50, 0.9)])["verdict"].startswith("fail: 18 of 19")
+def test_a_run_passes_if_all_checks_do(tmp_path: Path) -> None:
+    good, bad = check("losses", 0.2), check("level of the powers", 1e-5)
+    verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, good])["verdict"]
+    assert verdict == "pass: 2 checks of draws and powers against the model; 25 of 50 packets delivered"
+    verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, bad])["verdict"]
+    assert verdict.startswith("fail: 1 of 2 checks against the model: level of the powers (chance 1e-05)")
 
 
-def test_bins_with_fewer_packets_are_not_judged(tmp_path: Path) -> None:
+def test_bins_alone_fail_no_run(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, [row(0, 50, 0.9)], checks=[check("losses", 0.2)])
+    assert (summary["bins_judged"], summary["bins_within"]) == (1, 0)
+    assert summary["verdict"].startswith("pass")
+
+
+def test_nothing_to_judge(tmp_path: Path) -> None:
     summary = summary_of(tmp_path, [row(0, 49, 0.9)])
     assert summary["bins_judged"] == 0
     assert summary["verdict"].startswith("no verdict")
@@ -56,7 +72,7 @@ def test_interrupted_run_has_no_verdict(tmp_path: Path) -> None:
 
 def test_required_keys_and_real_time_factor(tmp_path: Path) -> None:
     summary = summary_of(tmp_path, [row(0, 50, 0.5)])
-    required = "scenario seed autopilot speed sim_duration_s wall_duration_s real_time_factor links bins verdict schema"
+    required = "scenario seed autopilot speed sim_duration_s wall_duration_s real_time_factor links bins checks verdict"
     assert set(required.split()) <= set(summary)
     assert summary["real_time_factor"] == pytest.approx(10.0)
 

@@ -1,0 +1,51 @@
+"""How often the verdict is wrong of right runs, and right of wrong ones, with 20 000 receptions each."""
+
+import pytest
+
+from channel import presets
+from channel.link.radio import Radio
+from channel.medium.verdict import Judge
+from tests.unit.channel.medium.flights import NODES, Other, reach_m, verdict_of
+
+RECEPTIONS = 20_000
+RUNS = 200
+WRONG_RUNS = 20
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("name", presets.preset_names())
+def test_at_most_one_right_run_in_a_hundred_fails(name):
+    radio = Radio(presets.load_radio(name))
+    reach = reach_m(radio)
+    failed = [
+        seed for seed in range(RUNS) if not verdict_of(radio, Judge(NODES), seed, RECEPTIONS, reach).passed
+    ]
+    assert len(failed) <= RUNS // 100, failed
+
+
+def wrong_radios():
+    """Each preset with one number off: an exponent by 0.2, a sigma by 2 dB, a noise floor by 1 dB."""
+    for name in presets.preset_names():
+        config = presets.load_radio(name)
+        if config.propagation.model == "log-distance":
+            for off in (-0.2, 0.2):
+                yield name, {"propagation": {"exponent": config.propagation.exponent + off}}
+        if config.shadowing.is_random:
+            for off in (-2.0, 2.0):
+                yield name, {"shadowing": {"sigma_db": config.shadowing.sigma_db + off}}
+        floor = "floor_dbm" if config.noise.model == "fixed" else "noise_figure_db"
+        for off in (-1.0, 1.0):
+            yield name, {"noise": {floor: getattr(config.noise, floor) + off}}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(("name", "wrong"), list(wrong_radios()))
+def test_at_least_nine_wrong_runs_in_ten_fail(name, wrong):
+    said, drawn = Radio(presets.load_radio(name)), Radio(presets.load_radio(name, wrong))
+    reach = reach_m(said)
+    failed = sum(
+        not verdict_of(drawn, Other(said), seed, RECEPTIONS, reach).passed for seed in range(WRONG_RUNS)
+    )
+    assert failed >= 0.9 * WRONG_RUNS
