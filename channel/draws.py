@@ -45,6 +45,9 @@ class Purpose(Enum):
         self.stream = stream
         self.word = word
 
+    __hash__ = object.__hash__
+    """There is one of each, and it is looked up for each packet: the hash of its name would take longer."""
+
 
 def stream_key(seed: int, *names: str) -> Words:
     """Return the 128-bit Philox key of a named stream, as two words.
@@ -137,7 +140,7 @@ class LinkDraws:
                 names = self.nodes[link // size], self.nodes[link % size]
                 keys[:, link] = stream_key(self.draws.seed, *names, *stream)
                 known[link] = True
-        return keys[:, at]
+        return keys.take(at, axis=1)
 
     def words(self, stream: tuple[str, ...], tx: Indices, rx: Indices, counters: NDArray[np.int64]) -> Words:
         """Return the words of each link at its counter, shape (4, L): those of `Draws.words`."""

@@ -55,10 +55,10 @@ def _of_one(key_0: int, key_1: int, counter: int) -> tuple[int, int, int, int]:
 
 def _of_many(keys: Words, counters: NDArray[np.int64]) -> Words:
     """Words 0 and 2, which are multiplied, lie in one array of two rows, words 1 and 3 in another."""
-    multiplied, other = np.zeros_like(keys), np.zeros_like(keys)
+    multiplied, other = np.zeros(keys.shape, np.uint64), np.zeros(keys.shape, np.uint64)
     multiplied[0] = counters
-    round_keys = keys.copy()
-    high, *scratch = (np.empty_like(keys) for _ in range(4))
+    round_keys = keys.copy(order="C")
+    high, *scratch = (np.empty(keys.shape, np.uint64) for _ in range(4))
     for _ in range(ROUNDS):
         _multiply(multiplied, high, *scratch)
         np.bitwise_xor(high[::-1], other, out=other)

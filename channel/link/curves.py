@@ -45,6 +45,8 @@ class Curves(Generic[Key]):
             keys: of the curves in use, each once.
             which: place in `keys`, one for all links or one for each.
         """
+        if isinstance(which, int) and keys[which] in self._rows:
+            return self._rows[keys[which]]
         missing = [key for key in keys if key not in self._rows]
         if missing:
             if self._flat.size > MAX_VALUES:
@@ -65,7 +67,9 @@ class Curves(Generic[Key]):
             start += values.size
         self._columns = np.array(self._ends_of_row).T
         self._flat = np.concatenate((self._flat, *(values for _, values in curves)))
-        self._rise = np.diff(self._flat, append=0.0)  # from the last value of a curve nothing goes on
+        self._rise = np.diff(
+            self._flat, append=0.0
+        )  # nothing goes on from the last value of a curve: it is met
 
     def at_steps(self, steps: FloatArray, row: Rows) -> FloatArray:
         """Return values at whole multiples of the step."""
@@ -80,15 +84,12 @@ class Curves(Generic[Key]):
         where = value * self._steps_per_unit
         np.maximum(where, first, out=where)
         np.minimum(where, last, out=where)
-        left = np.minimum(np.floor(where), last - 1.0)
+        where += offset
+        left = where.astype(np.intp)
         where -= left
-        left += offset
-        at = left.astype(np.intp)
-        here = self._flat.take(at)
-        rise = self._rise.take(at)
-        rise *= where
-        rise += here
-        return rise
+        where *= self._rise.take(left)
+        where += self._flat.take(left)
+        return where
 
     def _ends(self, row: Rows) -> tuple[FloatArray | float, ...]:
         """Return the first and last step of each curve, and what is to be added to a step for its place."""

@@ -29,9 +29,9 @@ class Lengths(NamedTuple):
     @classmethod
     def of(cls, length_bytes: NDArray[np.int64], packet: NDArray[np.intp]) -> Lengths:
         """Return the lengths of links, from those of packets, at least one, and the row of each link's packet."""
-        first = length_bytes[0]
-        if np.count_nonzero(length_bytes == first) == length_bytes.size:
-            return cls((int(first),), 0)
+        first = int(length_bytes[0])
+        if length_bytes.size == 1 or np.count_nonzero(length_bytes == first) == length_bytes.size:
+            return cls((first,), 0)
         distinct, which = np.unique(length_bytes, return_inverse=True)
         return cls(tuple(distinct.tolist()), which[packet])
 

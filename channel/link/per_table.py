@@ -12,7 +12,7 @@ from channel.link.curves import Curves
 from channel.link.lengths import Lengths
 from channel.link.steps import STEPS_PER_DB, STEPS_PER_ONE, in_steps
 
-LINKS_BEFORE_TABLE = 8192
+LINKS_BEFORE_TABLE = 2048
 """A length that was asked for this often gets a table: about what the table costs."""
 MAX_TABLES = 64
 SCAN_DB = np.array([-3000.0, *np.arange(-300.0, 300.5), 3000.0])

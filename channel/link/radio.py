@@ -431,14 +431,15 @@ class Radio:
             lengths: as the error model counts them.
         """
         elevation = path.elevation_deg if self.config.fading.by_elevation else None
-        success = np.zeros_like(mean_power_dbm)
+        success: FloatArray | float = 0.0
         for chance, states in self._interference_states:
             snr_db = mean_power_dbm - self.noise_dbm(path, states)
             if self.sight is None:
-                success += chance * self._expectation.from_table(snr_db, lengths, elevation)
+                part = self._expectation.from_table(snr_db, lengths, elevation)
             else:
-                success += chance * self.sight.from_table(snr_db, lengths, path)
-        return self.kept_share * success
+                part = self.sight.from_table(snr_db, lengths, path)
+            success = part if chance == 1.0 else success + chance * part
+        return np.asarray(self.kept_share * success)
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:
         if length_bytes is None:

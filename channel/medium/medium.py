@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -155,18 +156,14 @@ class Medium:
             ChannelInputError: a node that is not there, a negative sequence number or length, a packet to its own
                 transmitter.
         """
-        count = len(self.nodes)
-        _within("tx", packets.tx, 0, count - 1)
-        _within("to", packets.to, EVERYBODY, count - 1)
-        _within("seq", packets.seq, 0, MAX_SEQ)
-        _within("length_bytes", packets.length_bytes, 0, MAX_LENGTH_BYTES)
-        _within("sim_time_ns", packets.sim_time_ns, -FOREVER, FOREVER)
+        if not packets.size:
+            return
+        _check(packets, len(self.nodes))
         to_itself = packets.to == packets.tx
         if np.count_nonzero(to_itself):
             node = int(packets.tx[to_itself][0])
             raise ChannelInputError("to", self.nodes[node], "a node other than the transmitter")
-        if packets.size:
-            self._waiting.append(packets)
+        self._waiting.append(packets)
 
     def settle(self) -> Receptions:
         """Return all fates that can be told by now: of packets up to which the truth of every node is known."""
@@ -218,13 +215,36 @@ def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
     return array.astype(np.int64, copy=False)
 
 
-def _within(name: str, values: NDArray[np.int64] | NDArray[np.intp], low: int, high: int) -> None:
-    """Refuse columns that are not of whole numbers in a range."""
-    if values.dtype != WHOLE:
-        raise ChannelInputError(name, f"array of {values.dtype}", "an array of integers of 64 bits")
-    above_low = (values - low if low else values).view(
-        np.uint64
-    )  # what is below it wraps round to large numbers
-    if values.size and np.maximum.reduce(above_low) > high - low:
-        bad = values[(values < low) | (values > high)]
+def _check(packets: Packets, nodes: int) -> None:
+    """Refuse packets whose columns are not whole numbers in their ranges."""
+    columns = np.array(packets)
+    if columns.dtype != WHOLE:
+        bad = next(name for name in packets._fields if getattr(packets, name).dtype != WHOLE)
+        raise ChannelInputError(bad, f"array of {getattr(packets, bad).dtype}", "integers of 64 bits")
+    low, high = _ranges(nodes)
+    # what is below its range wraps round to large numbers
+    above = np.maximum.reduce((columns - low[:, np.newaxis]).view(np.uint64), axis=1)
+    outside = above > (high - low).view(np.uint64)
+    if outside.any():
+        row = int(np.argmax(outside))
+        _within(packets._fields[row], packets[row], int(low[row]), int(high[row]))
+
+
+@lru_cache(maxsize=8)
+def _ranges(nodes: int) -> NDArray[np.int64]:
+    """Return the lowest and the highest value of each column of packets, shape (2, columns)."""
+    ranges = {
+        "sim_time_ns": (-FOREVER, FOREVER),
+        "tx": (0, nodes - 1),
+        "seq": (0, MAX_SEQ),
+        "length_bytes": (0, MAX_LENGTH_BYTES),
+        "to": (EVERYBODY, nodes - 1),
+    }
+    return np.array([ranges[name] for name in Packets._fields]).T
+
+
+def _within(name: str, values: NDArray[np.intp], low: int, high: int) -> None:
+    """Refuse numbers out of their range."""
+    bad = values[(values < low) | (values > high)]
+    if bad.size:
         raise ChannelInputError(name, int(bad[0]), f"an integer from {low} to {high}")

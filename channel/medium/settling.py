@@ -73,6 +73,8 @@ class Settling:
     def counted_bytes(self, packets: Packets) -> NDArray[np.int64]:
         """Return the lengths of packets as the error model of their transmitter counts them, shape (P,)."""
         payloads = packets.length_bytes
+        if payloads.size == 1:
+            return np.array([self._kinds[self._kind[packets.tx[0]]].length_bytes(int(payloads[0]))])
         if len(self._kinds) == 1 and np.count_nonzero(payloads == payloads[:1]) == payloads.size > 0:
             return np.full(payloads.size, self._kinds[0].length_bytes(int(payloads[0])), dtype=np.int64)
         rows = list(zip(self._kind[packets.tx].tolist(), payloads.tolist(), strict=True))

@@ -59,10 +59,8 @@ def bulge_loss_db(path: Path, radius_factor: float) -> FloatArray | None:
     the share 1 - (D / horizon)^2. A smooth sphere attenuates more than an edge (P.526-15, sec. 3): deep behind the
     horizon the loss is too small.
     """
-    lowest_m = min(np.min(path.height_tx_m, initial=np.inf), np.min(path.height_rx_m, initial=np.inf))
-    nearest_edge_m = 2.0 * math.sqrt(2.0 * radius_factor * EARTH_RADIUS_M * lowest_m)
-    if np.max(path.distance_m, initial=0.0) <= NEAR * nearest_edge_m:
-        return None  # most ticks of a fleet, at little cost
+    if _all_are_near(path, radius_factor):
+        return None
     edge_m = horizon_m(path, radius_factor)
     if np.all(path.distance_m <= NEAR * edge_m):
         return None
@@ -76,6 +74,18 @@ def bulge_loss_db(path: Path, radius_factor: float) -> FloatArray | None:
     near = np.maximum(1.0 - np.square(ground_m / edge_m), 0.0)
     loss_db = np.maximum(edge_db(nu) - near * edge_db(flat_nu), 0.0)
     return np.where(path.distance_m <= NEAR * edge_m, 0.0, loss_db)
+
+
+def _all_are_near(path: Path, radius_factor: float) -> bool:
+    """Return whether the longest way is short of the horizon even between the lowest ends: so it is in most ticks."""
+    if not np.size(path.distance_m):
+        return True
+    tx_m, rx_m = (
+        np.minimum.reduce(path.height_tx_m, axis=None),
+        np.minimum.reduce(path.height_rx_m, axis=None),
+    )
+    edge_m = 2.0 * math.sqrt(2.0 * radius_factor * EARTH_RADIUS_M * min(tx_m, rx_m))
+    return bool(np.maximum.reduce(path.distance_m, axis=None) <= NEAR * edge_m)
 
 
 def _worst_point(ground_m: FloatArray, tx_m: FloatArray, rx_m: FloatArray, bend: float) -> FloatArray:

@@ -17,7 +17,7 @@ def test_ticks_batches_and_single_packets_are_measured(capsys):
 
 
 def test_fleets_are_measured_for_presets(capsys):
-    bench_channel.print_fleets(["moon2020", "wifi-2.4"], [10, 70], 4)
+    bench_channel.print_fleets(["moon2020", "wifi-2.4"], [10, 70], 1)
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[-2:]] == ["moon2020", "wifi-2.4"]
     assert all(float(ns) > 0.0 for line in lines[-2:] for ns in line.split()[1:])
