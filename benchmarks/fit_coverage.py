@@ -3,6 +3,8 @@
 Each set is a radio that differs from the one it is fitted from in every parameter. Logs are drawn with numpy's own
 generator, not with the draws of the medium: distances from 0.1 to 1.6 times the range of 50 % delivery, evenly at
 random or flown out and back, and received powers of what arrived where the set has them, rounded to the set's step.
+With `--correlated` the shadowing is correlated along the track: six more radios, drawn with numpy alone
+(`benchmarks/correlated_logs.py`).
 A parameter is covered if its 95 % interval holds the truth; how many of the intervals had two ends is counted, too.
 """
 
@@ -18,9 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.correlated_logs import TRUTHS, drawn
 from channel.config import RadioConfig
-from channel.fit.calibration import Fit, fit_radio
+from channel.fit.calibration import fit_radio
 from channel.fit.flight_log import FlightLog
+from channel.fit.result import Estimate, Fit
 from channel.link.radio import Radio
 from channel.presets import load_radio
 
@@ -126,14 +130,36 @@ def one_fit(name: str, repeat: int) -> tuple[Fit, float]:
     return fit_radio(log, chosen.known, chosen.hold), process_time() - start
 
 
+def one_correlated_fit(name: str, repeat: int) -> tuple[Fit, float]:
+    """Fit one log with correlated shadowing; return the fit and its CPU time in s."""
+    distance_m, delivered, rssi_dbm = drawn(TRUTHS[name], PACKETS, (77, list(TRUTHS).index(name), repeat))
+    log = FlightLog(distance_m, delivered, np.full(PACKETS, LENGTH_BYTES), rssi_dbm)
+    start = process_time()
+    return fit_radio(log, load_radio("corrected")), process_time() - start
+
+
+def levels_held(name: str, fits: Sequence[Fit]) -> int:
+    """Return how many intervals of the level at the log's mean distance hold the true mean."""
+    levels = [
+        (each.level, float(TRUTHS[name].mean_dbm(each.level.distance_m))) for each in fits if each.level
+    ]
+    return sum(level.low_dbm <= truth <= level.high_dbm for level, truth in levels)
+
+
 def coverage(name: str, fits: Sequence[Fit]) -> dict[str, tuple[int, int]]:
     """Return by parameter how many intervals hold the truth, and how many have two ends; held ones left out."""
-    truth, chosen = truth_of(SETS[name].truth), SETS[name]
+    if name in TRUTHS:
+        return _held(TRUTHS[name].by_name, fits)
+    chosen = SETS[name]
+    left_out = {*chosen.hold, *(() if chosen.rssi else ("noise.floor_dbm",))}
+    return _held({key: value for key, value in truth_of(chosen.truth).items() if key not in left_out}, fits)
+
+
+def _held(truth: Mapping[str, float], fits: Sequence[Fit]) -> dict[str, tuple[int, int]]:
     rows: dict[str, tuple[int, int]] = {}
     for parameter, value in truth.items():
-        if parameter in chosen.hold or (parameter == "noise.floor_dbm" and not chosen.rssi):
-            continue
-        found = [next(each for each in fit.estimates if each.name == parameter) for fit in fits]
+        unknown = Estimate(parameter, None, -np.inf, np.inf)
+        found = [next((each for each in fit.estimates if each.name == parameter), unknown) for fit in fits]
         covered = sum(each.low <= value <= each.high for each in found)
         rows[parameter] = covered, sum(bool(np.isfinite([each.low, each.high]).all()) for each in found)
     return rows
@@ -144,14 +170,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=10)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--correlated", action="store_true", help="shadowing correlated along the track")
     options = parser.parse_args(arguments)
+    names, fit_one = (list(TRUTHS), one_correlated_fit) if options.correlated else (list(SETS), one_fit)
     print(f"{'set':<28}{'parameter':<22}{'truth':>9}{'covered':>9}{'two ends':>10}   of {options.repeats}")
     with ProcessPoolExecutor(options.jobs) as pool:
-        for name in SETS:
-            results = list(pool.map(partial(one_fit, name), range(options.repeats)))
-            truth = truth_of(SETS[name].truth)
-            for parameter, (covered, finite) in coverage(name, [fit for fit, _ in results]).items():
+        for name in names:
+            results = list(pool.map(partial(fit_one, name), range(options.repeats)))
+            fits = [fit for fit, _ in results]
+            truth = TRUTHS[name].by_name if options.correlated else truth_of(SETS[name].truth)
+            for parameter, (covered, finite) in coverage(name, fits).items():
                 print(f"{name:<28}{parameter:<22}{truth[parameter]:>9.4g}{covered:>9}{finite:>10}")
+            if options.correlated:
+                taken = sum(fit.correlated for fit in fits)
+                print(f"{name:<28}level held {levels_held(name, fits)}, taken for correlated {taken}")
             times = [seconds for _, seconds in results]
             print(
                 f"{name:<28}CPU per fit: median {np.median(times):.2f} s, most {max(times):.2f} s", flush=True

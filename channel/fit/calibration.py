@@ -11,15 +11,19 @@ Intervals hold the values whose profile deviance is below the chi-squared quanti
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from channel.checks import ChannelInputError
+from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
+from channel.fading.shadowing import OneSidedNormalShadowing
+from channel.fit.correlated.fit import DECORRELATION_NAME, CorrelatedFit, correlations_of
+from channel.fit.correlated.search import FLOOR as FLOOR_COORDINATE
 from channel.fit.flight_log import FlightLog
+from channel.fit.goodness import readings_and_deliveries
 from channel.fit.likelihood import (
     ALL_NAMES,
     ERROR,
@@ -34,6 +38,8 @@ from channel.fit.likelihood import (
     Point,
 )
 from channel.fit.profile import HIGHER, HigherError, Mask, Side, climb, interval_end
+from channel.fit.residuals import DEPENDENT, along, chance_of_independence
+from channel.fit.result import Estimate, Fit, Goodness
 from channel.presets import merged, radio_from_mapping
 
 CHI2_95 = 3.841458820694124
@@ -49,44 +55,17 @@ class NotEnoughInformationError(ValueError):
     """A log from which nothing can be fitted; the message says what it lacks."""
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """One parameter.
-
-    Attributes:
-        name: as in the radio's configuration.
-        value: the most likely one, or None if the data do not determine it.
-        low: lower end of the 95 % interval; -inf if the data set none.
-        high: upper end; inf if the data set none.
-        note: what the data say of it, if not all.
-    """
-
-    name: str
-    value: float | None
-    low: float
-    high: float
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """A fitted radio.
-
-    Attributes:
-        estimates: one per parameter.
-        log_likelihood: at the maximum.
-        packets: in the log.
-        delivered: of these.
-        overrides: what to lay over the base radio: the fitted values, the base's where nothing was determined.
-        rssi_error_db: the receiver's own error of RSSI, a by-product; None without RSSI.
-    """
-
-    estimates: tuple[Estimate, ...]
-    log_likelihood: float
-    packets: int
-    delivered: int
-    overrides: Mapping[str, Any]
-    rssi_error_db: float | None = None
+ONE_SIDED_NOTE = (
+    "neighbouring packets depend on each other, which one-sided shadowing has no law for: an interval would be too "
+    "narrow; try --set shadowing.model=normal"
+)
+NO_RSSI_NOTE = (
+    "neighbouring packets depend on each other, and without RSSI it cannot be told how far: an interval would be too "
+    "narrow; log RSSI"
+)
+PLACES_NOTE = (
+    "neighbouring packets depend on each other beyond what their distances explain: an interval would be too narrow"
+)
 
 
 def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fit:
@@ -108,8 +87,24 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
     likelihood = Likelihood(log, base)
     _check_held(likelihood, held)
     free = _free(likelihood, held)
-    best, ends = _intervals(likelihood, free)
+    top = _top(likelihood, free)
+    independent = chance_of_independence(likelihood.scores(top.best.at), along(log.distance_m, log.link))
+    if independent > DEPENDENT:
+        return _independent_fit(log, likelihood, free, held, top, independent)
+    one_sided = isinstance(base.shadowing, OneSidedNormalShadowing)
+    if one_sided or not likelihood.has_rssi:
+        fit = _independent_fit(log, likelihood, free, held, top, independent)
+        return _without_intervals(fit, ONE_SIDED_NOTE if one_sided else NO_RSSI_NOTE)
+    return _correlated_fit(log, base, likelihood.natural(top.best.at)[: len(NAMES)], held, independent)
+
+
+def _independent_fit(
+    log: FlightLog, likelihood: Likelihood, free: Mask, held: frozenset[str], top: _Top, independent: float
+) -> Fit:
+    """Return the fit of a log whose packets are independent of each other."""
+    best, ends = _intervals(likelihood, free, top)
     estimates = tuple(_estimate(i, best, ends.get(i), likelihood, held) for i in range(len(NAMES)))
+    names, covariance = likelihood.covariance(best, _determined(free, estimates))
     return Fit(
         estimates=estimates,
         log_likelihood=best.value,
@@ -117,12 +112,61 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
         delivered=int(np.count_nonzero(log.delivered)),
         overrides=likelihood.overrides(_settled(likelihood, best, free, estimates)),
         rssi_error_db=float(best.at[ERROR]) if likelihood.has_rssi else None,
+        level=likelihood.level(best, names, covariance, free),
+        correlations=correlations_of(names, covariance),
+        goodness=Goodness(independent, *readings_and_deliveries(likelihood, best), independent),
     )
+
+
+def _correlated_fit(
+    log: FlightLog, base: RadioConfig, near: FloatArray, held: frozenset[str], independent: float
+) -> Fit:
+    """Return the fit of a log whose shadowing is correlated along the track."""
+    fit = CorrelatedFit(log, base, near, held)
+    values, found = fit.values, fit.found
+    shadowing = {"sigma_db": values["shadowing.sigma_db"], "decorrelation_m": values[DECORRELATION_NAME]}
+    overrides: dict[str, Any] = {
+        "propagation": {"exponent": values["propagation.exponent"]},
+        "offset_db": values["offset_db"],
+        "shadowing": {"model": "gudmundson", **shadowing},
+        "base_loss": values["base_loss"],
+    }
+    if found.free[FLOOR_COORDINATE]:
+        overrides["noise"] = {"model": "fixed", "floor_dbm": values["noise.floor_dbm"]}
+    left = fit.leftover
+    out = Fit(
+        estimates=fit.estimates(),
+        log_likelihood=found.value,
+        packets=log.packets,
+        delivered=int(np.count_nonzero(log.delivered)),
+        overrides=overrides,
+        rssi_error_db=fit.rssi_error_db(),
+        level=fit.level(),
+        correlations=fit.correlations(),
+        correlated=True,
+        goodness=Goodness(left.independence, left.readings, None, independent),
+    )
+    if left.independence is not None and left.independence < DEPENDENT:
+        return _without_intervals(out, PLACES_NOTE)
+    return out
+
+
+def _without_intervals(fit: Fit, why: str) -> Fit:
+    """Return a fit that claims nothing of what it fitted: its intervals would be too narrow."""
+    estimates = tuple(
+        Estimate(each.name, None, -math.inf, math.inf, each.note if "base radio" in each.note else why)
+        for each in fit.estimates
+    )
+    level = fit.level and replace(fit.level, low_dbm=-math.inf, high_dbm=math.inf)
+    return replace(fit, estimates=estimates, level=level)
 
 
 def fitted_radio(fit: Fit, base: RadioConfig, name: str) -> RadioConfig:
     """Return the base radio with the fitted values laid over it, under a name."""
-    tree = merged(base.model_dump(mode="json", by_alias=True, exclude_none=True), fit.overrides)
+    tree = base.model_dump(mode="json", by_alias=True, exclude_none=True)
+    if "model" in fit.overrides["shadowing"]:
+        del tree["shadowing"]
+    tree = merged(tree, fit.overrides)
     tree |= {
         "name": name,
         "description": f"{base.name}, fitted to {fit.packets} packets of which {fit.delivered} arrived",
@@ -133,8 +177,9 @@ def fitted_radio(fit: Fit, base: RadioConfig, name: str) -> RadioConfig:
 
 def _known_names(hold: Iterable[str]) -> frozenset[str]:
     held = frozenset(hold)
-    if not held <= set(NAMES):
-        raise ChannelInputError("hold", sorted(held - set(NAMES)), f"names among {', '.join(NAMES)}")
+    names = (*NAMES, DECORRELATION_NAME)
+    if not held <= set(names):
+        raise ChannelInputError("hold", sorted(held - set(names)), f"names among {', '.join(names)}")
     return held
 
 
@@ -184,7 +229,7 @@ def _check_base(base: RadioConfig) -> None:
     """Refuse a base with terms that a fit does not take into account."""
     for name, value, allowed in (
         ("propagation.model", getattr(base.propagation, "model", "own"), ("log-distance",)),
-        ("shadowing.model", base.shadowing.model, ("normal", "one-sided-normal")),
+        ("shadowing.model", base.shadowing.model, ("normal", "one-sided-normal", "gudmundson")),
         ("fading.model", getattr(base.fading, "model", "own"), ("none",)),
         ("bursts.model", base.bursts.model, ("none",)),
         ("atmosphere.model", base.atmosphere.model, ("none",)),
@@ -209,14 +254,27 @@ def _free(likelihood: Likelihood, held: frozenset[str]) -> Mask:
 Ends = dict[int, tuple[float, float]]
 
 
-def _intervals(likelihood: Likelihood, free: Mask) -> tuple[Point, Ends]:
-    """Return the maximum and the ends of the intervals; from a higher maximum, if the search finds one."""
+class _Top(NamedTuple):
+    """The highest place, and the best there is at each of many exponents."""
+
+    best: Point
+    ridge: list[Point]
+
+
+def _top(likelihood: Likelihood, free: Mask) -> _Top:
+    """Return the maximum."""
     best = _climb_from_everywhere(likelihood, free)
     ridge = _ridge(likelihood, best, free)
     best = max(
         (best, *(climb(likelihood, point.at, free) for point in ridge if point.value > best.value)),
         key=_value,
     )
+    return _Top(best, ridge)
+
+
+def _intervals(likelihood: Likelihood, free: Mask, top: _Top) -> tuple[Point, Ends]:
+    """Return the maximum and the ends of the intervals; from a higher maximum, if the search finds one."""
+    best, ridge = top
     for restarts_left in range(RESTARTS, -1, -1):
         ceiling = best.value + HIGHER if restarts_left else math.inf
         try:
@@ -299,10 +357,16 @@ def _twin(name: str) -> str:
     return "noise.floor_dbm" if name == "offset_db" else "offset_db"
 
 
-def _settled(likelihood: Likelihood, best: Point, free: Mask, estimates: tuple[Estimate, ...]) -> Parameters:
-    """Return the values for a radio: what the data do not determine is the base's, the rest the best beside it."""
+def _determined(free: Mask, estimates: tuple[Estimate, ...]) -> Mask:
+    """Return what was fitted and determined."""
     determined = free.copy()
     determined[: len(NAMES)] &= [estimate.value is not None for estimate in estimates]
+    return determined
+
+
+def _settled(likelihood: Likelihood, best: Point, free: Mask, estimates: tuple[Estimate, ...]) -> Parameters:
+    """Return the values for a radio: what the data do not determine is the base's, the rest the best beside it."""
+    determined = _determined(free, estimates)
     values = np.where(determined, best.at, likelihood.base_values)
     if not determined[: len(NAMES)].any() or (determined == free).all():
         return values

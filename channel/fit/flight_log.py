@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,7 @@ class FlightLog:
         delivered: whether it arrived.
         length_bytes: as the error model counts it.
         rssi_dbm: received power where it was measured, else NaN.
+        link: number of the pair of ends that each packet went between: the shadowing of different pairs is independent.
 
     Raises:
         ChannelInputError: a value out of range, or arrays of another shape.
@@ -45,6 +46,7 @@ class FlightLog:
     delivered: NDArray[np.bool_]
     length_bytes: FloatArray
     rssi_dbm: FloatArray
+    link: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def __post_init__(self) -> None:
         distance = checks.finite("distance_m", self.distance_m, 0.0)
@@ -60,6 +62,7 @@ class FlightLog:
             "delivered": delivered.astype(bool),
             "length_bytes": length,
             "rssi_dbm": rssi,
+            "link": np.asarray(self.link if np.size(self.link) else np.zeros(distance.size), dtype=np.intp),
         }
         for name, column in columns.items():
             if column.ndim != 1 or column.shape != distance.shape:
@@ -78,7 +81,11 @@ class FlightLog:
     def part(self, chosen: NDArray[np.bool_]) -> FlightLog:
         """Return some of the packets."""
         return FlightLog(
-            self.distance_m[chosen], self.delivered[chosen], self.length_bytes[chosen], self.rssi_dbm[chosen]
+            self.distance_m[chosen],
+            self.delivered[chosen],
+            self.length_bytes[chosen],
+            self.rssi_dbm[chosen],
+            self.link[chosen],
         )
 
 

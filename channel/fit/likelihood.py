@@ -18,7 +18,17 @@ from channel.checks import FloatArray
 from channel.config import RadioConfig
 from channel.fading.shadowing import OneSidedNormalShadowing
 from channel.fit.flight_log import FlightLog
-from channel.fit.rssi_law import BinChance, TruePower, bins_of, normal_bins, one_sided_bins, true_power
+from channel.fit.result import Level
+from channel.fit.rssi_law import (
+    BinChance,
+    TruePower,
+    bins_of,
+    normal_bins,
+    one_sided_bins,
+    share_below,
+    true_power,
+    van_der_corput,
+)
 from channel.geometry import Path
 from channel.link.success_table import SuccessTable
 from channel.phy.error_model import Band
@@ -94,6 +104,7 @@ class Likelihood:
         self.low, self.high = self._coordinates(low), self._coordinates(high)
         distance = np.maximum(log.distance_m, base.min_distance_m)
         reference_m = float(getattr(base.propagation, "reference_distance_m", 1.0))
+        self._reference_m = reference_m
         self._decades = np.log10(distance / reference_m)
         self._delivered = log.delivered
         self._rssi_dbm = np.full(log.packets, np.nan)
@@ -203,6 +214,77 @@ class Likelihood:
                 gradient += np.sum(scores, axis=1)
                 information += (scores * weights) @ scores.T
         return Point(at, value, gradient, information)
+
+    def scores(self, at: Parameters) -> FloatArray:
+        """Return the slope of each packet's log-likelihood by its power: its mean is 0, whether it arrived or not."""
+        out = np.zeros(self._delivered.size)
+        for group in self._groups:
+            out[group.silent] = self._silent(at, group)[1][OFFSET]
+            out[group.heard] = self._heard(at, group)[1][OFFSET]
+        return out
+
+    def covariance(self, best: Point, chosen: NDArray[np.bool_]) -> tuple[tuple[str, ...], FloatArray]:
+        """Return the names of the chosen parameters that stand at no limit, and their covariance, sigma in dB."""
+        inside = np.flatnonzero(chosen & (best.at > self.low) & (best.at < self.high))
+        matrix = best.information[np.ix_(inside, inside)]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), TINY))
+        inverse = np.linalg.pinv(matrix * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
+        slope = np.where(inside == SIGMA, self._sigma_slope(self._sigma_db(best.at)), 1.0)
+        named = inside < len(NAMES)
+        names = tuple(NAMES[i] for i in inside[named])
+        return names, np.asarray((inverse * np.outer(slope, slope))[np.ix_(named, named)])
+
+    def level(
+        self, best: Point, names: tuple[str, ...], covariance: FloatArray, free: NDArray[np.bool_]
+    ) -> Level | None:
+        """Return the mean power at the log's mean distance, its interval by the covariance of exponent and offset."""
+        if not free[[EXPONENT, OFFSET]].any():
+            return None
+        decades = float(np.mean(self._decades))
+        value = self._power_at_reference + float(best.at[OFFSET] - 10.0 * decades * best.at[EXPONENT])
+        along = np.array(
+            [{NAMES[EXPONENT]: -10.0 * decades, NAMES[OFFSET]: 1.0}.get(name, 0.0) for name in names]
+        )
+        known = all(NAMES[i] in names for i in (EXPONENT, OFFSET) if free[i])
+        reach = 1.96 * math.sqrt(max(float(along @ covariance @ along), 0.0)) if known else math.inf
+        return Level(self._reference_m * 10.0**decades, value, value - reach, value + reach)
+
+    def deliveries(self, at: Parameters) -> FloatArray:
+        """Return the probability of delivery of each packet."""
+        out = np.zeros(self._delivered.size)
+        for group in self._groups:
+            for index in (group.silent, group.heard):
+                snr = self._mean_dbm(at, index) - at[FLOOR]
+                out[index] = (1.0 - at[BASE]) * group.table.averaged(snr, self._sigma_db(at))[0]
+        return out
+
+    def reading_shares(self, at: Parameters) -> FloatArray:
+        """Return the law's distribution function at readings so strong that nothing is lost at them or 6 sigma below.
+
+        Each reading is spread over its bin by van der Corput's sequence: uniform from 0 to 1 if the law holds.
+        """
+        sigma_db, error_db = self._sigma_db(at), float(at[ERROR])
+        out = []
+        for group in self._groups:
+            mean = self._mean_dbm(at, group.heard)
+            success = group.at_rssi.averaged(mean - 4.0 * math.hypot(sigma_db, error_db) - at[FLOOR], 0.0)[0]
+            sure = success > 0.999
+            residual = self._rssi_dbm[group.heard][sure] - mean[sure]
+            spread = van_der_corput(residual.size) - 0.5
+            out.append(
+                share_below(residual + spread * self._bin_db, sigma_db, error_db, one_sided=self._one_sided)
+            )
+        return np.concatenate(out)
+
+    @property
+    def distance_order(self) -> NDArray[np.intp]:
+        """Packets from near to far."""
+        return np.argsort(self._decades, kind="stable")
+
+    @property
+    def delivered(self) -> NDArray[np.bool_]:
+        """Whether each packet arrived."""
+        return self._delivered
 
     def _mean_dbm(self, at: Parameters, index: NDArray[np.intp]) -> FloatArray:
         level = self._power_at_reference + at[OFFSET]

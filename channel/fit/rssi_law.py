@@ -83,17 +83,25 @@ def true_power(residual_db: FloatArray, sigma_db: float, error_db: float, *, one
     )
 
 
-def bins_of(rssi_dbm: FloatArray) -> tuple[FloatArray, float]:
-    """Return the centres of the bins that readings lie in, and the width of a bin, dB.
-
-    Readings that all lie on a grid of steps between 0.25 and 3 dB keep it; others go into bins of 1 dB.
-    """
+def step_of(rssi_dbm: FloatArray) -> float:
+    """Return the step of a grid between 0.25 and 3 dB that all readings lie on, dB; 0 if there is none."""
     levels = np.unique(np.round(rssi_dbm, 6))
     for step_db in (1.0, float(np.min(np.diff(levels), initial=np.inf))):
         if FINEST_STEP_DB <= step_db <= WIDEST_STEP_DB:
             steps = (levels - levels[0]) / step_db
             if np.all(np.abs(steps - np.round(steps)) < 0.02 * np.maximum(1.0, 0.05 * steps)):
-                return np.array(rssi_dbm), step_db
+                return step_db
+    return 0.0
+
+
+def bins_of(rssi_dbm: FloatArray) -> tuple[FloatArray, float]:
+    """Return the centres of the bins that readings lie in, and the width of a bin, dB.
+
+    Readings that all lie on a grid of steps between 0.25 and 3 dB keep it; others go into bins of 1 dB.
+    """
+    step_db = step_of(rssi_dbm)
+    if step_db > 0.0:
+        return np.array(rssi_dbm), step_db
     return (np.floor(rssi_dbm / OWN_BIN_DB) + 0.5) * OWN_BIN_DB, OWN_BIN_DB
 
 
@@ -120,6 +128,22 @@ def one_sided_bins(residual_db: FloatArray, width_db: float, sigma_db: float, er
     lower = _skew_normal(residual_db - width_db / 2.0, sigma_db, error_db)
     chance, *slopes = (high - low for high, low in zip(upper, lower, strict=True))
     return BinChance(np.maximum(chance, 0.0) + OUTLIERS, *slopes)
+
+
+def share_below(x_db: FloatArray, sigma_db: float, error_db: float, *, one_sided: bool) -> FloatArray:
+    """Return the distribution function of a power less its mean: of the shadowing and the receiver's error together."""
+    if one_sided:
+        return _skew_normal(x_db, sigma_db, error_db)[0]
+    return np.asarray(ndtr(x_db / math.hypot(sigma_db, error_db)))
+
+
+def van_der_corput(count: int) -> FloatArray:
+    """Return the first terms of van der Corput's sequence of base 2: evenly over (0, 1), in no order (1935)."""
+    index, out, share = np.arange(1, count + 1), np.zeros(count), 0.5
+    while index.any():
+        out += share * (index & 1)
+        index, share = index >> 1, 0.5 * share
+    return out
 
 
 def _skew_normal(

@@ -1,0 +1,99 @@
+"""Flight logs with correlated shadowing, drawn with numpy alone: nothing of the channel's code, formulas written anew.
+
+Log-distance loss from free space at 1 m; QPSK over white noise, 24 Mbit/s in 20 MHz, 40 bytes without coding; shadowing
+exp(-x / decorrelation) along the line, so that a place that is passed again is shadowed as before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FREQUENCY_HZ = 2.412e9
+POWER_AND_GAINS_DBM = 18.0 + 2.0 * 2.3
+BITS = 8 * 40
+WATERFALL_DB = 7.0
+"""SNR of about 50 % delivery."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """A radio to find again, and how it is flown and measured."""
+
+    decorrelation_m: float
+    exponent: float
+    offset_db: float
+    sigma_db: float
+    base_loss: float
+    floor_dbm: float
+    step_db: float = 1.0
+    error_db: float = 0.0
+    evenly: bool = False
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """What a fit looks for."""
+        return {
+            "propagation.exponent": self.exponent,
+            "offset_db": self.offset_db,
+            "shadowing.sigma_db": self.sigma_db,
+            "shadowing.decorrelation_m": self.decorrelation_m,
+            "base_loss": self.base_loss,
+            "noise.floor_dbm": self.floor_dbm,
+        }
+
+    def mean_dbm(self, distance_m: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        """Return the mean received power."""
+        at_1_m = 20.0 * math.log10(4.0 * math.pi * FREQUENCY_HZ / 299_792_458.0)
+        level = POWER_AND_GAINS_DBM - at_1_m + self.offset_db
+        return np.asarray(level - 10.0 * self.exponent * np.log10(distance_m))
+
+
+TRUTHS = {
+    "10 m, out and back": Truth(10.0, 2.9, -1.5, 5.0, 0.05, -93.0),
+    "10 m, evenly": Truth(10.0, 3.6, 3.0, 8.0, 0.2, -98.0, step_db=0.5, evenly=True),
+    "25 m, no base loss": Truth(25.0, 2.4, 0.5, 3.5, 0.0, -90.0),
+    "25 m, exact readings": Truth(25.0, 3.2, -3.0, 6.5, 0.1, -96.0, step_db=0.0),
+    "50 m, error of 1 dB": Truth(50.0, 2.1, -4.0, 4.5, 0.03, -91.0, error_db=1.0),
+    "50 m, out and back": Truth(50.0, 3.0, 2.0, 7.0, 0.12, -95.0, step_db=0.5),
+}
+
+
+def drawn(
+    truth: Truth, packets: int, seed: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
+    """Return distances in m, what arrived, and readings in dBm (NaN where lost)."""
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
+    level = float(truth.mean_dbm(1.0)) - truth.floor_dbm - WATERFALL_DB
+    share = np.abs((np.linspace(0.0, 4.0, packets) + 1.0) % 2.0 - 1.0)
+    share = rng.uniform(size=packets) if truth.evenly else share
+    distance_m = 10.0 ** (level / (10.0 * truth.exponent)) * (0.1 + 1.5 * share)
+    power_dbm = truth.mean_dbm(distance_m) + truth.sigma_db * _shadowing(
+        distance_m, truth.decorrelation_m, rng
+    )
+    ebn0 = 10.0 ** ((power_dbm - truth.floor_dbm) / 10.0) * (20.0 / 24.0)
+    bit_error = 0.5 * np.array([math.erfc(math.sqrt(each)) for each in ebn0])
+    arrives = np.exp(BITS * np.log1p(-bit_error)) * (1.0 - truth.base_loss)
+    delivered = rng.uniform(size=packets) < arrives
+    reading = power_dbm + truth.error_db * rng.standard_normal(packets)
+    if truth.step_db > 0.0:
+        reading = np.round(reading / truth.step_db) * truth.step_db
+    return distance_m, delivered, np.where(delivered, reading, np.nan)
+
+
+def _shadowing(
+    distance_m: NDArray[np.float64], decorrelation_m: float, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return standard normal shadowing at places of a line, from the nearest to the farthest."""
+    order = np.argsort(distance_m, kind="stable")
+    fresh = rng.standard_normal(distance_m.size)
+    correlation = np.exp(-np.diff(distance_m[order], prepend=-np.inf) / decorrelation_m)
+    out, last = np.empty(distance_m.size), 0.0
+    for place, rho, z in zip(order.tolist(), correlation.tolist(), fresh.tolist(), strict=True):
+        last = rho * last + math.sqrt(1.0 - rho * rho) * z
+        out[place] = last
+    return out

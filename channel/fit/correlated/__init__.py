@@ -1,0 +1,1 @@
+"""Fitting a radio whose shadowing is correlated along the track."""
