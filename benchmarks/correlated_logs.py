@@ -54,12 +54,12 @@ class Truth:
 
 
 TRUTHS = {
-    "10 m, out and back": Truth(10.0, 2.9, -1.5, 5.0, 0.05, -93.0),
-    "10 m, evenly": Truth(10.0, 3.6, 3.0, 8.0, 0.2, -98.0, step_db=0.5, evenly=True),
-    "25 m, no base loss": Truth(25.0, 2.4, 0.5, 3.5, 0.0, -90.0),
-    "25 m, exact readings": Truth(25.0, 3.2, -3.0, 6.5, 0.1, -96.0, step_db=0.0),
-    "50 m, error of 1 dB": Truth(50.0, 2.1, -4.0, 4.5, 0.03, -91.0, error_db=1.0),
-    "50 m, out and back": Truth(50.0, 3.0, 2.0, 7.0, 0.12, -95.0, step_db=0.5),
+    "10 m, steps of 1 dB": Truth(10.0, 2.6, 1.0, 4.0, 0.08, -92.0),
+    "10 m, evenly": Truth(10.0, 3.4, -3.5, 6.0, 0.0, -97.0, step_db=0.5, evenly=True),
+    "25 m, steps of 1 dB": Truth(25.0, 2.8, 2.5, 5.5, 0.15, -94.0),
+    "25 m, exact": Truth(25.0, 3.8, 4.0, 7.5, 0.02, -99.0, step_db=0.0),
+    "50 m, error of 1 dB": Truth(50.0, 2.3, -1.0, 5.0, 0.06, -89.0, error_db=1.0),
+    "50 m, steps of 0.5 dB": Truth(50.0, 2.7, 3.0, 6.0, 0.1, -93.0, step_db=0.5),
 }
 
 

@@ -63,9 +63,7 @@ NO_RSSI_NOTE = (
     "neighbouring packets depend on each other, and without RSSI it cannot be told how far: an interval would be too "
     "narrow; log RSSI"
 )
-PLACES_NOTE = (
-    "neighbouring packets depend on each other beyond what their distances explain: an interval would be too narrow"
-)
+PLACES_NOTE = "neighbouring packets depend on each other beyond what their distances explain: an interval would be too narrow"
 
 
 def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fit:

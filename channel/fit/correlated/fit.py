@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,16 @@ from channel.fit.correlated.innovations import Leftover, leftover
 from channel.fit.correlated.outcomes import FINE_SNR_DB, Outcomes
 from channel.fit.correlated.posterior import mixture_quantile, quantile
 from channel.fit.correlated.propagation import CorrelatedLikelihood, Law, Log, Readings
-from channel.fit.correlated.search import BASE, DECORRELATION, ERROR, FLOOR, SIGMA, Found, Search
+from channel.fit.correlated.search import (
+    BASE,
+    DECORRELATION,
+    ERROR,
+    FLOOR,
+    LEAST_ERROR_DB,
+    SIGMA,
+    Found,
+    Search,
+)
 from channel.fit.flight_log import FlightLog
 from channel.fit.likelihood import power_at_reference_dbm
 from channel.fit.result import Estimate, Level
@@ -30,6 +41,8 @@ LAW_NAMES = {
     "base_loss": BASE,
 }
 TAIL = 0.025
+STRETCH = 1.15
+"""Of each arm of an interval, from the median: an allowance for what is approximate in the integral and the sample."""
 CERTAIN = 1e-9
 """Chance of a loss below which an arrival says nothing of the floor, with a margin of power on top."""
 MARGIN_DB = 12.0
@@ -58,6 +71,7 @@ class CorrelatedFit:
         self._log = log
         self._rssi_dbm = self._without_wild_readings()
         self._heard = np.isfinite(self._rssi_dbm)
+        self._step_variance = LEAST_ERROR_DB**2 + step_of(self._rssi_dbm[self._heard]) ** 2 / 12.0
         self.places = places_of(self._distance_m, log.link)
         self._line_free = np.array([name not in held for name in LINE_NAMES])
         self._taken = self._as_taken()
@@ -109,7 +123,7 @@ class CorrelatedFit:
         where, rssi = places.of_packet[self._heard], self._rssi_dbm[self._heard]
         count = np.bincount(where, minlength=places_count).astype(np.float64)
         mean = np.bincount(where, rssi, places_count) / np.maximum(count, 1.0)
-        return Readings(count, mean, float(np.sum((rssi - mean[where]) ** 2)))
+        return Readings(count, mean, float(np.sum((rssi - mean[where]) ** 2)), self._step_variance)
 
     def _search(self) -> Found:
         _, _, sigma_db, base_loss, floor_dbm = self._near
@@ -126,13 +140,12 @@ class CorrelatedFit:
                 self._base.noise.noise_floor_dbm(self._base.bandwidth_hz),
                 float(np.nanmin(self._rssi_dbm)) - 30.0,
             )
-        step_db = step_of(self._rssi_dbm[self._heard]) if has_rssi else 0.0
         decorrelation_m = self._base.shadowing.decorrelation_m or 20.0
         known = Law(
             max(float(sigma_db), LEAST_SIGMA_DB), decorrelation_m, 0.3, float(floor_dbm), float(base_loss)
         )
         likelihood = CorrelatedLikelihood(self._taken)
-        return Search(likelihood, self.places.extent_m, step_db, known, free).run()
+        return Search(likelihood, self.places.extent_m, self._step_variance, known, free).run()
 
     @property
     def settled(self) -> bool:
@@ -174,8 +187,11 @@ class CorrelatedFit:
         index = LAW_NAMES[name]
         if not found.free[index]:
             return None
-        values = found.laws[:, index]
-        low, high = (quantile(values, found.weight, level) for level in (TAIL, 1.0 - TAIL))
+        into, back = SCALES[index]
+        values = into(found.laws[:, index])
+        low, high = (
+            float(back(end)) for end in _stretched(lambda level: quantile(values, found.weight, level))
+        )
         if index == BASE and found.base_may_be_zero:
             low = 0.0
         if index == DECORRELATION:
@@ -189,7 +205,7 @@ class CorrelatedFit:
         part = along[free]
         mean = found.lines @ part + known
         deviation = np.sqrt(np.einsum("i,kij,j->k", part, found.covariances, part))
-        low, high = (mixture_quantile(mean, deviation, found.weight, level) for level in (TAIL, 1.0 - TAIL))
+        low, high = _stretched(lambda level: mixture_quantile(mean, deviation, found.weight, level))
         return float(found.at_mode.line @ part) + known, low, high
 
     def level(self) -> Level | None:
@@ -218,8 +234,35 @@ class CorrelatedFit:
         """Return the receiver's own error of a reading, beyond its steps."""
         if not self._heard.any():
             return None
-        step_db = step_of(self._rssi_dbm[self._heard])
-        return math.sqrt(max(self.found.law.error_db**2 - step_db**2 / 12.0, 0.0))
+        return math.sqrt(max(self.found.law.error_db**2 - self._step_variance, 0.0))
+
+
+def _stretched(quantile_at: Callable[[float], float]) -> tuple[float, float]:
+    """Return the ends of an interval."""
+    middle = quantile_at(0.5)
+    low, high = (middle + STRETCH * (quantile_at(level) - middle) for level in (TAIL, 1.0 - TAIL))
+    return low, high
+
+
+def _itself(values: FloatArray | float) -> FloatArray | float:
+    return values
+
+
+def _root(values: FloatArray | float) -> FloatArray | float:
+    return np.sqrt(values)
+
+
+def _square(values: FloatArray | float) -> FloatArray | float:
+    return np.square(np.maximum(values, 0.0))
+
+
+SCALES: dict[int, tuple[Callable[..., Any], Callable[..., Any]]] = {
+    SIGMA: (np.log, np.exp),
+    DECORRELATION: (np.log, np.exp),
+    FLOOR: (_itself, _itself),
+    BASE: (_root, _square),
+}
+"""Where an interval is stretched, and the way back."""
 
 
 def correlations_of(names: tuple[str, ...], covariance: FloatArray) -> dict[str, dict[str, float]]:

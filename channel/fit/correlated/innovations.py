@@ -64,15 +64,15 @@ def _innovations(
     law = found.law
     share = np.exp(-np.minimum(places.gap_m / law.decorrelation_m, 40.0)).tolist()
     count, readings = log.readings.count.tolist(), (log.readings.mean_dbm - mean_dbm).tolist()
-    variance, error = law.sigma_db**2, law.error_db**2
+    variance, errors = law.sigma_db**2, log.readings.variance(law.error_db).tolist()
     state, spread = 0.0, variance
     out = np.zeros((3, len(count)))
-    for k, (many, reading) in enumerate(zip(count, readings, strict=True)):
+    for k, (many, reading, error) in enumerate(zip(count, readings, errors, strict=True)):
         if k:
             rho = share[k - 1]
             state, spread = rho * state, rho * rho * spread + (1.0 - rho * rho) * variance
         if many:
-            total = spread + error / many
+            total = spread + error
             out[:, k] = (reading - state) / math.sqrt(total), state, math.sqrt(total)
             gain = spread / total
             state, spread = state + gain * (reading - state), spread * (1.0 - gain)

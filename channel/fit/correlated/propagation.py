@@ -70,11 +70,23 @@ class Readings:
         count: how many.
         mean_dbm: of them, 0 where there are none.
         within: their sum of squares about it, of all places together.
+        step_variance: of what rounding does, in dB squared; readings at one place are rounded alike.
     """
 
     count: FloatArray
     mean_dbm: FloatArray
     within: float
+    step_variance: float
+
+    def variance(self, error_db: float) -> FloatArray:
+        """Return the variance of the mean reading at each place about the power; infinite where there is none."""
+        own = error_db**2 - self.step_variance
+        return np.where(self.count > 0.0, own / np.maximum(self.count, 1.0) + self.step_variance, np.inf)
+
+    def log_likelihood_within(self, error_db: float) -> float:
+        """Return that of readings of one place about their mean."""
+        more = float(np.sum(np.maximum(self.count - 1.0, 0.0)))
+        return -more * math.log(error_db) - 0.5 * self.within / error_db**2
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,8 +166,7 @@ class CorrelatedLikelihood:
         """Return the normal law of the power (less what is fixed) with the readings and the factors."""
         log, design = self._log, self._log.design
         places = log.fixed_dbm.size
-        precise = 1.0 / law.error_db**2
-        seen = precise * log.readings.count
+        seen = 1.0 / log.readings.variance(law.error_db)
         all_weight = seen + np.bincount(log.place, weight, places)
         by_factor = np.bincount(log.place, pull, places)
         all_pull = seen * (log.readings.mean_dbm - log.fixed_dbm) + by_factor
@@ -172,11 +183,11 @@ class CorrelatedLikelihood:
             joined.variance + np.sum((apart @ covariance) * apart, axis=1), dtype=np.float64
         )
         residual = log.readings.mean_dbm - log.fixed_dbm - power
-        squares = float(seen @ (residual * residual)) + precise * log.readings.within
+        squares = float(seen @ (residual * residual)) - float(np.sum(np.log(seen[seen > 0.0])))
         value = (
             float(by_factor @ power - 0.5 * ((all_weight - seen) @ (power * power)))
             - 0.5 * squares
-            - float(np.sum(log.readings.count)) * math.log(law.error_db)
+            + log.readings.log_likelihood_within(law.error_db)
             - 0.5 * float(shadowing @ precision.times(shadowing))
             + 0.5 * (precision.log_determinant - joined.log_determinant - float(np.linalg.slogdet(bend)[1]))
         )

@@ -62,7 +62,7 @@ class Search:
     Args:
         likelihood: of the log.
         extent_m: of its places: a prior falls off for decorrelation distances above it, which no log can tell.
-        step_db: of the readings.
+        step_variance: of what rounding does to readings, dB squared.
         known: values in coordinates of what is not free.
         free: what is.
     """
@@ -71,13 +71,13 @@ class Search:
         self,
         likelihood: CorrelatedLikelihood,
         extent_m: float,
-        step_db: float,
+        step_variance: float,
         known: Law,
         free: NDArray[np.bool_],
     ) -> None:
         self._likelihood = likelihood
         self._extent_m = extent_m
-        self._least_variance = step_db**2 / 12.0 + LEAST_ERROR_DB**2
+        self._least_variance = step_variance
         self._known = coordinates(known)
         self.free = free
         self._seen: list[Integral] = []
