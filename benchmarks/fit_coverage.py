@@ -121,19 +121,19 @@ def truth_of(config: RadioConfig) -> dict[str, float]:
     }
 
 
-def one_fit(name: str, repeat: int) -> tuple[Fit, float]:
+def one_fit(name: str, repeat: int, packets: int = PACKETS) -> tuple[Fit, float]:
     """Fit one log; return the fit and its CPU time in s."""
     chosen = SETS[name]
     seed = (list(SETS).index(name), repeat)
-    log = synthetic_log(chosen, PACKETS, seed)
+    log = synthetic_log(chosen, packets, seed)
     start = process_time()
     return fit_radio(log, chosen.known, chosen.hold), process_time() - start
 
 
-def one_correlated_fit(name: str, repeat: int) -> tuple[Fit, float]:
+def one_correlated_fit(name: str, repeat: int, packets: int = PACKETS) -> tuple[Fit, float]:
     """Fit one log with correlated shadowing; return the fit and its CPU time in s."""
-    distance_m, delivered, rssi_dbm = drawn(TRUTHS[name], PACKETS, (77, list(TRUTHS).index(name), repeat))
-    log = FlightLog(distance_m, delivered, np.full(PACKETS, LENGTH_BYTES), rssi_dbm)
+    distance_m, delivered, rssi_dbm = drawn(TRUTHS[name], packets, (77, list(TRUTHS).index(name), repeat))
+    log = FlightLog(distance_m, delivered, np.full(packets, LENGTH_BYTES), rssi_dbm)
     start = process_time()
     return fit_radio(log, load_radio("corrected")), process_time() - start
 
@@ -170,13 +170,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=10)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--packets", type=int, default=PACKETS)
     parser.add_argument("--correlated", action="store_true", help="shadowing correlated along the track")
     options = parser.parse_args(arguments)
     names, fit_one = (list(TRUTHS), one_correlated_fit) if options.correlated else (list(SETS), one_fit)
     print(f"{'set':<28}{'parameter':<22}{'truth':>9}{'covered':>9}{'two ends':>10}   of {options.repeats}")
     with ProcessPoolExecutor(options.jobs) as pool:
         for name in names:
-            results = list(pool.map(partial(fit_one, name), range(options.repeats)))
+            results = list(pool.map(partial(fit_one, name, packets=options.packets), range(options.repeats)))
             fits = [fit for fit, _ in results]
             truth = TRUTHS[name].by_name if options.correlated else truth_of(SETS[name].truth)
             for parameter, (covered, finite) in coverage(name, fits).items():

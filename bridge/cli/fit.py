@@ -82,7 +82,7 @@ def _from_run(base: RadioConfig, run: Path) -> FlightLog:
     from bridge.record.tables.schema import DELIVERIES
     from channel.fit.columns import log_of_columns
 
-    names = ("distance_m", "fate", "length_bytes")
+    names = ("distance_m", "fate", "length_bytes", "tx", "rx")
     try:
         batches = list(read_table(run, DELIVERIES, names))
     except (OSError, ValueError) as error:

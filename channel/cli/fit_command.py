@@ -16,8 +16,11 @@ from channel.cli.options import BadInput, chosen_radio, radio_options, writing
 from channel.config import RadioConfig
 
 if TYPE_CHECKING:
-    from channel.fit.calibration import Fit
     from channel.fit.flight_log import FlightLog
+    from channel.fit.result import Fit, Goodness
+
+STRONG = 0.9
+"""Correlation of two estimates from which the text says so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,26 +86,60 @@ def run_fit(request: FitRequest, name: str, read: Callable[[RadioConfig], Flight
 
 
 def _report(found: Fit) -> dict[str, Any]:
-    estimates = [
-        {
-            key: None if value in (float("inf"), float("-inf")) else value
-            for key, value in asdict(each).items()
-        }
-        for each in found.estimates
-    ]
     return {
         "packets": found.packets,
         "delivered": found.delivered,
         "log_likelihood": found.log_likelihood,
         "rssi_error_db": found.rssi_error_db,
-        "estimates": estimates,
+        "correlated": found.correlated,
+        "estimates": [_finite(asdict(each)) for each in found.estimates],
+        "level": found.level and _finite(asdict(found.level)),
+        "correlations": found.correlations,
+        "goodness": found.goodness and asdict(found.goodness),
         "radio": dict(found.overrides),
     }
 
 
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the values with None for what is infinite, which JSON has not."""
+    return {key: None if value in (float("inf"), float("-inf")) else value for key, value in values.items()}
+
+
 def _text(found: Fit) -> str:
-    rows = [f"{found.packets} packets, {found.delivered} delivered", f"{'':<22}{'value':>12}   95 % interval"]
+    rows = [f"{found.packets} packets, {found.delivered} delivered", f"{'':<28}{'value':>12}   95 % interval"]
+    level = found.level
+    if level is not None:
+        name = f"dBm at {level.distance_m:.4g} m"
+        rows.append(f"{name:<28}{level.value_dbm:>12.4g}   {level.low_dbm:.4g} .. {level.high_dbm:.4g}")
     for each in found.estimates:
         value = "-" if each.value is None else f"{each.value:.4g}"
-        rows.append(f"{each.name:<22}{value:>12}   {each.low:.4g} .. {each.high:.4g}  {each.note}".rstrip())
-    return "\n".join(rows)
+        rows.append(f"{each.name:<28}{value:>12}   {each.low:.4g} .. {each.high:.4g}  {each.note}".rstrip())
+    goodness = [] if found.goodness is None else _goodness(found.goodness, correlated=found.correlated)
+    return "\n".join([*rows, *_strong_correlations(found), *goodness])
+
+
+def _strong_correlations(found: Fit) -> list[str]:
+    """Return a line for each pair of estimates that can hardly be told apart."""
+    table = found.correlations or {}
+    names = list(table)
+    pairs = [(one, other) for i, one in enumerate(names) for other in names[:i]]
+    return [
+        f"{other} and {one} go together: correlation {table[one][other]:.2f}"
+        for one, other in pairs
+        if abs(table[one][other]) >= STRONG
+    ]
+
+
+def _goodness(goodness: Goodness, *, correlated: bool) -> list[str]:
+    """Return what the log says of the model: chances below a hundredth tell that it does not hold."""
+    kind = "correlated along the track" if correlated else "independent from packet to packet"
+    chances = {
+        "independence": goodness.independence,
+        "readings": goodness.readings,
+        "deliveries": goodness.deliveries,
+    }
+    said = [f"{name} {chance:.2g}" for name, chance in chances.items() if chance is not None]
+    return [
+        f"shadowing taken as {kind} (chance of independence {goodness.independent_at_first:.2g})",
+        f"chance that the fitted radio is as far off: {', '.join(said) or 'not known'}",
+    ]

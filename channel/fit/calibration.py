@@ -63,7 +63,10 @@ NO_RSSI_NOTE = (
     "neighbouring packets depend on each other, and without RSSI it cannot be told how far: an interval would be too "
     "narrow; log RSSI"
 )
-PLACES_NOTE = "neighbouring packets depend on each other beyond what their distances explain: an interval would be too narrow"
+PLACES_NOTE = (
+    "neighbouring packets depend on each other beyond what their distances explain: an interval would be too "
+    "narrow"
+)
 
 
 def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fit:
@@ -88,16 +91,29 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
     top = _top(likelihood, free)
     independent = chance_of_independence(likelihood.scores(top.best.at), along(log.distance_m, log.link))
     if independent > DEPENDENT:
-        return _independent_fit(log, likelihood, free, held, top, independent)
+        return _independent_fit(log, base, likelihood, free, held, top, independent)
     one_sided = isinstance(base.shadowing, OneSidedNormalShadowing)
     if one_sided or not likelihood.has_rssi:
-        fit = _independent_fit(log, likelihood, free, held, top, independent)
+        fit = _independent_fit(log, base, likelihood, free, held, top, independent)
         return _without_intervals(fit, ONE_SIDED_NOTE if one_sided else NO_RSSI_NOTE)
     return _correlated_fit(log, base, likelihood.natural(top.best.at)[: len(NAMES)], held, independent)
 
 
+def _independent(overrides: dict[str, Any], base: RadioConfig) -> dict[str, Any]:
+    """Return the overrides, with shadowing of a packet each where the base's is correlated."""
+    if base.shadowing.decorrelation_m is not None:
+        overrides["shadowing"] |= {"model": "normal"}
+    return overrides
+
+
 def _independent_fit(
-    log: FlightLog, likelihood: Likelihood, free: Mask, held: frozenset[str], top: _Top, independent: float
+    log: FlightLog,
+    base: RadioConfig,
+    likelihood: Likelihood,
+    free: Mask,
+    held: frozenset[str],
+    top: _Top,
+    independent: float,
 ) -> Fit:
     """Return the fit of a log whose packets are independent of each other."""
     best, ends = _intervals(likelihood, free, top)
@@ -108,7 +124,7 @@ def _independent_fit(
         log_likelihood=best.value,
         packets=log.packets,
         delivered=int(np.count_nonzero(log.delivered)),
-        overrides=likelihood.overrides(_settled(likelihood, best, free, estimates)),
+        overrides=_independent(likelihood.overrides(_settled(likelihood, best, free, estimates)), base),
         rssi_error_db=float(best.at[ERROR]) if likelihood.has_rssi else None,
         level=likelihood.level(best, names, covariance, free),
         correlations=correlations_of(names, covariance),

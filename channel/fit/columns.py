@@ -10,9 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.config import RadioConfig
-from channel.fit.flight_log import FlightLog, FlightLogError, read_csv_log
+from channel.fit.flight_log import (
+    ALL_RECEIVERS,
+    BEFORE_THE_RADIO,
+    FlightLog,
+    FlightLogError,
+    links_of,
+    read_csv_log,
+)
 
-COLUMNS: Final = ("distance_m", "delivered", "fate", "length_bytes", "rssi_dbm")
+COLUMNS: Final = ("distance_m", "delivered", "fate", "length_bytes", "rssi_dbm", "tx", "rx")
 
 
 def read_log(file: Path, base: RadioConfig) -> FlightLog:
@@ -46,10 +53,10 @@ def read_parquet_log(file: Path, base: RadioConfig) -> FlightLog:
 
 
 def log_of_columns(columns: Mapping[str, NDArray[Any]], base: RadioConfig, place: str) -> FlightLog:
-    """Make a flight log of `distance_m`, `delivered` or `fate`, and optional `length_bytes` and `rssi_dbm`.
+    """Make a flight log of `distance_m`, `delivered` or `fate`, and optional `length_bytes`, `rssi_dbm`, `tx` and `rx`.
 
-    They mean what they mean in a CSV (`channel.fit.flight_log.read_flight_log`): lost packets whose distance is not
-    known are left out, and lengths are as the radio counts them (`read_csv_log`).
+    They mean what they mean in a CSV (`channel.fit.flight_log.read_flight_log`): packets that never came to the radio
+    and lost ones whose distance is not known are left out, and lengths are as the radio counts them (`read_csv_log`).
 
     Args:
         columns: arrays of one length, by name.
@@ -64,20 +71,38 @@ def log_of_columns(columns: Mapping[str, NDArray[Any]], base: RadioConfig, place
     delivered = columns["fate"] == "delivered" if "fate" in columns else columns["delivered"]
     try:
         distance_m = columns["distance_m"].astype(float)
-        known = (
-            ~np.isnan(distance_m) | (delivered != 0) if "fate" in columns else np.ones(len(distance_m), bool)
-        )
+        known = _on_the_air(columns, distance_m, delivered)
         log = FlightLog(
             distance_m[known],
             delivered[known],
             _lengths(columns, base, len(distance_m))[known],
             columns.get("rssi_dbm", np.full(len(distance_m), np.nan)).astype(float)[known],
+            _links(columns, known),
         )
     except (TypeError, ValueError) as error:
         raise FlightLogError(f"{place}: {error}") from error
     if not log.packets:
         raise FlightLogError(f"{place}: no rows")
     return log
+
+
+def _on_the_air(
+    columns: Mapping[str, NDArray[Any]], distance_m: NDArray[np.float64], delivered: NDArray[Any]
+) -> NDArray[np.bool_]:
+    """Return which rows are packets that the radio sent between known places."""
+    known = np.ones(len(distance_m), dtype=bool)
+    if "fate" in columns:
+        known &= ~np.isnan(distance_m) | (delivered != 0)
+        known &= ~np.isin(columns["fate"].astype(str), list(BEFORE_THE_RADIO))
+    if "rx" in columns:
+        known &= columns["rx"].astype(str) != ALL_RECEIVERS
+    return known
+
+
+def _links(columns: Mapping[str, NDArray[Any]], known: NDArray[np.bool_]) -> NDArray[np.intp]:
+    if not {"tx", "rx"} <= columns.keys():
+        return np.zeros(int(np.count_nonzero(known)), dtype=np.intp)
+    return links_of(*(columns[end][known].astype(str).tolist() for end in ("tx", "rx")))
 
 
 def _lengths(columns: Mapping[str, NDArray[Any]], base: RadioConfig, packets: int) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,6 +21,10 @@ TRUE = frozenset({"1", "true", "yes", "delivered"})
 FALSE = frozenset({"0", "false", "no"})
 NOTHING = frozenset({"", "nan", "none", "null", "-"})
 MAX_LENGTH_BYTES = 1 << 24
+BEFORE_THE_RADIO = frozenset({"transport", "too_long", "no_position"})
+"""Fates in a run's deliveries of packets that the radio never sent."""
+ALL_RECEIVERS = "all"
+"""In the column `rx` of a run's deliveries: packets that were lost together, in one row."""
 
 
 class FlightLogError(ValueError):
@@ -94,7 +98,8 @@ def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
 
     Columns: `distance_m`, or tx_lat_deg, tx_lon_deg, tx_alt_m and the same for rx; `delivered` (1/0, true/false) or
     `fate` (delivered, or the cause of the loss, as in a run's deliveries); optional `length_bytes` and `rssi_dbm`
-    (empty where there is none). Others are left alone, and so are lost packets whose distance is not known.
+    (empty where there is none), `tx` and `rx` (which pair of ends). Others are left alone, and so are lost packets
+    whose distance is not known, and those that never came to the radio.
 
     Raises:
         FlightLogError: no such file, a missing column, or a value that is none.
@@ -115,8 +120,18 @@ def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
         raise FlightLogError(f"{file}: not a CSV of text: {error}") from error
     if not rows:
         raise FlightLogError(f"{file}: no rows")
-    distance, delivered, length, rssi = (np.asarray(column) for column in zip(*rows, strict=True))
-    return FlightLog(distance.astype(float), delivered.astype(bool), length.astype(float), rssi.astype(float))
+    *columns, tx, rx = (list(column) for column in zip(*rows, strict=True))
+    distance, delivered, length, rssi = (np.asarray(column) for column in columns)
+    link = links_of(tx, rx)
+    return FlightLog(
+        distance.astype(float), delivered.astype(bool), length.astype(float), rssi.astype(float), link
+    )
+
+
+def links_of(tx: Sequence[str], rx: Sequence[str]) -> NDArray[np.intp]:
+    """Return a number for each packet's pair of ends, the same one in both directions: shadowing is reciprocal."""
+    pairs = ["\n".join(sorted(ends)) for ends in zip(tx, rx, strict=True)]
+    return np.unique(pairs, return_inverse=True)[1].reshape(-1).astype(np.intp)
 
 
 def read_csv_log(file: Path, base: RadioConfig) -> FlightLog:
@@ -134,7 +149,7 @@ def read_csv_log(file: Path, base: RadioConfig) -> FlightLog:
 
 def _row(
     row: Mapping[str, str | None], names: set[str], default_length: int, place: str
-) -> tuple[float, bool, float, float]:
+) -> tuple[float, bool, float, float, str, str]:
     if "distance_m" in names:
         distance = _number(row, "distance_m", place)
     elif names.issuperset(POSITION_COLUMNS):
@@ -148,11 +163,14 @@ def _row(
         raise FlightLogError(f"{place}: length_bytes = {length:g}: has to be from 0 to {MAX_LENGTH_BYTES}")
     has_rssi = (row.get("rssi_dbm") or "").strip().lower() not in NOTHING
     rssi = _number(row, "rssi_dbm", place) if has_rssi else float("nan")
-    return distance, _delivered(row, place), length, rssi
+    tx, rx = (row.get(end) or "" for end in ("tx", "rx"))
+    return distance, _delivered(row, place), length, rssi, tx, rx
 
 
 def _lost_nowhere(row: Mapping[str, str | None]) -> bool:
     """Return whether a run's packet was lost with an end at no known place, or before it came to the radio."""
+    if row.get("fate") in BEFORE_THE_RADIO or row.get("rx") == ALL_RECEIVERS:
+        return True
     lost = row.get("fate") not in (None, "", "delivered")
     return lost and (row.get("distance_m") or "").strip().lower() == "nan"
 

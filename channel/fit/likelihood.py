@@ -259,7 +259,7 @@ class Likelihood:
         return out
 
     def reading_shares(self, at: Parameters) -> FloatArray:
-        """Return the law's distribution function at readings so strong that nothing is lost at them or 6 sigma below.
+        """Return the law's distribution function at readings where even 3 sigma below the mean all arrives.
 
         Each reading is spread over its bin by van der Corput's sequence: uniform from 0 to 1 if the law holds.
         """
@@ -267,7 +267,7 @@ class Likelihood:
         out = []
         for group in self._groups:
             mean = self._mean_dbm(at, group.heard)
-            success = group.at_rssi.averaged(mean - 4.0 * math.hypot(sigma_db, error_db) - at[FLOOR], 0.0)[0]
+            success = group.at_rssi.averaged(mean - 3.0 * math.hypot(sigma_db, error_db) - at[FLOOR], 0.0)[0]
             sure = success > 0.999
             residual = self._rssi_dbm[group.heard][sure] - mean[sure]
             spread = van_der_corput(residual.size) - 0.5

@@ -47,8 +47,9 @@ def places_of(distance_m: FloatArray, link: NDArray[np.intp]) -> Places:
         distance_m: of each packet, shape (packets,).
         link: which link each belongs to, counted from 0.
     """
-    extent_m = max(float(np.ptp(distance_m[link == each])) for each in np.unique(link))
-    step_m = max(FINEST_M, extent_m / MOST_PLACES)
+    extents_m = [float(np.ptp(distance_m[link == each])) for each in np.unique(link)]
+    extent_m = max(extents_m)
+    step_m = max(FINEST_M, sum(extents_m) / MOST_PLACES)
     at = np.stack((link, np.round(distance_m / step_m)), axis=-1).astype(np.int64)
     unique, of_packet = np.unique(at, axis=0, return_inverse=True)
     same = np.diff(unique[:, 0]) == 0

@@ -22,6 +22,7 @@ STEP_DB = KEPT * FINE_DB
 ROOT_STEP = 0.125
 ROOTS = np.arange(0.0, 5.0 + ROOT_STEP, ROOT_STEP)
 """Square roots of the deviations in dB that have a row: dense where the average turns fastest."""
+LEAST_FLOAT = 1e-300
 LEAST_CHANCE = 1e-12
 """Below it the logarithm goes on along its slope, so that a search finds back."""
 
@@ -78,10 +79,10 @@ class Outcomes:
         kept, lost = 1.0 - base_loss, self._lost
         log[self._arrived] += np.log(kept)
         missed = kept * np.exp(np.minimum(log[lost], 0.0))
-        share = missed / (missed + base_loss)
+        share = missed / np.maximum(missed + base_loss, LEAST_FLOAT)
         curve[lost] = share * (curve[lost] + (1.0 - share) * slope[lost] ** 2)
         slope[lost] *= share
-        log[lost] = np.where(base_loss > 0.0, np.log(missed + base_loss), log[lost])
+        log[lost] = np.where(base_loss > 0.0, np.log(np.maximum(missed + base_loss, LEAST_FLOAT)), log[lost])
         return Said(log, slope, -curve)
 
 

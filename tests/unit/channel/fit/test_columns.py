@@ -65,6 +65,24 @@ def test_what_is_no_log_is_refused_with_its_place(columns, words):
     assert str(caught.value).startswith("my.parquet: ")
 
 
+def test_packets_that_never_came_to_the_radio_are_left_out(tmp_path):
+    """As a run's deliveries have them: lost together in one row, refused, or sent with an end at no known place."""
+    columns = {
+        "tx": ["0", "0", "1", "0", "1", "0"],
+        "rx": ["1", "all", "0", "1", "0", "2"],
+        "packets": [1, 40, 1, 1, 1, 1],
+        "distance_m": [10.0, float("nan"), 12.0, 14.0, 16.0, 18.0],
+        "fate": ["delivered", "transport", "channel_erasure", "too_long", "transport", "base_loss"],
+    }
+    pq.write_table(pa.table(columns), tmp_path / "log.parquet")
+    pyarrow.csv.write_csv(pa.table(columns), tmp_path / "log.csv")
+    for kind in ("parquet", "csv"):
+        log = read_log(tmp_path / f"log.{kind}", load_radio("corrected"))
+        assert log.distance_m.tolist() == [10.0, 12.0, 18.0]
+        assert log.delivered.tolist() == [True, False, False]
+        assert log.link.tolist() == [0, 0, 1]  # both directions of a pair are one link
+
+
 def test_a_file_that_is_no_parquet_is_refused(tmp_path):
     (tmp_path / "a.parquet").write_bytes(b"PAR1 and nothing")
     for name in ("a", "b"):
