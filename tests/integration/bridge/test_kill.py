@@ -1,0 +1,66 @@
+"""kill -9 of any process of a run: what it recorded can be read and has no holes, and nothing is left running."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from numpy.typing import NDArray
+
+from bridge.bus.keys import Keys
+from bridge.bus.messages import Clock, decode
+from bridge.record.tables.parquet import read_table
+from bridge.record.tables.schema import DELIVERIES, TRUTH, Table
+from tests.integration.bridge.conftest import STILL, Run, StartRun
+
+SPEED = 4.0
+LOST_MAX_S = 2.0
+"""Wall time: tables are flushed each second; a busy machine takes its time."""
+KILLS = int(os.environ.get("LOSTLINK_KILLS", "1"))
+"""Of each process; the figure in docs/performance.md is from 10."""
+PROCESSES = {"router": "bridge.radio.process", "host": "bridge.host.process", "supervisor": ""}
+
+
+def column(run: Run, table: Table, name: str) -> NDArray[Any]:
+    """All of one column; empty if the kill came within the first second."""
+    parts = [batch[name] for batch in read_table(run.directory, table)]
+    return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(KILLS))
+@pytest.mark.parametrize("process", PROCESSES)
+def test_kill_at_a_random_moment(start_run: StartRun, process: str, number: int) -> None:
+    moment_s = float(np.random.default_rng([len(process), number]).uniform(0.5, 4.0))  # wall time
+    run = start_run(scenario=STILL.replace("moon2020", "corrected"), speed=str(SPEED))
+    run.wait_for("sim time")
+    clock_ns = 0
+
+    def tick(sample: object) -> None:
+        nonlocal clock_ns
+        clock_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns  # type: ignore[attr-defined]
+
+    with run.join("observer") as session:
+        session.subscribe(Keys(run.directory.name).clock, tick)
+        time.sleep(moment_s)  # the random moment, not a wait for something
+        children = run.children()
+        victim = run.child(PROCESSES[process]) if PROCESSES[process] else psutil.Process(run.process.pid)
+        at_ns = clock_ns
+        victim.send_signal(signal.SIGKILL)
+    run.finish(30.0)
+    _, alive = psutil.wait_procs(children, timeout=15.0)
+    assert not alive
+    assert at_ns > 0
+    newest_ns = at_ns - SPEED * LOST_MAX_S * 1e9
+    times, tx, seq = (column(run, DELIVERIES, name) for name in ("sim_time_ns", "tx", "seq"))
+    assert times.max(initial=0) >= newest_ns
+    for node in ("0", "1"):
+        assert (seq[tx == node] == np.arange((tx == node).sum())).all()  # no packet is missing
+    ticks = column(run, TRUTH, "tick_ns")
+    assert (np.unique(ticks) == np.arange(len(np.unique(ticks))) * 50_000_000).all()
+    assert ticks.max(initial=0) >= newest_ns
