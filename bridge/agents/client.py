@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Protocol, TypeVar
 
@@ -69,11 +69,21 @@ class UaClient(Commands):
         outlet: where what it says goes.
         seed: of the run, for the agent's own random numbers.
         folder: where its own files go; ``None``: nowhere.
+        nodes: ids of all nodes of the run, if they are known.
     """
 
-    def __init__(self, node: str, outlet: Outlet, seed: int = 0, folder: Path | None = None) -> None:
+    def __init__(
+        self,
+        node: str,
+        outlet: Outlet,
+        seed: int = 0,
+        folder: Path | None = None,
+        *,
+        nodes: Collection[str] = (),
+    ) -> None:
         self.node = node
         self.files = OwnFiles(folder)
+        self._others = tuple(each for each in nodes if each != node)
         self.seed = seed
         self.state: AircraftState | None = None
         self._comm_status: CommunicationStatus | None = None
@@ -148,11 +158,13 @@ class UaClient(Commands):
             to: the node that it is for; every other one if not given.
 
         Raises:
-            ValueError: ``channel`` or ``to`` cannot be part of a key.
+            ValueError: ``channel`` or ``to`` cannot be part of a key, or there is no such node.
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
         checked_chunk(channel)
         checked_chunk(to)
+        if self._others and to != ALL and to not in self._others:
+            raise ValueError(f"to={to!r}: there are {ALL} and {', '.join(self._others)}")
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else None
         raw = encode(payload) if isinstance(payload, Message) else payload
         seq = self.sent

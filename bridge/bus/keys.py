@@ -18,10 +18,14 @@ ALL = "all"
 _CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
+class KeyMistake(ValueError):
+    """What cannot be a key, or part of one."""
+
+
 def checked_chunk(value: str) -> str:
-    """Return ``value`` if it can stand between two slashes of a key, else raise ValueError."""
+    """Return ``value`` if it can stand between two slashes of a key, else raise KeyMistake."""
     if not _CHUNK.fullmatch(value):
-        raise ValueError(f"{value!r} cannot be part of a key: use letters, digits, '_', '-' and '.'")
+        raise KeyMistake(f"{value!r} cannot be part of a key: use letters, digits, '_', '-' and '.'")
     return value
 
 
@@ -132,6 +136,13 @@ class Keys:
         return key[len(self.prefix) + 1 :].split("/", 2)[1]
 
     def address_of(self, tx_key: str) -> Address:
-        """Split a ``tx`` key."""
-        _, node, _, radio, to, channel = tx_key[len(self.prefix) + 1 :].split("/", 5)
+        """Split a ``tx`` key.
+
+        Raises:
+            KeyMistake: it is none, or has wildcards.
+        """
+        _, node, _, *rest = tx_key[len(self.prefix) + 1 :].split("/")
+        if len(rest) != 3:
+            raise KeyMistake(f"{tx_key} is not node/<id>/tx/<radio>/<to>/<channel>")
+        radio, to, channel = (checked_chunk(chunk) for chunk in rest)
         return Address(node, radio, to, channel)

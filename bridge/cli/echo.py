@@ -46,7 +46,7 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
     Examples:
       lostlink echo 'lostlink/**/node/*/rx/**'
       lostlink echo 'lostlink/*/clock' --count 1
-      lostlink echo 'lostlink/**/link/*/*' --json --connect tcp/127.0.0.1:7447
+      lostlink echo 'lostlink/*/tick/links' --json
     """
     samples: queue.SimpleQueue[Sample | None] = queue.SimpleQueue()
     dropped: list[None] = []

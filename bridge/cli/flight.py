@@ -165,6 +165,7 @@ class Flight:
         )
         write_summary(summary, self.directory)
         if ending not in UNJUDGED:
-            radio = radio_of(self.scenario)
+            own = any(node.radio is not None for node in self.scenario.nodes)
+            radio = None if own else radio_of(self.scenario)  # one curve is not that of several radios
             draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
         return summary

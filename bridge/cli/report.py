@@ -115,7 +115,7 @@ def _verdict(checks: Sequence[dict[str, Any]], links: Sequence[dict[str, Any]], 
 
 
 def _remark(unfinished: Sequence[str]) -> str:
-    return f"; UA {', '.join(unfinished)} had not finished" if unfinished else ""
+    return f"; node {', '.join(unfinished)} had not finished" if unfinished else ""
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:
@@ -173,8 +173,8 @@ def _model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) ->
     return [middle for middle, _ in points], [predicted for _, predicted in points]
 
 
-def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Path) -> None:
-    """Measured probability of delivery over the model's curve, as in Moon et al. 2020, Fig. 6."""
+def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio | None, path: Path) -> None:
+    """Measured probability of delivery over the model's curve, if all nodes have one radio; Moon et al. 2020, Fig. 6."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -182,8 +182,9 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Pa
 
     figure, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
     farthest_m = max((row["distance_max_m"] for row in summary["bins"]), default=100.0)
-    distance_m, closed = _model_curve(summary["bins"], radio, farthest_m)
-    axes.plot(distance_m, closed, color="0.3", label="model", zorder=1)
+    if radio is not None:
+        distance_m, closed = _model_curve(summary["bins"], radio, farthest_m)
+        axes.plot(distance_m, closed, color="0.3", label="model", zorder=1)
     links = sorted({(row["tx"], row["rx"]) for row in summary["bins"]})
     for index, (tx, rx) in enumerate(links):
         aside_m = 3.0 * (index - (len(links) - 1) / 2) / max(1, len(links) - 1)
@@ -202,7 +203,7 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio, path: Pa
             markersize=4,
             capsize=2,
             lw=1,
-            label=f"UA {tx} to UA {rx}",
+            label=f"{tx} to {rx}",
         )
     axes.set(xlabel="distance, m", ylabel="probability of delivery", ylim=(-0.03, 1.03), xlim=(0, farthest_m))
     radio_name = summary["radio"]

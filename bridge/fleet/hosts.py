@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from bridge.scenario.model import Scenario
 from fdm.exchange.settings import core_count
@@ -36,8 +36,3 @@ def _spread(nodes: Sequence[str], hosts: str | int, auto: int) -> tuple[tuple[st
     wanted = {"auto": auto, "per-ua": len(nodes)}.get(str(hosts))
     count = max(1, min(len(nodes), int(hosts) if wanted is None else wanted))
     return tuple(tuple(nodes[index::count]) for index in range(count))
-
-
-def host_of(groups: Mapping[str, Sequence[str]], node: str) -> str:
-    """The name of the process that a node runs in."""
-    return next(name for name, nodes in groups.items() if node in nodes)

@@ -304,6 +304,10 @@ class Fleet:
         if isinstance(message, Clock):
             self._on_clock(message)
         elif isinstance(message, AgentStatus):
+            node = Keys(self._run.path.name).node_of(str(sample.key_expr))  # the key says who it is
+            if node not in self._scenario.stations:
+                return
+            message = replace(message, header=Header(message.header.stamp, node))
             self._on_agent(message)
         elif isinstance(message, Header):
             all_done = self._scenario.nodes_with_a_task and not self._unfinished
@@ -318,7 +322,7 @@ class Fleet:
     def _on_clock(self, clock: Clock) -> None:
         self._last_tick = asyncio.get_running_loop().time()
         self.sim_time_ns = clock.header.stamp.ns
-        for node in set(clock.ended) - self._ended:
+        for node in sorted(set(clock.ended) - self._ended):
             self._on_model_ended(node)
 
     def _on_model_ended(self, node: str) -> None:

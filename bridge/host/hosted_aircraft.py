@@ -16,7 +16,8 @@ from aps.held import HeldDaemon
 from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.bus.inbox import Inbox
 from bridge.bus.session import Query, Session
-from bridge.host.hosted_node import ASKED_MAX, HostedNode
+from bridge.host.hosted_node import HostedNode
+from bridge.host.node import ASKED_MAX
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node

@@ -27,7 +27,7 @@ from bridge.bus.messages import (
     encoding_of,
 )
 from bridge.bus.session import Query, Session
-from bridge.host.node import AgentOutlet, Node, OnReply, Packet
+from bridge.host.node import ASKED_MAX, AgentOutlet, Node, OnReply, Packet
 from bridge.host.node_record import NodeRecord
 from bridge.host.outlets import ZenohOutlets
 from bridge.record.input_fields import VERBS
@@ -38,8 +38,6 @@ from bridge.scenario.agents import FreeAgent
 from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.timeouts import FLUSH_PERIOD_S
 
-ASKED_MAX = 1000
-"""Operators' commands that may wait for a tick."""
 log = logging.getLogger("host")
 
 
@@ -92,7 +90,7 @@ class HostedNode:
     async def _start_agent(self, make: Callable[..., Any]) -> None:
         outlet = AgentOutlet(self._outlets)
         self.runner = AgentRunner(
-            UaClient(self.id, outlet, self._scenario.seed, self._agent_folder),
+            UaClient(self.id, outlet, self._scenario.seed, self._agent_folder, nodes=self._scenario.stations),
             lambda client: make(client, self._config, self._scenario.transmit),
             lambda: self._loop.call_soon_threadsafe(self._agent_is_idle),
         )
@@ -196,6 +194,6 @@ class HostedNode:
         self._closed = True
         counters = {
             "messages_the_agent_could_not_read": 0 if self.runner is None else self.runner.ua.malformed,
-            "commands_dropped": self._asked.dropped,
+            "commands_dropped": self._asked.dropped + self.node.commands_dropped,
         }
         self._record.close(self.statistics(), counters)

@@ -24,6 +24,8 @@ from bridge.bus.session import Stamp
 from bridge.record.inputs import RecordedInput
 
 OnReply = Callable[[CommandEvent], object]
+ASKED_MAX = 1000
+"""Operators' commands that may wait for a tick."""
 
 
 class Outlets(Protocol):
@@ -92,6 +94,8 @@ class Node:
         self._comm_status: LookAtStatus | None = None
         self._events: list[tuple[OnEvent, CommandEvent]] = []
         self._asked: list[tuple[str, CommandGoal, OnReply]] = []
+        self.commands_dropped = 0
+        """Commands of operators that found no room."""
         self._replay: list[RecordedInput] = []
 
     def join(self, runner: AgentRunner, outlet: AgentOutlet) -> None:
@@ -117,6 +121,11 @@ class Node:
         """Somebody outside wants the aircraft to do something: it is for the next tick, and recorded."""
         if not self.body.takes_input:
             text = "this run repeats a record: it takes no commands"
+            on_reply(CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
+            return
+        if len(self._asked) >= ASKED_MAX:
+            self.commands_dropped += 1
+            text = f"{ASKED_MAX} commands wait for the next tick already"
             on_reply(CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
             return
         self._asked.append((verb, goal, on_reply))

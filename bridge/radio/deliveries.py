@@ -99,7 +99,7 @@ class DeliveryColumns:
             tx=p.tx[r.packet],
             rx=r.rx,
             seq=p.seq[r.packet],
-            length_bytes=p.length_bytes[r.packet],
+            length_bytes=settled.counted_bytes[r.packet],
             distance_m=r.distance_m,
             received_power_dbm=r.received_power_dbm,
             snr_db=r.snr_db,

@@ -58,7 +58,6 @@ def _share(
         [each.seq for each in packets],
         [each.sim_time_ns for each in packets],
         tuple(each.channel for each in packets),
-        tuple(each.encoding for each in packets),
         np.cumsum(lengths, dtype=np.uint32),
         b"".join(each.payload for each in packets),
         row.astype(np.uint32),

@@ -5,15 +5,15 @@ from __future__ import annotations
 import logging
 import queue
 import sys
-import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 
 from bridge.bus.identity.logins import LoginWatch
-from bridge.bus.keys import Keys
-from bridge.bus.messages import AgentStatus, Clock, Header, Truths, decode
+from bridge.bus.keys import KeyMistake, Keys
+from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Truths, decode
 from bridge.bus.session import Sample, Session, Stamp, open_router
 from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
+from bridge.radio.intake import Handler, Intake, Waiting
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.ring import Ring
 from bridge.radio.senders import Refused
@@ -33,11 +33,7 @@ from channel.validity import OutsideValidityError
 
 IDLE_S = 5.0
 REFUSALS_LOGGED_MAX = 20
-QUEUE_MAX = 200_000
-QUEUE_MAX_BYTES = 256 << 20
-"""Packets that may wait; more than that are dropped and counted, as a host that cannot keep up drops them."""
 log = logging.getLogger("router")
-Handler = Callable[[str, Sample], None]
 
 
 class RouterProcess:
@@ -64,23 +60,11 @@ class RouterProcess:
         self._report = report
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.stations}
         self._writer = DeliveryColumns(run.path, scenario.stations)
-        self._queue: queue.SimpleQueue[tuple[Handler, Sample] | None] = queue.SimpleQueue()
-        self._queued_bytes = 0
-        self._overload = 0
-        self._overload_lock = threading.Lock()
+        self._intake = Intake()
+        droppable = {self._on_packet, self._on_agent}
         for key_expr, handler in self._handlers():
-            session.subscribe(key_expr, lambda sample, handler=handler: self._enqueue(handler, sample))  # type: ignore[misc]
-
-    def _enqueue(self, handler: Handler, sample: Sample) -> None:
-        """Called in Zenoh's threads."""
-        if handler == self._on_packet:
-            with self._overload_lock:
-                length = len(sample.payload)
-                if self._queue.qsize() >= QUEUE_MAX or self._queued_bytes + length > QUEUE_MAX_BYTES:
-                    self._overload += 1
-                    return
-                self._queued_bytes += length
-        self._queue.put((handler, sample))
+            push = partial(self._intake.push, handler, may_drop=handler in droppable)
+            session.subscribe(key_expr, push)
 
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
         yield self._keys.tick("truths"), self._on_truths
@@ -91,7 +75,7 @@ class RouterProcess:
 
     def stop(self) -> None:
         """End `run`; callable from a signal handler."""
-        self._queue.put(None)
+        self._intake.end()
 
     def run(self) -> None:
         """Serve until `stop`, then write what is left of the record, however long that takes."""
@@ -122,9 +106,11 @@ class RouterProcess:
             writer.close()
 
     def _tell_overload(self) -> None:
-        if self._overload:
-            self._core.refused[Refused.OVERLOAD] += self._overload
-            self._report.may_not_repeat(f"{self._overload} packets came faster than the radio took them")
+        if self._intake.dropped:
+            self._core.refused[Refused.OVERLOAD] += self._intake.dropped
+            self._report.may_not_repeat(
+                f"{self._intake.dropped} packets came faster than the radio took them"
+            )
         elif self._core.refused[Refused.OVERLOAD]:
             self._report.may_not_repeat("a node transmitted more packets in a tick than the radio takes")
 
@@ -137,10 +123,10 @@ class RouterProcess:
         flush, idle_s = Every(FLUSH_PERIOD_S), 0.0
         while True:
             try:
-                item = self._queue.get(timeout=FLUSH_PERIOD_S)
+                item = self._intake.get(FLUSH_PERIOD_S)
                 if item is None:
                     return
-                self._handle(*item)
+                self._handle(item)
                 idle_s = 0.0
             except queue.Empty:
                 idle_s += FLUSH_PERIOD_S
@@ -162,14 +148,17 @@ class RouterProcess:
         else:
             log.warning("all nodes have answered the latest tick: the flight dynamics wait for an autopilot")
 
-    def _handle(self, handler: Handler, sample: Sample) -> None:
+    def _handle(self, item: Waiting) -> None:
+        for key, seq in item.lost.items():
+            self._core.on_dropped(self._keys.node_of(key), seq)
         try:
-            handler(str(sample.key_expr), sample)
-        except OutsideValidityError:  # the radio's own: the run ends
-            raise
-        except ValueError as error:  # bytes that are no message, or numbers that no radio can work with
+            item.handler(str(item.sample.key_expr), item.sample)
+        except (
+            DecodeError,
+            KeyMistake,
+        ) as error:  # bytes or keys of somebody else's; what is ours ends the run
             self._core.refused[Refused.MALFORMED] += 1
-            self._tell_refusal(f"{sample.key_expr}: {error}")
+            self._tell_refusal(f"{item.sample.key_expr}: {error}")
 
     def _tell_refusal(self, text: str) -> None:
         if self._core.refused.total() <= REFUSALS_LOGGED_MAX:
@@ -182,13 +171,16 @@ class RouterProcess:
 
     def _on_packet(self, key: str, sample: Sample) -> None:
         address, payload = self._keys.address_of(key), sample.payload.to_bytes()
-        with self._overload_lock:
-            self._queued_bytes -= len(payload)
-        if not self._core.on_packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
+        if self._core.on_packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
+            self._tell_if_free(address.node)
+        else:
             self._tell_refusal(f"a packet on {key}")
-        elif address.node in self._free:
-            self._free.discard(address.node)
-            text = f"a program that the clock does not wait for transmits as node {address.node}"
+
+    def _tell_if_free(self, node: str) -> None:
+        """What a node that the clock does not wait for does, it does by wall time."""
+        if node in self._free:
+            self._free.discard(node)
+            text = f"a program that the clock does not wait for transmits as node {node}"
             self._report.may_not_repeat(text)
 
     def _on_clock(self, _key: str, sample: Sample) -> None:
@@ -197,6 +189,7 @@ class RouterProcess:
     def _on_agent(self, key: str, sample: Sample) -> None:
         node, status = self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus)
         self._core.on_sent_total(node, status.sent)
+        self._tell_if_free(node)
         if status.failed:
             self._core.ring.end()
         if status.done:
@@ -222,10 +215,10 @@ class RouterProcess:
 
     def _write(self, settled: Settled) -> None:
         self._writer.write(settled)
-        for packet in self._core.transmitted:
+        transmitted, self._core.transmitted = self._core.transmitted, []
+        for packet in transmitted:
             sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)
             self._packets[self._core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(sent))
-        self._core.transmitted.clear()
 
 
 def login_refused(report: Report, reason: str, number: int) -> None:

@@ -104,7 +104,7 @@ class TickPublisher:
             r.rx.astype(np.uint16),
             p.seq[r.packet],
             p.sim_time_ns[r.packet],
-            p.length_bytes[r.packet].astype(np.uint32),
+            settled.counted_bytes[r.packet].astype(np.uint32),
             r.distance_m,
             r.received_power_dbm,
             r.snr_db,

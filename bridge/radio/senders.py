@@ -26,6 +26,7 @@ class Refused(StrEnum):
     MALFORMED = "malformed"
     WITHOUT_STAMP = "without_stamp"
     REPEATED = "repeated_sequence_number"
+    BACKWARDS = "stamped_before_the_one_before"
     OVERLOAD = "overload"
 
 
@@ -87,6 +88,7 @@ class Senders:
         self._next_seq = [0] * len(self._mtu_bytes)
         self._bytes = [0] * len(self._mtu_bytes)
         self._counts = [0] * len(self._mtu_bytes)
+        self._latest_ns = [0] * len(self._mtu_bytes)
         self._on_gap = on_gap
         self._taken: list[TxPacket] = []
         self.refused: Counter[Refused] = Counter()
@@ -96,16 +98,19 @@ class Senders:
         why = self._why_refused(packet)
         if why is not None:
             self.refused[why] += 1
+            if why is Refused.OVERLOAD:  # its sender goes on from here
+                self.book_missing(packet.tx, packet.seq + 1, packet.sim_time_ns)
             return False
         self.book_missing(packet.tx, packet.seq, packet.sim_time_ns)
         self._next_seq[packet.tx] = packet.seq + 1
+        self._latest_ns[packet.tx] = packet.sim_time_ns
+        self._counts[packet.tx] += 1
         length = len(packet.payload)
         if length > self._mtu_bytes[packet.tx]:
             lost = Gap(packet.sim_time_ns, packet.tx, packet.to, packet.seq, 1, length, Cause.TOO_LONG)
             self._on_gap(lost)
             return True
         self._bytes[packet.tx] += length
-        self._counts[packet.tx] += 1
         self._taken.append(packet)
         return True
 
@@ -113,9 +118,13 @@ class Senders:
         tx, ahead = packet.tx, packet.seq - self._next_seq[packet.tx]
         if ahead < 0:
             return Refused.REPEATED
+        if ahead > MAX_GAP:
+            return Refused.MALFORMED
+        if packet.sim_time_ns < self._latest_ns[tx]:
+            return Refused.BACKWARDS
         if self._counts[tx] >= TAKEN_MAX or self._bytes[tx] + len(packet.payload) > TAKEN_MAX_BYTES:
             return Refused.OVERLOAD
-        return Refused.MALFORMED if ahead > MAX_GAP else None
+        return None
 
     def book_missing(self, tx: int, seq: int, sim_time_ns: int) -> None:
         """Book the packets before ``seq`` that never came."""

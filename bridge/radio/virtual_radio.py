@@ -14,18 +14,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bridge.bus.keys import ALL, MAIN, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import EVERYBODY, Cause, Gap, Refused, Senders, TxPacket
+from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
 from channel.medium.reception import Packets, Receptions
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
+AHEAD_MAX_NS = 1_000_000_000
+"""A packet further ahead than this is: what waits for its truth has to be bounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +40,13 @@ class Settled:
         packets: those that were settled; ``receptions.packet`` is an index into them.
         receptions: their fates, as columns.
         gaps: packets that were lost before the channel.
+        counted_bytes: lengths of ``receptions.packets`` as the error model counts them.
     """
 
     packets: Sequence[TxPacket]
     receptions: Receptions
     gaps: Sequence[Gap]
+    counted_bytes: NDArray[np.int64]
 
 
 class VirtualRadio:
@@ -77,9 +83,16 @@ class VirtualRadio:
             elif not self._is_plausible(sim_time_ns):
                 self.refused[Refused.MALFORMED] += 1
             else:
-                self._latest_ns = max(self._latest_ns, sim_time_ns)
-                q = truth.attitude
-                self._medium.observe(node, sim_time_ns, truth.position_ned_m.xyz, (q.w, q.x, q.y, q.z))
+                self._observe(node, sim_time_ns, truth)
+
+    def _observe(self, node: str, sim_time_ns: int, truth: Truth) -> None:
+        q = truth.attitude
+        try:
+            self._medium.observe(node, sim_time_ns, truth.position_ned_m.xyz, (q.w, q.x, q.y, q.z))
+        except ChannelInputError:  # numbers that no radio can work with
+            self.refused[Refused.MALFORMED] += 1
+        else:
+            self._latest_ns = max(self._latest_ns, sim_time_ns)
 
     def on_packet(self, address: Address, payload: bytes, encoding: str, stamp: Stamp | None) -> bool:
         """Take a packet with its sender's stamp; returns whether it was. `settle` decides its fate."""
@@ -101,7 +114,7 @@ class VirtualRadio:
             return Refused.UNKNOWN_RADIO
         if address.to == address.node or (address.to != ALL and address.to not in self._index):
             return Refused.UNKNOWN_ADDRESS
-        return None if self._is_plausible(stamp.sim_time_ns) else Refused.MALFORMED
+        return None if 0 <= stamp.sim_time_ns <= self._latest_ns + AHEAD_MAX_NS else Refused.MALFORMED
 
     def _is_plausible(self, sim_time_ns: int) -> bool:
         return 0 <= sim_time_ns <= self._latest_ns + FUTURE_MAX_NS
@@ -127,6 +140,11 @@ class VirtualRadio:
             self.refused[Refused.UNKNOWN_NODE] += 1
         elif not self._senders.told_total(self._index[node], sent, self._latest_ns):
             self.refused[Refused.MALFORMED] += 1
+
+    def on_dropped(self, node: str, seq: int) -> None:
+        """Take note that the process dropped a node's packets up to number ``seq``: too much came at once."""
+        if node in self._index:
+            self._senders.book_missing(self._index[node], seq + 1, self._latest_ns)
 
     # What becomes of it.
 
@@ -161,7 +179,7 @@ class VirtualRadio:
         done = receptions.packets
         packets = [self._in_flight.pop(key) for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
         gaps, self._gaps = self._gaps, []
-        return Settled(packets, receptions, gaps)
+        return Settled(packets, receptions, gaps, self._medium.counted_bytes(done))
 
     def _book_gap(self, gap: Gap) -> None:
         to = None if gap.to == EVERYBODY else self.nodes[gap.to]

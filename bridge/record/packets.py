@@ -1,6 +1,7 @@
 """The payload of ``packets/<node>``: one packet that the node transmitted and the radio took.
 
-int64 sequence number, int64 sim time of transmission in ns, uint16 length of the channel's name, that name in UTF-8,
+int64 sequence number, int64 sim time of transmission in ns, uint16 length of the address, that address in UTF-8
+(``radio/to/channel``, as in the key),
 and the packet's own bytes; all numbers are little-endian.
 """
 
@@ -28,7 +29,7 @@ def encode_packet(packet: SentPacket) -> bytes:
     """The packet as the payload of a stream's entry.
 
     Raises:
-        ValueError: a number does not fit 64 bits, or the channel's name is too long.
+        ValueError: a number does not fit 64 bits, or the address is too long.
     """
     channel = packet.channel.encode()
     try:

@@ -203,7 +203,23 @@ def _with_known_radios(source: _Source, folder: Path, scenario: Scenario, mistak
         else node
         for index, node in enumerate(scenario.nodes)
     )
-    return scenario.model_copy(update={"radio": read(scenario.radio, ("radio",)), "nodes": nodes})
+    scenario = scenario.model_copy(update={"radio": read(scenario.radio, ("radio",)), "nodes": nodes})
+    if not mistakes:
+        mistakes += _other_frequencies(source, scenario)
+    return scenario
+
+
+def _other_frequencies(source: _Source, scenario: Scenario) -> Iterator[str]:
+    """All radios of a run are on one frequency."""
+    common = radio_from(scenario.radio, scenario.origin).config.frequency_hz
+    for index, node in enumerate(scenario.nodes):
+        own = common if node.radio is None else radio_from(node.radio, scenario.origin).config.frequency_hz
+        if own != common:
+            line = source.line_of(("nodes", index, "radio"))
+            text = (
+                f"its frequency is {own:g} Hz, that of the run's radio {common:g} Hz: all have to be on one"
+            )
+            yield f"{source.name}:{line}: nodes.{index}.radio: {text}"
 
 
 def _refuse_duplicate_keys(source: _Source, node: yaml.Node) -> None:

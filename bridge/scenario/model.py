@@ -28,6 +28,8 @@ from fdm.wire.legacy import legacy_ports
 
 SCHEMA = 1
 MAX = "max"
+EVERYBODY = "all"
+"""What stands in a key for every other node; no node is called so."""
 AUTO = "auto"
 START_TIME_UNIX_S = 1_700_000_000
 """GPS time of autopilots at boot, and time of the records at sim time 0: the host's time would not repeat."""
@@ -202,6 +204,8 @@ class Scenario(Part):
         twice = sorted({i for i in ids if ids.count(i) > 1})
         if twice:
             raise ValueError(f"id {twice[0]} is used more than once")
+        if EVERYBODY in ids:
+            raise ValueError(f"id {EVERYBODY}: that is the address of packets for every node")
         if not any(isinstance(node, Aircraft) for node in nodes):
             raise ValueError("there has to be a UA: the flight dynamics keep the time")
         return nodes

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from bridge.scenario.agents import AgentConfig, FreeAgent, GroundAgentConfig
-from bridge.scenario.parts import Finite, Parameters, Part, RadioSetting, Slug
+from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting, Slug
 from fdm.model.sensor_noise import SensorNoise
 
 GROUND_HEIGHT_M = 2.0
@@ -22,8 +22,8 @@ GROUND_HEIGHT_M = 2.0
 class HomePlace(Part):
     """Home of a UA relative to the fleet's origin."""
 
-    north_m: Finite = 0.0
-    east_m: Finite = 0.0
+    north_m: Metres = 0.0
+    east_m: Metres = 0.0
     heading_deg: Finite = 0.0
 
 
@@ -63,9 +63,9 @@ class Aircraft(Part):
 class GroundPlace(Part):
     """Where a ground node's antenna stands, relative to the fleet's origin."""
 
-    north_m: Finite = 0.0
-    east_m: Finite = 0.0
-    height_m: Finite = GROUND_HEIGHT_M
+    north_m: Metres = 0.0
+    east_m: Metres = 0.0
+    height_m: Metres = GROUND_HEIGHT_M
 
     @property
     def position_ned_m(self) -> tuple[float, float, float]:
@@ -83,7 +83,7 @@ class GroundNode(Part):
     """A station without an aircraft: it stands at ``place`` (the origin if there is none), or moves along ``track``."""
 
     kind: Literal["ground"]
-    id: Slug
+    id: Annotated[Slug, Field(max_length=64)]
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None

@@ -66,7 +66,7 @@ TABLE = (
     Row("node/{node}/state", writes=HOST, reads=OWN | LOOKERS),
     Row("node/{node}/cmd/*", serves=HOST, asks=OWN | OPERATOR),
     Row("node/{node}/mavlink/*", serves=HOST, asks=OWN | LOOKERS),
-    Row("node/{node}/tx/**", writes=HOST | FREE, reads=RADIO),
+    Row("node/{node}/tx/*/*/*", writes=HOST | FREE, reads=RADIO),
     Row("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
     Row("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),
     Row("node/{node}/agent", writes=HOST | FREE, reads=OWN | RADIO | LOOKERS),
@@ -79,7 +79,7 @@ TABLE = (
     Row("clock/start", writes=SUPERVISOR, reads=OWN | PHYSICS | RADIO | LOOKERS),
     Row("clock/cmd/*", serves=PHYSICS, asks=OPERATOR),
     Row("tick/**", writes=RADIO | PHYSICS, reads=RADIO | LOOKERS),
-    Row("host/{self}/**", writes=RADIO, reads=HOST),
+    Row("host/{self}/heard", writes=RADIO, reads=HOST),
     Row("ending", writes=RADIO, reads=LOOKERS),
     Row("alive/{self}", holds=RADIO | PHYSICS | HOST, watches=LOOKERS),
 )

@@ -244,7 +244,6 @@ class Heard(Message):
     seq: Column[int] = ()
     sim_time_ns: Column[int] = ()
     channel: tuple[str, ...] = ()
-    encoding: tuple[str, ...] = ()
     end: Column[int] = ()
     data: bytes = b""
     packet: Column[int] = ()

@@ -47,8 +47,6 @@ class StandIn(Launcher):
 
     def processes(self, plans: Sequence[LaunchPlan]) -> Iterator[ProcessSpec]:
         """Processes of several stand-ins; each has its ports, home and log."""
-        if not plans:  # nodes on the ground alone
-            return
         by_node = {plan.ua.node: plan for plan in plans}
         run = plans[0].run
         for index, nodes in enumerate(standin_groups(plans[0].scenario)):

@@ -125,6 +125,6 @@ TRUTH: Final = Table(
     tick="tick_ns",
     node="node",
 )
-"""A row per tick and UA, with the fields of `bridge.bus.messages.Truth`; written by physics."""
+"""A row per tick and node, with the fields of `bridge.bus.messages.Truth`; written by physics."""
 TABLES: Final = (TRUTH, DELIVERIES)
 """In the order of cause."""

@@ -31,8 +31,8 @@ OTHER = {
     "tick/fates",
     "tick/truth",
     "ending",
-    "host/host-0/rx",
-    "host/host-1/rx",
+    "host/host-0/heard",
+    "host/host-1/heard",
 }
 ALL = [*(f"node/{node}/{key}" for node in "01" for key in NODE_KEYS), *sorted(OTHER | COMMON)]
 ALL += ["node/1/cmd/arm", "clock/cmd/pause", "alive/host-0", "elsewhere"]
@@ -60,8 +60,8 @@ PUBLIC = {
 }
 READS = {
     "physics": {"clock", "clock/release", "clock/end", "clock/start"},
-    "host-0": COMMON | {k for k in PUBLIC if k.startswith("node/0/")} | {"host/host-0/rx"},
-    "host-1": COMMON | {k for k in PUBLIC if k.startswith("node/1/")} | {"host/host-1/rx"},
+    "host-0": COMMON | {k for k in PUBLIC if k.startswith("node/0/")} | {"host/host-0/heard"},
+    "host-1": COMMON | {k for k in PUBLIC if k.startswith("node/1/")} | {"host/host-1/heard"},
     "node-0": COMMON | {k for k in PUBLIC if k.startswith("node/0/")},
     "node-1": COMMON | {k for k in PUBLIC if k.startswith("node/1/")},
     "node-2": COMMON,

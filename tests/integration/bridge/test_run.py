@@ -376,4 +376,4 @@ def test_ua_that_never_got_up_is_told(start_run: StartRun) -> None:
     run = start_run(scenario=f"{head}{{{{type: hold, altitude_m: 40}}}}{tail}", duration_s=3.0)
     assert run.finish() == 0, run.output.decode()
     assert run.summary["unfinished"] == ["1"]
-    assert "UA 1 had not finished" in run.output.decode()
+    assert "node 1 had not finished" in run.output.decode()

@@ -86,5 +86,5 @@ def test_figure_is_a_picture(tmp_path: Path) -> None:
 def test_verdict_says_who_had_not_finished(tmp_path: Path) -> None:
     summary_of(tmp_path, [row(0, 50, 0.5)])
     summary = summarise(SCENARIO, RunDirectory(tmp_path), Timing(12.0, 1.0), "duration", ["1"])
-    assert summary["verdict"].endswith("; UA 1 had not finished")
+    assert summary["verdict"].endswith("; node 1 had not finished")
     assert summary["unfinished"] == ["1"]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bridge.fleet.autopilots.launch_standin import StandIn
-from bridge.fleet.hosts import host_groups, host_of, standin_groups
+from bridge.fleet.hosts import host_groups, standin_groups
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
 from fdm.exchange.settings import core_count
 
@@ -23,7 +22,6 @@ def test_nodes_are_spread_evenly(hosts: str, sizes: list[int]) -> None:
     assert [len(group) for group in groups.values()] == sizes
     assert sorted(node for group in groups.values() for node in group) == sorted(scenario.regulated)
     assert list(groups) == [f"host-{number}" for number in range(len(sizes))]
-    assert all(host_of(groups, node) == name for name, group in groups.items() for node in group)
     assert standin_groups(scenario) == tuple(groups.values())
 
 
@@ -49,7 +47,3 @@ def test_other_words_are_refused(hosts: str) -> None:
 def test_mavlink_is_exchanged_at_a_multiple_of_the_ticks(rate_hz: str) -> None:
     with pytest.raises(ScenarioError, match="multiple of tick_rate_hz"):
         parse_scenario(f"{TEXT}mavlink_rate_hz: {rate_hz}\n", "my.yaml")
-
-
-def test_without_aircraft_there_is_no_stand_in() -> None:
-    assert list(StandIn({}).processes([])) == []

@@ -17,12 +17,12 @@ def senders(gaps: list[Gap] | None = None) -> Senders:
 
 def test_packets_come_out_by_time_sender_and_number() -> None:
     it = senders()
-    for each in (packet(0, 9, tx=1), packet(0, 5), packet(1, 5), packet(2, 4), packet(1, 9, tx=1)):
+    for each in (packet(0, 9, tx=1), packet(0, 4), packet(1, 5), packet(2, 5), packet(1, 9, tx=1)):
         assert it.take(each)
     assert [(p.sim_time_ns, p.tx, p.seq) for p in it.taken()] == [
-        (4, 0, 2),
-        (5, 0, 0),
+        (4, 0, 0),
         (5, 0, 1),
+        (5, 0, 2),
         (9, 1, 0),
         (9, 1, 1),
     ]
@@ -56,15 +56,28 @@ def test_a_packet_beyond_the_mtu_is_lost_before_the_channel() -> None:
     assert [each.seq for each in it.taken()] == [0]
 
 
+def test_a_packet_from_before_the_one_before_is_refused_and_the_next_is_taken() -> None:
+    it = senders()
+    assert it.take(packet(0, 5))
+    assert not it.take(packet(1, 4))
+    assert it.refused == {Refused.BACKWARDS: 1}
+    assert it.take(packet(1, 5))
+
+
 def test_one_node_cannot_fill_the_memory_nor_stop_another() -> None:
-    it = Senders([TAKEN_MAX_BYTES, TAKEN_MAX_BYTES], [].append)
+    gaps: list[Gap] = []
+    it = Senders([TAKEN_MAX_BYTES, TAKEN_MAX_BYTES], gaps.append)
     big = bytes(TAKEN_MAX_BYTES // 2)
     taken = [it.take(TxPacket(0, EVERYBODY, "main/all/team", seq, 0, big)) for seq in range(4)]
     assert taken == [True, True, False, False]
     assert it.refused == {Refused.OVERLOAD: 2}
     assert it.take(packet(0, tx=1))
     it.taken()
-    assert it.take(packet(2))
+    assert it.take(packet(4))  # it goes on from where it was refused
+    assert [(gap.first_seq, gap.packets, gap.cause) for gap in gaps] == [
+        (2, 1, Cause.TRANSPORT),
+        (3, 1, Cause.TRANSPORT),
+    ]
 
 
 def test_what_a_sender_counted_and_never_came_is_a_gap() -> None:

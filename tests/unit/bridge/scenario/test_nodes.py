@@ -58,6 +58,13 @@ def test_what_is_read_back_is_the_same() -> None:
         ("{id: a/b, kind: ground, agent: {type: still}}", "nodes.1.id", "should match pattern"),
         ("{id: gcs, kind: ground, radio: nope, agent: {type: still}}", "nodes.1.radio", "nope"),
         ("{id: '0', kind: ground, agent: {type: still}}", "nodes", "id 0 is used more than once"),
+        ("{id: all, kind: ground, agent: {type: still}}", "nodes", "id all: that is the address"),
+        (
+            "{id: gcs, kind: ground, radio: telemetry-915, agent: {type: still}}",
+            "nodes.1.radio",
+            "its frequency is 9.15e+08 Hz, that of the run's radio 2.412e+09 Hz",
+        ),
+        ("{id: gcs, kind: ground, place: {north_m: 1.0e+300}, agent: {type: still}}", "nodes.1", "1000000"),
         (
             "{id: gcs, kind: ground, place: {north_m: 1}, track: [{sim_time_s: 0}], agent: {type: still}}",
             "nodes.1",
