@@ -174,7 +174,7 @@ def _model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) ->
 
 
 def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio | None, path: Path) -> None:
-    """Measured probability of delivery over the model's curve, if all nodes have one radio; Moon et al. 2020, Fig. 6."""
+    """Measured probability of delivery over the model's curve, if all nodes have one radio; as Moon et al., Fig. 6."""
     import matplotlib
 
     matplotlib.use("Agg")
