@@ -1,4 +1,9 @@
-"""How often the verdict is wrong of right runs, and right of wrong ones, with 20 000 receptions each."""
+"""How often the verdict is wrong of right runs, and right of wrong ones, with 20 000 receptions each.
+
+``LOSTLINK_VERDICTS=200`` judges so many right runs of each preset (15 minutes).
+"""
+
+import os
 
 import pytest
 
@@ -8,8 +13,8 @@ from channel.medium.verdict import Judge
 from tests.unit.channel.medium.flights import NODES, Other, reach_m, verdict_of
 
 RECEPTIONS = 20_000
-RUNS = 200
-WRONG_RUNS = 20
+RUNS = int(os.environ.get("LOSTLINK_VERDICTS", "50"))
+WRONG_RUNS = 10
 
 
 @pytest.mark.slow
@@ -21,7 +26,7 @@ def test_at_most_one_right_run_in_a_hundred_fails(name):
     failed = [
         seed for seed in range(RUNS) if not verdict_of(radio, Judge(NODES), seed, RECEPTIONS, reach).passed
     ]
-    assert len(failed) <= RUNS // 100, failed
+    assert len(failed) <= max(1, RUNS // 100), failed
 
 
 def wrong_radios():
