@@ -35,7 +35,7 @@ KEYS = Keys(RUN)
 PAYLOAD = bytes(324)
 AHEAD = 50
 """Packets that may be on their way at once, so that no queue fills."""
-WAIT_S = 120.0
+WAIT_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def main(argv: list[str] | None = None) -> dict[str, Any]:
 
 def row_of(receivers: int, packets: int, rounds: int) -> dict[str, float]:
     nodes = [str(i) for i in range(receivers + 1)]
-    identities = roster(nodes, {"host-0": nodes[::2], "host-1": nodes[1::2]})
+    identities = roster(nodes, {"host-0": nodes[::2], "host-1": nodes[1::2]}, free=nodes)
     rules = access_control(RUN, identities)["rules"]
     with tempfile.TemporaryDirectory() as folder:
         keyring = Keyring.create(Path(folder) / "secrets", identities)
