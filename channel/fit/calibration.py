@@ -75,7 +75,7 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
     Args:
         log: of one link or of many with the same radio.
         base: gives the error model, powers, gains, kind of shadowing, and what the data do not determine. Its
-            propagation has to be log-distance and its shadowing normal or one-sided normal.
+            propagation has to be log-distance and its shadowing normal, Gudmundson's or one-sided normal.
         hold: names of parameters that are known, and stay the base's.
 
     Raises:
@@ -83,6 +83,10 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
         ChannelInputError: a base of another kind.
     """
     held = _known_names(hold)
+    if DECORRELATION_NAME in held and base.shadowing.decorrelation_m is None:
+        raise ChannelInputError(
+            "shadowing.model", base.shadowing.model, f"gudmundson, to hold {DECORRELATION_NAME}"
+        )
     log = _within_range(log, base)
     _check(log, base)
     likelihood = Likelihood(log, base)
