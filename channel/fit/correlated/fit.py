@@ -77,7 +77,9 @@ class CorrelatedFit:
         self._line_free = np.array([name not in held for name in LINE_NAMES])
         self._taken = self._as_taken()
         self.found = self._search()
-        self.leftover: Leftover = leftover(self._taken, self.found, self.places, self._sure_dbm())
+        self.leftover: Leftover = leftover(
+            self._taken, self.found, self.places, self._rssi_dbm, self._sure_dbm()
+        )
 
     def _without_wild_readings(self) -> FloatArray:
         exponent, offset, sigma_db = self._near[:3]
