@@ -1,11 +1,9 @@
-"""Fitting a radio to a flight log by maximum likelihood, with profile-likelihood intervals.
+"""Fitting a radio to a flight log.
 
-What is fitted: the exponent of a log-distance law, an offset of the received power, the spread of the shadowing and
-the base loss; with received powers (RSSI) in the log also the noise floor. The error model is the base radio's.
-With RSSI the receiver's own error of it, up to 3 dB, is fitted along: it blurs at which power packets get lost, and the
-edge of one-sided shadowing.
-
-Intervals hold the values whose profile deviance is below the chi-squared quantile (Wilks).
+What is fitted: the exponent of a log-distance law, an offset of the received power, the spread of the shadowing and the
+base loss; with received powers (RSSI) in the log also the noise floor and, if the residuals show that shadowing is
+correlated along the track, its decorrelation distance. The error model is the base radio's. With RSSI the receiver's own
+error of it is fitted along: it blurs at which power packets get lost, and the edge of one-sided shadowing.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Fitting a log whose packets are independent of each other: the highest likelihood, and where its profiles end."""
+"""Fitting a log whose packets are independent of each other, by maximum likelihood.
+
+Intervals hold the values whose profile deviance is below the chi-squared quantile (Wilks).
+"""
 
 from __future__ import annotations
 
