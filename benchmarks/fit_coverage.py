@@ -172,11 +172,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--packets", type=int, default=PACKETS)
     parser.add_argument("--correlated", action="store_true", help="shadowing correlated along the track")
+    parser.add_argument("--only", default="", metavar="TEXT", help="radios whose names have this in them")
     options = parser.parse_args(arguments)
     names, fit_one = (list(TRUTHS), one_correlated_fit) if options.correlated else (list(SETS), one_fit)
     print(f"{'set':<28}{'parameter':<22}{'truth':>9}{'covered':>9}{'two ends':>10}   of {options.repeats}")
     with ProcessPoolExecutor(options.jobs) as pool:
-        for name in names:
+        for name in (each for each in names if options.only in each):
             results = list(pool.map(partial(fit_one, name, packets=options.packets), range(options.repeats)))
             fits = [fit for fit, _ in results]
             truth = TRUTHS[name].by_name if options.correlated else truth_of(SETS[name].truth)

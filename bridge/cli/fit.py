@@ -47,8 +47,9 @@ def fit(
     a CSV), delivered or fate, and optional rssi_dbm and length_bytes. Otherwise LOG is a .tlog recorded at the
     receiving end, and SENT the sender's own .tlog or .bin.
 
-    The radio to start from needs log-distance propagation and normal or one-sided-normal shadowing; it gives the error
-    model, powers and gains. Prints each parameter with its 95 % interval, or that the data do not determine it.
+    The radio to start from needs log-distance propagation and normal, gudmundson or one-sided-normal shadowing; it
+    gives the error model, powers and gains. Whether the shadowing is correlated along the track is found from the log.
+    Prints each parameter with its 95 % interval, or that the data do not determine it.
 
     \b
     Examples:

@@ -183,8 +183,9 @@ def laws(out: Path, seed: int) -> None:
 def fit(log: Path, **options: Any) -> None:
     """Fit a radio to a flight LOG: a CSV of distance_m (or positions), delivered, and optional rssi_dbm.
 
-    The radio to start from needs log-distance propagation and normal or one-sided-normal shadowing; it gives the error
-    model, powers and gains. Prints each parameter with its 95 % interval, or that the data do not determine it.
+    The radio to start from needs log-distance propagation and normal, gudmundson or one-sided-normal shadowing; it
+    gives the error model, powers and gains. Whether the shadowing is correlated along the track is found from the log.
+    Prints each parameter with its 95 % interval, or that the data do not determine it.
 
     \b
     Examples:

@@ -48,6 +48,7 @@ CERTAIN = 1e-9
 MARGIN_DB = 12.0
 WILD = 7.0
 """A reading that is so many sigma from the mean is an arrival without one."""
+NOTED_ERROR_DB = 0.5
 LEAST_EFFECTIVE = 15.0
 LEAST_SIGMA_DB = 0.3
 
@@ -76,7 +77,9 @@ class CorrelatedFit:
         self._line_free = np.array([name not in held for name in LINE_NAMES])
         self._taken = self._as_taken()
         self.found = self._search()
-        self.leftover: Leftover = leftover(self._taken, self.found, self.places, self._sure_dbm())
+        self.leftover: Leftover = leftover(
+            self._taken, self.found, self.places, self._rssi_dbm, self._sure_dbm()
+        )
 
     def _without_wild_readings(self) -> FloatArray:
         exponent, offset, sigma_db = self._near[:3]
@@ -175,7 +178,13 @@ class CorrelatedFit:
         low, high = ends
         if math.isinf(low) or math.isinf(high):
             return Estimate(name, None, low, high, "the data do not determine it")
-        return Estimate(name, min(max(self.values[name], low), high), low, high)
+        return Estimate(name, min(max(self.values[name], low), high), low, high, self._note(name))
+
+    def _note(self, name: str) -> str:
+        error_db = self.rssi_error_db() or 0.0
+        if name != "noise.floor_dbm" or error_db < NOTED_ERROR_DB:
+            return ""
+        return f"if it is the readings that err by {error_db:.1f} dB, and not the positions"
 
     def _ends(self, name: str) -> tuple[float, float] | None:
         """Return the interval; None where nothing is known."""

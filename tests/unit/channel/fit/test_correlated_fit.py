@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from benchmarks.correlated_logs import Truth, drawn
 from benchmarks.fit_coverage import ParameterSet, main, synthetic_log
+from channel.checks import ChannelInputError
 from channel.cli.commands import main as channel
 from channel.fit.calibration import fit_radio, fitted_radio
 from channel.fit.flight_log import FlightLog
@@ -117,8 +118,8 @@ def test_what_cannot_be_said_of_dependent_packets_is_not_said(base, rssi, says):
 
 
 def test_shadowing_that_is_not_a_matter_of_distance_is_told():
-    """Four legs over the same distances in four directions, each with shadowing of its own."""
-    legs = [log_of(replace(TRUTH, decorrelation_m=30.0), (6, k), 500) for k in range(4)]
+    """Three legs over the same distances in three directions, each with shadowing of its own."""
+    legs = [log_of(replace(TRUTH, decorrelation_m=30.0), (6, k), 400) for k in range(3)]
     columns = [
         np.concatenate([getattr(leg, name) for leg in legs])
         for name in ("distance_m", "delivered", "length_bytes", "rssi_dbm")
@@ -126,7 +127,7 @@ def test_shadowing_that_is_not_a_matter_of_distance_is_told():
     mixed = fit_radio(FlightLog(*columns), load_radio("corrected"))
     assert all(each.value is None for each in mixed.estimates)
     assert "distances" in mixed.estimates[0].note
-    apart = fit_radio(FlightLog(*columns, np.repeat(np.arange(4), 500)), load_radio("corrected"))
+    apart = fit_radio(FlightLog(*columns, np.repeat(np.arange(3), 400)), load_radio("corrected"))
     by_name = {each.name: each for each in apart.estimates}
     truth = TRUTH.by_name | {"shadowing.decorrelation_m": 30.0}
     assert sum(by_name[name].low <= value <= by_name[name].high for name, value in truth.items()) >= 5
@@ -143,6 +144,17 @@ def test_what_is_known_is_held():
     assert fit.overrides["base_loss"] == pytest.approx(TRUTH.base_loss)
     width = by_name["offset_db"].high - by_name["offset_db"].low
     assert width == pytest.approx(fit.level.high_dbm - fit.level.low_dbm)
+
+
+def test_a_decorrelation_distance_that_is_held_has_to_be_known():
+    log, name = log_of(TRUTH, (5, 4), 600), "shadowing.decorrelation_m"
+    with pytest.raises(ChannelInputError, match=r"shadowing\.model"):
+        fit_radio(log, load_radio("corrected"), [name])
+    known = {"shadowing": {"model": "gudmundson", "sigma_db": 6.0, "decorrelation_m": TRUTH.decorrelation_m}}
+    fit = fit_radio(log, load_radio("corrected", known), [name])
+    sigma = next(each for each in fit.estimates if each.name == "shadowing.sigma_db")
+    assert fit.overrides["shadowing"]["decorrelation_m"] == pytest.approx(TRUTH.decorrelation_m)
+    assert sigma.low <= TRUTH.sigma_db <= sigma.high < 8.0
 
 
 def test_the_command_says_it(tmp_path):
@@ -164,9 +176,10 @@ def test_the_command_says_it(tmp_path):
 
 
 def test_the_benchmark_runs(capsys):
-    main(["--correlated", "--repeats", "1", "--packets", "300"])
+    main(["--correlated", "--repeats", "2", "--packets", "500", "--only", "25 m, exact"])
     out = capsys.readouterr().out
-    assert out.count("level held") == 6
+    assert "taken for correlated 2" in out
+    assert out.count("25 m, exact") == 8
 
 
 @pytest.mark.slow
