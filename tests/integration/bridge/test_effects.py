@@ -243,7 +243,7 @@ def test_terrain_from_a_file_lies_under_the_scenarios_origin(start_run: StartRun
     tile = Path(__file__).parents[2] / "data" / "ridge.tif"
     (tmp_path / "tile.tif").write_bytes(tile.read_bytes())
     law = "{{model: terrain, file: tile.tif, extent_m: 1000}}"
-    radio = f"{{{{preset: corrected, shadowing: {{{{model: none}}}}, "
+    radio = "{{preset: corrected, shadowing: {{model: none}}, "
     radio += f"noise: {{{{model: fixed, floor_dbm: -330}}}}, propagation: {law}}}}}"
     run = start_run(scenario=STILL.replace("radio: moon2020", f"radio: {radio}"), duration_s=3.0)
     assert run.finish() == 0, run.output.decode()
