@@ -2,8 +2,8 @@
 
 What is fitted: the exponent of a log-distance law, an offset of the received power, the spread of the shadowing and the
 base loss; with received powers (RSSI) in the log also the noise floor and, if the residuals show that shadowing is
-correlated along the track, its decorrelation distance. The error model is the base radio's. With RSSI the receiver's own
-error of it is fitted along: it blurs at which power packets get lost, and the edge of one-sided shadowing.
+correlated along the track, its decorrelation distance. The error model is the base radio's. With RSSI the receiver's
+own error of it is fitted along: it blurs at which power packets get lost, and the edge of one-sided shadowing.
 """
 
 from __future__ import annotations
