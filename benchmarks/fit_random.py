@@ -35,6 +35,7 @@ def random_set(rng: np.random.Generator, reading: str) -> ParameterSet:
         "offset_db": float(rng.uniform(-6.0, 6.0)),
         "shadowing": {"sigma_db": float(rng.uniform(0.0, 10.0))},
         "base_loss": float(rng.choice([0.0, rng.uniform(0.0, 0.3)])),
+        "earth_radius_factor": None,  # some reach beyond the horizon, where a fit's law ends
     }
     rssi = not reading.startswith("none")
     if rssi:
