@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bridge.agents import connect_ua
+from bridge.bus.keys import Keys
 from bridge.record.tables.parquet import read_table
 from bridge.record.tables.schema import DELIVERIES, TRUTH
 from tests.integration.bridge.conftest import STILL, Run, StartRun
@@ -91,3 +92,25 @@ def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
     assert [row["seq"] for row in rows(run, tx="probe", rx="0")] == [0, 1, 2, 3, 4, 5]
     assert {row["fate"] for row in rows(run, tx="probe")} == {"delivered"}
     assert any("transmits as node probe" in reason for reason in run.summary["may_not_repeat"])
+
+
+def test_a_station_that_only_listens_and_observers_change_no_fate(start_run: StartRun) -> None:
+    scenario = STILL.replace("moon2020", "corrected")
+    alone = start_run(scenario=scenario, duration_s=8.0, speed="4")
+    assert alone.finish() == 0, alone.output.decode()
+    ear = "  - {{id: ear, kind: ground, place: {{north_m: 50}}, agent: {{type: free}}}}\n"
+    heard = start_run(scenario=scenario + ear, duration_s=8.0, speed="4")
+    heard.wait_for("sim time")
+    keys: set[str] = set()
+    with heard.join("observer") as observer:
+        observer.subscribe(
+            f"{Keys(heard.directory.name).prefix}/**", lambda sample: keys.add(str(sample.key_expr))
+        )
+        assert heard.finish() == 0, heard.output.decode()
+    assert any("/tick/fates" in key for key in keys)
+    assert any("/node/ear/rx/0/team" in key for key in keys)
+    for tx, rx in (("0", "1"), ("1", "0")):
+        assert rows(heard, tx=tx, rx=rx) == rows(alone, tx=tx, rx=rx) != []
+    assert not heard.summary["may_not_repeat"]
+    for part in ("mavlink/0/from_autopilot", "mavlink/1/to_autopilot", "packets/0"):
+        assert heard.summary["digests"][part] == alone.summary["digests"][part]
