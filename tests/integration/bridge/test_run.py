@@ -81,7 +81,8 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
     assert logs == {
         "router",
         "physics",
-        *(f"{r}-{i}" for r in ("host", "autopilot") for i in (0, 1)),
+        "autopilots-0",
+        *(f"{r}-{i}" for r in ("host", "node", "autopilot") for i in (0, 1)),
     }
 
 
