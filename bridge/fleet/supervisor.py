@@ -304,7 +304,7 @@ class Fleet:
         if isinstance(message, Clock):
             self._on_clock(message)
         elif isinstance(message, AgentStatus):
-            node = Keys(self._run.path.name).node_of(str(sample.key_expr))  # the key says who it is
+            node = self._run.keys.node_of(str(sample.key_expr))  # the key says who it is
             if node not in self._scenario.stations:
                 return
             message = replace(message, header=Header(message.header.stamp, node))

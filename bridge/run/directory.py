@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 
 from bridge.bus.identity.guard import Guard
@@ -55,9 +56,9 @@ class RunInfo:
         return True
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RunDirectory:
-    """Paths and contents of a run's directory."""
+    """Paths and contents of a run's directory. What its processes read of it does not change, and is read once."""
 
     path: Path
 
@@ -103,7 +104,7 @@ class RunDirectory:
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info
 
-    @property
+    @cached_property
     def info(self) -> RunInfo:
         """How to reach the run.
 
@@ -128,12 +129,12 @@ class RunDirectory:
         """What the run's router is opened with."""
         return Guard(self.info.run, Keyring(Path(self.info.secrets)))
 
-    @property
+    @cached_property
     def keys(self) -> Keys:
         """The run's key space."""
         return Keys(self.info.run)
 
-    @property
+    @cached_property
     def scenario(self) -> Scenario:
         """The scenario as resolved.
 
