@@ -3,9 +3,6 @@
 import asyncio
 import contextlib
 import math
-import os
-import socket
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,64 +12,21 @@ from aps.daemon import Daemon, DaemonConfig
 from aps.vehicle.execution import Outcome
 from aps.vehicle.missions.items import MissionItem
 from aps.wire.framer import Framer
+from tests.interop.builtin_vehicles import COPTER, SYSID, sitl, until
 
 pytestmark = [pytest.mark.ardupilot, pytest.mark.slow]
 
-HOME = "-35.363262,149.165237,584,353"
-SYSID = 4
-COPTER_PARAMETERS = Path(__file__).parents[2] / "sitl_configs" / "params" / "copter.parm"
-# The built-in vehicles count as uncalibrated without offsets of the accelerometers.
-CALIBRATED = "".join(
-    f"INS_ACC{n}OFFS_{axis} 0.001\nINS_ACC{n}SCAL_{axis} 1.001\n" for n in ("", 2) for axis in "XYZ"
-)
-COPTER = "FRAME_CLASS 1\nFRAME_TYPE 0\nBATT_MONITOR 4\n" + CALIBRATED
 M_PER_DEG = math.radians(6_378_137.0)
-
-
-def free_instance():
-    """A value for ``-I`` with free TCP ports. SITL keeps it in 8 bits."""
-    for number in range(100):
-        instance = 20 + (os.getpid() + number) % 80
-        with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
-            for serial in (0, 2, 3):
-                stack.enter_context(socket.create_server(("127.0.0.1", 5760 + 10 * instance + serial)))
-            return instance
-    raise AssertionError("no free instance")
 
 
 @pytest.fixture
 async def copter(arducopter, tmp_path):
     """A real ArduCopter at ten times real time, and its daemon."""
-    instance = free_instance()
-    own = tmp_path / "own.parm"
-    own.write_text(COPTER)
-    log = (tmp_path / "sitl.log").open("wb")
-    process = await asyncio.create_subprocess_exec(
-        str(arducopter),
-        *("-w", "--model", "quad", "-I", str(instance), "--sysid", str(SYSID), "--home", HOME),
-        *("--defaults", f"{COPTER_PARAMETERS},{own}", "--serial0", "tcp:0", "--speedup", "10"),
-        cwd=tmp_path,
-        stdout=log,
-        stderr=log,
-    )
-    try:
-        port = 5760 + 10 * instance
-        async with Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{port}", sysid=SYSID)) as daemon:
-            yield daemon
-    finally:
-        process.kill()
-        await process.wait()
-        log.close()
-
-
-async def until(daemon, condition, timeout_s=60.0):
-    """Wait for a state."""
-    there = asyncio.Event()
-    subscription = daemon.subscribe(lambda state: there.set() if condition(state) else None)
-    try:
-        await asyncio.wait_for(there.wait(), timeout_s)
-    finally:
-        subscription.cancel()
+    async with (
+        sitl(arducopter, "quad", COPTER, tmp_path, speedup=10) as port,
+        Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{port}", sysid=SYSID)) as daemon,
+    ):
+        yield daemon
 
 
 async def in_the_air(daemon, alt_rel_m=15.0):
