@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any, Final
 
@@ -218,8 +218,7 @@ class Commander:
         Raises:
             ValueError: no such verb, or an argument that is wrong or out of range.
         """
-        if verb not in VERBS:
-            raise ValueError(f"command {verb!r} is none of {', '.join(VERBS)}")
+        _check_verb(verb)
         execution = self._execution(verb, *arguments, **options)
         handle = CommandHandle(execution, self, on_progress, on_done)
         if execution.result is None:
@@ -241,13 +240,7 @@ class Commander:
         Raises:
             ValueError: no such verb, or an argument that is wrong, missing or unknown.
         """
-        if verb in VERBS:
-            known = argument_names(verb)
-            unknown = [name for name in arguments if name not in known]
-            if unknown:
-                raise ValueError(
-                    f"{verb} has no argument {unknown[0]!r}: {', '.join(known) or 'it has none'}"
-                )
+        check_names(verb, arguments)
         return self.start(verb, on_progress=on_progress, on_done=on_done, **arguments)
 
     def _execution(self, verb: str, *arguments: Any, **options: Any) -> Execution:
@@ -347,6 +340,24 @@ class Commander:
 
 
 @cache
+def _check_verb(verb: str) -> None:
+    if verb not in VERBS:
+        raise ValueError(f"command {verb!r} is none of {', '.join(VERBS)}")
+
+
+def check_names(verb: str, arguments: Iterable[str]) -> None:
+    """See that there is such a command with arguments of such names.
+
+    Raises:
+        ValueError: there is not; the text has what there is.
+    """
+    _check_verb(verb)
+    known = argument_names(verb)
+    for name in arguments:
+        if name not in known:
+            raise ValueError(f"{verb} has no argument {name!r}: {', '.join(known) or 'it has none'}")
+
+
 def argument_names(verb: str) -> tuple[str, ...]:
     """What a verb can be given, by name."""
     return tuple(inspect.signature(VERBS[verb]).parameters)[1:]

@@ -11,7 +11,7 @@ from aps.api.backend import DaemonBackend
 from aps.api.guard import ApiConfig
 from aps.api.server import ApiServer
 from aps.held import HeldDaemon
-from aps.vehicle.commander import VERBS, argument_names
+from aps.vehicle.commander import check_names
 from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
 from bridge.bus.messages import CommandEvent, CommandGoal
 from bridge.host.node import Node
@@ -43,11 +43,7 @@ class NodeBackend(DaemonBackend):
         Raises:
             ValueError: there is no such verb or argument.
         """
-        if verb not in VERBS:
-            raise ValueError(f"command {verb!r} is none of {', '.join(VERBS)}")
-        unknown = [name for name in arguments if name not in argument_names(verb)]
-        if unknown:
-            raise ValueError(f"{verb} has no argument {unknown[0]!r}")
+        check_names(verb, arguments)
 
         def on_reply(event: CommandEvent) -> None:
             if event.phase == CommandEvent.RESULT:
