@@ -23,6 +23,7 @@ from pathlib import Path
 import zenoh
 
 from bridge.agents.client import OnEvent, UaClient
+from bridge.agents.sender import Sender
 from bridge.bus.identity.roster import node_identity
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
@@ -48,7 +49,7 @@ class ZenohOutlet:
 
     def __init__(self, session: Session, keys: Keys, node: str, *, is_sender: bool) -> None:
         self._session, self._keys, self._node = session, keys, node
-        self._is_sender = is_sender
+        self._sender = Sender(session, keys, node) if is_sender else None
         self._loop = asyncio.get_running_loop()
 
     def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
@@ -57,24 +58,18 @@ class ZenohOutlet:
         Raises:
             PermissionError: another one numbers the node's packets.
         """
-        if not self._is_sender:
+        if self._sender is None:
             raise PermissionError(
                 f"only the agent of node {self._node} may transmit: it numbers the packets. To transmit from here, "
                 "give the node an agent of type free, and connect_ua(..., is_sender=True)"
             )
-        self._session.put_bytes(
-            self._keys.tx(self._node, channel, to=to),
-            payload,
-            encoding=encoding,
-            attachment=stamp.to_bytes(),
-            must_arrive=True,
-        )
+        self._sender.transmit(to, channel, payload, encoding, stamp)
 
     def report(self, status: AgentStatus) -> None:
         """A sender's word is published, as an agent's; another script's goes to its log."""
         log.info("%s", status.activity)
-        if self._is_sender:
-            self._session.put(self._keys.agent(self._node), status, must_arrive=True)
+        if self._sender is not None:
+            self._sender.report(status)
 
     def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
         """Ask the aircraft's queryable."""

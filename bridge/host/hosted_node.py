@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 
 from bridge.agents import agent_class
-from bridge.agents.client import LookAtStatus, UaClient
+from bridge.agents.client import UaClient
 from bridge.agents.runner import AgentRunner
 from bridge.aircraft.body import Body
 from bridge.bus.inbox import Inbox
@@ -27,7 +27,7 @@ from bridge.bus.messages import (
     encoding_of,
 )
 from bridge.bus.session import Query, Session
-from bridge.host.node import ASKED_MAX, AgentOutlet, Node, OnReply, Packet
+from bridge.host.node import ASKED_MAX, AgentOutlet, Node, OnReply
 from bridge.host.node_record import NodeRecord
 from bridge.host.outlets import ZenohOutlets
 from bridge.record.input_fields import VERBS
@@ -151,14 +151,6 @@ class HostedNode:
             current_node.reset(token)
 
     # What comes for the node.
-
-    def packet_came(self, packet: Packet) -> None:
-        """The radio delivered a packet."""
-        self.node.packet_came(packet)
-
-    def comm_status_came(self, look: LookAtStatus) -> None:
-        """The radio tells who was heard."""
-        self.node.comm_status_came(look)
 
     def _asked_for(self, item: tuple[str, Query]) -> None:
         verb, query = item

@@ -72,6 +72,7 @@ class _Listener:
         self._keys, self._name = run.keys, name
         self._stations = run.scenario.stations
         self._hosted = {one.id: one for one in hosted}
+        self._nodes = {one.id: one.node for one in hosted}
         self._report = report
         # Without a limit: the ring bounds what comes between two ticks, and a packet that was delivered stays so.
         self.inbox: Inbox[_Came] = Inbox(asyncio.get_running_loop(), self._dispatch, limit=None)
@@ -96,7 +97,7 @@ class _Listener:
             log.warning("%s: %s", sample.key_expr, error)
 
     def _heard_came(self, sample: Sample) -> None:
-        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._hosted)
+        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._nodes)
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)

@@ -12,12 +12,13 @@ from typing import TypeVar
 from numpy.typing import ArrayLike
 
 from bridge.bus.keys import ALL
-from bridge.radio.senders import EVERYBODY, Cause, Gap
+from bridge.radio.senders import Cause, Gap
 from bridge.radio.virtual_radio import Settled
 from bridge.record.tables.journal import TableWriter
 from bridge.record.tables.schema import DELIVERIES
 from channel.medium import reception as medium
 from channel.medium.ledger import Ledger
+from channel.medium.reception import EVERYBODY
 from channel.medium.verdict import Check
 
 LEDGER = "ledger.json"

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
+from channel.medium.reception import EVERYBODY
+
 MAX_GAP = 100_000
 """A sequence number that jumps further than this is taken for garbage, not for lost packets."""
 TAKEN_MAX_BYTES = 64 << 20
 """Payload that one node's packets of one tick may have together; more is more than any radio of ours sends."""
 TAKEN_MAX = 100_000
 """Packets of one node in one tick."""
-EVERYBODY = -1
 
 
 class Refused(StrEnum):

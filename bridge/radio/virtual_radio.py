@@ -20,11 +20,11 @@ from bridge.bus.keys import ALL, MAIN, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.ring import Closed, Ring
-from bridge.radio.senders import EVERYBODY, Cause, Gap, Refused, Senders, TxPacket
+from bridge.radio.senders import Cause, Gap, Refused, Senders, TxPacket
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
-from channel.medium.reception import Packets, Receptions
+from channel.medium.reception import EVERYBODY, Packets, Receptions
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""

@@ -45,6 +45,7 @@ class FreeAgent(Part):
     """No agent of ours: a program beside the run transmits as this node, and sim time does not wait for it."""
 
     has_task: ClassVar[bool] = False
+    isolated: ClassVar[bool] = False
     type: Literal["free"]
 
 
