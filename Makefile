@@ -8,7 +8,7 @@ export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
 PYTEST := --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow repeat check bench bench-fdm bench-channel bench-aps lock clean help
+.PHONY: demo view test test-slow test-long repeat check bench bench-fdm bench-channel bench-aps schema lock api-docs clean help
 
 help:  ## Show the targets.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -16,11 +16,17 @@ help:  ## Show the targets.
 demo: $(VENV)/.run  ## Fly two UA on one radio and write runs/<time>-separation/.
 	$(BIN)/lostlink run
 
+view: $(VENV)/.view  ## Fly two UA in real time and show them on http://127.0.0.1:8080/.
+	$(BIN)/lostlink run --speed 1 --view
+
 test: $(VENV)/.dev  ## Run the tests.
 	$(BIN)/python -m pytest -m "not slow" $(PYTEST)
 
 test-slow: $(VENV)/.dev  ## Run the tests that take long.
-	$(BIN)/python -m pytest -m slow $(PYTEST)
+	$(BIN)/python -m pytest -m "slow and not long" $(PYTEST)
+
+test-long: $(VENV)/.dev  ## Run the tests that take minutes, one after the other.
+	$(BIN)/python -m pytest -m long
 
 repeat: $(VENV)/.dev  ## Fly each kind of run again and again, and see that it repeats byte for byte.
 	$(BIN)/python -m benchmarks.repeat
@@ -57,9 +63,22 @@ $(VENV)/.dev: $(VENV)/.run requirements/dev.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/dev.txt
 	touch $@
 
+schema: $(VENV)/.dev  ## Write the JSON Schema of scenario files anew.
+	$(BIN)/lostlink schema > sitl_configs/scenario.schema.json.new
+	mv sitl_configs/scenario.schema.json.new sitl_configs/scenario.schema.json
+
+$(VENV)/.view: $(VENV)/.run requirements/view.txt
+	@echo "installs what the live view needs into $(VENV)"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/view.txt
+	touch $@
+
 lock:  ## Pin requirements/*.txt anew from pyproject.toml (needs uv).
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header -o requirements/run.txt pyproject.toml requirements/build.in
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra dev -c requirements/run.txt -o requirements/dev.txt pyproject.toml requirements/build.in
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra view -c requirements/dev.txt -o requirements/view.txt pyproject.toml requirements/build.in
+
+api-docs: $(VENV)/.dev  ## Write docs/aps-api.md from the API's OpenAPI document.
+	$(BIN)/python -m aps.api.reference
 
 clean:  ## Remove what make set up (not runs/).
 	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

@@ -7,6 +7,7 @@ import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from types import TracebackType
 from typing import Any, Self
 
@@ -38,6 +39,7 @@ class DaemonBase(ABC):
         clock: what time it is, ns, on a clock that never goes back.
         wake: called when a command has queued messages or changed deadlines.
         silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
+        measures_latency: whether to ask the autopilot for its time again and again.
 
     Raises:
         ValueError: a setting is out of range.
@@ -50,9 +52,11 @@ class DaemonBase(ABC):
         clock: Callable[[], int],
         wake: Callable[[], None],
         silence_s: float = SILENCE_TIMEOUT_S,
+        *,
+        measures_latency: bool = False,
     ) -> None:
         self.config = config
-        self.core = Core(config, clock, wake, silence_s)
+        self.core = Core(config, clock, wake, silence_s, measures_latency=measures_latency)
         self.links = LinkTable(
             self._link_opened,
             self._link_frames,
@@ -80,8 +84,12 @@ class DaemonBase(ABC):
         """The record of all frames, if there is one."""
         self._clock = clock
         self.drivers: list[Driver] = [self.server]
+        self.opened: dict[int, Driver] = {}
+        """What ``open`` has opened, by number."""
+        self._opened_ever = 0
         self._status: StatusServer | None = None
         self._tasks: dict[Driver, asyncio.Task[None]] = {}
+        self._shutting: set[asyncio.Future[None]] = set()
         self._heard_event = asyncio.Event()
         self.vehicle.on_heard = self._heard_event.set
 
@@ -173,7 +181,9 @@ class DaemonBase(ABC):
     # Links at run time.
 
     async def open(self, address: str, role: Role = Role.CLIENT) -> Driver:
-        """Open links at a place, now and for as long as the daemon runs, or until ``shut``.
+        """Open links at a place, now and for as long as the daemon runs, or until ``shut``; ``opened`` has it.
+
+        What goes wrong there later (a name that cannot be looked up) ends these links, not the daemon.
 
         Args:
             address: as ``aps.links.address.parse_address`` reads it.
@@ -183,13 +193,17 @@ class DaemonBase(ABC):
             ValueError: the address cannot be read.
             OSError: a port is taken.
         """
-        return await self._start(
+        driver = await self._start(
             make_driver(parse_address(address, role), self.links, self.config.queue_limit_bytes)
         )
+        self._opened_ever += 1
+        self.opened[self._opened_ever] = driver
+        return driver
 
     async def shut(self, driver: Driver) -> None:
         """Close what ``open`` has opened, with its links."""
         self.drivers.remove(driver)
+        self.opened = {number: other for number, other in self.opened.items() if other is not driver}
         task = self._tasks.pop(driver, None)
         if task is not None:
             task.cancel()
@@ -201,13 +215,19 @@ class DaemonBase(ABC):
         if driver not in self.drivers:
             self.drivers.append(driver)
         self._tasks[driver] = asyncio.create_task(driver.run(), name=f"link {driver.address}")
-        self._tasks[driver].add_done_callback(self._driver_ended)
+        self._tasks[driver].add_done_callback(partial(self._driver_ended, driver))
         return driver
 
-    def _driver_ended(self, task: asyncio.Task[None]) -> None:
+    def _driver_ended(self, driver: Driver, task: asyncio.Task[None]) -> None:
         error = None if task.cancelled() else task.exception()
-        if error is not None:
+        if error is None:
+            return
+        if driver not in self.opened.values():
             self._failed(error)
+            return
+        _log.warning("no links at %s any more: %s", driver.address, error)
+        self._shutting.add(shutting := asyncio.ensure_future(self.shut(driver)))
+        shutting.add_done_callback(self._shutting.discard)
 
     def _failed(self, error: BaseException) -> None:
         """Say so in every way: the daemon is of no use."""

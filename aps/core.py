@@ -8,11 +8,12 @@ links, writes the queues and says what time it is are the shells: ``aps.daemon``
 from __future__ import annotations
 
 import logging
+import struct
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from aps.config import NS_PER_S, DaemonConfig
-from aps.hub.answers import Answers
+from aps.hub.answers import ANSWERED, Answers
 from aps.hub.hub import Hub
 from aps.hub.routing import Router
 from aps.links.link import Link, Role
@@ -25,6 +26,9 @@ from aps.wire.framer import Frame
 __all__ = ["Core"]
 
 HEARTBEAT_PERIOD_NS: Final = round(HEARTBEAT_PERIOD_S * NS_PER_S)
+_TIMESYNC: Final = 111
+_TIMESYNC_FIELDS: Final = struct.Struct("<qq")
+"""tc1, the answerer's time (0: this is a request), and ts1, the asker's."""
 
 _log = logging.getLogger(__name__)
 
@@ -37,6 +41,8 @@ class Core:
         clock: the shell's clock, ns, for what users start and ask between two events.
         wake: called when a command has queued messages or changed deadlines.
         silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
+        measures_latency: whether to ask the autopilot for TIMESYNC with each heartbeat. Not in held mode, where an
+            answer comes with the next exchange by definition.
 
     Every event takes ``now_ns``, an instant of the same clock; instants never go back.
     """
@@ -47,8 +53,11 @@ class Core:
         clock: Callable[[], int],
         wake: Callable[[], None],
         silence_s: float = SILENCE_TIMEOUT_S,
+        *,
+        measures_latency: bool = False,
     ) -> None:
         self.config = config
+        self._measures_latency = measures_latency
         self.router = Router(
             config.sysid,
             ONBOARD_COMPUTER_COMPID,
@@ -66,6 +75,7 @@ class Core:
             config.autopilot,
         )
         self.answers = Answers(config.sysid, ONBOARD_COMPUTER_COMPID)
+        self.answered = ANSWERED
         self._heartbeat_due_ns = 0
         self._changed = False
         self._latest_primary: Link | None = None
@@ -127,9 +137,12 @@ class Core:
 
     def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> bool:
         """A frame came from an autopilot's link; returns whether it concerns others, too."""
-        if link.id != self.router.primary:
+        if frame.msg_id == _TIMESYNC and self._answers_our_timesync(frame, link, now_ns):
+            return False
+        if link is not self._latest_primary:
             return True
-        self._changed |= self.vehicle.receive(frame, now_ns)
+        if self.vehicle.receive(frame, now_ns):
+            self._changed = True
         return frame.msg_id != STATUSTEXT_ID or not self.vehicle.answers_us(frame)
 
     def addressed(self, frame: Frame, link: Link, alone: bool) -> None:
@@ -141,7 +154,10 @@ class Core:
 
     def to_autopilot(self, frame: Frame, link: Link) -> bytes | None:
         """A client's frame is about to go to the autopilot: the bytes to send in its place, or ``None``."""
-        return self.vehicle.client_frame(frame, link.id)
+        raw = self.vehicle.client_frame(frame, link.id)
+        if raw is None and (denial := self.answers.denial(frame)) is not None:
+            self.hub.send(denial, link)
+        return raw
 
     # Time.
 
@@ -155,16 +171,24 @@ class Core:
         if now_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = now_ns + HEARTBEAT_PERIOD_NS
             self._choose_primary(now_ns)
-            self._send_heartbeat()
+            self._send_heartbeat(now_ns)
             self.router.expire(now_ns)
         self.vehicle.on_time(now_ns)
 
-    def _send_heartbeat(self) -> None:
+    def _send_heartbeat(self, now_ns: int) -> None:
         # To the autopilot alone: a script that takes the first heartbeat for the vehicle's would take ours.
         links = [link for link in self.hub.links.values() if link.role is Role.AUTOPILOT]
         heartbeat = self.vehicle.heartbeat() if links else b""
         for link in links:
             self.hub.send(heartbeat, link)
+            if self._measures_latency and link.latency is not None:
+                self.hub.send(self.vehicle.timesync(link.latency.ask(now_ns)), link)
+
+    @staticmethod
+    def _answers_our_timesync(frame: Frame, link: Link, now_ns: int) -> bool:
+        """Take an answer to a request of ours: it names no target, and others would take it for one to theirs."""
+        tc1, ts1 = _TIMESYNC_FIELDS.unpack(frame.payload.ljust(_TIMESYNC_FIELDS.size, b"\0")[:16])
+        return tc1 != 0 and link.latency is not None and link.latency.answer(ts1, now_ns)
 
     def _choose_primary(self, now_ns: int) -> None:
         """Change over to another of the autopilot's links when there are no heartbeats on the primary one."""

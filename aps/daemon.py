@@ -37,7 +37,7 @@ class Daemon(DaemonBase):
 
     def __init__(self, config: DaemonConfig) -> None:
         self._autopilots = [parse_autopilot(text) for text in (config.autopilot, *config.more_autopilots)]
-        super().__init__(config, time.monotonic_ns, self._wake)
+        super().__init__(config, time.monotonic_ns, self._wake, measures_latency=True)
         self._open_tlog(lambda: time.time_ns() // 1000)
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = 0

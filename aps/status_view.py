@@ -6,19 +6,24 @@ import contextlib
 import json
 import socket
 import time
-from collections.abc import Iterator, Sequence
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import urlsplit
 
 from rich.console import Group
 from rich.live import Live
-from rich.table import Table
+from rich.table import Column, Table
 
 from aps.status import SUFFIX, status_directory
 
-__all__ = ["ask", "tables", "watch"]
+__all__ = ["ask", "ask_over_http", "tables", "watch"]
 
 TIMEOUT_S: Final = 1.0
+HTTP_TIMEOUT_S: Final = 5.0
 TROUBLES: Final = (
     "throttled",
     "dropped_rate",
@@ -51,14 +56,34 @@ def _answer_of(path: Path) -> dict[str, Any]:
     return {"name": path.stem, **told}
 
 
+def ask_over_http(urls: Sequence[str], token: str) -> Iterator[dict[str, Any]]:
+    """What daemons say of themselves at their APIs, in the order of ``urls`` (``http://HOST:PORT``)."""
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    for url in urls:
+        whole = url if "://" in url else f"http://{url}"
+        name = urlsplit(whole).netloc or url
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        try:
+            request = urllib.request.Request(f"{whole.rstrip('/')}/status", headers=headers)
+            with opener.open(request, timeout=HTTP_TIMEOUT_S) as reply:
+                yield {"name": name, **json.load(reply)}
+        except urllib.error.HTTPError as error:
+            wants_token = error.code == 401
+            yield {"name": name, "error": "it wants its token" if wants_token else str(error)}
+        except urllib.error.URLError as error:
+            yield {"name": name, "error": str(error.reason)}
+        except (OSError, ValueError) as error:
+            yield {"name": name, "error": str(error)}
+
+
 def tables(answers: Sequence[dict[str, Any]]) -> Group | str:
     """The answers for people: a table of the daemons, and one of all their links."""
     if not answers:
         return "no daemon of yours is running on this machine"
-    daemons = Table(
+    daemons = _table(
         "daemon", "system", "mode", "armed", "autopilot", "heartbeat", "turned away", "loops", "no route"
     )
-    links = Table("daemon", "link", "peer", "up", "in/s", "in", "lost", "out", "troubles")
+    links = _table("daemon", "link", "peer", "up", "ms", "in/s", "in", "lost", "out", "troubles")
     for told in answers:
         if "error" in told:
             daemons.add_row(told["name"], f"[red]{told['error']}")
@@ -69,14 +94,20 @@ def tables(answers: Sequence[dict[str, Any]]) -> Group | str:
     return Group(daemons, links)
 
 
+def _table(*names: str) -> Table:
+    """A table whose cells are whole also in a narrow terminal."""
+    return Table(*(Column(name, overflow="fold") for name in names))
+
+
 def _daemon_row(told: dict[str, Any]) -> list[str]:
     state, statistics = told["state"], told["statistics"]
     routes = statistics["routes"]
     peers = [link["peer"] for link in statistics["autopilot_links"]]
+    others = ", ".join(map(str, statistics["other_systems"]))
     age_s = state["heartbeat_age_s"]
     return [
         told["name"],
-        str(told["sysid"]),
+        f"{told['sysid']} [red](there is {others})" if others else str(told["sysid"]),
         state["mode"] or "-",
         "yes" if state["armed"] else "no",
         ", ".join(peers) or "[red]none",
@@ -89,11 +120,13 @@ def _daemon_row(told: dict[str, Any]) -> list[str]:
 
 def _link_row(link: dict[str, Any]) -> list[str]:
     counters = {**link, **link["framer"], **link["outbox"]}
+    latency_ms = link.get("latency", {}).get("median_ms")
     troubles = [f"{name} {counters[name]}" for name in TROUBLES if counters[name]]
     return [
         f"{link['role']} {link['link']}",
         link["peer"],
         "[green]yes" if link["up"] else "no",
+        "-" if latency_ms is None else f"{latency_ms:.1f}",
         f"{link['rate_in_hz']:g}",
         str(link["frames_in"]),
         str(link["lost_in"]),
@@ -102,26 +135,29 @@ def _link_row(link: dict[str, Any]) -> list[str]:
     ]
 
 
-def watch(period_s: float, *, once: bool, as_json: bool) -> int:
-    """Show the daemons of this user until interrupted; returns the exit status.
+def watch(period_s: float, *, once: bool, as_json: bool, urls: Sequence[str] = (), token: str = "") -> int:
+    """Show daemons until interrupted; returns the exit status.
 
     Args:
         period_s: between two looks.
         once: look once.
         as_json: print one JSON array per look.
+        urls: APIs to ask, also on other machines; without any, all daemons of this user on this machine are shown.
+        token: of these APIs.
     """
-    directory = status_directory()
+    look: Callable[[], Iterator[dict[str, Any]]]
+    look = partial(ask_over_http, urls, token) if urls else partial(ask, status_directory())
     if as_json:
         while True:
-            print(json.dumps(list(ask(directory))), flush=True)
+            print(json.dumps(list(look())), flush=True)
             if once:
                 return 0
             time.sleep(period_s)
     with (
-        Live(tables(list(ask(directory))), auto_refresh=False) as live,
+        Live(tables(list(look())), auto_refresh=False) as live,
         contextlib.suppress(KeyboardInterrupt),
     ):
         while not once:
             time.sleep(period_s)
-            live.update(tables(list(ask(directory))), refresh=True)
+            live.update(tables(list(look())), refresh=True)
     return 0

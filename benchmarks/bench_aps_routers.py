@@ -1,8 +1,9 @@
 """The daemon beside other routers: TCP in, three UDP out, 2000 messages a second, and fifty idle UA in one process.
 
-CPU time per message of the daemon, and of MAVProxy (without modules) and mavlink-routerd where they are on PATH,
-in turn in the same run; the time that a message takes through the daemon; and the share of a core that one process
-with fifty UA needs at 50 messages a second each.
+CPU time per message of the daemon, of a bare asyncio relay that does not look at the bytes, and of MAVProxy (without
+modules) and mavlink-routerd where they are on PATH, in turn in the same run; the time that a message takes through
+each, by the kernel's time stamps; and the share of a core that one process with fifty UA needs at 50 messages a second
+each. Where that is allowed, all run before whatever else the machine does.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import argparse
 import asyncio
 import contextlib
 import json
+import os
 import shutil
 import socket
 import statistics
@@ -25,6 +27,8 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.wire.framer import Framer
+from benchmarks.aps_sources import before_others
+from benchmarks.aps_witness import Piece, piece_of, stamped
 from benchmarks.bench_aps import cpu_ns
 
 SYSID: Final = 4
@@ -40,15 +44,46 @@ SETTLE_S: Final = 4.0
 _SYSTEM_TIME: Final = 2
 
 
-class Sink(asyncio.DatagramProtocol):
-    """Receives, and notes when."""
+RELAY: Final = """
+import asyncio, socket, sys
+outs = []
+class In(asyncio.Protocol):
+    def data_received(self, data):
+        for out in outs: out.send(data)
+async def main():
+    for port in sys.argv[2:]:
+        outs.append(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        outs[-1].connect(("127.0.0.1", int(port)))
+    await asyncio.get_running_loop().create_connection(In, "127.0.0.1", int(sys.argv[1]))
+    await asyncio.Event().wait()
+asyncio.run(main())
+"""
+
+
+class Sink:
+    """Receives, and notes when by the kernel's time stamps."""
 
     def __init__(self) -> None:
-        self.pieces: list[tuple[int, bytes]] = []
+        self.pieces: list[Piece] = []
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.setblocking(False)
+        stamped(self.socket)
+        asyncio.get_running_loop().add_reader(self.socket, self._came)
 
-    def datagram_received(self, data: bytes, addr: Any) -> None:  # noqa: ARG002
-        """asyncio: a datagram came."""
-        self.pieces.append((time.monotonic_ns(), data))
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        port: int = self.socket.getsockname()[1]
+        return port
+
+    def _came(self) -> None:
+        self.pieces.append(piece_of(self.socket))
+
+    def close(self) -> None:
+        """Receive no more."""
+        asyncio.get_running_loop().remove_reader(self.socket)
+        self.socket.close()
 
 
 def command_of(router: str, port: int, outputs: Sequence[int], folder: Path) -> list[str]:
@@ -57,6 +92,8 @@ def command_of(router: str, port: int, outputs: Sequence[int], folder: Path) -> 
         command = [sys.executable, "-m", "aps", "--quiet", "--sysid", str(SYSID), "--listen", "127.0.0.1:0"]
         command += ["--autopilot", f"tcp:127.0.0.1:{port}"]
         return command + [word for output in outputs for word in ("--udp-out", f"127.0.0.1:{output}")]
+    if router == "relay":
+        return [sys.executable, "-c", RELAY, str(port), *map(str, outputs)]
     if router == "mavproxy.py":
         command = [
             router,
@@ -79,6 +116,7 @@ async def started(command: Sequence[str]) -> AsyncIterator[int]:
     process = await asyncio.create_subprocess_exec(
         *command, stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL
     )
+    before_others(process.pid)
     try:
         yield process.pid
     finally:
@@ -91,7 +129,7 @@ def message(mav: Any, number: int) -> bytes:
     mav.seq = number % 256
     if number % RATE_HZ == 0:
         return bytes(mavlink.MAVLink_heartbeat_message(2, 3, 0x59, 4, 4, 3).pack(mav))
-    return bytes(mavlink.MAVLink_system_time_message(time.monotonic_ns() // 1000, number).pack(mav))
+    return bytes(mavlink.MAVLink_system_time_message(time.time_ns() // 1000, number).pack(mav))
 
 
 async def feed(writer: asyncio.StreamWriter, rate_hz: int, seconds: float) -> int:
@@ -112,8 +150,8 @@ async def measure(router: str, seconds: float) -> dict[str, Any]:
     loop = asyncio.get_running_loop()
     fed: asyncio.Future[asyncio.StreamWriter] = loop.create_future()
     server = await asyncio.start_server(lambda _, writer: fed.set_result(writer), "127.0.0.1", 0)
-    sinks = [await loop.create_datagram_endpoint(Sink, local_addr=("127.0.0.1", 0)) for _ in range(OUTPUTS)]
-    ports = [transport.get_extra_info("sockname")[1] for transport, _ in sinks]
+    sinks = [Sink() for _ in range(OUTPUTS)]
+    ports = [sink.port for sink in sinks]
     try:
         with tempfile.TemporaryDirectory() as folder:
             command = command_of(router, server.sockets[0].getsockname()[1], ports, Path(folder))
@@ -121,7 +159,7 @@ async def measure(router: str, seconds: float) -> dict[str, Any]:
                 writer = await asyncio.wait_for(fed, 30)
                 writer.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 await feed(writer, 50, SETTLE_S)  # it finds out who is there
-                for _, sink in sinks:
+                for sink in sinks:
                     sink.pieces.clear()
                 begin_ns = cpu_ns(pid)
                 sent = await feed(writer, RATE_HZ, seconds)
@@ -130,10 +168,10 @@ async def measure(router: str, seconds: float) -> dict[str, Any]:
                 writer.transport.abort()
     finally:
         server.close()
-        for transport, _ in sinks:
-            transport.close()
+        for sink in sinks:
+            sink.close()
         await asyncio.sleep(0.1)  # they are closed in the next turns
-    delays_ms = [delay for _, sink in sinks for delay in delays_of(sink)]
+    delays_ms = [delay for sink in sinks for delay in delays_of(sink)]
     return {
         "router": router,
         "cpu_us": spent_ns / 1e3 / sent,
@@ -159,8 +197,8 @@ async def idle_cores(seconds: float) -> float:
     writers: list[asyncio.StreamWriter] = []
     server = await asyncio.start_server(lambda _, writer: writers.append(writer), "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
-    sink, _ = await asyncio.get_running_loop().create_datagram_endpoint(Sink, local_addr=("127.0.0.1", 0))
-    out = sink.get_extra_info("sockname")[1]
+    sink = Sink()
+    out = sink.port
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "daemons.yaml"
         daemon = {"autopilot": [f"tcp:127.0.0.1:{port}"], "sysid": SYSID, "tcp_server": [":0"]}
@@ -191,7 +229,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args(argv)
-    others = [router for router in ("mavproxy.py", "mavlink-routerd") if shutil.which(router)]
+    usual = os.sched_getscheduler(0)
+    before_others(0)
+    others = ["relay", *(router for router in ("mavproxy.py", "mavlink-routerd") if shutil.which(router))]
     rows = [
         asyncio.run(measure(router, options.seconds))
         for _ in range(options.rounds)
@@ -205,8 +245,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         }
         print(router, ", ".join(f"{key} {value:.3f}" for key, value in medians[router].items()))
     ratios = {router: medians["aps"]["cpu_us"] / medians[router]["cpu_us"] for router in others}
-    print("cpu of aps to the others:", ratios or "none of them is on PATH")
+    limits = {
+        "mavproxy.py": f" (limit {LIMIT_TO_MAVPROXY})",
+        "mavlink-routerd": f" (limit {LIMIT_TO_ROUTERD})",
+    }
+    told = [f"{router} {ratio:.2f}{limits.get(router, '')}" for router, ratio in ratios.items()]
+    print("cpu of aps to that of", ", ".join(told))
+    print(f"p99 of aps {medians['aps']['p99_ms']:.2f} ms (limit {LIMIT_P99_MS:g})")
     cores = asyncio.run(idle_cores(options.seconds))
+    os.sched_setscheduler(0, usual, os.sched_param(0))
     print(
         f"{IDLE_UA} UA at {IDLE_RATE_HZ} messages/s in one process: {cores:.2f} cores (limit {LIMIT_CORES})"
     )

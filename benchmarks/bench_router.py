@@ -35,7 +35,9 @@ from bridge.agents.client import UaClient
 from bridge.agents.runner import AgentRunner
 from bridge.bus.keys import Address, Keys
 from bridge.bus.messages import AircraftState, DataPackage, Header, Quaternion, Truth, Vector3, decode, encode
+from bridge.bus.reception import Reception
 from bridge.bus.session import Session, Stamp, free_port, open_client, open_router
+from bridge.host.node import Packet, Received, give_packets
 from bridge.radio.deliveries import DeliveryColumns
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.ring import Ring
@@ -195,7 +197,7 @@ class Deaf(Agent):
 class Reader(Deaf):
     """Decodes every packet."""
 
-    def on_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:  # noqa: ARG002
+    def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:  # noqa: ARG002
         """Decode it."""
         decode(payload, DataPackage)
 
@@ -218,11 +220,14 @@ def agent_us(kind: type[Agent], senders: int, ticks: int) -> float:
     for tick in range(WARM_UP + ticks):
         if tick == WARM_UP:
             began_s = time.process_time()
-        packets = [(str(1 + sender), Stamp(tick, tick * TICK_NS)) for sender in range(senders)]
+        stamp = Stamp(tick, tick * TICK_NS)
+        packets = [
+            (Packet(str(1 + sender), "team", PAYLOAD, stamp), -80.0 - sender, 15.0)
+            for sender in range(senders)
+        ]
 
-        def give(ua: UaClient, packets: list[tuple[str, Stamp]] = packets) -> None:
-            for sender, stamp in packets:
-                ua.take_packet(sender, "team", PAYLOAD, stamp)
+        def give(ua: UaClient, packets: Sequence[Received] = packets) -> None:
+            give_packets(packets, ua)
 
         runner.tick(tick * TICK_NS, [lambda ua: ua.take_state(state), give])
         idle.acquire()

@@ -33,6 +33,9 @@ ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 SHORT_S = 8.0
 """Sim time of a run in short form: boot, and the first seconds on the air."""
+SILENT = {"mavlink.tlog": False, "mavlink.udp_out": [], "api": False}
+TELLING = {"mavlink.tlog": True, "mavlink.udp_out": ["127.0.0.1:9"], "api": True}
+"""Outputs of every kind; whether anybody listens, UDP does not mind."""
 GUSTY = {"wind": "gusty", "fdm.sensor_noise": {"gyro_sigma_radps": 0.002, "accel_sigma_mps2": 0.05}}
 
 
@@ -77,6 +80,7 @@ def lines() -> list[Line]:
         Line("standin parallel", separation, {"fdm.coupling": "parallel"}, {"fdm.workers": 2}),
         Line("standin mavlink 100 Hz", separation, {"mavlink_rate_hz": 100}, loaded=True),
         Line("standin gusty", separation, GUSTY, {"fdm.workers": 2}, loaded=True),
+        Line("standin outputs", separation, SILENT, TELLING),
         Line("wander", EXAMPLES / "wander.yaml", {}, {"hosts": 1}, loaded=True),
     ]
     copters = {"autopilot": "ardupilot"}
@@ -85,6 +89,7 @@ def lines() -> list[Line]:
         Line("copters loaded", separation, copters, loaded=True, real=True),
         Line("copters speed 1", separation, copters | {"duration_s": 100}, {"speed": 1}, real=True),
         Line("copters parallel", separation, copters | {"fdm.coupling": "parallel"}, loaded=True, real=True),
+        Line("copters outputs", separation, copters | SILENT, TELLING, real=True),
         Line("plane and copter gusty", mixed, GUSTY, loaded=True, real=True),
         Line("wander copters", EXAMPLES / "wander.yaml", copters, {"hosts": 1}, loaded=True, real=True),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ class Path(NamedTuple):
         attitude_rx_wxyz: likewise.
         reflected_gain_db: what both antennas have more along the ray that flat ground reflects than along the direct
             one, or None: nothing.
+        emitters_ned_m: where emitters are, by name, shape (3,) or (..., 3); None if nobody said.
     """
 
     frequency_hz: float | FloatArray
@@ -39,6 +41,7 @@ class Path(NamedTuple):
     attitude_tx_wxyz: FloatArray | None = None
     attitude_rx_wxyz: FloatArray | None = None
     reflected_gain_db: FloatArray | None = None
+    emitters_ned_m: Mapping[str, FloatArray] | None = None
 
     @property
     def ground_distance_m(self) -> FloatArray:

@@ -174,9 +174,9 @@ def _preset_file(name: str, beside: Path = Path()) -> Path:
     if path.suffix in {".yaml", ".yml"} and path.is_file():
         return path
     close = difflib.get_close_matches(name, preset_names(), n=1)
-    hint = f"; did you mean {close[0]}?" if close else ""
+    hint = f"; did you mean {close[0]}? Presets:" if close else "; presets:"
     known = ", ".join(preset_names())
-    raise PresetError(f"no radio preset or YAML file {name!r}{hint}; presets: {known}", key="preset")
+    raise PresetError(f"no radio preset or YAML file {name!r}{hint} {known}", key="preset")
 
 
 def _read(file: Path, extending: tuple[Path, ...]) -> Tree:
@@ -274,11 +274,16 @@ def _problem(error: Mapping[str, Any], key: str, tree: Tree) -> str:
     if error["type"] == "missing":
         return "is missing"
     if error["type"] == "union_tag_invalid":
-        context = error["ctx"]
-        return f"no model {context['tag']!r}; allowed: {context['expected_tags']}"
+        tag, known = error["ctx"]["tag"], error["ctx"]["expected_tags"]
+        close = difflib.get_close_matches(
+            tag, [each.strip(" '") for each in known.split(",")], n=1, cutoff=0.5
+        )
+        hint = f"; did you mean {close[0]}? Allowed:" if close else "; allowed:"
+        return f"no model {tag!r}{hint} {known}"
     if error["type"] == "value_error":
         return str(error["msg"]).removeprefix("Value error, ")
-    return f"{error['msg']}, not {error['input']!r}"
+    wanted = {"float_parsing": "has to be a number", "float_type": "has to be a number"}.get(error["type"])
+    return f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {error['input']!r}"
 
 
 def _unknown_key(key: str, tree: Tree) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,14 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
+
+
+def unknown(what: str, name: object, known: Iterable[str]) -> str:
+    """There is no such thing of a kind: with the name that may have been meant, and the known ones."""
+    names = list(known)
+    close = difflib.get_close_matches(str(name), names, n=1)
+    hint = f"; did you mean {close[0]}? Known are" if close else ": known are"
+    return f"{what} {str(name)!r}{hint} {', '.join(names)}; or give the path of a YAML file"
 
 
 def explain(path: Path, text: str, error: ValidationError, allowed: Iterable[str] = ()) -> str:

@@ -23,6 +23,23 @@ class Backend(Protocol):
     def statistics(self) -> dict[str, Any]:
         """Counters of everything."""
 
+    def status(self) -> dict[str, Any]:
+        """State and counters: what ``lostlink aps status`` shows."""
+
+    def places(self) -> list[tuple[int | None, str]]:
+        """Where links are opened: a number if that can be ended, and the address."""
+
+    async def open_links(self, address: str) -> int:
+        """Open links at a place; returns its number.
+
+        Raises:
+            ValueError: the address cannot be read.
+            OSError: a port is taken.
+        """
+
+    async def shut_links(self, number: int) -> bool:
+        """End what was opened, with its links; returns whether there was such a place."""
+
     def message_names(self) -> list[str]:
         """The MAVLink messages that the autopilot has sent."""
 
@@ -69,6 +86,27 @@ class DaemonBackend:
     def statistics(self) -> dict[str, Any]:
         """Counters of everything."""
         return self._daemon.statistics()
+
+    def status(self) -> dict[str, Any]:
+        """State and counters."""
+        return self._daemon.told()
+
+    def places(self) -> list[tuple[int | None, str]]:
+        """Where links are opened."""
+        numbers = {driver: number for number, driver in self._daemon.opened.items()}
+        return [(numbers.get(driver), str(driver.address)) for driver in self._daemon.drivers]
+
+    async def open_links(self, address: str) -> int:
+        """Open links at a place; returns its number."""
+        driver = await self._daemon.open(address)
+        return next(number for number, other in self._daemon.opened.items() if other is driver)
+
+    async def shut_links(self, number: int) -> bool:
+        """End what was opened, with its links."""
+        driver = self._daemon.opened.get(number)
+        if driver is not None:
+            await self._daemon.shut(driver)
+        return driver is not None
 
     def message_names(self) -> list[str]:
         """The MAVLink messages that the autopilot has sent."""

@@ -62,7 +62,7 @@ class ApiServer:
         family = socket.AF_INET6 if ":" in self.config.host else socket.AF_INET
         listening = socket.create_server((self.config.host, self.config.port), family=family, backlog=BACKLOG)
         self._port = listening.getsockname()[1]
-        app, self._stream = build(self._backend)
+        app, self._stream = build(self._backend, has_token=bool(self.config.token))
         self._server = _Server(
             uvicorn.Config(
                 Guard(app, self.config, self._count),

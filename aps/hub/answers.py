@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from aps.wire.dialect import Encoder, mavlink, message_fields
+from aps.wire.dialect import AUTOPILOT_COMPID, Encoder, mavlink, message_fields
 from aps.wire.framer import Frame
 
-__all__ = ["Answers"]
+__all__ = ["ANSWERED", "Answers"]
 
 PING: Final = 4
 PARAM_REQUEST_READ: Final = 20
@@ -19,6 +19,8 @@ COMMAND_LONG: Final = 76
 _MISSION_REQUESTS: Final = frozenset({38, 39, 40, 41, 43, 44, 45, 51, 73})
 """MISSION_WRITE_PARTIAL_LIST ... MISSION_ITEM_INT."""
 _ASKS: Final = frozenset({PING, PARAM_REQUEST_READ, PARAM_REQUEST_LIST, PARAM_SET, COMMAND_INT, COMMAND_LONG})
+ANSWERED: Final = _ASKS | _MISSION_REQUESTS
+"""Ids of the messages that may want an answer."""
 MAX_ENCODERS: Final = 256
 
 
@@ -32,13 +34,14 @@ class Answers:
 
     def __init__(self, sysid: int, compid: int) -> None:
         self.sysid, self.compid = sysid, compid
-        self.counters: dict[str, int] = {"answered": 0}
+        self.counters: dict[str, int] = {"answered": 0, "denied": 0}
         self._encoders: dict[int, Encoder] = {}
         """Link -> its encoder: sequence numbers are per link, or a gap would look like a loss."""
+        self._in_its_name = Encoder(sysid, AUTOPILOT_COMPID)
 
     def reply(self, frame: Frame, link_id: int) -> bytes | None:
         """The answer to a frame, if it wants one from us."""
-        if frame.msg_id not in _ASKS and frame.msg_id not in _MISSION_REQUESTS:
+        if frame.msg_id not in ANSWERED:
             return None
         named = frame.target_system == self.sysid and frame.target_component == self.compid
         if not named and not (frame.msg_id == PING and not frame.target_system):
@@ -48,11 +51,29 @@ class Answers:
         if message is None:
             return None
         self.counters["answered"] += 1
+        return self._encoder_of(link_id).encode(message)
+
+    def denial(self, frame: Frame) -> bytes | None:
+        """The answer to a client's command that the autopilot is not given; ``None`` if the frame is no command.
+
+        In the autopilot's name: clients (QGroundControl, MAVSDK) look for it by the ids that they have asked.
+        """
+        if frame.msg_id not in (COMMAND_INT, COMMAND_LONG):
+            return None
+        command = message_fields(frame.raw).get("command")
+        if command is None:
+            return None
+        self.counters["denied"] += 1
+        asker = (frame.sysid, frame.compid)
+        denied = mavlink.MAVLink_command_ack_message(command, mavlink.MAV_RESULT_DENIED, 0, 0, *asker)
+        return self._in_its_name.encode(denied)
+
+    def _encoder_of(self, link_id: int) -> Encoder:
         if link_id not in self._encoders:
             if len(self._encoders) >= MAX_ENCODERS:
                 self._encoders.clear()
             self._encoders[link_id] = Encoder(self.sysid, self.compid)
-        return self._encoders[link_id].encode(message)
+        return self._encoders[link_id]
 
 
 def _answer(frame: Frame, fields: dict[str, Any]) -> Any | None:

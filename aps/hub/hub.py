@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from aps.hub.routing import Outcome, Router
 from aps.links.link import Link, Role
@@ -23,14 +23,30 @@ Tap = Callable[[bytes, Link], None]
 class Local(Protocol):
     """What is at home at the hub: the vehicle's side of the daemon."""
 
+    answered: frozenset[int]
+    """Ids of the messages that it may answer: only of these it is told that they are for it."""
+
     def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> bool:
         """A frame came from an autopilot's link; returns whether it concerns others, too."""
 
     def addressed(self, frame: Frame, link: Link, alone: bool) -> None:
-        """A frame came that is for us, or for everybody; ``alone``: nobody else has our ids."""
+        """A frame to be answered came that is for us, or for everybody; ``alone``: nobody else has our ids."""
 
     def to_autopilot(self, frame: Frame, link: Link) -> bytes | None:
         """A client's frame is about to go to the autopilot: the bytes to send in its place, or ``None``."""
+
+
+MAX_WAYS: Final = 256
+"""Bound on remembered sets of links that frames go to together."""
+
+
+class _Way(NamedTuple):
+    """Links that a frame goes to."""
+
+    plain: tuple[Link, ...]
+    """Get the bytes as they are."""
+    guarded: tuple[Link, ...]
+    """Have rules, or a key, or the autopilot behind them."""
 
 
 @dataclass(slots=True)
@@ -60,6 +76,7 @@ class Hub:
         self.taps: list[Tap] = []
         self.counters = HubCounters()
         self._limiters: dict[int, RateLimiter] = {}
+        self._ways: dict[tuple[int, ...], _Way] = {}
 
     @property
     def primary(self) -> Link | None:
@@ -75,6 +92,7 @@ class Hub:
         """
         self.router.add_link(link.id, autopilot=link.role is Role.AUTOPILOT)
         self.links[link.id] = link
+        self._ways.clear()
         if link.rules.max_rate_hz:
             self._limiters[link.id] = RateLimiter(link.rules.max_rate_hz)
 
@@ -82,32 +100,55 @@ class Hub:
         """A link is gone."""
         self.router.remove_link(link_id)
         del self.links[link_id]
+        self._ways.clear()
         self._limiters.pop(link_id, None)
 
     def receive(self, frames: Sequence[Frame], link: Link, now_ns: int) -> None:
         """Frames from a link (what its rules let in, see ``Link.receive``), in order."""
-        from_autopilot = link.role is Role.AUTOPILOT
+        local, router, ways, taps = self.local, self.router, self._ways, self.taps
+        number, from_autopilot = link.id, link.role is Role.AUTOPILOT and local is not None
+        plain: tuple[Link, ...] = ()
+        together: list[bytes] = []  # frames for the same plain links, one after the other, are queued at once
         for frame in frames:
-            for tap in self.taps:
-                tap(frame.raw, link)
-            self._take(frame, link, from_autopilot, now_ns)
-
-    def _take(self, frame: Frame, link: Link, from_autopilot: bool, now_ns: int) -> None:
-        local = self.local
-        if from_autopilot and local is not None and not local.from_autopilot(frame, link, now_ns):
-            self.counters.kept += 1
-            return
-        route = self.router.route(frame, link.id, now_ns)
-        if route.to_us and local is not None:
-            local.addressed(frame, link, route.outcome is not Outcome.TARGETED)
-        for number in route.links:
-            to = self.links[number]
-            if to.role is Role.CLIENT or local is None:
-                self._put(frame, frame.raw, to, now_ns)
+            raw = frame[0]
+            for tap in taps:
+                tap(raw, link)
+            if from_autopilot and local is not None and not local.from_autopilot(frame, link, now_ns):
+                self.counters.kept += 1
                 continue
-            raw = local.to_autopilot(frame, link)
-            if raw is not None:
-                self._put(frame, raw, to, now_ns)
+            outcome, links, to_us = router.route(frame, number, now_ns)
+            if to_us and local is not None and frame[1] in local.answered:
+                local.addressed(frame, link, outcome is not Outcome.TARGETED)
+            way = ways.get(links) or self._way(links)
+            if way.plain is not plain:
+                _queue(together, plain)
+                plain, together = way.plain, []
+            together.append(raw)
+            for to in way.guarded:
+                self._guarded(frame, link, to, now_ns)
+        _queue(together, plain)
+
+    def _way(self, numbers: tuple[int, ...]) -> _Way:
+        links = [self.links[number] for number in numbers]
+        plain = tuple(link for link in links if self._is_plain(link))
+        way = _Way(plain, tuple(link for link in links if link not in plain))
+        if len(self._ways) >= MAX_WAYS:
+            self._ways.clear()
+        self._ways[numbers] = way
+        return way
+
+    def _is_plain(self, link: Link) -> bool:
+        mine = link.role is Role.CLIENT or self.local is None
+        free = link.rules.outgoing is None and link.signing is None and link.id not in self._limiters
+        return mine and free
+
+    def _guarded(self, frame: Frame, link: Link, to: Link, now_ns: int) -> None:
+        if to.role is Role.CLIENT or self.local is None:
+            self._put(frame, frame.raw, to, now_ns)
+            return
+        raw = self.local.to_autopilot(frame, link)
+        if raw is not None:
+            self._put(frame, raw, to, now_ns)
 
     def _put(self, frame: Frame, raw: bytes, to: Link, now_ns: int) -> None:
         if to.rules.outgoing is not None and not to.rules.gives(frame):
@@ -141,3 +182,10 @@ class Hub:
             "routes": {outcome.value: count for outcome, count in self.router.counters.items()},
             "hub": asdict(self.counters),
         }
+
+
+def _queue(frames: list[bytes], links: tuple[Link, ...]) -> None:
+    if frames and links:
+        size_bytes = sum(map(len, frames))
+        for link in links:
+            link.outbox.put_all(frames, size_bytes)

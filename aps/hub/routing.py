@@ -49,6 +49,8 @@ _LINK_LOCAL: Final = frozenset({109, 166})
 class Outcome(Enum):
     """What the rules made of a frame. Every frame has exactly one."""
 
+    __hash__ = object.__hash__  # an Enum's own is a Python function, called for every frame that is counted
+
     BROADCAST = "broadcast"
     HEARTBEAT = "heartbeat"
     TARGETED = "targeted"
@@ -75,6 +77,7 @@ class Route(NamedTuple):
 _LINK_LOCAL_ROUTE: Final = Route(Outcome.LINK_LOCAL, (), True)
 _LOOP_ROUTE: Final = Route(Outcome.LOOP, (), False)
 _STANDBY_ROUTE: Final = Route(Outcome.STANDBY, (), True)
+_NOBODY_ROUTE: Final = Route(Outcome.BROADCAST, (), True)
 
 
 class Router:
@@ -105,8 +108,8 @@ class Router:
         self._links: dict[int, None] = {}
         self._autopilots: set[int] = set()
         self._primary: int | None = None
-        self._others: dict[int, tuple[int, ...]] = {}
-        """Link -> where its untargeted frames go, of those that have sent some since links last changed."""
+        self._others: dict[int, Route] = {}
+        """Link -> the way of its untargeted frames, of those that have sent some since links last changed."""
         self._seen: dict[int, dict[int, int]] = {}
         """sysid << 8 | compid -> link -> instant of the latest frame, ns."""
         self._own: deque[bytes] = deque(maxlen=MAX_OWN)
@@ -183,38 +186,40 @@ class Router:
 
     def route(self, frame: Frame, source: int, now_ns: int) -> Route:
         """Decide one frame that came in on ``source`` and learn its sender."""
-        sysid = frame.sysid
+        _, msg_id, sysid, compid, target_system, _, _, _ = frame
         ours = sysid == self.sysid
-        if ours and self._is_loop(frame, source):
+        if ours and self._is_loop(frame, compid, source):
             route = _LOOP_ROUTE
         else:
             if sysid:
-                self._learn(sysid << 8 | frame.compid, source, now_ns)
-            if frame.msg_id in _LINK_LOCAL:
+                seen = self._seen.get(sysid << 8 | compid)
+                if seen is None:
+                    seen = self._new_sender(sysid << 8 | compid)
+                seen[source] = now_ns
+            if msg_id in _LINK_LOCAL:
                 route = _LINK_LOCAL_ROUTE
-            elif frame.target_system:
+            elif target_system:
                 route = self._targeted(frame, source, now_ns)
-            elif ours and frame.compid == self.autopilot_compid and source != self._primary:
+            elif ours and compid == self.autopilot_compid and source != self._primary:
                 route = _STANDBY_ROUTE
-            elif frame.msg_id == _HEARTBEAT:
+            elif msg_id == _HEARTBEAT:
                 route = self._heartbeat(frame, source, now_ns)
             else:
-                route = Route(Outcome.BROADCAST, self._others_of(source), True)
+                route = self._others.get(source) or self._broadcast(source)
         self.counters[route.outcome] += 1
         return route
 
-    def _is_loop(self, frame: Frame, source: int) -> bool:
-        if frame.compid == self.autopilot_compid:
+    def _is_loop(self, frame: Frame, compid: int, source: int) -> bool:
+        if compid == self.autopilot_compid:
             return source not in self._autopilots
-        return frame.compid == self.compid and frame.raw in self._own_set
+        return compid == self.compid and frame.raw in self._own_set
 
-    def _learn(self, key: int, source: int, now_ns: int) -> None:
-        links = self._seen.get(key)
-        if links is None:
-            if len(self._seen) >= MAX_LEARNED:
-                self._forget_oldest()
-            links = self._seen[key] = {}
-        links[source] = now_ns
+    def _new_sender(self, key: int) -> dict[int, int]:
+        if len(self._seen) >= MAX_LEARNED:
+            self._forget_oldest()
+        links: dict[int, int] = {}
+        self._seen[key] = links
+        return links
 
     def _forget_oldest(self) -> None:
         del self._seen[min(self._seen, key=lambda key: max(self._seen[key].values()))]
@@ -257,11 +262,15 @@ class Router:
         return tuple(link for link in self._others_of(source) if link in reached)
 
     def _others_of(self, source: int) -> tuple[int, ...]:
-        """Where a link's untargeted frames go: worked out when one comes, since links may come and go in hundreds."""
-        others = self._others.get(source)
-        if others is None and source in self._links:
-            autopilots = self._autopilots
-            beyond = set(autopilots) if source in autopilots else autopilots - {self._primary}
-            others = tuple(link for link in self._links if link != source and link not in beyond)
-            self._others[source] = others
-        return others or ()
+        """Where a link's untargeted frames go."""
+        return (self._others.get(source) or self._broadcast(source)).links
+
+    def _broadcast(self, source: int) -> Route:
+        """The way of a link's untargeted frames, worked out when one comes: links may come and go in hundreds."""
+        if source not in self._links:
+            return _NOBODY_ROUTE
+        autopilots = self._autopilots
+        beyond = set(autopilots) if source in autopilots else autopilots - {self._primary}
+        others = tuple(link for link in self._links if link != source and link not in beyond)
+        route = self._others[source] = Route(Outcome.BROADCAST, others, True)
+        return route

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any, Final, Protocol
 
+from aps.links.latency import Latency
 from aps.links.outbox import FrameQueue
 from aps.links.rules import NO_RULES, LinkRules
 from aps.links.traffic import Traffic
@@ -80,6 +81,8 @@ class Link:
         self.connectionless = connectionless
         self.framer = Framer()
         self.traffic = Traffic()
+        self.latency = Latency() if opening.role is Role.AUTOPILOT else None
+        """Round trips to the autopilot, where one is."""
         self.counters = LinkCounters()
         key = opening.rules.key
         self.signing = None if key is None else Signing(key, lambda: time.time_ns() // 1000)
@@ -139,6 +142,7 @@ class Link:
             "peer": self.name,
             "role": self.role.value,
             **self.traffic.statistics(now_ns),
+            **({} if self.latency is None else {"latency": self.latency.statistics()}),
             "framer": asdict(self.framer.counters),
             "outbox": asdict(self.outbox.counters),
             **asdict(self.counters),

@@ -51,13 +51,9 @@ class FrameQueue:
         self.limit_bytes = limit_bytes
         self.counters = OutboxCounters()
         self._open = False
-        self._waiting: deque[bytes] = deque()
+        self.waiting: deque[bytes] = deque()
+        """Frames not yet handed on: to be looked at only."""
         self._waiting_bytes = 0
-
-    @property
-    def waiting_frames(self) -> int:
-        """Frames not yet handed on."""
-        return len(self._waiting)
 
     def admit(self) -> None:
         """There is a connection: take frames from now on."""
@@ -66,8 +62,8 @@ class FrameQueue:
     def close(self) -> None:
         """The connection is gone: what waits is counted as dropped."""
         self._open = False
-        self.counters.dropped_closed += len(self._waiting)
-        self._waiting.clear()
+        self.counters.dropped_closed += len(self.waiting)
+        self.waiting.clear()
         self._waiting_bytes = 0
 
     def put(self, frame: bytes) -> None:
@@ -76,14 +72,25 @@ class FrameQueue:
         if not self._open:
             self.counters.dropped_closed += 1
             return
-        self._waiting.append(frame)
+        self.waiting.append(frame)
         self._waiting_bytes += len(frame)
+        if self._waiting_bytes > self.limit_bytes:
+            self._drop_oldest(self.limit_bytes)
+
+    def put_all(self, frames: list[bytes], size_bytes: int) -> None:
+        """Queue several frames; ``size_bytes`` is the length of all."""
+        self.counters.queued_frames += len(frames)
+        if not self._open:
+            self.counters.dropped_closed += len(frames)
+            return
+        self.waiting.extend(frames)
+        self._waiting_bytes += size_bytes
         if self._waiting_bytes > self.limit_bytes:
             self._drop_oldest(self.limit_bytes)
 
     def _drop_oldest(self, limit_bytes: int) -> None:
         while self._waiting_bytes > limit_bytes:
-            self._waiting_bytes -= len(self._waiting.popleft())
+            self._waiting_bytes -= len(self.waiting.popleft())
             self.counters.dropped_full += 1
 
     def flush(self) -> None:
@@ -91,25 +98,22 @@ class FrameQueue:
 
     def take(self, limit_bytes: int) -> bytes:
         """The oldest frames, whole, as many as fit into ``limit_bytes``."""
-        waiting = self._waiting
-        if len(waiting) == 1 and self._waiting_bytes <= limit_bytes:  # the common case
-            data = waiting.popleft()
+        waiting, counters = self.waiting, self.counters
+        if self._waiting_bytes <= limit_bytes:  # the common case
+            counters.written_frames += len(waiting)
+            counters.written_bytes += self._waiting_bytes
+            data = waiting[0] if len(waiting) == 1 else b"".join(waiting)
+            waiting.clear()
             self._waiting_bytes = 0
-            self.counters.written_frames += 1
-            self.counters.written_bytes += len(data)
             return data
-        if self._waiting_bytes <= limit_bytes:
-            frames = list(self._waiting)
-            self._waiting.clear()
-        else:
-            frames, room = [], limit_bytes
-            while self._waiting and len(self._waiting[0]) <= room:
-                frames.append(self._waiting.popleft())
-                room -= len(frames[-1])
+        frames, room = [], limit_bytes
+        while waiting and len(waiting[0]) <= room:
+            frames.append(waiting.popleft())
+            room -= len(frames[-1])
         data = b"".join(frames)
         self._waiting_bytes -= len(data)
-        self.counters.written_frames += len(frames)
-        self.counters.written_bytes += len(data)
+        counters.written_frames += len(frames)
+        counters.written_bytes += len(data)
         return data
 
 
@@ -158,7 +162,7 @@ class Outbox(FrameQueue):
             if self._waiting_bytes > STALLED_LIMIT_BYTES:
                 self._check_stall()
             return
-        while self._waiting and not self._paused and self._transport is not None:
+        while self.waiting and not self._paused and self._transport is not None:
             self._transport.write(self.take(WRITE_BYTES))
 
     def _check_stall(self) -> None:

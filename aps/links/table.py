@@ -74,7 +74,7 @@ class LinkTable:
         """Write what waits on all links, as far as they take it."""
         for link in self.links.values():
             outbox = link.outbox
-            if outbox.waiting_frames:
+            if outbox.waiting:
                 outbox.flush()
 
     def close(self) -> None:
@@ -101,16 +101,18 @@ class LinkTable:
     def link_data(self, link: Link, data: bytes) -> None:
         """Bytes came."""
         allowance = self._allowances.get(link.id)
+        if allowance is None:
+            self._on_frames(link, link.receive(data, self._clock()), len(data))
+            return
         now_s = asyncio.get_running_loop().time()
-        if allowance is not None and not link.can_wait and allowance.charge(0, 0, now_s) > 0.0:
+        if not link.can_wait and allowance.charge(0, 0, now_s) > 0.0:
             link.counters.dropped_rate += 1
             self._tell(f"rate of {link.name}", f"{link.name} sends more than it may: datagrams are dropped")
             return
         counters = link.framer.counters
         skipped, came = counters.skipped_bytes, counters.frames
         frames = link.receive(data, self._clock())
-        if allowance is not None:
-            self._charge(link, allowance, counters.frames - came, counters.skipped_bytes - skipped, now_s)
+        self._charge(link, allowance, counters.frames - came, counters.skipped_bytes - skipped, now_s)
         self._on_frames(link, frames, len(data))
 
     def link_closed(self, link: Link, error: Exception | None) -> None:

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import socket
 import weakref
-from typing import Final
+from typing import Final, cast
 
 from aps.links.address import Address
 from aps.links.link import Link, LinkOwner
@@ -56,7 +56,7 @@ class TcpLink(Link, asyncio.BufferedProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """asyncio: the connection is there."""
-        assert isinstance(transport, asyncio.Transport)
+        transport = cast(asyncio.Transport, transport)  # uvloop's is none by its class
         self._transport = transport
         if self.name.startswith("tcp-server"):
             address = transport.get_extra_info("peername") or ("?", 0)

@@ -58,19 +58,21 @@ class Traffic:
             self._window_ns, self._rate_frames = now_ns, 0
         self._rate_frames += len(frames)
         sequence = self._sequence
-        for frame in frames:
-            if frame.msg_id == _HEARTBEAT:
+        for raw, msg_id, sysid, compid, _, _, _, _ in frames:
+            if msg_id == _HEARTBEAT:
                 self.heartbeat_ns = now_ns
-            raw = frame.raw
-            sender, seq = frame.sysid << 8 | frame.compid, raw[4] if raw[0] == MAGIC_V2 else raw[2]
+            sender, seq = sysid << 8 | compid, raw[4] if raw[0] == MAGIC_V2 else raw[2]
             expected = sequence.get(sender)
-            if expected is not None and seq != expected:
+            if expected == seq:
+                sequence[sender] = (seq + 1) & 0xFF
+                continue
+            if expected is not None:
                 missing = (seq - expected) & 0xFF
                 if missing >= REORDERED:
                     self.lost -= self.lost > 0
                     continue
                 self.lost += missing
-            elif expected is None and len(sequence) >= MAX_SENDERS:
+            elif len(sequence) >= MAX_SENDERS:
                 sequence.clear()
             sequence[sender] = (seq + 1) & 0xFF
 

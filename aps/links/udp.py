@@ -30,9 +30,21 @@ class DatagramOutbox(FrameQueue):
         super().__init__(limit_bytes)
         self._send = send
 
+    def put_all(self, frames: list[bytes], size_bytes: int) -> None:
+        """Send several frames at once, if they fit into a datagram and nothing waits: they need not be queued."""
+        if self.waiting or size_bytes > DATAGRAM_BYTES or not self._open:
+            super().put_all(frames, size_bytes)
+            return
+        counters = self.counters
+        counters.queued_frames += len(frames)
+        counters.written_frames += len(frames)
+        counters.written_bytes += size_bytes
+        if not self._send(b"".join(frames)):
+            counters.dropped_full += 1
+
     def flush(self) -> None:
         """Send all that waits."""
-        while self._waiting:
+        while self.waiting:
             if not self._send(self.take(DATAGRAM_BYTES)):
                 self.counters.dropped_full += 1
 

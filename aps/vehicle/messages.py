@@ -34,6 +34,7 @@ __all__ = [
 
 RATE_WINDOW_S: Final = 2.0
 """Least time over which a rate is counted."""
+_RATE_WINDOW_NS: Final = round(RATE_WINDOW_S * NS_PER_S)
 _REQUEST_MESSAGE: Final = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
@@ -87,15 +88,16 @@ class MessageBoard:
 
     def take(self, frame: Frame, now_ns: int) -> None:
         """A frame of the autopilot."""
-        entry = self._entries.get(frame.msg_id)
+        raw, msg_id, _, _, _, _, _, _ = frame
+        entry = self._entries.get(msg_id)
         if entry is None:
-            self._entries[frame.msg_id] = _Entry(frame.raw, now_ns, 1, now_ns, 0)
+            self._entries[msg_id] = _Entry(raw, now_ns, 1, now_ns, 0)
             return
-        entry.raw, entry.heard_ns = frame.raw, now_ns
+        entry.raw, entry.heard_ns = raw, now_ns
         entry.count += 1
         entry.window_count += 1
         elapsed_ns = now_ns - entry.window_ns
-        if elapsed_ns >= RATE_WINDOW_S * NS_PER_S:
+        if elapsed_ns >= _RATE_WINDOW_NS:
             entry.rate_hz = entry.window_count * NS_PER_S / elapsed_ns
             entry.window_ns, entry.window_count = now_ns, 0
 

@@ -104,8 +104,15 @@ class AircraftState:
         """
         if name not in _SOURCES:
             raise ValueError(f"{name!r} is no measured field of the state: {', '.join(_SOURCES)}")
-        heard = [max(self.heard_ns.get(msg_id, -1) for msg_id in ids) for ids in _SOURCES[name]]
-        return math.inf if min(heard) < 0 else (self.as_of_ns - min(heard)) / NS_PER_S
+        heard_ns, oldest_ns = self.heard_ns, self.as_of_ns
+        for choice in _SOURCES[name]:
+            newest_ns = -1
+            for msg_id in choice:
+                newest_ns = max(newest_ns, heard_ns.get(msg_id, -1))
+            if newest_ns < 0:
+                return math.inf
+            oldest_ns = min(oldest_ns, newest_ns)
+        return (self.as_of_ns - oldest_ns) / NS_PER_S
 
     def ages_s(self) -> dict[str, float]:
         """The age of every measured field; see ``age_s``."""

@@ -53,6 +53,8 @@ class Subscriptions:
 
     def __init__(self, callbacks: Callbacks) -> None:
         self._callbacks = callbacks
+        self.rated = False
+        """Whether there is one with a rate."""
         self._all: dict[Subscription, None] = {}
         self._seen_ms = 0
 
@@ -66,10 +68,12 @@ class Subscriptions:
         period_ms = 0.0 if rate_hz is None else 1000.0 / rate_hz
         subscription = Subscription(callback, period_ms, self._remove, self._callbacks)
         self._all[subscription] = None
+        self.rated |= subscription.rated
         return subscription
 
     def _remove(self, subscription: Subscription) -> None:
         self._all.pop(subscription, None)
+        self.rated = any(one.rated for one in self._all)
 
     def due(self, clock_ms: int) -> bool:
         """Whether the autopilot's clock has moved and one with a rate is due.
@@ -77,7 +81,7 @@ class Subscriptions:
         To be asked after each message: it keeps them at their rate also when a fast autopilot's bytes come in large
         pieces.
         """
-        if not self._all or clock_ms == self._seen_ms:
+        if clock_ms == self._seen_ms:
             return False
         self._seen_ms = clock_ms
         return any(s.rated and s.due(clock_ms) for s in self._all)

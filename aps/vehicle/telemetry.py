@@ -88,24 +88,24 @@ class Telemetry:
 
     def update(self, frame: Frame, now_ns: int) -> bool:
         """Take one frame; returns whether it was of a type that feeds the state."""
-        decoder = _DECODERS.get(frame.msg_id)
+        raw, msg_id, _, _, _, _, start, length = frame
+        decoder = _DECODERS.get(msg_id)
         if decoder is None:
             return False
-        layout, handler, has_floats = decoder
-        raw, start = frame.raw, frame.payload_start
-        if frame.payload_bytes >= layout.size:
+        layout, size, handler, has_floats = decoder
+        if length >= size:
             fields = layout.unpack_from(raw, start)
         else:
-            fields = layout.unpack(frame.payload.ljust(layout.size, b"\0"))
+            fields = layout.unpack(raw[start : start + length].ljust(size, b"\0"))
         if has_floats and (math.inf in fields or -math.inf in fields):
             self.decode_errors += 1
             return True
-        if frame.msg_id == 0:
+        if msg_id == 0:
             self._heartbeat_ns = now_ns
         errors = self.decode_errors
         handler(self, fields)
         if self.decode_errors == errors:
-            self._heard_ns[frame.msg_id] = now_ns
+            self._heard_ns[msg_id] = now_ns
         return True
 
     def forget(self) -> None:
@@ -241,21 +241,30 @@ class Telemetry:
     def _clock(self, time_boot_ms: int) -> None:
         known_ms = self._values.get("time_boot_ms", 0)
         time_boot_ms += self._wraps_ms
+        if not 0 <= time_boot_ms - known_ms < WRAP_WINDOW_MS:
+            jumped_ms = self._jumped(time_boot_ms, known_ms)
+            if jumped_ms is None:
+                return
+            time_boot_ms = jumped_ms
+        self._values["time_boot_ms"] = time_boot_ms
+        if self._armed_and_up:
+            self._flight_ms = time_boot_ms - self._flight_start_ms
+
+    def _jumped(self, time_boot_ms: int, known_ms: int) -> int | None:
+        """A clock that went back or far ahead: the time it is; ``None`` for one that is late."""
         if known_ms - time_boot_ms > CLOCK_WRAP_MS - WRAP_WINDOW_MS:
             self._wraps_ms += CLOCK_WRAP_MS
             time_boot_ms += CLOCK_WRAP_MS
         elif time_boot_ms - known_ms > CLOCK_WRAP_MS - WRAP_WINDOW_MS and self._wraps_ms:
-            return  # late, from before the clock began anew
+            return None  # late, from before the clock began anew
         if time_boot_ms < known_ms - REBOOT_STEP_MS:
             self.reboots += 1
             self.forget()
             time_boot_ms -= self._wraps_ms
             self._wraps_ms = 0
         elif time_boot_ms < known_ms:
-            return
-        self._values["time_boot_ms"] = time_boot_ms
-        if self._armed_and_up:
-            self._flight_ms = time_boot_ms - self._flight_start_ms
+            return None
+        return time_boot_ms
 
     def _set_airborne(self, airborne: bool) -> None:
         if airborne and not self._armed_and_up:
@@ -273,8 +282,8 @@ class Telemetry:
 
 
 _Handler = Callable[[Telemetry, tuple[Any, ...]], None]
-_DECODERS: Final[dict[int, tuple[struct.Struct, _Handler, bool]]] = {
-    msg_id: (struct.Struct(layout), handler, "f" in layout)
+_DECODERS: Final[dict[int, tuple[struct.Struct, int, _Handler, bool]]] = {
+    msg_id: (struct.Struct(layout), struct.calcsize(layout), handler, "f" in layout)
     for msg_id, layout, handler in (
         # The leading fields that we use, in wire order (common.xml, ardupilotmega.xml).
         (0, "<IBBBB", Telemetry._heartbeat),
@@ -295,4 +304,4 @@ _DECODERS: Final[dict[int, tuple[struct.Struct, _Handler, bool]]] = {
         (245, "<BB", Telemetry._extended_sys_state),
     )
 }
-"""Message id -> (layout, handler, whether it has floats) of everything that feeds the state."""
+"""Message id -> (layout, its bytes, handler, whether it has floats) of everything that feeds the state."""

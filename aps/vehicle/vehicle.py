@@ -107,6 +107,7 @@ class Vehicle:
             "streams": asdict(self.streams.counters),
             "acknowledgements": asdict(self.acks.counters),
             "callback_errors": self.callbacks.errors,
+            "other_systems": sorted(self._foreign),
         }
 
     # What happens.
@@ -126,17 +127,19 @@ class Vehicle:
 
     def receive(self, frame: Frame, now_ns: int) -> bool:
         """A frame from the autopilot's link; returns whether the state may have changed (see ``state_changed``)."""
-        changed = False
-        if frame.compid == AUTOPILOT_COMPID:
-            if frame.sysid == self.sysid:
-                self.messages.take(frame, now_ns)
-                changed = self._from_autopilot(frame, now_ns)
-                if self.commands.wants(frame.msg_id) and self._is_for_us(frame):
-                    self.commands.on_message(message_name(frame.msg_id), message_fields(frame.raw))
-                if self.subscriptions.due(self.telemetry.clock_ms):
-                    self.subscriptions.offer_due(self.telemetry.state(now_ns))
-            else:
-                self._from_foreign(frame)
+        raw, msg_id, sysid, compid, _, _, _, _ = frame
+        if compid != AUTOPILOT_COMPID:
+            return False
+        if sysid != self.sysid:
+            self._from_foreign(frame)
+            return False
+        self.messages.take(frame, now_ns)
+        changed = self._from_autopilot(frame, now_ns)
+        commands = self.commands
+        if commands.busy and commands.wants(msg_id) and self._is_for_us(frame):
+            commands.on_message(message_name(msg_id), message_fields(raw))
+        if self.subscriptions.rated and self.subscriptions.due(self.telemetry.clock_ms):
+            self.subscriptions.offer_due(self.telemetry.state(now_ns))
         return changed
 
     def answers_us(self, frame: Frame) -> bool:
@@ -153,8 +156,10 @@ class Vehicle:
 
     def client_frame(self, frame: Frame, link: int) -> bytes | None:
         """A client's frame on its way to the autopilot: the bytes to pass on, or ``None``."""
-        self._note_command(frame)
-        return self.streams.client_frame(frame, link)
+        raw = self.streams.client_frame(frame, link)
+        if raw is not None:
+            self._note_command(frame)
+        return raw
 
     def client_left(self, link: int) -> None:
         """A client is gone, and its wishes with it (see ``on_time`` for what follows from that)."""
@@ -164,10 +169,17 @@ class Vehicle:
         """Our own heartbeat, for the autopilot's links."""
         return self._encoder.encode(onboard_computer_heartbeat())
 
+    def timesync(self, ts1_ns: int) -> bytes:
+        """A request for the autopilot's time; the answer brings ``ts1_ns`` back."""
+        return self._encoder.encode(mavlink.MAVLink_timesync_message(0, ts1_ns))
+
     def deadline_ns(self) -> int | None:
         """When ``on_time`` is due even if nothing happens."""
-        deadlines = (self.streams.deadline_ns(), self.commands.deadline_ns())
-        return min((deadline for deadline in deadlines if deadline is not None), default=None)
+        streams_ns = self.streams.deadline_ns()
+        commands_ns = self.commands.deadline_ns() if self.commands.busy else None
+        if streams_ns is None or commands_ns is None:
+            return commands_ns if streams_ns is None else streams_ns
+        return min(streams_ns, commands_ns)
 
     def on_time(self, now_ns: int) -> None:
         """Do what is due: stream requests, commands."""
@@ -179,9 +191,10 @@ class Vehicle:
 
     def _from_autopilot(self, frame: Frame, now_ns: int) -> bool:
         """Feed state, streams and commands; returns whether the state may have changed."""
-        reboots = self.telemetry.reboots
-        if self.telemetry.update(frame, now_ns):
-            if self.telemetry.reboots != reboots:
+        telemetry = self.telemetry
+        reboots = telemetry.reboots
+        if telemetry.update(frame, now_ns):
+            if telemetry.reboots != reboots:
                 self._autopilot_rebooted(now_ns)
             if frame.msg_id == _HEARTBEAT:
                 self._autopilot_heartbeat(now_ns)

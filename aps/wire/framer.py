@@ -194,8 +194,10 @@ class Framer:
                 self.counters.bad_crc += 1
                 position = self._skip(buffer, position)
                 continue
-            target_system = raw[header + at_system] if 0 <= at_system < length else 0
-            target_component = raw[header + at_component] if 0 <= at_component < length else 0
+            target_system = target_component = 0
+            if at_system >= 0:
+                target_system = raw[header + at_system] if at_system < length else 0
+                target_component = raw[header + at_component] if 0 <= at_component < length else 0
             append(
                 _new_frame(
                     Frame, (raw, msg_id, sysid, compid, target_system, target_component, header, length)

@@ -8,9 +8,11 @@ from bridge.agents.beside import connect_ua
 from bridge.agents.client import UaClient
 from bridge.agents.commands import CommandFailed, CommandInterrupted, CommandRefused, CommandTimedOut
 from bridge.agents.hold import Hold
+from bridge.agents.measurements import Measurement
 from bridge.agents.out_and_back import OutAndBack
 from bridge.agents.own import AgentError, load_class
 from bridge.agents.still import Still
+from bridge.bus.reception import Reception
 from bridge.scenario.agents import AgentConfig, OwnAgent
 
 AGENTS: dict[str, type[Agent]] = {"hold": Hold, "out_and_back": OutAndBack, "still": Still}
@@ -36,7 +38,9 @@ __all__ = [
     "CommandRefused",
     "CommandTimedOut",
     "Hold",
+    "Measurement",
     "OutAndBack",
+    "Reception",
     "Still",
     "UaClient",
     "agent_class",

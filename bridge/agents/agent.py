@@ -7,7 +7,9 @@ transmits after an await has the stamp of the tick in which it ran. docs/agents.
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import AsyncIterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +18,17 @@ import numpy as np
 from bridge.agents.client import UaClient
 from bridge.agents.commands import CommandFailed
 from bridge.agents.latest import LatestPackages
+from bridge.agents.measurements import Measurement
 from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint
-from bridge.bus.session import Stamp
+from bridge.bus.reception import Reception
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Transmit
 from bridge.scenario.nodes import Aircraft, GroundNode
 
 READY_TIMEOUT_S = 180.0
 """Sim time; ArduPilot's estimator takes about 40 s."""
+PACKAGE_MEASUREMENTS_MAX = 1000
+"""The newest that a package carries."""
 
 
 class Agent:
@@ -32,6 +37,8 @@ class Agent:
     Attributes:
         ua: the node as the agent sees it.
         waypoints: what it plans to fly; told to the others.
+        measurements_dbm: RF powers that are told to the others; if empty, what the node's sensor measured since the
+            last package.
         latest: newest package that the radio delivered, of each other node; see `LatestPackages`.
         rng: the agent's own random numbers, seeded by run and node: the same in every repetition of the run.
     """
@@ -42,10 +49,13 @@ class Agent:
         self.transmit_config = transmit
         self.waypoints: tuple[Waypoint, ...] = ()
         self.measurements_dbm: tuple[float, ...] = ()
+        self._measured_dbm: deque[float] = deque(maxlen=PACKAGE_MEASUREMENTS_MAX)
         self.latest = LatestPackages(ua)
         self.rng = rng_of(ua.seed, ua.node)
         self._ticks = 0
         ua.on_packet(self.on_packet)
+        ua.on_measurement(lambda measurement: self._measured_dbm.append(measurement.power_dbm))
+        ua.on_measurement(self.on_measurement)
 
     @property
     def options(self) -> Mapping[str, Any]:
@@ -85,6 +95,10 @@ class Agent:
         """A folder of its own in the run directory, for whatever it wants to keep."""
         return self.ua.files.folder
 
+    def log(self, name: str, value: object) -> None:
+        """Record ``value`` under ``name`` with the present sim time, as `UaClient.log`."""
+        self.ua.log(name, value)
+
     def record(self, name: str, **fields: Any) -> None:
         """Append a line of JSON with sim time and ``fields`` to ``<name>.jsonl`` in the agent's own folder."""
         self.ua.files.write(name, self.ua.sim_time_ns, fields)
@@ -98,19 +112,27 @@ class Agent:
             self.ua.transmit(self.transmit_config.channel, self.package(sim_time_ns))
         self._ticks += 1
 
-    def on_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:  # noqa: ARG002
+    def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:  # noqa: ARG002
         """What the agent does with a packet that the radio delivered; a DecodeError of it is counted as malformed."""
         if channel == self.transmit_config.channel:
             self.latest.take(sender, payload)
 
+    def on_measurement(self, measurement: Measurement) -> None:
+        """What the agent does with what its RF sensor measured; called before packets and `on_tick`."""
+
     def package(self, sim_time_ns: int) -> DataPackage:
-        """The data package of Moon et al. 2020, Table II."""
+        """The data package of Moon et al. 2020, Table II: the state without the ages of its fields.
+
+        Each measurement of the node's sensor is in one package.
+        """
+        measured_dbm = self.measurements_dbm or tuple(self._measured_dbm)
+        self._measured_dbm.clear()
         return DataPackage(
             Header.at(sim_time_ns, self.ua.node),
             self.transmit_config.frequency_mhz,
-            self.ua.state or AircraftState(),
+            AircraftState() if self.ua.state is None else replace(self.ua.state, age_s=()),
             self.waypoints,
-            self.measurements_dbm,
+            measured_dbm,
         )
 
     async def take_off(self, altitude_rel_m: float) -> AircraftState:

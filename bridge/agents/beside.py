@@ -23,6 +23,7 @@ from pathlib import Path
 import zenoh
 
 from bridge.agents.client import OnEvent, UaClient
+from bridge.agents.measurements import measurements_by_node
 from bridge.agents.sender import Sender
 from bridge.bus.identity.roster import node_identity
 from bridge.bus.inbox import Inbox
@@ -35,9 +36,12 @@ from bridge.bus.messages import (
     CommandGoal,
     CommunicationStatus,
     DecodeError,
+    Measurements,
     decode,
 )
+from bridge.bus.reception import Reception
 from bridge.bus.session import Sample, Session, Stamp
+from bridge.record.logged import LoggedValue
 from bridge.run.access import Access, access_of
 from bridge.timeouts import COMMAND_QUERY_S
 
@@ -71,6 +75,13 @@ class ZenohOutlet:
         if self._sender is not None:
             self._sender.report(status)
 
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
+        """A sender's values are published, though not recorded; another script's go to its log."""
+        if self._sender is None:
+            log.info("%s = %r", item.name, item.value)
+        else:
+            self._sender.log(item, sim_time_ns)
+
     def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
         """Ask the aircraft's queryable."""
         inbox: Inbox[CommandEvent | None] = Inbox(self._loop, on_event)
@@ -95,6 +106,7 @@ class _Feed:
         for key, handler in (
             (keys.rx(ua.node, "*", "*"), self._packet_came),
             (keys.comm_status(ua.node), self._comm_status_came),
+            (keys.measurements(ua.node), self._measurements_came),
             (keys.state(ua.node), self._state_came),
             (keys.clock, self._clock_came),
         ):
@@ -119,10 +131,15 @@ class _Feed:
         payload = sample.payload.to_bytes()
         self._ua.take_comm_status(lambda: self._ua.read(payload, CommunicationStatus))
 
+    def _measurements_came(self, sample: Sample) -> None:
+        message = decode(sample.payload.to_bytes(), Measurements)
+        for measurements in measurements_by_node(message).values():
+            self._ua.take_measurements(measurements)
+
     def _packet_came(self, sample: Sample) -> None:
         sender, channel = str(sample.key_expr).split("/")[-2:]
-        stamp = Stamp.from_sample(sample) or Stamp(-1, self._ua.sim_time_ns)
-        self._ua.take_packet(sender, channel, sample.payload.to_bytes(), stamp)
+        reception = Reception.from_sample(sample, self._ua.sim_time_ns)
+        self._ua.take_packet(sender, channel, sample.payload.to_bytes(), reception)
 
 
 def _event_of(reply: zenoh.Reply) -> CommandEvent:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from bridge.agents.commands import CommandFailed, Commands, failure
+from bridge.agents.measurements import Measured, Measurement
 from bridge.agents.own_files import OwnFiles
 from bridge.bus.keys import ALL, checked_chunk
 from bridge.bus.messages import (
@@ -29,14 +30,24 @@ from bridge.bus.messages import (
     encode,
     encoding_of,
 )
+from bridge.bus.messages.ages import age_s
+from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
+from bridge.record.logged import LoggedValue, checked_name, checked_value, kind_of
+
+if TYPE_CHECKING:
+    from channel.sensing.sensor import Sensor
 
 M = TypeVar("M", bound=Message)
 log = logging.getLogger("agent")
+LOGGED_MAX = 1000
+"""Values that an agent may log at a tick."""
 OnEvent = Callable[[CommandEvent | None], object]
 """Told of each event of a command; None: there will be no more."""
 
 
+OnPacket = Callable[[str, str, bytes, Reception], object]
+"""Told of each packet: sender, channel, payload, and what the receiver knows of it."""
 LookAtStatus = Callable[[], CommunicationStatus | None]
 """Makes, or reads, a communication status; None if it is none."""
 
@@ -54,6 +65,9 @@ class Outlet(Protocol):
     def report(self, status: AgentStatus) -> None:
         """Tell what the agent is doing."""
 
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
+        """Record a value of this instant."""
+
     def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
         """Have the aircraft carry out ``verb``; ``on_event`` is called in the event loop of the caller."""
 
@@ -69,7 +83,11 @@ class UaClient(Commands):
         outlet: where what it says goes.
         seed: of the run, for the agent's own random numbers.
         folder: where its own files go; ``None``: nowhere.
-        nodes: ids of all nodes of the run, if they are known.
+        nodes: ids of all nodes of the run that exchange packets, if they are known.
+        sensor: what the node knows of its RF sensor; None: it has none.
+
+    Attributes:
+        measurements: what the sensor measured at the tick before, and the newest of each emitter.
     """
 
     def __init__(
@@ -80,12 +98,15 @@ class UaClient(Commands):
         folder: Path | None = None,
         *,
         nodes: Collection[str] = (),
+        sensor: Sensor | None = None,
     ) -> None:
         self.node = node
         self.files = OwnFiles(folder)
         self._others = tuple(each for each in nodes if each != node)
         self.seed = seed
         self.state: AircraftState | None = None
+        self.sensor = sensor
+        self.measurements = Measured()
         self._comm_status: CommunicationStatus | None = None
         self._new_comm_status: LookAtStatus | None = None
         self.malformed = 0
@@ -98,8 +119,11 @@ class UaClient(Commands):
         self._outlet = outlet
         self._waiters: dict[int, _Waiter] = {}
         self._waited = 0
+        self._kinds: dict[str, str] = {}
+        self._logged_at_ns, self._logged = -1, 0
         self._on_tick: list[Callable[[int], object]] = []
-        self._on_packet: list[Callable[[str, str, bytes, Stamp], object]] = []
+        self._on_packet: list[OnPacket] = []
+        self._on_measurement: list[Callable[[Measurement], object]] = []
 
     # --- what comes in
 
@@ -120,13 +144,25 @@ class UaClient(Commands):
             log.warning("%s", error)
             return None
 
+    def age_s(self, field: str) -> float:
+        """How old a field of ``state`` is, s, such as ``latitude_deg``; inf if the autopilot has not told it yet.
+
+        Raises:
+            ValueError: there is no such field, or it is nothing that the autopilot tells.
+        """
+        return age_s(self.state or AircraftState(), field)
+
     def on_tick(self, callback: Callable[[int], object]) -> None:
         """Call ``callback(sim_time_ns)`` at each tick of the fleet clock."""
         self._on_tick.append(callback)
 
-    def on_packet(self, callback: Callable[[str, str, bytes, Stamp], object]) -> None:
-        """Call ``callback(sender, channel, payload, stamp)`` for each packet that the radio delivers."""
+    def on_packet(self, callback: OnPacket) -> None:
+        """Call ``callback(sender, channel, payload, reception)`` for each packet that the radio delivers."""
         self._on_packet.append(callback)
+
+    def on_measurement(self, callback: Callable[[Measurement], object]) -> None:
+        """Call ``callback(measurement)`` for each measurement of the node's RF sensor, one tick after it was taken."""
+        self._on_measurement.append(callback)
 
     async def wait_for(
         self, condition: Callable[[AircraftState], bool], *, timeout_s: float = math.inf
@@ -179,6 +215,35 @@ class UaClient(Commands):
         header = Header.at(self.sim_time_ns, self.node)
         self._outlet.report(AgentStatus(header, activity, done, failed, self.sent, self.received))
 
+    def log(self, name: str, value: object) -> None:
+        """Record ``value`` under ``name`` with the present sim time; `node/<id>/log/<name>` has it at once.
+
+        Args:
+            name: letters, digits, ``_``, ``-`` and ``.``.
+            value: a number, a bool, a text, a short vector of numbers, or a flat mapping of names to these (a
+                message of one's own); numpy's are taken, too. All values of a name are of one kind.
+
+        Raises:
+            TypeError: it is something else, or of another kind than the values before.
+            ValueError: it, or its name, is too long, or there are more than LOGGED_MAX values at this tick.
+        """
+        if self.is_over:
+            return
+        item = LoggedValue(checked_name(name), checked_value(name, value))
+        kind = kind_of(item.value)
+        if self._kinds.setdefault(name, kind) != kind:
+            raise TypeError(
+                f"log({name!r}): {value!r} is a {kind}; the values before were of kind {self._kinds[name]}"
+            )
+        if self._logged_at_ns != self.sim_time_ns:
+            self._logged_at_ns, self._logged = self.sim_time_ns, 0
+        if self._logged >= LOGGED_MAX:
+            raise ValueError(
+                f"log({name!r}): there are {LOGGED_MAX} values at this tick already, which is the limit"
+            )
+        self._logged += 1
+        self._outlet.log(item, self.sim_time_ns)
+
     # --- commands
 
     async def command(
@@ -220,6 +285,8 @@ class UaClient(Commands):
     def take_state(self, state: AircraftState) -> None:
         """The aircraft's state: who waits for it goes on."""
         self.state = state
+        if self.sensor is not None:
+            self.measurements.take_state(self.sim_time_ns, state)
         for condition, future, _ in tuple(self._waiters.values()):
             if future.done():
                 continue
@@ -233,11 +300,18 @@ class UaClient(Commands):
         """Which other nodes were heard: ``look`` is called if the agent wants to know."""
         self._new_comm_status = look
 
-    def take_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:
+    def take_measurements(self, measurements: Sequence[Measurement]) -> None:
+        """What the RF sensor measured at the tick before, or nothing; raises what the callbacks raise."""
+        self.measurements.take(measurements)
+        for measurement in self.measurements:
+            for callback in self._on_measurement:
+                callback(measurement)
+
+    def take_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
         """A packet that the radio delivered; raises what the callbacks raise."""
         self.received += 1
         for callback in self._on_packet:
-            callback(sender, channel, payload, stamp)
+            callback(sender, channel, payload, reception)
 
     def tick(self) -> None:
         """All that came with this tick was taken: tell who wants to know; raises what the callbacks raise."""

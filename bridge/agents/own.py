@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from bridge.agents.agent import Agent
+from bridge.scenario.own_class import PLAIN_METHODS
 
 _numbers = itertools.count()
 
@@ -31,12 +32,16 @@ def load_class(place: str, name: str) -> type[Agent]:
         raise AgentError(f"{place} has no class {name}")
     if not issubclass(found, Agent):
         raise AgentError(f"{name} in {place} is no subclass of bridge.agents.Agent")
-    for method in ("on_tick", "on_packet"):
+    for method in PLAIN_METHODS:
         if inspect.iscoroutinefunction(getattr(found, method)):
             raise AgentError(
                 f"{name}.{method} in {place} is an async def, which nobody would await: make it a plain def, and start "
                 "what has to wait with asyncio.create_task, or in fly"
             )
+    if inspect.isfunction(found.fly) and not (
+        inspect.iscoroutinefunction(found.fly) or hasattr(found.fly, "__wrapped__")
+    ):
+        raise AgentError(f"{name}.fly in {place} is a plain def: make it an async def, as it is awaited")
     return found
 
 

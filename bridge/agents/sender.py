@@ -5,6 +5,9 @@ from __future__ import annotations
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus
 from bridge.bus.session import Session, Stamp
+from bridge.record.logged import LoggedValue, as_json
+
+JSON = "application/json"
 
 
 class Sender:
@@ -27,6 +30,15 @@ class Sender:
             encoding=encoding,
             attachment=stamp.to_bytes(),
             must_arrive=True,
+        )
+
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
+        """Publish a value that the node logs, as JSON; the attachment has the sim time."""
+        self._session.put_bytes(
+            self._keys.logged(self._node, item.name),
+            as_json(item.value).encode(),
+            encoding=JSON,
+            attachment=Stamp(-1, sim_time_ns).to_bytes(),
         )
 
     def report(self, status: AgentStatus) -> None:

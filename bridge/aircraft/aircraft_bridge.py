@@ -10,7 +10,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 from aps.held import HeldDaemon
 from aps.inputs import Input
@@ -23,6 +23,21 @@ from bridge.bus.messages import CommandEvent, CommandGoal, Header, Vector3
 __all__ = ["AircraftBridge", "state_message"]
 
 log = logging.getLogger("aircraft")
+
+AGED: Final = (
+    ("mode", None),
+    ("voltage_v", "position_ok"),
+    ("roll_rad", None),
+    ("lat_deg", None),
+    ("position_ned_m", None),
+    ("velocity_ned_mps", None),
+    ("groundspeed_mps", None),
+    ("airspeed_mps", None),
+    ("wind_body_mps", None),
+    ("current_a", None),
+    ("flight_time_s", None),
+)
+"""By place in a message's ``age_s``: the field of the daemon's state, and another one if the older of two counts."""
 
 
 class AircraftBridge:
@@ -133,6 +148,11 @@ def _result(result: CommandResult) -> CommandEvent:
     return CommandEvent(CommandEvent.RESULT, success, str(result), outcome=result.outcome.value, value=value)
 
 
+def _ages_s(state: AircraftState) -> tuple[float, ...]:
+    age_s = state.age_s
+    return tuple([age_s(name) if other is None else max(age_s(name), age_s(other)) for name, other in AGED])
+
+
 def state_message(state: AircraftState, node: str, sim_time_ns: int) -> messages.AircraftState:
     """Table I as a message, stamped with the tick that its bytes belong to."""
     return messages.AircraftState(
@@ -158,4 +178,5 @@ def state_message(state: AircraftState, node: str, sim_time_ns: int) -> messages
         state.throttle_percent,
         state.armed,
         state.ready_to_arm and state.position_ok,
+        _ages_s(state),
     )

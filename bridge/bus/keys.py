@@ -65,6 +65,11 @@ class Keys:
         return f"{self.prefix}/clock/exchange"
 
     @property
+    def clock_pace(self) -> str:
+        """How fast the clock goes by wall time, and whether it is held; written by the fleet clock when it changes."""
+        return f"{self.prefix}/clock/pace"
+
+    @property
     def ending(self) -> str:
         """How far the radio is with the last part of its record."""
         return f"{self.prefix}/ending"
@@ -78,6 +83,10 @@ class Keys:
     def clock_end(self) -> str:
         """The tick with which the run ends: all its packets are settled; written by the radio router."""
         return f"{self.prefix}/clock/end"
+
+    def clock_command(self, verb: str) -> str:
+        """Queryable that moves a clock: pause, resume, step, speed, status; of a record that is played seek, too."""
+        return f"{self.prefix}/clock/cmd/{verb}"
 
     def truth(self, node: str) -> str:
         """True state of a node; written by the flight dynamics."""
@@ -99,6 +108,10 @@ class Keys:
         """What the node's agent says of itself."""
         return f"{self.prefix}/node/{node}/agent"
 
+    def logged(self, node: str, name: str) -> str:
+        """A value that the node's agent logs, as JSON."""
+        return f"{self.prefix}/node/{node}/log/{name}"
+
     def answer(self, node: str) -> str:
         """A regulated node's word that it is done with a tick: its agent, and its aircraft."""
         return f"{self.prefix}/node/{node}/answer"
@@ -114,6 +127,10 @@ class Keys:
     def comm_status(self, node: str) -> str:
         """Which other nodes' latest packets reached this one."""
         return f"{self.prefix}/node/{node}/comm_status"
+
+    def measurements(self, node: str) -> str:
+        """What a node's RF sensor tells."""
+        return f"{self.prefix}/node/{node}/measurements"
 
     def heard(self, host: str) -> str:
         """What the radio has for the nodes of one host; made at the end of each tick."""

@@ -13,7 +13,7 @@ import struct
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import zenoh
 from zenoh.handlers import Callback
@@ -47,6 +47,8 @@ class Stamp:
     seq: int
     sim_time_ns: int
     source: bytes = b""
+    SIZE_BYTES: ClassVar[int] = _ATTACHMENT.size
+    """Of the attachment; what was received has more behind it (`bridge.bus.reception`)."""
 
     def to_bytes(self) -> bytes:
         """The 33 bytes of the attachment."""
@@ -58,9 +60,9 @@ class Stamp:
         if sample.attachment is None:
             return None
         raw = sample.attachment.to_bytes()
-        if len(raw) != _ATTACHMENT.size:
+        if len(raw) < _ATTACHMENT.size:
             return None
-        seq, sim_time_ns, id_length, source = _ATTACHMENT.unpack(raw)
+        seq, sim_time_ns, id_length, source = _ATTACHMENT.unpack_from(raw)
         return cls(seq, sim_time_ns, source.rstrip(b"\0")) if id_length == 16 else None
 
 
@@ -145,6 +147,13 @@ class Session:
             timeout=timeout_s,
             consolidation=zenoh.ConsolidationMode.NONE,
         )
+
+    def query_bytes(
+        self, key: str, payload: bytes, on_reply: Callable[[zenoh.Reply], object], *, timeout_s: float
+    ) -> None:
+        """Ask ``key`` with bytes as they are; ``on_reply`` gets each reply, in Zenoh's own thread."""
+        handler = Callback(on_reply, indirect=False)
+        self._inner.get(key, handler, payload=payload, timeout=timeout_s)
 
     def declare_alive(self, key: str) -> None:
         """Hold a liveliness token as long as this session is open."""

@@ -12,10 +12,12 @@ from typing import Any
 
 import click
 
+from bridge.cli.exits import fail
+from bridge.cli.scenario_options import scenario_with
 from bridge.fleet.autopilots.ardupilot import BINARIES, ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.fleet.ports import conflicts, ports_of
-from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError, read_scenario, with_changes
+from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 
 PACKAGES = (
     "lostlink",
@@ -52,8 +54,7 @@ def doctor(scenario: str, ardupilot_dir: Path | None, first_slot: int | None, as
     try:
         report = examine(scenario, ardupilot_dir, first_slot)
     except ScenarioError as error:
-        click.echo(f"lostlink: {error}", err=True)
-        sys.exit(2)
+        fail(error)
     click.echo(json.dumps(report, indent=1) if as_json else _as_text(report))
     sys.exit(0 if report["ok"] else 1)
 
@@ -70,8 +71,7 @@ def examine(scenario: str, ardupilot_dir: Path | None, first_slot: int | None = 
         ScenarioError: if the scenario cannot be used.
     """
     packages = {name: _version(name) for name in PACKAGES}
-    changes = {} if first_slot is None else {"ports.first_slot": first_slot}
-    uses = list(ports_of(with_changes(read_scenario(scenario), changes)))
+    uses = list(ports_of(scenario_with(scenario, {"ports.first_slot": first_slot})))
     taken = conflicts(uses)
     return {
         "python": platform.python_version(),

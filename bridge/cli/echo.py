@@ -18,6 +18,7 @@ from bridge.bus.identity.keyring import OBSERVERS
 from bridge.bus.keys import ROOT
 from bridge.bus.messages import DecodeError, decode
 from bridge.bus.messages.codec import class_of
+from bridge.bus.reception import signal_of
 from bridge.bus.session import Sample, SessionError, Stamp, checked_endpoint, open_client, plain_text
 from bridge.run.directory import live_runs
 
@@ -112,6 +113,9 @@ def describe(sample: Sample) -> dict[str, Any]:
     stamp = Stamp.from_sample(sample)
     if stamp is not None:
         content |= {"seq": stamp.seq, "sim_time_s": stamp.sim_time_ns / 1e9}
+        rssi_dbm, snr_db = signal_of(sample)
+        if not math.isnan(rssi_dbm):
+            content |= {"rssi_dbm": round(rssi_dbm, 3), "snr_db": round(snr_db, 3)}
     content["length_bytes"] = len(payload)
     cls = class_of(str(sample.encoding))
     if cls is None:
@@ -138,6 +142,8 @@ def _as_text(content: dict[str, Any]) -> str:
     head = [content["key"]]
     if "seq" in content:
         head.append(f"#{content['seq']} at {content['sim_time_s']:.3f} s")
+    if "rssi_dbm" in content:
+        head.append(f"{content['rssi_dbm']:.1f} dBm")
     head.append(f"{content['length_bytes']} B")
     body = content.get("message")
     if body is None:

@@ -9,13 +9,21 @@ import click
 
 COMMANDS = {
     "run": "bridge.cli.run",
+    "schema": "bridge.cli.schema",
     "refly": "bridge.cli.refly",
+    "check": "bridge.cli.check",
     "compare": "bridge.cli.compare",
+    "judge": "bridge.cli.judge",
+    "redecide": "bridge.cli.redecide",
+    "replay": "bridge.cli.replay",
+    "report": "bridge.cli.report",
     "export": "bridge.cli.export",
     "aps": "bridge.cli.aps",
     "doctor": "bridge.cli.doctor",
     "echo": "bridge.cli.echo",
     "token": "bridge.cli.token",
+    "study": "bridge.cli.study",
+    "view": "bridge.cli.view",
     "link": "channel.cli.commands",
     "radios": "channel.cli.commands",
     "figures": "channel.cli.commands",
@@ -58,7 +66,16 @@ def lostlink() -> None:
 def main() -> None:
     """Entry point: errors of use end with status 2, a broken pipe quietly."""
     try:
-        lostlink(prog_name="lostlink")
+        sys.exit(lostlink(prog_name="lostlink", standalone_mode=False))
+    except click.UsageError as error:
+        usage = "" if error.ctx is None else f"\n{error.ctx.get_usage()}"
+        click.echo(f"lostlink: {error.format_message()}{usage}", err=True)
+        sys.exit(error.exit_code)
+    except click.ClickException as error:
+        click.echo(f"lostlink: {error.format_message()}", err=True)
+        sys.exit(error.exit_code)
+    except click.Abort:
+        sys.exit(1)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(141)

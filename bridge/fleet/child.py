@@ -51,7 +51,7 @@ class Child:
         """
         with spec.log_path.open("wb") as log:
             process = await asyncio.create_subprocess_exec(
-                *_on_a_leash(spec.command),
+                *on_a_leash(spec.command),
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=log,
                 stderr=asyncio.subprocess.STDOUT,
@@ -92,7 +92,7 @@ class Child:
         return "\n".join(text.rstrip().splitlines()[-lines:])
 
 
-def _on_a_leash(command: Sequence[str]) -> list[str]:
+def on_a_leash(command: Sequence[str]) -> list[str]:
     """The command such that the kernel ends it with us, where the kernel can (see leash.py)."""
     if sys.platform != "linux":
         return list(command)

@@ -15,7 +15,7 @@ def host_groups(scenario: Scenario) -> dict[str, tuple[str, ...]]:
 
     Nodes whose agent is ``isolated`` have a host of their own besides.
     """
-    alone = [node.node for node in scenario.nodes if node.agent.isolated]
+    alone = [node.node for node in scenario.transceivers if node.agent.isolated]
     nodes = [node for node in scenario.regulated if node not in alone]
     shared = _spread(nodes, scenario.hosts, core_count())
     named = {f"{PREFIX}{index}": group for index, group in enumerate(shared)}

@@ -76,6 +76,8 @@ def conflicts(uses: Iterable[PortUse]) -> list[str]:
 def _remedy(use: PortUse) -> str:
     if use.setting == "ports.zenoh":
         return "free it, or choose another with --zenoh-port N (0: any) or ports.zenoh in the scenario"
+    if use.setting.startswith("--"):
+        return f"free it, or choose another with {use.setting} N (0: any)"
     return f"free it, or move all UA with --first-slot N, or change {use.setting} in the scenario"
 
 

@@ -16,12 +16,13 @@ from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.identity.roster import SUPERVISOR, roster
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
-from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Links, Message, decode
+from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Message, decode
 from bridge.bus.session import Sample, Session, SessionError, free_port, open_client
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.autopilots.launchers import LAUNCHERS
 from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.environment import environment_of
+from bridge.fleet.glance import Glance
 from bridge.fleet.hosts import PREFIX, host_groups
 from bridge.fleet.ports import HOST, conflicts, ports_of
 from bridge.record.events import DIED, KILLED, Report
@@ -48,8 +49,6 @@ MODULES = {
     "host": "bridge.host.process",
 }
 """What runs as which process."""
-SHOWN_MAX = 10_000
-"""Link reports that may wait to be shown; the oldest give way."""
 
 T = TypeVar("T")
 
@@ -73,10 +72,17 @@ class Ending(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Observer:
-    """What the supervisor tells of the run while it goes on."""
+    """What the supervisor tells of the run while it goes on.
+
+    Attributes:
+        on_phase: told what it does now.
+        on_message: told the clock, and what agents say of themselves.
+        glance: given states and link reports; None: nobody looks at them, and nobody makes them.
+    """
 
     on_phase: Callable[[str], object]
     on_message: Callable[[Message], object]
+    glance: Glance | None = None
 
 
 class Fleet:
@@ -112,12 +118,11 @@ class Fleet:
         self._keyring: Keyring | None = None
         loop = asyncio.get_running_loop()
         self._outcome: asyncio.Future[Ending] = loop.create_future()
-        # What decides the run is never dropped; of what is only looked at the newest is enough.
+        # What decides the run is never dropped.
         self._control: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=None)
-        self._shown: Inbox[tuple[type[Message], Sample]] = Inbox(loop, self._on_sample, limit=SHOWN_MAX)
         self.not_done = {
             node.node
-            for node in scenario.nodes
+            for node in scenario.transceivers
             if node.agent.has_task or not isinstance(node.agent, OwnAgent | FreeAgent)
         }
         """Nodes whose agents have not flown what they were to fly: also one that was only to hold."""
@@ -126,6 +131,8 @@ class Fleet:
         self._report = Report(run.path, "supervisor")
         self._ended: set[str] = set()
         self._last_tick = loop.time()
+        self._pace = (False, scenario.speed_factor)
+        """Whether an operator holds the clock, and the speed that is aimed at."""
         self._news = asyncio.Event()
         self.sim_time_ns = 0
 
@@ -154,8 +161,8 @@ class Fleet:
         except AutopilotError as error:
             raise FleetError(str(error)) from error
         endpoint = f"tcp/{HOST}:{self._scenario.ports.zenoh or free_port()}"
-        free = {node.node for node in self._scenario.nodes if not node.has_agent}
-        identities = roster(self._scenario.stations, self._hosts, free)
+        free = {node.node for node in self._scenario.transceivers if not node.has_agent}
+        identities = roster(self._scenario.transceiver_ids, self._hosts, free)
         self._keyring = Keyring.create(self._run.path / SECRETS_FOLDER, identities)
         info = self._run.write(self._scenario, endpoint, self._replay, self._hosts, self._keyring)
         try:
@@ -260,8 +267,7 @@ class Fleet:
 
     def _tell_what_was_missed(self) -> None:
         """What came for the supervisor and was not handled, or not shown; and whom it had to kill."""
-        self._report.count("link_reports_not_shown", self._shown.dropped)
-        self._report.count("samples_whose_handling_failed", self._control.failed + self._shown.failed)
+        self._report.count("samples_whose_handling_failed", self._control.failed)
         for name in self.killed:
             what = f"{name} did not end in time and was killed"
             log = self._run.log_path(name)
@@ -274,17 +280,34 @@ class Fleet:
     # --- what the processes tell
 
     def _listen(self, session: Session, keys: Keys) -> None:
-        control, shown = self._control, self._shown
+        def subscribe(key_expr: str, cls: type[Message]) -> None:
+            session.subscribe(key_expr, lambda sample: self._control.push((cls, sample)))
 
-        def subscribe(key_expr: str, cls: type[Message], inbox: Inbox[tuple[type[Message], Sample]]) -> None:
-            session.subscribe(key_expr, lambda sample: inbox.push((cls, sample)))
-
-        subscribe(keys.clock, Clock, control)
-        subscribe(keys.clock_end, Header, control)
-        subscribe(keys.agent("*"), AgentStatus, control)
-        subscribe(keys.tick("links"), Links, shown)
+        subscribe(keys.clock, Clock)
+        subscribe(keys.clock_end, Header)
+        pace: Inbox[Sample] = Inbox(asyncio.get_running_loop(), self._on_pace)
+        session.subscribe(keys.clock_pace, pace.push)
+        subscribe(keys.agent("*"), AgentStatus)
+        glance = self._observer.glance
+        if glance is not None:
+            session.subscribe(keys.state("*"), glance.state_came)
+            session.subscribe(keys.tick("links"), glance.links_came)
         ending: Inbox[Sample] = Inbox(asyncio.get_running_loop(), self._on_ending)
         session.subscribe(keys.ending, ending.push)
+
+    def _on_pace(self, sample: Sample) -> None:
+        """An operator holds the clock, or lets it go: while it is held nobody waits for ticks."""
+        try:
+            clock = decode(sample.payload.to_bytes(), Clock)
+        except DecodeError as error:
+            self._observer.on_phase(f"ignores a malformed message on {sample.key_expr}: {error}")
+            return
+        self._last_tick = asyncio.get_running_loop().time()
+        pace = (clock.paused, clock.speed)
+        if pace == self._pace:
+            return
+        self._pace = pace
+        self._observer.on_phase("is held by an operator" if clock.paused else "flies")
 
     def _on_ending(self, sample: Sample) -> None:
         """The router tells how far its record is: whoever waits for it waits on."""
@@ -305,7 +328,7 @@ class Fleet:
             self._on_clock(message)
         elif isinstance(message, AgentStatus):
             node = self._run.keys.node_of(str(sample.key_expr))  # the key says who it is
-            if node not in self._scenario.stations:
+            if node not in self._scenario.transceiver_ids:
                 return
             message = replace(message, header=Header(message.header.stamp, node))
             self._on_agent(message)

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Protocol
 
 from bridge.agents.client import LookAtStatus
+from bridge.agents.measurements import Measurement, measurements_by_node
 from bridge.bus.messages import CommunicationStatus, Header, Heard
 from bridge.bus.session import Stamp
 from bridge.host.node import Packet
@@ -16,11 +17,14 @@ from bridge.host.node import Packet
 class Receiver(Protocol):
     """A node that gets what the radio has for it."""
 
-    def packet_came(self, packet: Packet) -> None:
-        """The radio delivered a packet."""
+    def packet_came(self, packet: Packet, rssi_dbm: float, snr_db: float) -> None:
+        """The radio delivered a packet, and in which power."""
 
     def comm_status_came(self, look: LookAtStatus) -> None:
         """The radio tells who was heard."""
+
+    def measurements_came(self, measurements: Sequence[Measurement]) -> None:
+        """The node's RF sensor tells what it measured."""
 
 
 def hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receiver]) -> None:
@@ -48,10 +52,12 @@ def _hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receiv
         )
     ]
     by_index = {index: receivers[node] for index, node in enumerate(nodes) if node in receivers}
-    for index, rx in zip(heard.packet, heard.rx, strict=True):
-        by_index[rx].packet_came(packets[index])
+    for index, rx, rssi_dbm, snr_db in zip(heard.packet, heard.rx, heard.rssi_dbm, heard.snr_db, strict=True):
+        by_index[rx].packet_came(packets[index], rssi_dbm, snr_db)
     for node, (begin, end) in zip(heard.status_of, pairwise((0, *heard.status_end)), strict=True):
         by_index[node].comm_status_came(partial(_status, heard, nodes, nodes[node], begin, end))
+    for node, measurements in measurements_by_node(heard.measurements).items():
+        by_index[node].measurements_came(measurements)
 
 
 def _status(heard: Heard, nodes: Sequence[str], node: str, begin: int, end: int) -> CommunicationStatus:

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 
@@ -38,6 +38,9 @@ from bridge.scenario.agents import FreeAgent
 from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.timeouts import FLUSH_PERIOD_S
 
+if TYPE_CHECKING:
+    from channel.sensing.sensor import Sensor
+
 log = logging.getLogger("host")
 
 
@@ -67,7 +70,7 @@ class HostedNode:
         self._record = record
         self._agent_folder = run.agent_folder(config.node)
         self._outlets = ZenohOutlets(session, run.keys, config.node)
-        self.node = Node(config.node, body, self._outlets, record.write_input)
+        self.node = Node(config.node, body, self._outlets, record)
         self.runner: AgentRunner | None = None
         self._flush = Every(FLUSH_PERIOD_S)
         self._closed = False
@@ -90,12 +93,28 @@ class HostedNode:
     async def _start_agent(self, make: Callable[..., Any]) -> None:
         outlet = AgentOutlet(self._outlets)
         self.runner = AgentRunner(
-            UaClient(self.id, outlet, self._scenario.seed, self._agent_folder, nodes=self._scenario.stations),
+            UaClient(
+                self.id,
+                outlet,
+                self._scenario.seed,
+                self._agent_folder,
+                nodes=self._scenario.transceiver_ids,
+                sensor=self._sensor(),
+            ),
             lambda client: make(client, self._config, self._scenario.transmit),
             lambda: self._loop.call_soon_threadsafe(self._agent_is_idle),
         )
         self.node.join(self.runner, outlet)
         await asyncio.wrap_future(self.runner.start())
+
+    def _sensor(self) -> Sensor | None:
+        """What the agent knows of its node's RF sensor."""
+        if self._config.sensor is None:
+            return None
+        from bridge.scenario.resolve_sensing import sensor_of  # few nodes have one, and it takes its time
+        from channel.sensing.sensor import Sensor
+
+        return Sensor(sensor_of(self._config.sensor, self._scenario.origin))
 
     def serve(self) -> None:
         """Take operators' commands."""

@@ -3,7 +3,8 @@
 `Node` is the order in which things happen on board (docs/architecture.md has it as a drawing):
 
 1. the autopilot, held by the flight dynamics, is heard; then MAVLink clients, then operators, in the order they came;
-2. the agent gets clock, state, who was heard, the packets that the radio delivered, and what became of its commands;
+2. the agent gets clock, state, who was heard, what its sensor measured, the packets that the radio delivered, and what
+   became of its commands;
 3. when nothing in the agent is ready to run, its commands start, in their order;
 4. the autopilot is spoken to, and the tick is answered.
 
@@ -17,11 +18,14 @@ from typing import NamedTuple, Protocol
 
 from aps.inputs import Input
 from bridge.agents.client import LookAtStatus, OnEvent, UaClient
+from bridge.agents.measurements import Measurement
 from bridge.agents.runner import AgentRunner, Arrival
 from bridge.aircraft.body import Body, StatePace
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
+from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.record.inputs import RecordedInput
+from bridge.record.logged import LoggedValue
 
 OnReply = Callable[[CommandEvent], object]
 ASKED_MAX = 1000
@@ -43,9 +47,25 @@ class Outlets(Protocol):
     def answer(self, sim_time_ns: int) -> None:
         """Tell the radio that all is done that this node does at a tick."""
 
+    def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
+        """Publish what the agent logged, if anybody wants it."""
+
+
+class Recorder(Protocol):
+    """Where what a node does is written down, with its instant."""
+
+    def write_input(self, item: RecordedInput) -> None:
+        """An input from outside takes effect."""
+
+    def write_state(self, state: AircraftState) -> None:
+        """The state is published."""
+
+    def write_logged(self, item: LoggedValue | AgentStatus) -> None:
+        """The agent logged a value, or said what it is doing."""
+
 
 class Packet(NamedTuple):
-    """What the radio delivered."""
+    """What the radio delivered, the same for all that got it."""
 
     sender: str
     channel: str
@@ -53,13 +73,27 @@ class Packet(NamedTuple):
     stamp: Stamp
 
 
+Received = tuple[Packet, float, float]
+"""A packet at one node, with RSSI, dBm, and SNR, dB."""
+
+
 class AgentOutlet:
-    """What the agent says (`bridge.agents.client.Outlet`): packets go out at once, commands when its tick is over."""
+    """What the agent says (`bridge.agents.client.Outlet`): packets and reports go at once, the rest when it is idle."""
 
     def __init__(self, outlets: Outlets) -> None:
         self.transmit = outlets.transmit
-        self.report = outlets.report
+        self._report = outlets.report
         self.commands: list[tuple[str, CommandGoal, OnEvent]] = []
+        self.logged: list[LoggedValue | AgentStatus] = []
+
+    def report(self, status: AgentStatus) -> None:
+        """Tell at once, and keep it for the record."""
+        self._report(status)
+        self.logged.append(status)
+
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:  # noqa: ARG002
+        """Keep a value until the agent's tick is over."""
+        self.logged.append(item)
 
     def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
         """Keep a command until the agent's tick is over."""
@@ -72,7 +106,7 @@ class Node:
     Args:
         body: its aircraft, with a held daemon; or what a ground node has in its place.
         outlets: where what it says goes.
-        record_input: told of each input from outside as it takes effect, with its tick.
+        record: told of what is to be written down, at its tick.
     """
 
     def __init__(
@@ -80,18 +114,19 @@ class Node:
         node: str,
         body: Body,
         outlets: Outlets,
-        record_input: Callable[[RecordedInput], object],
+        record: Recorder,
     ) -> None:
         self.node = node
         self.body = body
         self._pace = StatePace()
         self._outlets = outlets
-        self._record_input = record_input
+        self._record = record
         self._now_ns = 0
         self._agent_outlet: AgentOutlet | None = None
         self._runner: AgentRunner | None = None
-        self._packets: list[Packet] = []
+        self._packets: list[Received] = []
         self._comm_status: LookAtStatus | None = None
+        self._measurements: list[Measurement] = []
         self._events: list[tuple[OnEvent, CommandEvent]] = []
         self._asked: list[tuple[str, CommandGoal, OnReply]] = []
         self.commands_dropped = 0
@@ -109,13 +144,17 @@ class Node:
 
     # What comes from other processes, between ticks.
 
-    def packet_came(self, packet: Packet) -> None:
+    def packet_came(self, packet: Packet, rssi_dbm: float, snr_db: float) -> None:
         """The radio delivered a packet: it is for the next tick. They come in canonical order."""
-        self._packets.append(packet)
+        self._packets.append((packet, rssi_dbm, snr_db))
 
     def comm_status_came(self, look: LookAtStatus) -> None:
         """The radio tells who was heard."""
         self._comm_status = look
+
+    def measurements_came(self, measurements: Sequence[Measurement]) -> None:
+        """The node's RF sensor tells what it measured: it is for the next tick."""
+        self._measurements += measurements
 
     def operator_asked(self, verb: str, goal: CommandGoal, on_reply: OnReply) -> None:
         """Somebody outside wants the aircraft to do something: it is for the next tick, and recorded."""
@@ -143,6 +182,7 @@ class Node:
         state = self.body.state()
         if self._pace.is_due(now_ns):
             self._outlets.state(state)
+            self._record.write_state(state)
         if self._runner is None:  # nobody of ours flies it
             self._end()
         else:
@@ -151,6 +191,11 @@ class Node:
     def finish(self) -> None:
         """The agent has done all that it does at this tick."""
         assert self._agent_outlet is not None, "a node ticks with its agent"
+        logged, self._agent_outlet.logged = self._agent_outlet.logged, []
+        for item in logged:
+            self._record.write_logged(item)
+            if isinstance(item, LoggedValue):
+                self._outlets.logged(item, self._now_ns)
         commands, self._agent_outlet.commands = self._agent_outlet.commands, []
         for verb, goal, on_event in commands:
             self.body.start(verb, goal, lambda event, tell=on_event: self._tell(tell, event))  # type: ignore[misc]
@@ -181,12 +226,12 @@ class Node:
         return due
 
     def _start_asked(self, verb: str, goal: CommandGoal, on_reply: OnReply) -> None:
-        self._record_input(RecordedInput.command(self._now_ns, verb, goal))
+        self._record.write_input(RecordedInput.command(self._now_ns, verb, goal))
         self.body.start(verb, goal, on_reply)
 
     def client_did(self, item: Input) -> None:
         """A MAVLink client's input takes effect at this instant."""
-        self._record_input(RecordedInput(self._now_ns, item.kind, item.link, item.raw))
+        self._record.write_input(RecordedInput(self._now_ns, item.kind, item.link, item.raw))
 
     def _tell(self, on_event: OnEvent, event: CommandEvent) -> None:
         """Keep what became of an agent's command for its next tick."""
@@ -198,16 +243,21 @@ class Node:
         status, self._comm_status = self._comm_status, None
         if status is not None:
             arrivals.append(lambda ua: ua.take_comm_status(status))
+        measurements, self._measurements = self._measurements, []
+        arrivals.append(lambda ua: ua.take_measurements(measurements))
         packets, self._packets = self._packets, []
         if packets:
-            arrivals.append(lambda ua: _give(packets, ua))
+            arrivals.append(lambda ua: give_packets(packets, ua))
         events, self._events = self._events, []
         return arrivals + [_event(on_event, event) for on_event, event in events]
 
 
-def _give(packets: Sequence[Packet], ua: UaClient) -> None:
-    for packet in packets:
-        ua.take_packet(packet.sender, packet.channel, packet.payload, packet.stamp)
+def give_packets(packets: Sequence[Received], ua: UaClient) -> None:
+    """Give a node's agent what the radio delivered, at its tick."""
+    now_ns = ua.sim_time_ns
+    for (sender, channel, payload, stamp), rssi_dbm, snr_db in packets:
+        reception = Reception(stamp.seq, stamp.sim_time_ns, now_ns, rssi_dbm, snr_db)
+        ua.take_packet(sender, channel, payload, reception)
 
 
 def _event(on_event: OnEvent, event: CommandEvent) -> Arrival:

@@ -1,4 +1,4 @@
-"""What is written down of one node: its MAVLink, inputs from outside, counters, and why it may not repeat."""
+"""What is written down of one node: MAVLink, states, its agent's log, inputs, counters, and why it may not repeat."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from bridge.aircraft.state_table import StateRows
+from bridge.bus.messages import AgentStatus, AircraftState
 from bridge.record import names
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, RecordedInput, inputs_of
+from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 
@@ -44,6 +47,9 @@ class NodeRecord:
             for direction, stream in files.items()
             if has_autopilot
         }
+        self._logged = StreamWriter(names.logged(node).path(run.path))
+        self._states = StateRows(run.path, node)
+        self._writers: list[StreamWriter | StateRows] = [*self._mavlink.values(), self._logged, self._states]
 
     def write_mavlink(self, direction: str, data: bytes) -> None:
         """Bytes that were read from, or written to, the autopilot at this instant."""
@@ -52,6 +58,14 @@ class NodeRecord:
     def write_input(self, item: RecordedInput) -> None:
         """An input that takes effect at this instant."""
         self._inputs.write(item)
+
+    def write_state(self, state: AircraftState) -> None:
+        """The node's state, as it is published at this instant."""
+        self._states.append(state)
+
+    def write_logged(self, item: LoggedValue | AgentStatus) -> None:
+        """What the node's agent logged or reported at this instant."""
+        self._logged.write(self.now_ns, encode_logged(item))
 
     def may_not_repeat(self, reason: str) -> None:
         """Wall time decided something; each reason counts once, with the instant of the first time."""
@@ -64,7 +78,7 @@ class NodeRecord:
 
     def flush(self) -> None:
         """Hand everything to the operating system."""
-        for writer in self._mavlink.values():
+        for writer in self._writers:
             writer.flush()
         self._report.flush()
 
@@ -73,7 +87,7 @@ class NodeRecord:
         self._report.set_counters(_flat(statistics) | dict(counters))
         self._report.close()
         self._inputs.close()
-        for writer in self._mavlink.values():
+        for writer in self._writers:
             writer.close()
 
 

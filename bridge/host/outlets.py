@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from bridge.agents.sender import Sender
+from bridge.bus.keys import Keys
 from bridge.bus.messages import AircraftState, Header
+from bridge.bus.session import Session
+from bridge.record.logged import LoggedValue
 
 
 class ZenohOutlets(Sender):
     """What one node says, on Zenoh (`bridge.host.node.Outlets`)."""
+
+    def __init__(self, session: Session, keys: Keys, node: str) -> None:
+        super().__init__(session, keys, node)
+        self._wants_logged = session.interest(keys.logged(node, "*"))
+
+    def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
+        """Publish what the agent logged, if anybody subscribes."""
+        if self._wants_logged():
+            self.log(item, sim_time_ns)
 
     def state(self, state: AircraftState) -> None:
         """Publish the aircraft's state."""

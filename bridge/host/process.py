@@ -19,8 +19,8 @@ from bridge.host.hosted_ground import HostedGround
 from bridge.host.hosted_node import HostedNode
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
-from bridge.run.process import Arguments, parse_arguments, run_until_stopped
-from bridge.scenario.nodes import Aircraft
+from bridge.run.process import Arguments, log_clock, parse_arguments, run_until_stopped
+from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.timeouts import AGENT_END_S, START_S
 
 log = logging.getLogger("host")
@@ -49,6 +49,7 @@ def _hosted(session: Session, run: RunDirectory, node: str) -> HostedNode:
     config = run.scenario.node(node)
     if isinstance(config, Aircraft):
         return HostedAircraft(session, run, config)
+    assert isinstance(config, GroundNode), "emitters have no host"
     return HostedGround(session, run, config)
 
 
@@ -70,7 +71,7 @@ class _Listener:
 
     def __init__(self, run: RunDirectory, name: str, hosted: Sequence[HostedNode], report: Report) -> None:
         self._keys, self._name = run.keys, name
-        self._stations = run.scenario.stations
+        self._stations = run.scenario.transceiver_ids
         self._hosted = {one.id: one for one in hosted}
         self._nodes = {one.id: one.node for one in hosted}
         self._report = report
@@ -101,11 +102,12 @@ class _Listener:
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)
+        log_clock.now_ns = clock.header.stamp.ns
         for one in self._hosted.values():
             one.clock_came(clock.header.stamp.ns, is_tick=True, absent=one.id in clock.stalled)
 
     def _exchange_came(self, sample: Sample) -> None:
-        sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
+        log_clock.now_ns = sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
         for one in self._hosted.values():
             one.clock_came(sim_time_ns, is_tick=False)
 

@@ -13,14 +13,16 @@ from collections.abc import Sequence
 
 from bridge.bus.messages import DecodeError, Header, Truths, decode
 from bridge.bus.session import Sample, Session, open_client
+from bridge.physics.held_clock import HeldClock
 from bridge.physics.truth_message import clock_message, ground_truth_message, truth_message
 from bridge.physics.truth_table import TruthColumns
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
-from bridge.run.process import exit_status, on_stop_signal, parse_arguments
+from bridge.run.process import exit_status, log_clock, on_stop_signal, parse_arguments
 from bridge.scenario.ground_track import GroundTrack
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Emitter, GroundNode
 from bridge.scenario.resolve import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
 from bridge.timeouts import FLUSH_PERIOD_S, START_S
 from fdm.air.weather import in_weather
@@ -52,12 +54,20 @@ class Physics:
         stations = self._scenario.stations
         self._table = TruthColumns(run.path, stations)
         self._wanted = {node: session.interest(self._keys.truth(node)) for node in stations}
-        self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in self._scenario.ground]
+        placed: tuple[GroundNode | Emitter, ...] = (*self._scenario.ground, *self._scenario.emitters)
+        self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in placed]
         self._truths: list[TrueState] = []
         self._flush = Every(FLUSH_PERIOD_S)
         self._started = threading.Event()
         self._stopped = False
         self.exchange = self._open()
+        self._held = HeldClock(
+            session,
+            self._keys,
+            self.exchange,
+            speed=self._scenario.speed_factor,
+            tick_period_ns=self._scenario.tick_period_ns,
+        )
         session.subscribe(self._keys.clock_release, self._on_release)
         session.subscribe(self._keys.clock_start, lambda _: self._started.set())
 
@@ -106,15 +116,18 @@ class Physics:
 
     def close(self) -> None:
         """Close sockets and files."""
+        self._held.close()
         self.exchange.close()
         self._table.close()
 
     def _on_tick(self, status: ClockStatus) -> None:
         truths, self._truths = self._truths, []
+        log_clock.now_ns = status.sim_time_ns
         if status.sim_time_ns % self._scenario.tick_period_ns:
             header = Header.at(status.sim_time_ns, "")
             self._session.put(self._keys.clock_exchange, header, must_arrive=True)
             return
+        self._held.sim_time_ns = status.sim_time_ns
         self._publish(status.sim_time_ns, truths)
         if self._flush.is_due():
             self._table.flush()

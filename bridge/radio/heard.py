@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import Header, Heard
+from bridge.radio.measurements import Told, as_message
 from bridge.radio.picture import Row
 from bridge.radio.virtual_radio import Settled
 from channel.medium.reception import DELIVERED
@@ -26,30 +28,33 @@ class Hosts:
         host_of = {node: index for index, name in enumerate(self.names) for node in groups[name]}
         self._host_of: NDArray[np.intp] = np.array([host_of.get(node, -1) for node in nodes], dtype=np.intp)
 
-    def shares(self, sim_time_ns: int, settled: Settled, rows: Sequence[Row]) -> dict[str, Heard]:
+    def shares(
+        self, sim_time_ns: int, settled: Settled, rows: Sequence[Row], told: Sequence[Told] = ()
+    ) -> dict[str, Heard]:
         """The message for each host for whose nodes there is something."""
         receptions = settled.receptions
         arrived = np.flatnonzero(receptions.fate == DELIVERED)
-        packet, rx = receptions.packet[arrived], receptions.rx[arrived]
-        hosts = self._host_of[rx]
+        hosts = self._host_of[receptions.rx[arrived]]
         found = {}
         for host, name in enumerate(self.names):
-            mine = hosts == host
+            mine = arrived[hosts == host]
             statuses = [row for row in rows if self._host_of[row.node] == host]
-            if statuses or mine.any():
+            measured = [each for each in told if self._host_of[each.node] == host]
+            if statuses or measured or mine.size:
                 header = Header.at(sim_time_ns, name)
-                found[name] = _share(header, settled, packet[mine], rx[mine], statuses)
+                share = _share(header, settled, mine, statuses)
+                found[name] = replace(share, measurements=as_message(sim_time_ns, measured))
         return found
 
 
 def _share(
     header: Header,
     settled: Settled,
-    packet: NDArray[np.intp],
-    rx: NDArray[np.intp],
+    mine: NDArray[np.intp],
     statuses: Sequence[Row],
 ) -> Heard:
-    wanted, row = np.unique(packet, return_inverse=True)
+    receptions = settled.receptions
+    wanted, row = np.unique(receptions.packet[mine], return_inverse=True)
     packets = [settled.packets[index] for index in wanted.tolist()]
     lengths = [len(each.payload) for each in packets]
     return Heard(
@@ -61,7 +66,9 @@ def _share(
         np.cumsum(lengths, dtype=np.uint32),
         b"".join(each.payload for each in packets),
         row.astype(np.uint32),
-        rx.astype(np.uint16),
+        receptions.rx[mine].astype(np.uint16),
+        receptions.received_power_dbm[mine].astype(np.float32),
+        receptions.snr_db[mine].astype(np.float32),
         [each.node for each in statuses],
         np.cumsum([len(each.others) for each in statuses], dtype=np.uint32),
         _joined([each.others for each in statuses], np.uint16),

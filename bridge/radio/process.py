@@ -10,10 +10,20 @@ from functools import partial
 
 from bridge.bus.identity.logins import LoginWatch
 from bridge.bus.keys import KeyMistake, Keys
-from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Truths, decode
+from bridge.bus.messages import (
+    AgentStatus,
+    Clock,
+    DataPackage,
+    DecodeError,
+    Header,
+    Truths,
+    decode,
+    encoding_of,
+)
 from bridge.bus.session import Sample, Session, Stamp, open_router
 from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.intake import Handler, Intake, Waiting
+from bridge.radio.measurements import SensorsOfRun
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.ring import Ring
 from bridge.radio.senders import Refused
@@ -24,14 +34,18 @@ from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
-from bridge.run.process import exit_status, on_stop_signal, parse_arguments
+from bridge.run.process import exit_status, log_clock, on_stop_signal, parse_arguments
 from bridge.scenario.resolve_radio import radios_of
+from bridge.scenario.resolve_sensing import emitters_of, sensors_of
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.medium.medium import Medium
 from channel.medium.verdict import Judge
 from channel.validity import OutsideValidityError
 
 IDLE_S = 5.0
+NO_PACKAGE = "no_data_package_on_the_data_channel"
+"""Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
+PACKAGE_ENCODING = encoding_of(DataPackage)
 REFUSALS_LOGGED_MAX = 20
 log = logging.getLogger("router")
 
@@ -41,7 +55,8 @@ class RouterProcess:
 
     def __init__(self, session: Session, run: RunDirectory, report: Report) -> None:
         scenario, keys = run.scenario, run.keys
-        radios = radios_of(scenario)
+        emitters = emitters_of(scenario)
+        radios = radios_of(scenario, emitters)
         self._keys: Keys = keys
         self._session = session
         self._run = run
@@ -51,15 +66,25 @@ class RouterProcess:
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
-        self._judge = Judge(len(scenario.stations))
-        medium = Medium(radios, seed=scenario.seed, nodes=scenario.stations, judge=self._judge)
+        self._judge = Judge(len(scenario.transceiver_ids))
+        medium = Medium(
+            radios,
+            seed=scenario.seed,
+            nodes=scenario.transceiver_ids,
+            judge=self._judge,
+            emitters=[each.name for each in emitters],
+        )
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self._core = VirtualRadio(medium, ring, mtu_bytes)
-        self._publisher = TickPublisher(session, keys, scenario.stations, run.info.hosts)
-        self._free = {node.node for node in scenario.nodes if not node.has_agent}
+        self._publisher = TickPublisher(session, keys, scenario.transceiver_ids, run.info.hosts)
+        self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._report = report
-        self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.stations}
-        self._writer = DeliveryColumns(run.path, scenario.stations)
+        self._data_channel = scenario.transmit.channel
+        self._packets = {
+            node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.transceiver_ids
+        }
+        self._writer = DeliveryColumns(run.path, scenario.transceiver_ids)
+        self._sensors = SensorsOfRun.of(run, sensors_of(scenario), emitters, medium)
         self._intake = Intake()
         droppable = {self._on_packet, self._on_agent}
         for key_expr, handler in self._handlers():
@@ -102,6 +127,8 @@ class RouterProcess:
 
     def _close_files(self) -> None:
         self._writer.close()
+        if self._sensors is not None:
+            self._sensors.close()
         for writer in self._packets.values():
             writer.close()
 
@@ -137,6 +164,8 @@ class RouterProcess:
 
     def _flush(self) -> None:
         self._writer.flush()
+        if self._sensors is not None:
+            self._sensors.flush()
         for writer in self._packets.values():
             writer.flush()
         self._report.flush()
@@ -171,8 +200,11 @@ class RouterProcess:
 
     def _on_packet(self, key: str, sample: Sample) -> None:
         address, payload = self._keys.address_of(key), sample.payload.to_bytes()
-        if self._core.on_packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
+        encoding = str(sample.encoding)
+        if self._core.on_packet(address, payload, encoding, Stamp.from_sample(sample)):
             self._tell_if_free(address.node)
+            if address.channel == self._data_channel and not _is_package(payload, encoding):
+                self._report.count(f"{NO_PACKAGE}.{address.node}")
         else:
             self._tell_refusal(f"a packet on {key}")
 
@@ -184,7 +216,8 @@ class RouterProcess:
             self._report.may_not_repeat(text)
 
     def _on_clock(self, _key: str, sample: Sample) -> None:
-        self._core.on_tick(decode(sample.payload.to_bytes(), Clock).header.stamp.ns)
+        log_clock.now_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
+        self._core.on_tick(log_clock.now_ns)
 
     def _on_agent(self, key: str, sample: Sample) -> None:
         node, status = self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus)
@@ -205,7 +238,8 @@ class RouterProcess:
             self._session.put(self._keys.clock_release, header, must_arrive=True)
             return
         settled = self._core.settle()
-        self._publisher.to_nodes(closed.sim_time_ns, settled)
+        told = self._sensors.measure(closed.sim_time_ns) if self._sensors is not None else ()
+        self._publisher.to_nodes(closed.sim_time_ns, settled, told)
         release = self._keys.clock_end if closed.is_end else self._keys.clock_release
         self._session.put(release, header, must_arrive=True)
         self._publisher.to_observers(closed.sim_time_ns, settled, self._core.ledger, is_end=closed.is_end)
@@ -219,6 +253,17 @@ class RouterProcess:
         for packet in transmitted:
             sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)
             self._packets[self._core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(sent))
+
+
+def _is_package(payload: bytes, encoding: str) -> bool:
+    """Whether a packet is a data package: by what it is said to be, or else by its bytes."""
+    if encoding == PACKAGE_ENCODING:
+        return True
+    try:
+        decode(payload, DataPackage)
+    except DecodeError:
+        return False
+    return True
 
 
 def login_refused(report: Report, reason: str, number: int) -> None:

@@ -66,6 +66,7 @@ class VirtualRadio:
         """Packets given to the medium, in canonical order; whoever writes them clears the list."""
         self._medium = medium
         self._index = {node: index for index, node in enumerate(self.nodes)}
+        self._emitters = frozenset(medium.emitters.names)
         self._senders = Senders([mtu_bytes[node] for node in self.nodes], self._book_gap)
         self.refused = self._senders.refused
         self._latest_ns = 0
@@ -78,7 +79,7 @@ class VirtualRadio:
         """Take the true states of nodes, in the fleet's frame."""
         for truth in truths:
             node, sim_time_ns = truth.header.frame_id, truth.header.stamp.ns
-            if node not in self._index:
+            if node not in self._index and node not in self._emitters:
                 self.refused[Refused.UNKNOWN_NODE] += 1
             elif not self._is_plausible(sim_time_ns):
                 self.refused[Refused.MALFORMED] += 1
@@ -86,9 +87,12 @@ class VirtualRadio:
                 self._observe(node, sim_time_ns, truth)
 
     def _observe(self, node: str, sim_time_ns: int, truth: Truth) -> None:
-        q = truth.attitude
+        q, place = truth.attitude, truth.position_ned_m.xyz
         try:
-            self._medium.observe(node, sim_time_ns, truth.position_ned_m.xyz, (q.w, q.x, q.y, q.z))
+            if node in self._emitters:
+                self._medium.emitters.observe([node], sim_time_ns, [place])
+            else:
+                self._medium.observe(node, sim_time_ns, place, (q.w, q.x, q.y, q.z))
         except ChannelInputError:  # numbers that no radio can work with
             self.refused[Refused.MALFORMED] += 1
         else:
@@ -178,13 +182,18 @@ class VirtualRadio:
         self.ledger.settle(receptions)
         done = receptions.packets
         packets = [self._in_flight.pop(key) for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
-        gaps, self._gaps = self._gaps, []
+        gaps, self._gaps = sorted(self._gaps, key=_place_of), []  # whoever was first
         return Settled(packets, receptions, gaps, self._medium.counted_bytes(done))
 
     def _book_gap(self, gap: Gap) -> None:
         to = None if gap.to == EVERYBODY else self.nodes[gap.to]
         self.ledger.lose(self.nodes[gap.tx], gap.cause.value, gap.packets, to)
         self._gaps.append(gap)
+
+
+def _place_of(gap: Gap) -> tuple[int, int, int]:
+    """Where a gap stands among those of a tick."""
+    return gap.sim_time_ns, gap.tx, gap.first_seq
 
 
 def packets_of(taken: Sequence[TxPacket]) -> Packets:

@@ -1,7 +1,8 @@
 """The first difference between two runs, over all streams and tables in the order of sim time.
 
-Within a tick the order is that of cause: truth, what the autopilot said, what it was told, packets, deliveries. Files
-are read side by side and only as far as needed; of each, one tick or some rows are in memory.
+Within a tick the order is that of cause: truth, what the autopilot said, what it was told, what the agent logged,
+packets, states, measurements, deliveries. Files are read side by side and only as far as needed; of each, one tick or
+some rows are in memory.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from bridge.record.explain import NOTHING, describe, explain
 from bridge.record.names import Kind, Stream, streams_of
 from bridge.record.streams import Entry, read_stream
 from bridge.record.tables.compare import compare_table
-from bridge.record.tables.schema import DELIVERIES, TABLES, TRUTH, Table
+from bridge.record.tables.schema import DELIVERIES, MEASUREMENTS, STATES, TABLES, TRUTH, Table
 
 BEFORE_BYTES = 600
 """Of what both streams had, so much is kept: two MAVLink frames of the longest kind."""
@@ -72,7 +73,13 @@ def examine(
         _check_run(run)
     work = _Work(run_a, run_b, NEVER_NS if until_ns is None else until_ns, a_was_cut, on_progress)
     in_a, in_b = set(streams_of(run_a)), set(streams_of(run_b))
-    parts: list[Stream | Table] = [TRUTH, *sorted(in_a | in_b, key=_order), DELIVERIES]
+    parts: list[Stream | Table] = [
+        TRUTH,
+        *sorted(in_a | in_b, key=_order),
+        STATES,
+        MEASUREMENTS,
+        DELIVERIES,
+    ]
     for each in parts:
         if isinstance(each, Stream):
             work.take(str(each), work.compare_stream(each, in_a, in_b))

@@ -48,10 +48,9 @@ def extent_of(run: Path) -> Extent:
         ValueError: it was interrupted before any sim time was whole, or its truth is damaged.
         OSError: its truth cannot be read.
     """
-    ending = _ending(run)
-    was_cut = ending not in IN_ORDER or any(event.kind == KILLED for event in read_reports(run).events)
+    ending, cut = _ending(run), was_cut(run)
     if ending in WHOLE:
-        return Extent(None, was_cut, ending)
+        return Extent(None, cut, ending)
     stop_ns = last_whole_tick(run)
     if stop_ns is None:
         raise ValueError(f"{run}: the run ended before its first whole tick: there is nothing to fly again")
@@ -59,7 +58,12 @@ def extent_of(run: Path) -> Extent:
         raise ValueError(
             f"{run}: the run ended in its first ticks, before sim time passed: nothing to fly again"
         )
-    return Extent(stop_ns, was_cut, ending)
+    return Extent(stop_ns, cut, ending)
+
+
+def was_cut(run: Path) -> bool:
+    """Whether a process of the run was, or may have been, killed: its files may end at different ticks."""
+    return _ending(run) not in IN_ORDER or any(event.kind == KILLED for event in read_reports(run).events)
 
 
 def last_whole_tick(run: Path) -> int | None:

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from aps.wire.dialect import message_fields, message_name
 from aps.wire.framer import Frame, Framer
+from bridge.record.logged import LoggedValue, decode_logged
 from bridge.record.names import Kind
 from bridge.record.packets import SentPacket, decode_packet
 
@@ -45,6 +46,8 @@ def describe(kind: Kind, payload: bytes, before: bytes = b"") -> str:
         except ValueError:
             return f"{len(payload)} bytes that are no packet"
         return f"packet {packet.seq} on channel {packet.channel}, {len(packet.payload)} bytes"
+    if kind is Kind.LOGGED:
+        return _short(_logged_text(payload))
     frames = _frames(payload, before)
     return _short(_frame_text(frames[0])) if frames else f"{len(payload)} bytes: {_hex(payload, 0)}"
 
@@ -65,6 +68,24 @@ def _packet(a: bytes, b: bytes, _before: bytes) -> Explained:
             return Explained(name, str(getattr(old, name)), str(getattr(new, name)))
     what, left, right = first_byte(old.payload, new.payload)
     return Explained(f"packet {old.seq} on channel {old.channel}, {what}", *_lengths(old, new, left, right))
+
+
+def _logged(a: bytes, b: bytes, _before: bytes) -> Explained:
+    try:
+        old, new = decode_logged(a), decode_logged(b)
+    except ValueError:
+        return first_byte(a, b)
+    if isinstance(old, LoggedValue) and isinstance(new, LoggedValue) and old.name == new.name:
+        return Explained(f"the value of {old.name}", _short(repr(old.value)), _short(repr(new.value)))
+    return Explained("the entry", _short(_logged_text(a)), _short(_logged_text(b)))
+
+
+def _logged_text(payload: bytes) -> str:
+    try:
+        item = decode_logged(payload)
+    except ValueError as error:
+        return str(error)
+    return f"{item.name} = {item.value!r}" if isinstance(item, LoggedValue) else str(item)
 
 
 def _lengths(old: SentPacket, new: SentPacket, left: str, right: str) -> tuple[str, str]:
@@ -126,5 +147,6 @@ def _short(text: str) -> str:
 _EXPLAINERS: Final[dict[Kind, Callable[[bytes, bytes, bytes], Explained]]] = {
     Kind.FROM_AUTOPILOT: _mavlink,
     Kind.TO_AUTOPILOT: _mavlink,
+    Kind.LOGGED: _logged,
     Kind.PACKETS: _packet,
 }

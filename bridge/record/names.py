@@ -22,6 +22,7 @@ class Kind(StrEnum):
 
     FROM_AUTOPILOT = "from_autopilot"
     TO_AUTOPILOT = "to_autopilot"
+    LOGGED = "logged"
     PACKETS = "packets"
 
 
@@ -66,7 +67,7 @@ class Stream:
                 return cls(Kind(kind), node)
         raise ValueError(
             f"{name!r} is not the name of a stream: there are mavlink/<node>/from_autopilot, "
-            "mavlink/<node>/to_autopilot and packets/<node>"
+            "mavlink/<node>/to_autopilot, logged/<node> and packets/<node>"
         )
 
 
@@ -83,6 +84,11 @@ def to_autopilot(node: str) -> Stream:
 def packets(node: str) -> Stream:
     """What ``node`` transmitted and the radio took: an entry per packet, see `bridge.record.packets`."""
     return Stream(Kind.PACKETS, node)
+
+
+def logged(node: str) -> Stream:
+    """What the agent of ``node`` logged and reported: an entry each, see `bridge.record.logged`."""
+    return Stream(Kind.LOGGED, node)
 
 
 def checked_file_name(name: str) -> str:

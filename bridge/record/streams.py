@@ -19,6 +19,9 @@ BUFFER_BYTES: Final = 1 << 16
 TICK_MAX_NS: Final = (1 << 63) - 1
 _START: Final = MAGIC + struct.pack("<I", VERSION)
 _HEAD: Final = struct.Struct("<qI")
+START_BYTES: Final = len(_START)
+ENTRY_HEAD_BYTES: Final = _HEAD.size
+"""Before the payload of each entry."""
 
 
 class StreamError(ValueError):

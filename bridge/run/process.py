@@ -22,6 +22,28 @@ current_node: ContextVar[str] = ContextVar("current_node", default="")
 """The node that is being worked for, for the log of a process that has several."""
 
 
+class LogClock:
+    """The sim time that the log of this process is at; None before the first tick."""
+
+    now_ns: int | None = None
+
+
+log_clock = LogClock()
+
+
+class LogForm(logging.Formatter):
+    """A line: wall time, sim time (``-`` before the first tick), level, logger, text."""
+
+    def __init__(self) -> None:
+        super().__init__("%(asctime)s %(sim_time)s %(levelname)s %(name)s: %(message)s")
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Add the sim time."""
+        now_ns = log_clock.now_ns
+        record.sim_time = "-" if now_ns is None else f"{now_ns / 1e9:.3f}s"
+        return super().format(record)
+
+
 @dataclass(frozen=True, slots=True)
 class Arguments:
     """What a process of a run is started with."""
@@ -37,10 +59,10 @@ class NodeLogs(logging.Handler):
     A record's node is that of the context, or of the agent's thread.
     """
 
-    def __init__(self, run: RunDirectory, form: str) -> None:
+    def __init__(self, run: RunDirectory) -> None:
         super().__init__()
         self._run = run
-        self._form = logging.Formatter(form)
+        self._form = LogForm()
         self._rest = logging.StreamHandler(sys.stderr)
         self._rest.setFormatter(self._form)
         self._of_nodes: dict[str, logging.Handler] = {}
@@ -72,8 +94,7 @@ def parse_arguments(name: str, description: str, *, has_nodes: bool = False) -> 
         parser.add_argument("--nodes", required=True, help="node ids of its UA, such as 0,1")
     arguments = parser.parse_args()
     run = RunDirectory(Path(arguments.run_dir))
-    logs = NodeLogs(run, "%(asctime)s %(levelname)s %(name)s: %(message)s")
-    logging.basicConfig(level=logging.INFO, handlers=[logs])
+    logging.basicConfig(level=logging.INFO, handlers=[NodeLogs(run)])
     nodes = tuple(arguments.nodes.split(",")) if has_nodes else ()
     return Arguments(run, arguments.name, nodes)
 

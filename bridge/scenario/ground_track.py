@@ -1,4 +1,4 @@
-"""Where a ground node is at an instant of sim time."""
+"""Where a ground node or an emitter is at an instant of sim time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import bisect
 from typing import NamedTuple
 
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import GroundNode, GroundPlace
+from bridge.scenario.nodes import Emitter, GroundNode, GroundPlace
 from bridge.scenario.resolve import origin_of
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
@@ -26,10 +26,10 @@ class GroundTrack:
 
     Args:
         scenario: whose origin the points are relative to.
-        node: the ground node.
+        node: the ground node or emitter.
     """
 
-    def __init__(self, scenario: Scenario, node: GroundNode) -> None:
+    def __init__(self, scenario: Scenario, node: GroundNode | Emitter) -> None:
         self._origin = origin_of(scenario.origin)
         self._times_ns = [round(point.sim_time_s * 1e9) for point in node.track]
         self._points = [point.position_ned_m for point in node.track] or [

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import yaml
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, WithJsonSchema, field_validator
 
-from bridge.scenario.nodes import Aircraft, GroundNode, NodeConfig
+from bridge.scenario.expectations import Expectation
+from bridge.scenario.mcap import McapSettings
+from bridge.scenario.nodes import Aircraft, Emitter, GroundNode, NodeConfig, Transceiver
 from bridge.scenario.parts import (
     Finite,
     Latitude,
@@ -18,6 +20,7 @@ from bridge.scenario.parts import (
     Positive,
     RadioSetting,
     Slug,
+    WindSetting,
 )
 from bridge.timeouts import STALL_S
 from fdm.air.weather import WeatherConfig
@@ -28,14 +31,18 @@ from fdm.wire.legacy import legacy_ports
 
 SCHEMA = 1
 MAX = "max"
-EVERYBODY = "all"
-"""What stands in a key for every other node; no node is called so."""
+RESERVED_ID = "all"
+"""Of packets for every node (`bridge.bus.keys.ALL`); no node is called so."""
 AUTO = "auto"
 START_TIME_UNIX_S = 1_700_000_000
 """GPS time of autopilots at boot, and time of the records at sim time 0: the host's time would not repeat."""
 MAVSDK_SLOTS, MAVSDK_STEP = 10, 60
 """So many UA have the ports that PX4 gives MAVSDK; those of the others lie higher by this."""
 SPEED_MIN, SPEED_MAX = 0.1, SPEED_RANGE[1]
+A_SPEED: dict[str, Any] = {
+    "anyOf": [{"enum": [MAX]}, {"type": "number", "minimum": SPEED_MIN, "maximum": SPEED_MAX}]
+}
+HOSTS: dict[str, Any] = {"anyOf": [{"enum": ["auto", "per-ua"]}, {"type": "integer", "minimum": 1}]}
 
 
 def _speed(value: object) -> object:
@@ -141,29 +148,56 @@ class Mavlink(Part):
 
 
 class Scenario(Part):
-    """A whole run."""
+    """A whole run.
+
+    Attributes:
+        schema_version: of the file's format.
+        name: part of the run directory's name.
+        description: for people.
+        seed: of all random draws: channel, wind, sensor noise, agents, random places.
+        autopilot: who flies: the stand-in that ships, real ArduPilot, or one that you start.
+        speed: real-time factor, or max.
+        duration_s: longest sim time; the run ends earlier when all tasks are done.
+        tick_rate_hz: ticks per second of sim time: radio and agents.
+        mavlink_rate_hz: how often MAVLink is exchanged with autopilots; as the ticks unless given.
+        hosts: processes for daemons and agents.
+        api: whether each UA's HTTP API is served.
+        origin: zero of the fleet's north-east-down frame.
+        radio: a preset, a file, or a mapping with `preset` and what differs.
+        wind: a wind that ships, a file, or a mapping.
+        weather: temperature and pressure.
+        transmit: what agents give to the radio.
+        parameters: of real ArduPilot, for all UA.
+        ports: first port of each kind.
+        mavlink: what the MAVLink daemons do unasked.
+        fdm: how flight dynamics are served.
+        nodes: what is on the air.
+        expectations: what the run has to show; it ends with status 3 if it does not.
+    """
 
     schema_version: Literal[1] = Field(alias="schema")
     name: Slug
     description: str = ""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
     autopilot: Literal["standin", "ardupilot", "external"] = "standin"
-    speed: Annotated[float | str, BeforeValidator(_speed)] = 1.0
+    speed: Annotated[float | str, BeforeValidator(_speed), WithJsonSchema(A_SPEED)] = 1.0
     duration_s: Positive
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
-    hosts: Annotated[int | str, BeforeValidator(_hosts)] = "auto"
+    hosts: Annotated[int | str, BeforeValidator(_hosts), WithJsonSchema(HOSTS)] = "auto"
     api: bool = False
     origin: Origin
     radio: RadioSetting
-    wind: str = "calm"
+    wind: WindSetting = "calm"
     weather: WeatherConfig = WeatherConfig()
     transmit: Transmit = Transmit()
     parameters: Parameters = Field(default_factory=dict)
     ports: Ports = Ports()
     mavlink: Mavlink = Mavlink()
     fdm: FlightDynamics = FlightDynamics()
+    mcap: McapSettings = McapSettings()
     nodes: Annotated[tuple[NodeConfig, ...], Field(min_length=1)]
+    expectations: tuple[Expectation, ...] = ()
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
@@ -199,13 +233,13 @@ class Scenario(Part):
 
     @field_validator("nodes")
     @classmethod
-    def _ids_differ(cls, nodes: tuple[Aircraft | GroundNode, ...]) -> tuple[Aircraft | GroundNode, ...]:
+    def _ids_differ(cls, nodes: tuple[NodeConfig, ...]) -> tuple[NodeConfig, ...]:
         ids = [node.node for node in nodes]
         twice = sorted({i for i in ids if ids.count(i) > 1})
         if twice:
             raise ValueError(f"id {twice[0]} is used more than once")
-        if EVERYBODY in ids:
-            raise ValueError(f"id {EVERYBODY}: that is the address of packets for every node")
+        if RESERVED_ID in ids:
+            raise ValueError(f"id {RESERVED_ID}: that is the address of packets for every node")
         if not any(isinstance(node, Aircraft) for node in nodes):
             raise ValueError("there has to be a UA: the flight dynamics keep the time")
         return nodes
@@ -231,19 +265,34 @@ class Scenario(Part):
         return tuple(node for node in self.nodes if isinstance(node, GroundNode))
 
     @property
+    def emitters(self) -> tuple[Emitter, ...]:
+        """The nodes that radiate and exchange no packets."""
+        return tuple(node for node in self.nodes if isinstance(node, Emitter))
+
+    @property
+    def transceivers(self) -> tuple[Transceiver, ...]:
+        """The nodes that exchange packets."""
+        return tuple(node for node in self.nodes if not isinstance(node, Emitter))
+
+    @property
+    def transceiver_ids(self) -> tuple[str, ...]:
+        """Ids of the nodes that exchange packets: columns of packets name a node by its place here."""
+        return tuple(node.node for node in self.transceivers)
+
+    @property
     def stations(self) -> tuple[str, ...]:
-        """Ids of the nodes that are in the medium."""
-        return tuple(node.node for node in self.nodes)
+        """Ids of the nodes that are in the medium: those that exchange packets, then emitters."""
+        return (*self.transceiver_ids, *(node.node for node in self.emitters))
 
     @property
     def regulated(self) -> tuple[str, ...]:
         """Ids of the nodes that the clock waits for."""
-        return tuple(node.node for node in self.nodes if node.is_regulated)
+        return tuple(node.node for node in self.transceivers if node.is_regulated)
 
     @property
     def nodes_with_a_task(self) -> frozenset[str]:
         """Nodes whose agents have an end of their own, which the run waits for."""
-        return frozenset(node.node for node in self.nodes if node.agent.has_task)
+        return frozenset(node.node for node in self.transceivers if node.agent.has_task)
 
     def title(self, node_id: str) -> str:
         """What a node is called where people read: ``UA 1``, ``node gcs``."""
@@ -254,7 +303,7 @@ class Scenario(Part):
         """Target real-time factor; ``inf`` for max."""
         return float("inf") if self.speed == MAX else float(self.speed)
 
-    def node(self, node_id: str) -> Aircraft | GroundNode:
+    def node(self, node_id: str) -> NodeConfig:
         """The node with this id."""
         return next(node for node in self.nodes if node.node == node_id)
 

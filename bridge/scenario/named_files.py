@@ -21,13 +21,16 @@ def named_files(scenario: Scenario) -> list[Path]:
 
     What ships goes by name and belongs to lostlink; modules that are installed are not looked for.
     """
-    named = [scenario.wind, *(ua.airframe for ua in scenario.ua)]
-    for radio in (scenario.radio, *(node.radio for node in scenario.nodes)):
-        named += [radio] if isinstance(radio, str) else _texts(radio)
+    named = [ua.airframe for ua in scenario.ua]
+    sensors = (node.sensor.radio for node in scenario.transceivers if node.sensor is not None)
+    antennas = (emitter.antenna for emitter in scenario.emitters)
+    radios = (scenario.radio, *(node.radio for node in scenario.transceivers), *sensors)
+    for setting in (scenario.wind, *radios, *antennas):
+        named += _texts(setting)
     found: set[Path] = set()
     for name in named:
         _add(_file_of(name), found)
-    for node in scenario.nodes:
+    for node in scenario.transceivers:
         if isinstance(node.agent, OwnAgent) and node.agent.place.endswith(".py"):
             found.add(Path(node.agent.place).absolute())
     return sorted(found)

@@ -1,8 +1,9 @@
 """The nodes of a scenario: whatever has an id on the air, by kind.
 
-Roles are apart from kinds. A *station* is in the medium: it has a position and a radio; so far all nodes are. A
-*sender* numbers packets: the node's agent, or for a ``free`` one a program beside the run. A *regulated* node is one
-that the clock waits for: each with an aircraft, or with an agent of ours. An *observer* only reads, and is no node.
+Roles are apart from kinds. A *station* is in the medium: it has a position and an antenna; all nodes are. A
+*transceiver* is a station that exchanges packets: all but emitters. A *sender* numbers packets: the node's agent, or
+for a ``free`` one a program beside the run. A *regulated* node is one that the clock waits for: each with an aircraft,
+or with an agent of ours. An *observer* only reads, and is no node.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator, model_validator
 
 from bridge.scenario.agents import AgentConfig, FreeAgent, GroundAgentConfig
 from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting, Slug
+from bridge.scenario.sensor import RfSensor
+from channel.link.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
 
 GROUND_HEIGHT_M = 2.0
@@ -37,6 +40,7 @@ class Aircraft(Part):
     sensor_noise: SensorNoise | None = None
     parameters: Parameters = Field(default_factory=dict)
     radio: RadioSetting | None = None
+    sensor: RfSensor | None = None
     agent: AgentConfig
 
     @property
@@ -83,23 +87,21 @@ class GroundNode(Part):
     """A station without an aircraft: it stands at ``place`` (the origin if there is none), or moves along ``track``."""
 
     kind: Literal["ground"]
-    id: Annotated[Slug, Field(max_length=64)]
+    id: Annotated[Slug, Field(max_length=64), WithJsonSchema({"type": ["string", "integer"]})]
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None
+    sensor: RfSensor | None = None
     agent: GroundAgentConfig
 
     @field_validator("id", mode="before")
     @classmethod
-    def _as_text(cls, node_id: object) -> object:
-        return str(node_id) if type(node_id) is int else node_id
+    def _id_as_text(cls, node_id: object) -> object:
+        return _as_text(node_id)
 
     @model_validator(mode="after")
     def _moves_forward(self) -> GroundNode:
-        if self.track and self.place is not None:
-            raise ValueError("place and track: give one of them")
-        if any(b.sim_time_s <= a.sim_time_s for a, b in pairwise(self.track)):
-            raise ValueError("track: sim_time_s has to rise from point to point")
+        _check_track(self.place, self.track)
         return self
 
     @property
@@ -118,9 +120,47 @@ class GroundNode(Part):
         return not isinstance(self.agent, FreeAgent)
 
 
+class Emitter(Emission):
+    """A station that radiates and exchanges no packets; it stands or moves as a ground node does, and has no agent."""
+
+    kind: Literal["emitter"]
+    id: Annotated[Slug, Field(max_length=64)]
+    place: GroundPlace | None = None
+    track: tuple[TrackPoint, ...] = ()
+    antenna: dict[str, Any] = Field(default_factory=lambda: {"model": "isotropic"})
+
+    @field_validator("id", mode="before")
+    @classmethod
+    def _id_as_text(cls, node_id: object) -> object:
+        return _as_text(node_id)
+
+    @model_validator(mode="after")
+    def _moves_forward(self) -> Emitter:
+        _check_track(self.place, self.track)
+        return self
+
+    @property
+    def node(self) -> str:
+        """Its node id."""
+        return self.id
+
+
+def _as_text(node_id: object) -> object:
+    return str(node_id) if type(node_id) is int else node_id
+
+
+def _check_track(place: GroundPlace | None, track: tuple[TrackPoint, ...]) -> None:
+    if track and place is not None:
+        raise ValueError("place and track: give one of them")
+    if any(b.sim_time_s <= a.sim_time_s for a, b in pairwise(track)):
+        raise ValueError("track: sim_time_s has to rise from point to point")
+
+
 def _kind(value: Any) -> Any:
     """A node without a kind is a UA."""
     return {"kind": "ua", **value} if isinstance(value, dict) else value
 
 
-NodeConfig = Annotated[Aircraft | GroundNode, Field(discriminator="kind"), BeforeValidator(_kind)]
+Transceiver = Aircraft | GroundNode
+"""A node that exchanges packets."""
+NodeConfig = Annotated[Aircraft | GroundNode | Emitter, Field(discriminator="kind"), BeforeValidator(_kind)]

@@ -7,8 +7,10 @@ import symtable
 from collections.abc import Collection
 from pathlib import Path
 
-PLAIN_METHODS = ("on_tick", "on_packet")
+PLAIN_METHODS = ("on_tick", "on_packet", "transmit_package")
 """Methods of an agent that are called, not awaited."""
+AWAITED = "fly"
+"""The one that is."""
 
 
 def mistake_in(place: str, name: str) -> str:
@@ -27,10 +29,10 @@ def mistake_in(place: str, name: str) -> str:
         return f"{path}: {error}"
     if name not in names and "import *" not in text:
         return f"{path} has no class {name}"
-    return _async_method_in(ast.parse(text), path, name)
+    return _wrong_method_in(ast.parse(text), path, name)
 
 
-def _async_method_in(module: ast.Module, path: Path, name: str) -> str:
+def _wrong_method_in(module: ast.Module, path: Path, name: str) -> str:
     classes = (node for node in module.body if isinstance(node, ast.ClassDef) and node.name == name)
     for method in (method for found in classes for method in found.body):
         if isinstance(method, ast.AsyncFunctionDef) and method.name in PLAIN_METHODS:
@@ -38,6 +40,8 @@ def _async_method_in(module: ast.Module, path: Path, name: str) -> str:
                 f"{path}:{method.lineno}: {name}.{method.name} is an async def, which nobody would await: make it a "
                 "plain def, and start what has to wait with asyncio.create_task, or in fly"
             )
+        if isinstance(method, ast.FunctionDef) and method.name == AWAITED and not method.decorator_list:
+            return f"{path}:{method.lineno}: {name}.{AWAITED} is a plain def: make it an async def, as it is awaited"
     return ""
 
 

@@ -30,6 +30,16 @@ RadioSetting = Annotated[str | dict[str, Any], BeforeValidator(_radio)]
 """A radio preset's name, a file, or a mapping."""
 
 
+def _wind(value: object) -> object:
+    if isinstance(value, str | dict):
+        return value
+    raise ValueError("has to be the name of a wind, a YAML file, or a mapping with the keys of a wind's file")
+
+
+WindSetting = Annotated[str | dict[str, Any], BeforeValidator(_wind)]
+"""A wind's name, a file, or a mapping."""
+
+
 class Part(BaseModel):
     """Part of a scenario: unknown keys are refused, and nothing changes once it is read."""
 

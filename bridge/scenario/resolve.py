@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bridge.scenario.model import Origin, Scenario
 from bridge.scenario.nodes import Aircraft
-from fdm.air.wind import WindConfig, load_wind
+from fdm.air.wind import WindConfig, load_wind, wind_from_mapping
 from fdm.exchange.aircraft_spec import LegacyPeer
 from fdm.exchange.hosted_aircraft import Disturb
 from fdm.model.airframe import Airframe, load_airframe
@@ -23,12 +23,14 @@ def airframe_of(ua: Aircraft) -> Airframe:
 
 
 def wind_of(scenario: Scenario) -> WindConfig:
-    """The wind that a scenario names.
+    """The wind that a scenario names or spells out.
 
     Raises:
         WindError: there is no such wind, or its file is wrong.
+        ValidationError: it is spelt out, and a key or value is wrong.
     """
-    return load_wind(scenario.wind)
+    wind = scenario.wind
+    return load_wind(wind) if isinstance(wind, str) else wind_from_mapping(wind)
 
 
 def disturb_of(scenario: Scenario, ua: Aircraft) -> Disturb | None:

@@ -5,9 +5,11 @@ Apart from `resolve`, as the channel needs scipy, which is slow to import, and o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from bridge.scenario.model import Origin, Scenario
+from channel.link.emitter import Emitter
 from channel.link.radio import Radio
 from channel.presets import at_origin, load_radio, radio_from_mapping
 
@@ -21,30 +23,31 @@ def radio_of(scenario: Scenario) -> Radio:
     return radio_from(scenario.radio, scenario.origin)
 
 
-def radio_from(setting: str | dict[str, Any], origin: Origin) -> Radio:
+def radio_from(setting: str | dict[str, Any], origin: Origin, emitters: Sequence[Emitter] = ()) -> Radio:
     """The radio of a preset's name, a file or a mapping.
 
     Args:
         setting: as in the scenario.
         origin: where the fleet's frame has its zero, for terrain.
+        emitters: of the run.
 
     Raises:
         PresetError: there is no such preset, or a key or value is wrong.
     """
     config = load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting)
-    return Radio(at_origin(config, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m))
+    return Radio(at_origin(config, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m), emitters)
 
 
-def radios_of(scenario: Scenario) -> dict[str, Radio]:
-    """The radio of each station: its own, or the scenario's.
+def radios_of(scenario: Scenario, emitters: Sequence[Emitter] = ()) -> dict[str, Radio]:
+    """The radio of each node that exchanges packets: its own, or the scenario's; they hear ``emitters``.
 
     Raises:
         PresetError: there is no such preset, or a key or value is wrong.
     """
-    common = radio_of(scenario)
+    common = radio_from(scenario.radio, scenario.origin, emitters)
     own = {
-        node.node: radio_from(node.radio, scenario.origin)
-        for node in scenario.nodes
+        node.node: radio_from(node.radio, scenario.origin, emitters)
+        for node in scenario.transceivers
         if node.radio is not None
     }
-    return {node: own.get(node, common) for node in scenario.stations}
+    return {node: own.get(node, common) for node in scenario.transceiver_ids}

@@ -57,6 +57,8 @@ def _split(words: Sequence[str]) -> list[list[str]]:
     for word in words:
         if word == SEPARATOR:
             groups.append([])
+        elif groups[-1][-1:] == ["--home"]:
+            groups[-1][-1] = f"--home={word}"  # argparse would take a home south of the equator for an option
         else:
             groups[-1].append(word)
     return groups

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
 from channel.link.budget import BudgetTerm, Link, total
+from channel.link.disturbance import Disturbance, States
+from channel.link.emitter import Emitter
 from channel.link.expectation import PANELS, Expectation
 from channel.link.lengths import Lengths
 from channel.link.per_table import PerTable
@@ -20,11 +23,9 @@ from channel.link.rays import with_reflection
 from channel.link.sight import Sight
 from channel.link.steps import STEPS_PER_M, in_steps
 from channel.phy.error_model import Band
-from channel.phy.interference import Interferer, sum_dbm
 from channel.propagation.atmosphere import ItuAtmosphere
 from channel.propagation.diffraction import bulge_loss_db
 
-States = tuple[bool | NDArray[np.bool_], ...]
 OF_RECEIVER = ("offset_db", "noise", "bandwidth_hz", "interference", "bursts", "base_loss")
 """What is the receiver's on a link between two radios, beside its antenna and cable."""
 MAX_WAY_M = 1e12
@@ -46,17 +47,26 @@ class Radio:
 
     Args:
         config: the radio, see `presets.load_radio`.
+        emitters: of the run; where they are comes with each path (`Path.emitters_ned_m`).
+
+    Attributes:
+        emitters: those that it hears: no farther off in frequency than the last row of `interference.rejection`.
+
+    Raises:
+        ChannelInputError: more emitters and interferers with a duty between 0 and 1 than can be averaged over.
     """
 
-    def __init__(self, config: RadioConfig) -> None:
+    def __init__(self, config: RadioConfig, emitters: Sequence[Emitter] = ()) -> None:
         self.config = config
+        self._emitters_of_run = tuple(emitters)
+        self._disturbance = Disturbance(config, emitters, self)
+        self.emitters = self._disturbance.emitters
         self.noise_floor_dbm = config.noise.noise_floor_dbm(config.bandwidth_hz)
         self.max_range_m = np.inf if config.max_range_m is None else config.max_range_m
         self.needs_attitude = config.polarisation is not None or any(
             antenna.needs_direction for antenna in (config.antenna, config.receiving_antenna)
         )
         self.kept_share = (1.0 - config.base_loss) * (1.0 - config.bursts.mean_loss)
-        self._interference_states = config.interference.states()
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self._expectation = Expectation(config, self._band)
         self.sight = Sight(config, self._band) if getattr(config.propagation, "draws_sight", False) else None
@@ -65,7 +75,7 @@ class Radio:
         self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
         self.needs_places = (
             self.needs_attitude
-            or bool(config.interference.interferers)
+            or bool(self._disturbance.sources)
             or getattr(config.propagation, "needs_places", False)
         )
 
@@ -93,7 +103,7 @@ class Radio:
             "receive_cable_loss_db": there.receiving_cable_loss_db,
             "max_range_m": min(ranges_m, default=None),
         }
-        return Radio(here.model_copy(update=of_receiver | ends))
+        return Radio(here.model_copy(update=of_receiver | ends), self._emitters_of_run)
 
     def length_bytes(self, payload_bytes: int) -> int:
         """Return the length that the error model counts for a payload of `payload_bytes`.
@@ -272,7 +282,7 @@ class Radio:
             return None
         return bulge_loss_db(path, factor)
 
-    def _loss_db(self, path: Path) -> FloatArray:
+    def loss_db(self, path: Path) -> FloatArray:
         """Return what the way takes, all terms together, dB."""
         if isinstance(self.config.atmosphere, ItuAtmosphere):
             return np.negative(total(self._terms_of_the_way(path)))
@@ -284,40 +294,16 @@ class Radio:
         """Return the received power without its random part, dBm: the sum of `budget`."""
         if self._fixed_dbm is None:
             return np.asarray(total(self.budget(path)))
-        return self._fixed_dbm - self._loss_db(path)
+        return self._fixed_dbm - self.loss_db(path)
 
     def noise_dbm(self, path: Path, transmitting: States | None = None) -> FloatArray | float:
         """Return noise floor and interference at the receivers, dBm.
 
         Args:
             path: the links.
-            transmitting: which interferers are on, for all links or by link; all of them if not given.
+            transmitting: which interferers, then emitters, are on, for all links or by link; all if not given.
         """
-        interferers = self.config.interference.interferers
-        if not interferers:
-            return self.noise_floor_dbm
-        on = (True,) * len(interferers) if transmitting is None else transmitting
-        powers = [
-            np.where(is_on, self._interference_dbm(each, path), -np.inf)
-            for each, is_on in zip(interferers, on, strict=True)
-            if is_on is not False
-        ]
-        return sum_dbm(self.noise_floor_dbm, powers)
-
-    def _interference_dbm(self, interferer: Interferer, path: Path) -> FloatArray:
-        """Return the power of one interferer at the receivers of `path`, after adjacent-channel rejection."""
-        assert path.position_rx_ned_m is not None
-        place = np.asarray(interferer.position_ned_m)
-        carrier = self.config.frequency_hz if interferer.frequency_hz is None else interferer.frequency_hz
-        distance = separation_m(place, path.position_rx_ned_m)
-        way = self.path_of(place, path.position_rx_ned_m, distance, None, path.attitude_rx_wxyz, carrier)
-        attitude = LEVEL_WXYZ if path.attitude_rx_wxyz is None else path.attitude_rx_wxyz
-        gain_db = self.config.receiving_antenna.towards_db(to_body(attitude, -way.way_ned))
-        offset_hz = 0.0 if interferer.frequency_hz is None else carrier - self.config.frequency_hz
-        way = with_reflection(way, self.config.propagation, None, self.config.receiving_antenna)
-        received_db = gain_db + self.config.offset_db - self.config.receiving_cable_loss_db
-        kept_db = received_db - self.config.interference.rejection_db(offset_hz)
-        return np.asarray(interferer.power_dbm + kept_db - self._loss_db(way))
+        return self._disturbance.noise_dbm(path, transmitting)
 
     def per(self, snr_db: ArrayLike, length_bytes: ArrayLike) -> FloatArray:
         """Return the packet error rate at an SNR, range, bursts and `base_loss` aside.
@@ -409,7 +395,7 @@ class Radio:
         power = self.mean_power_dbm(path)
         shape = checks.broadcast(distance_m=power, length_bytes=length)
         fine, coarse = np.zeros(shape), np.zeros(shape)
-        for chance, states in self._interference_states:
+        for chance, states in self._disturbance.states:
             snr = power - self.noise_dbm(path, states)
             fine += chance * self._averaged(snr, length, path, PANELS)
             coarse += chance * self._averaged(snr, length, path, PANELS // 2)
@@ -432,7 +418,7 @@ class Radio:
         """
         elevation = path.elevation_deg if self.config.fading.by_elevation else None
         success: FloatArray | float = 0.0
-        for chance, states in self._interference_states:
+        for chance, states in self._disturbance.states:
             snr_db = mean_power_dbm - self.noise_dbm(path, states)
             if self.sight is None:
                 part = self._expectation.from_table(snr_db, lengths, elevation)

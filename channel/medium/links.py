@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +71,15 @@ def _path_at(path: Path, links: Indices) -> Path:
         position_rx_ned_m=_at(path.position_rx_ned_m, links),
         attitude_tx_wxyz=_at(path.attitude_tx_wxyz, links),
         attitude_rx_wxyz=_at(path.attitude_rx_wxyz, links),
+        emitters_ned_m=_emitters_at(path.emitters_ned_m, links),
     )
+
+
+def _emitters_at(places: Mapping[str, FloatArray] | None, links: Indices) -> Mapping[str, FloatArray] | None:
+    """Return places of emitters for some of the links; one place for all is (3,)."""
+    if places is None:
+        return None
+    return {name: place if place.ndim == 1 else place[links] for name, place in places.items()}
 
 
 def _number_at(column: float | FloatArray, links: Indices) -> float | FloatArray:

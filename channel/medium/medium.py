@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from channel.checks import ChannelInputError
 from channel.draws import MAX_SEQ, Draws, LinkDraws, check_seed
 from channel.link.radio import Radio
+from channel.medium.emitter_tracks import EmitterTracks
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
-from channel.medium.tracks import FOREVER, Tracks, truth_rows
+from channel.medium.tracks import FOREVER, Snapshot, Tracks, truth_rows
 from channel.medium.verdict import Judge
 
 __all__ = ["EVERYBODY", "FATES", "Fate", "Medium", "Packets", "Receptions"]
@@ -41,14 +42,17 @@ class Medium:
         nodes: names of all nodes; every other node is an intended receiver of each packet to everybody.
         max_truth_age_ns: how far a node's truth may lag behind the newest before it is used as it is.
         judge: takes in what is drawn, for a verdict in the end.
+        emitters: names of the run's emitters, which radios may hear (`Radio.emitters`).
 
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
         index: of each name.
         radios: of each node.
+        emitters: where the emitters are: `emitters.observe` takes in their truth.
 
     Raises:
-        ChannelInputError: names that are not distinct, a node without a radio, radios on several frequencies.
+        ChannelInputError: names that are not distinct, a node without a radio, radios on several frequencies, a radio
+            that hears an emitter of another name.
     """
 
     def __init__(
@@ -59,6 +63,7 @@ class Medium:
         nodes: Iterable[str],
         max_truth_age_ns: int = MAX_TRUTH_AGE_NS,
         judge: Judge | None = None,
+        emitters: Iterable[str] = (),
     ) -> None:
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
@@ -67,7 +72,12 @@ class Medium:
         self.draws = Draws(check_seed(seed))
         self._tracks = Tracks(len(self.nodes), max_truth_age_ns)
         self.radios = tuple(self._radio_of(node, radio) for node in self.nodes)
-        self._settling = Settling(self.radios, LinkDraws(self.draws, self.nodes), self._tracks, judge=judge)
+        self.emitters = EmitterTracks(emitters, max_truth_age_ns)
+        heard = {each.name for each_radio in self.radios for each in each_radio.emitters}
+        if not heard <= set(self.emitters.names):
+            raise ChannelInputError("emitters", self.emitters.names, f"with {', '.join(sorted(heard))}")
+        draws = LinkDraws(self.draws, self.nodes)
+        self._settling = Settling(self.radios, draws, self._tracks, judge=judge, emitters=self.emitters)
         self._waiting: list[Packets] = []
 
     @staticmethod
@@ -139,6 +149,16 @@ class Medium:
                 "position_ned_m", f"{len(rows)} rows", f"{len(indices)}, one for each node"
             )
         self._tracks.observe(indices, _whole("sim_time_ns", sim_time_ns), rows)
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which nodes were ever seen, in the order of `nodes`."""
+        return self._tracks.known
+
+    def at(self, sim_time_ns: int) -> Snapshot:
+        """Return where all nodes were at an instant, in the order of `nodes`, with attitudes and velocities."""
+        instants = np.array([sim_time_ns], dtype=np.int64)
+        return self._tracks.at(instants, attitude=True, velocity=True)
 
     def place(self, node: str, position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None = None) -> None:
         """Put a node where it stays for the whole run (a ground station): no packet waits for its truth."""

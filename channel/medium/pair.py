@@ -80,7 +80,7 @@ class Pair:
         self._judge = judge
         self._least_dbm = radio.noise_floor_dbm - self.terms.max_gain_db - MARGIN_DB
         self._has_range = math.isfinite(radio.max_range_m)
-        self._has_interferers = bool(radio.config.interference.interferers)
+        self._has_interferers = bool(radio.config.interference.interferers or radio.emitters)
         self._has_bursts = radio.config.bursts.mean_loss > 0.0
 
     def settled(self, links: Links, lengths: Lengths) -> Settled:

@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
-from channel.draws import LinkDraws, Purpose, uniform_from_words
+from channel.draws import LinkDraws, Purpose
 from channel.fading.link_words import LinkWords
 from channel.fading.shadowing import standard_normal_from_uniform
 from channel.fading.terms import LastingFading, LastingShadowing, LineOfSight
 from channel.fading.waves import link_places
 from channel.geometry import Path
+from channel.link.emitter import slot_uniform
 from channel.link.radio import Radio
 from channel.medium.links import Indices, Links
 
@@ -55,6 +56,7 @@ class RandomTerms:
         config = radio.config
         self._config = config
         self._draws = draws
+        self._emitters = radio.emitters
         self._sight = radio.sight
         run = draws.draws
         self._fields = LinkWords(run.seed, draws.nodes, "fields")
@@ -145,19 +147,20 @@ class RandomTerms:
         return links.path.elevation_deg if self._config.fading.by_elevation else LEVEL
 
     def interferers_on(self, links: Links) -> tuple[bool | NDArray[np.bool_], ...]:
-        """Return which interferers transmit, each True or by link: the same for every receiver."""
-        interferers = self._config.interference.interferers
-        return tuple(
-            each.duty >= 1.0 or (self._slot_draws(i, each.slot_ns, links) < each.duty)[links.packet]
-            for i, each in enumerate(interferers)
+        """Return which interferers, then emitters, transmit, each for all or by link: the same for every receiver."""
+        run, times_ns = self._draws.draws, links.packets.sim_time_ns
+        interferers = tuple(
+            each.duty >= 1.0
+            or (slot_uniform(run, ("interferer", str(i), "slots"), each.slot_ns, times_ns) < each.duty)[
+                links.packet
+            ]
+            for i, each in enumerate(self._config.interference.interferers)
         )
-
-    def _slot_draws(self, index: int, slot_ns: int, links: Links) -> FloatArray:
-        """Return the draw of the slot that each packet falls into, shape (P,)."""
-        slots, which = np.unique(np.maximum(links.packets.sim_time_ns // slot_ns, 0), return_inverse=True)
-        names = ("interferer", str(index), "slots")
-        words = [self._draws.draws.words(names, slot, 1)[0, 0] for slot in slots.tolist()]
-        return uniform_from_words(np.array(words, dtype=np.uint64))[which]
+        emitters = tuple(
+            each.is_on(run, times_ns)[links.packet] if each.is_pulsed else each.duty > 0.0
+            for each in self._emitters
+        )
+        return (*interferers, *emitters)
 
     def burst_chances(self, links: Links) -> FloatArray:
         """Return the probability that each link loses its packet to a burst, shape (L,)."""

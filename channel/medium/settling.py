@@ -14,6 +14,7 @@ from channel.checks import FloatArray
 from channel.draws import LinkDraws
 from channel.link.lengths import Lengths
 from channel.link.radio import Radio
+from channel.medium.emitter_tracks import EmitterTracks
 from channel.medium.links import Indices, Links
 from channel.medium.pair import Pair, Settled, blank, put
 from channel.medium.reception import EVERYBODY, Packets, Receptions
@@ -33,6 +34,7 @@ class Settling:
         tracks: where the nodes are.
         cull: whether to leave out draws that cannot change a fate.
         judge: takes in what is drawn, for a verdict.
+        emitters: where the run's emitters are.
 
     Raises:
         ChannelInputError: radios on several frequencies.
@@ -46,6 +48,7 @@ class Settling:
         *,
         cull: bool = True,
         judge: Judge | None = None,
+        emitters: EmitterTracks | None = None,
     ) -> None:
         self._draws = draws
         self._tracks = tracks
@@ -56,6 +59,8 @@ class Settling:
             for here in self._kinds
             for there in self._kinds
         ]
+        heard = {each.name for pair in self._pairs for each in pair.radio.emitters}
+        self._emitters = emitters if heard else None
         self._attitude = any(pair.radio.needs_attitude for pair in self._pairs)
         self._velocity = any(pair.terms.needs_velocity for pair in self._pairs)
         count = len(draws.nodes)
@@ -133,12 +138,22 @@ class Settling:
         times, tx = packets.sim_time_ns, packets.tx[packet]
         wanted = {"attitude": self._attitude, "velocity": self._velocity}
         if times[0] == times[-1]:
-            return self._between(self._tracks.at(times[:1], **wanted), tx, rx, packets, packet, tx, rx)
+            links = self._between(self._tracks.at(times[:1], **wanted), tx, rx, packets, packet, tx, rx)
+            return self._with_emitters(links, times[:1], None)
         new = times[1:] != times[:-1]
         instant = np.concatenate(([0], new.cumsum()))
-        nodes = self._tracks.at(times[np.concatenate(([True], new))], **wanted)
+        instants_ns = times[np.concatenate(([True], new))]
+        nodes = self._tracks.at(instants_ns, **wanted)
         base = (instant * len(self._draws.nodes))[packet]
-        return self._between(nodes, base + tx, base + rx, packets, packet, tx, rx)
+        links = self._between(nodes, base + tx, base + rx, packets, packet, tx, rx)
+        return self._with_emitters(links, instants_ns, instant[packet])
+
+    def _with_emitters(self, links: Links, instants_ns: NDArray[np.int64], instant: Indices | None) -> Links:
+        """Return links with the places of the emitters; `instant` is each link's among the instants, if several."""
+        if self._emitters is None:
+            return links
+        places = self._emitters.at(instants_ns, instant)
+        return links._replace(path=links.path._replace(emitters_ned_m=places))
 
     def _between(
         self, nodes: Snapshot, here: Indices, there: Indices, packets: Packets, *ends: Indices

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise, product
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from channel.checks import FloatArray
+from channel.checks import ChannelInputError, FloatArray
 from channel.units import dbm_from_watt, watt_from_dbm
 from channel.variant import Settings
 
@@ -57,12 +58,25 @@ class Interference(Settings):
         offsets, rejections = np.asarray(self.rejection).T
         return float(np.interp(abs(offset_hz), offsets, rejections))
 
-    def states(self) -> list[tuple[float, tuple[bool, ...]]]:
-        """Return every combination of transmitting interferers with its probability."""
-        choices = [
-            [(each.duty, True), (1.0 - each.duty, False)] if each.duty < 1.0 else [(1.0, True)]
-            for each in self.interferers
-        ]
+    def reaches(self, offset_hz: float) -> bool:
+        """Return whether an emitter so far off is heard at all: no farther than the last row of the rejection."""
+        return abs(offset_hz) <= self.rejection[-1][0]
+
+    def states(self, emitters: Sequence[float] = ()) -> list[tuple[float, tuple[bool, ...]]]:
+        """Return every combination of transmitting interferers with its probability.
+
+        Args:
+            emitters: duties of emitters, which come after the interferers.
+
+        Raises:
+            ChannelInputError: more than MAX_PULSED have a duty between 0 and 1.
+        """
+        duties = [*(each.duty for each in self.interferers), *emitters]
+        pulsed = sum(0.0 < duty < 1.0 for duty in duties)
+        if pulsed > MAX_PULSED:
+            allowed = f"at most {MAX_PULSED} interferers and emitters with a duty between 0 and 1"
+            raise ChannelInputError("duty", duties, allowed)
+        choices = [[(duty, True), (1.0 - duty, False)] if duty < 1.0 else [(1.0, True)] for duty in duties]
         combinations = []
         for combination in product(*choices):
             chance = float(np.prod([probability for probability, _ in combination]))

@@ -7,17 +7,18 @@ order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from fdm.air.turbulence import DrydenTurbulence
 from fdm.air.wind_map import MapWind, load_wind_map
+from fdm.config_file import explain, unknown
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint, Wind
 from fdm.model.truth import Vector
@@ -215,16 +216,50 @@ def load_wind(name_or_path: str | Path) -> WindConfig:
         if not path.is_file():
             raise WindError(f"no wind file {path}")
     elif not (path := WINDS_DIR / f"{name_or_path}.yaml").is_file():
-        known = ", ".join(wind_names())
-        raise WindError(f"no wind {str(name_or_path)!r}: known are {known}; or give the path of a YAML file")
+        raise WindError(unknown("no wind", name_or_path, wind_names()))
     try:
-        config = WindConfig.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        text = path.read_text(encoding="utf-8")
+        return _with_map_from(path.resolve().parent, WindConfig.model_validate(yaml.safe_load(text)))
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = "" if mark is None else f":{mark.line + 1}"
+        raise WindError(f"{path}{line}: is not YAML: {getattr(error, 'problem', None) or error}") from None
+    except (OSError, UnicodeDecodeError) as error:
         raise WindError(f"{path}: {error}") from None
     except ValidationError as error:
-        problems = (f"{'.'.join(map(str, p['loc'])) or '(file)'}: {p['msg']}" for p in error.errors())
-        raise WindError(f"{path}: {'; '.join(problems)}") from None
+        raise WindError(explain(path, text, error, WindConfig.model_fields)) from None
+
+
+def wind_from_mapping(mapping: Mapping[str, Any]) -> WindConfig:
+    """The wind of a mapping with the keys of a wind's file; a `preset` in it is the wind that the other keys change.
+
+    Raises:
+        WindError: there is no such preset, or its file is wrong.
+        ValidationError: a key or value of the mapping is wrong.
+    """
+    own = {key: value for key, value in mapping.items() if key != "preset"}
+    preset = mapping.get("preset")
+    if preset is None:
+        return WindConfig.model_validate(own)
+    if not isinstance(preset, str):
+        raise WindError(f"preset: has to be the name of a wind, or a YAML file (got {preset!r})")
+    below = load_wind(preset).model_dump(exclude_none=True)
+    return WindConfig.model_validate(_laid_over(below, own))
+
+
+def _laid_over(below: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """One wind's parts over another's, key by key; the two ways to give turbulence exclude each other."""
+    merged = dict(below)
+    for key, value in over.items():
+        old = merged.get(key)
+        replaced = key == "turbulence" or not (isinstance(old, Mapping) and isinstance(value, Mapping))
+        merged[key] = value if replaced else _laid_over(old or {}, value)
+    return merged
+
+
+def _with_map_from(folder: Path, config: WindConfig) -> WindConfig:
+    """The wind with the absolute path of its map, as seen from a folder."""
     if config.map is None:
         return config
-    file = (path.resolve().parent / config.map.file).resolve()
+    file = (folder / config.map.file).resolve()
     return config.model_copy(update={"map": config.map.model_copy(update={"file": file})})

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from fdm.config_file import explain
+from fdm.config_file import explain, unknown
 from fdm.errors import AirframeError
 
 AIRFRAMES_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "airframes"
@@ -155,10 +155,7 @@ def _find(name_or_path: str | Path) -> Path:
         return path
     path = AIRFRAMES_DIR / f"{name_or_path}.yaml"
     if not path.is_file():
-        raise AirframeError(
-            f"unknown airframe {str(name_or_path)!r}: known are {', '.join(airframe_names())}; "
-            "or give the path of a YAML file"
-        )
+        raise AirframeError(unknown("unknown airframe", name_or_path, airframe_names()))
     return path
 
 

@@ -14,6 +14,12 @@ CALIBRATED = "".join(
     f"INS_ACC{n}OFFS_{axis} 0.001\nINS_ACC{n}SCAL_{axis} 1.001\n" for n in ("", 2) for axis in "XYZ"
 )
 COPTER = "FRAME_CLASS 1\nFRAME_TYPE 0\nBATT_MONITOR 4\n" + CALIBRATED
+PLANE = CALIBRATED + (
+    "FS_GCS_ENABL 0\nTHR_FAILSAFE 0\nRTL_RADIUS 80\nRTL_ALTITUDE 100\nAIRSPEED_CRUISE 22\nAIRSPEED_MIN 10\n"
+    "COMPASS_OFS_X 5\nCOMPASS_OFS_Y 13\nCOMPASS_OFS_Z -18\nARSPD_TYPE 2\nARSPD_USE 1\nARSPD_BUS 2\n"
+    "TRIM_THROTTLE 50\nROLL_LIMIT_DEG 65\nPTCH_LIM_MAX_DEG 25\nPTCH_LIM_MIN_DEG -25\nSIM_RATE_HZ 400\n"
+    "RC3_MIN 1000\nRC3_TRIM 1000\nTKOFF_LVL_ALT 20\n"
+)
 
 
 def free_instance():
@@ -28,9 +34,9 @@ def free_instance():
 
 
 @contextlib.asynccontextmanager
-async def sitl(binary, model, parameters, directory, speedup):
-    """A real autopilot in a directory of its own; gives its MAVLink port."""
-    instance = free_instance()
+async def sitl(binary, model, parameters, directory, speedup, serial0="tcp:0", instance=None):
+    """A real autopilot in a directory of its own; gives its MAVLink port (that of serial1 is higher by 2)."""
+    instance = free_instance() if instance is None else instance
     own = directory / "own.parm"
     own.write_text(parameters)
     log = (directory / "sitl.log").open("wb")
@@ -38,7 +44,7 @@ async def sitl(binary, model, parameters, directory, speedup):
     process = await asyncio.create_subprocess_exec(
         str(binary),
         *("-w", "--model", model, "-I", str(instance), "--sysid", str(SYSID), "--home", HOME),
-        *("--defaults", defaults, "--serial0", "tcp:0", "--speedup", str(speedup)),
+        *("--defaults", defaults, "--serial0", serial0, "--speedup", str(speedup)),
         cwd=directory,
         stdout=log,
         stderr=log,

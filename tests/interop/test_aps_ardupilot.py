@@ -9,16 +9,9 @@ import pytest
 from aps.daemon import Daemon, DaemonConfig
 from aps.vehicle.execution import Outcome
 from aps.vehicle.flight.plans import PLANE_RADIUS_M
-from tests.interop.builtin_vehicles import CALIBRATED, COPTER, SYSID, sitl, until
+from tests.interop.builtin_vehicles import COPTER, PLANE, SYSID, sitl, until
 
 pytestmark = pytest.mark.ardupilot
-
-PLANE = CALIBRATED + (
-    "FS_GCS_ENABL 0\nTHR_FAILSAFE 0\nRTL_RADIUS 80\nRTL_ALTITUDE 100\nAIRSPEED_CRUISE 22\nAIRSPEED_MIN 10\n"
-    "COMPASS_OFS_X 5\nCOMPASS_OFS_Y 13\nCOMPASS_OFS_Z -18\nARSPD_TYPE 2\nARSPD_USE 1\nARSPD_BUS 2\n"
-    "TRIM_THROTTLE 50\nROLL_LIMIT_DEG 65\nPTCH_LIM_MAX_DEG 25\nPTCH_LIM_MIN_DEG -25\nSIM_RATE_HZ 400\n"
-    "RC3_MIN 1000\nRC3_TRIM 1000\nTKOFF_LVL_ALT 20\n"
-)
 
 
 @pytest.fixture

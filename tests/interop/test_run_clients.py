@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,11 +13,10 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("way", ["tcp", "udp"])
+@pytest.mark.parametrize("way", ["tcp", pytest.param("udp", marks=pytest.mark.slow)])
 def test_mavsdk_finds_ua_0_and_its_position(
     tmp_path: Path, free_slot: Callable[[int], int], way: str
 ) -> None:
-    pytest.importorskip("mavsdk", reason="no mavsdk: pip install mavsdk")
     slot = free_slot(2)
     assert slot >= 10, "else the UDP port is another one"
     command = [sys.executable, "-m", "bridge.cli.main", "run", "--speed", "1", "--out", str(tmp_path)]
@@ -34,9 +34,9 @@ def test_mavsdk_finds_ua_0_and_its_position(
             assert client.stdout is not None
             lines = []
             while len(lines) < 2 and (line := client.stdout.readline()):
-                lines += [line] if line.startswith(("system", "Position(")) else []
+                lines += [line] if re.search(r"system \d+ is there|Position\(", line) else []
             client.kill()
         run.terminate()
         run.stdout.read()
-    assert lines[0].strip() == "system 1 is there"
+    assert "system 1 is there" in lines[0]
     assert "latitude_deg=40.133" in lines[1]

@@ -1,17 +1,13 @@
 """Commands, missions and parameters on real ArduCopter and ArduPlane, SITL's built-in vehicles."""
 
 import asyncio
-import contextlib
 import math
 
-import numpy as np
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.daemon import Daemon, DaemonConfig
 from aps.vehicle.execution import Outcome
 from aps.vehicle.missions.items import MissionItem
-from aps.wire.framer import Framer
 from tests.interop.builtin_vehicles import COPTER, SYSID, sitl, until
 
 pytestmark = [pytest.mark.ardupilot, pytest.mark.slow]
@@ -213,102 +209,3 @@ async def test_reboot_and_messages_on_demand(copter):
     result = await asyncio.wait_for(run("reboot"), 60)
     assert result.reached, result
     assert copter.telemetry.reboots == 1
-
-
-class LossyClient:
-    """A ground station of pymavlink on the daemon's port, whose link drops 5 % of the frames and corrupts 2 %."""
-
-    def __init__(self, reader, writer, sysid, seed):
-        self._reader, self._writer = reader, writer
-        self._mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
-        self._mav.robust_parsing = True
-        self._framer = Framer()
-        self._draws = np.random.default_rng(seed)
-        self._heard = []
-        self.lost = self.corrupted = 0
-
-    def _carried(self, raw):
-        draw = self._draws.random()
-        if draw < 0.05:
-            self.lost += 1
-            return b""
-        if draw < 0.07:
-            self.corrupted += 1
-            at = int(self._draws.integers(len(raw)))
-            return raw[:at] + bytes([raw[at] ^ 0x40]) + raw[at + 1 :]
-        return raw
-
-    def send(self, message):
-        self._writer.write(self._carried(bytes(message.pack(self._mav))))
-        self._mav.seq = (self._mav.seq + 1) % 256
-
-    async def next(self, kinds, timeout_s=0.3):
-        """The next message of some types, or ``None`` after a while."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(timeout_s):
-                while True:
-                    while self._heard:
-                        message = self._heard.pop(0)
-                        if message.get_type() in kinds:
-                            return message
-                    data = await self._reader.read(65536)
-                    for frame in self._framer.receive(data):
-                        self._heard += self._mav.parse_buffer(self._carried(frame.raw)) or []
-        return None
-
-    async def upload(self, messages):
-        """As a ground station does it: repeat what was said last until the autopilot goes on."""
-        said = mavlink.MAVLink_mission_count_message(SYSID, 1, len(messages), 0)
-        for _ in range(5000):
-            self.send(said)
-            answer = await self.next(("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"))
-            if answer is not None and answer.get_type() == "MISSION_ACK":
-                if answer.type != mavlink.MAV_MISSION_INVALID_SEQUENCE:
-                    return answer.type
-            elif answer is not None:
-                said = messages[answer.seq]
-        raise AssertionError("no end")
-
-    async def download(self):
-        said, items, count = mavlink.MAVLink_mission_request_list_message(SYSID, 1, 0), [], None
-        while count is None or len(items) < count:
-            self.send(said)
-            answer = await self.next(("MISSION_COUNT", "MISSION_ITEM_INT"))
-            if answer is not None and answer.get_type() == "MISSION_COUNT":
-                count = answer.count
-            elif answer is not None and count is not None and answer.seq == len(items):
-                items.append(answer)
-            if count is not None:
-                said = mavlink.MAVLink_mission_request_int_message(SYSID, 1, len(items), 0)
-        return items
-
-
-async def test_a_lossy_client_gets_200_items_up_and_down_and_a_second_is_denied(copter):
-    await asyncio.wait_for(copter.wait_heard(), 30)
-    await until(copter, lambda state: state.position_ok)
-    items = [square(copter.state, 200)[0], *square(copter.state, 200)]
-    messages = [item.to_message(SYSID, seq, 0, current=seq == 0) for seq, item in enumerate(items)]
-    streams = [await asyncio.open_connection("127.0.0.1", copter.listen_port) for _ in range(2)]
-    first, second = (LossyClient(*stream, 255 - n, n) for n, stream in enumerate(streams))
-    uploading = asyncio.create_task(first.upload(messages))
-    while copter.vehicle.messages.last("MISSION_REQUEST", 0) is None:  # noqa: ASYNC110
-        await asyncio.sleep(0.01)
-    denied = None
-    while denied is None:
-        assert not uploading.done()
-        second.send(mavlink.MAVLink_mission_count_message(SYSID, 1, 3, 0))
-        denied = await second.next(("MISSION_ACK",))
-    assert denied.type == mavlink.MAV_MISSION_DENIED
-    refused = await copter.commands.run("mission_upload", square(copter.state, 3))
-    assert refused.reason == "DENIED (another transfer is under way)"
-    assert await uploading == mavlink.MAV_MISSION_ACCEPTED
-    kept = await first.download()
-    assert [(m.seq, m.command, m.frame, m.x, m.y, m.z) for m in kept[1:]] == [
-        (m.seq, m.command, m.frame, m.x, m.y, m.z) for m in messages[1:]
-    ]
-    assert len(kept) == 202
-    assert first.lost > 20
-    assert first.corrupted > 5
-    assert len((await copter.commands.run("mission_download")).value) == 201
-    for _, writer in streams:
-        writer.transport.abort()

@@ -150,6 +150,9 @@ class Bin:
     def put(self, frame):
         assert frame
 
+    def put_all(self, frames, size_bytes):
+        assert sum(map(len, frames)) == size_bytes > 0
+
 
 @given(
     st.lists(st.tuples(st.booleans(), st.integers(0, 40_000_000_000)), max_size=25),

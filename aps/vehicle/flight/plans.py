@@ -92,7 +92,12 @@ def arm(state: AircraftState) -> Plan:
 
 
 def disarm(state: AircraftState, *, force: bool = False) -> Plan:
-    """Disarm the motors; the autopilot refuses in flight unless forced."""
+    """Disarm the motors; the autopilot refuses in flight unless forced.
+
+    Args:
+        state: the UA now.
+        force: stop the motors in flight, too: a copter falls.
+    """
     magic = FORCE_DISARM if force else 0.0
     step = command_long(state, int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM), 0.0, magic)
     hint = "in flight only with force"
@@ -102,7 +107,12 @@ def disarm(state: AircraftState, *, force: bool = False) -> Plan:
 
 
 def set_mode(state: AircraftState, mode: str) -> Plan:
-    """Change the flight mode, by the autopilot's name for it (``GUIDED``, ``FBWA``, PX4: ``AUTO.MISSION``, ...)."""
+    """Change the flight mode.
+
+    Args:
+        state: the UA now.
+        mode: the autopilot's name for it (``GUIDED``, ``FBWA``, PX4: ``AUTO.MISSION``, ...).
+    """
     if not isinstance(mode, str):
         raise ValueError(f"mode must be a name, not {mode!r}")
     name = mode.upper()
@@ -113,6 +123,10 @@ def takeoff(state: AircraftState, alt_rel_m: float) -> Plan:
     """Climb to a height above home. The UA must be armed.
 
     Copters and VTOL: GUIDED and NAV_TAKEOFF. Fixed wing: the TAKEOFF mode with TKOFF_ALT set.
+
+    Args:
+        state: the UA now.
+        alt_rel_m: the height, 0.5 to 10000.
     """
     ardupilot_only(state, "takeoff")
     height_m = checked("alt_rel_m", alt_rel_m, 0.5, 10_000.0)

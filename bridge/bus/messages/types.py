@@ -90,6 +90,17 @@ class AircraftState(Message):
     """State of one UA as its autopilot reports it (Moon et al. 2020, Table I)."""
 
     TYPE = f"{PACKAGE}/msg/AircraftState"
+    HEARTBEAT: ClassVar[int] = 0
+    STATUS: ClassVar[int] = 1
+    ATTITUDE: ClassVar[int] = 2
+    POSITION: ClassVar[int] = 3
+    LOCAL_POSITION: ClassVar[int] = 4
+    VELOCITY: ClassVar[int] = 5
+    SPEED: ClassVar[int] = 6
+    AIRSPEED: ClassVar[int] = 7
+    WIND: ClassVar[int] = 8
+    CURRENT: ClassVar[int] = 9
+    CLOCK: ClassVar[int] = 10
     header: Header = field(default_factory=Header)
     mav_id: int = 0
     euler_rad: Vector3 = field(default_factory=Vector3)
@@ -112,6 +123,7 @@ class AircraftState(Message):
     throttle_percent: float = 0.0
     armed: bool = False
     ready_to_arm: bool = False
+    age_s: Column[float] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,6 +233,7 @@ class Fates(Message):
     snr_db: Column[float] = ()
     per: Column[float] = ()
     fate: bytes = b""
+    packets: Column[int] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,6 +245,19 @@ class CommunicationMatrix(Message):
     node: tuple[str, ...] = ()
     known: Column[bool] = ()
     delivered: Column[bool] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Measurements(Message):
+    """What RF sensors tell of one tick, as columns: a row per emitter that a sensor measured."""
+
+    TYPE = f"{PACKAGE}/msg/Measurements"
+    header: Header = field(default_factory=Header)
+    node: Column[int] = ()
+    number: Column[int] = ()
+    power_dbm: Column[float] = ()
+    frequency_hz: Column[float] = ()
+    emitter: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,10 +274,13 @@ class Heard(Message):
     data: bytes = b""
     packet: Column[int] = ()
     rx: Column[int] = ()
+    rssi_dbm: Column[float] = ()
+    snr_db: Column[float] = ()
     status_of: Column[int] = ()
     status_end: Column[int] = ()
     status_node: Column[int] = ()
     status_delivered: Column[bool] = ()
+    measurements: Measurements = field(default_factory=Measurements)
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,3 +325,24 @@ class AgentStatus(Message):
     failed: bool = False
     sent: int = 0
     received: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Packet(Message):
+    """A packet that a node gave to the radio, in a record; ``payload`` is empty unless payloads were asked for."""
+
+    TYPE = f"{PACKAGE}/msg/Packet"
+    header: Header = field(default_factory=Header)
+    seq: int = 0
+    address: str = ""
+    length_bytes: int = 0
+    payload: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class Mavlink(Message):
+    """MAVLink of one UA at a tick, in a record: whole frames, one behind the other."""
+
+    TYPE = f"{PACKAGE}/msg/Mavlink"
+    header: Header = field(default_factory=Header)
+    data: bytes = b""

@@ -15,7 +15,7 @@ from bridge.record.tables.schema import TABLES, Column, Table, TableError
 
 
 def export_csv(run: Path, folder: Path) -> list[Path]:
-    """Write `truth.csv` and `deliveries.csv`, of those tables that the run has; returns the files.
+    """Write `truth.csv`, `states.csv` and `deliveries.csv`, of those tables that the run has; returns the files.
 
     Raises:
         TableError: it has none, or one is damaged.
@@ -23,7 +23,7 @@ def export_csv(run: Path, folder: Path) -> list[Path]:
     """
     found = [table for table in TABLES if table.is_in(run)]
     if not found:
-        raise TableError(f"{run}: it has neither {' nor '.join(table.name for table in TABLES)}")
+        raise TableError(f"{run}: it has neither {', nor '.join(table.name for table in TABLES)}")
     return [_write(run, table, folder / f"{table.name}.csv") for table in found]
 
 

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bridge.record.tables.schema import Batch, Table, TableError
+from bridge.record.tables.schema import Table, TableError
 
 MAGIC: Final = b"LLTABLE\0"
 BUFFER_ROWS: Final = 8192
@@ -34,26 +34,37 @@ class TableWriter:
         run: the run directory.
         table: which table.
         labels: for each column of names, all names that there can be; rows have their places in it.
+        node: whose journal it is, if each node has one.
+        buffer_rows: rows that are kept before they are written.
 
     Raises:
         OSError: the file cannot be made or written.
         ValueError: ``labels`` are not those of the table, or a column has more than LABELS_MAX.
     """
 
-    def __init__(self, run: Path, table: Table, labels: Mapping[str, Sequence[str]]) -> None:
+    def __init__(
+        self,
+        run: Path,
+        table: Table,
+        labels: Mapping[str, Sequence[str]],
+        node: str = "",
+        buffer_rows: int = BUFFER_ROWS,
+    ) -> None:
         if set(labels) != set(table.labels):
             raise ValueError(f"labels for {sorted(labels)}; {table.name} has {sorted(table.labels)}")
         most = max(map(len, labels.values()), default=0)
         if most > LABELS_MAX:
             raise ValueError(f"{table.name}: {most} names for a column; up to {LABELS_MAX} are allowed")
         self._table = table
-        self._rows = np.empty(BUFFER_ROWS, dtype=table.dtype)
+        self._rows = np.empty(buffer_rows, dtype=table.dtype)
         self._columns = {column.name: self._rows[column.name] for column in table.columns}
         self._steps = [
             (column.name, column.steps_per_unit) for column in table.columns if column.steps_per_unit
         ]
         self._filled = 0
-        self._file: BinaryIO = table.journal_path(run).open("wb", buffering=0)
+        path = table.journal_path(run, node)
+        path.parent.mkdir(exist_ok=True)
+        self._file: BinaryIO = path.open("wb", buffering=0)
         header = {
             "table": table.name,
             "columns": [[column.name, column.dtype] for column in table.columns],
@@ -83,11 +94,18 @@ class TableWriter:
                 raise ValueError(f"{self._table.name}: {name} has the shape {each.shape}, not ({rows},)")
         done = 0
         while done < rows:
-            count = min(rows - done, BUFFER_ROWS - self._filled)
+            count = min(rows - done, len(self._rows) - self._filled)
             self._fill(values, done, count)
             done += count
-            if self._filled == BUFFER_ROWS:
+            if self._filled == len(self._rows):
                 self.flush()
+
+    def append_row(self, row: tuple[Any, ...]) -> None:
+        """Append one row: values in the order of the columns, names as their places, text as bytes."""
+        self._rows[self._filled] = row
+        self._filled += 1
+        if self._filled == len(self._rows):
+            self.flush()
 
     def _fill(self, values: Mapping[str, NDArray[Any]], begin: int, count: int) -> None:
         end = self._filled + count
@@ -165,22 +183,12 @@ def _labels(path: Path, file: BinaryIO, table: Table) -> Labels | None:
     return labels
 
 
-def read_journal(path: Path, table: Table, columns: Sequence[str]) -> Iterator[Batch]:
-    """The rows of a journal by column, with names as text.
+def checked_places(path: Path, names: Sequence[str], places: NDArray[Any]) -> NDArray[Any]:
+    """Places in ``names``, as they are.
 
     Raises:
-        TableError, OSError: as `read_rows`, or a row has no such name.
+        TableError: one is outside.
     """
-    labels, arrays = read_rows(path, table)
-    names = {name: np.array(labels[name], dtype=object) for name in table.labels}
-    for rows in arrays:
-        yield {
-            name: _texts(path, names[name], rows[name]) if name in names else rows[name] for name in columns
-        }
-
-
-def _texts(path: Path, names: NDArray[np.object_], places: NDArray[Any]) -> NDArray[Any]:
     if places.size and not 0 <= int(places.min()) <= int(places.max()) < len(names):
         raise TableError(f"{path}: a row has a name that the header has not")
-    found: NDArray[Any] = names[places]
-    return found
+    return places

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.journal import read_journal, read_rows
+from bridge.record.tables.journals import plain, read_journals, rows_of
 from bridge.record.tables.schema import LABEL, NUMBER, TABLES, Batch, Column, Table, TableError
 
 if TYPE_CHECKING:
@@ -38,18 +38,21 @@ def finish_tables(run: Path, on_progress: OnProgress = lambda _name, _rows: None
         OSError: a file cannot be read or written.
     """
     for table in TABLES:
-        journal = table.journal_path(run)
-        if journal.exists():
-            if not table.parquet_path(run).exists():
-                _write(table, journal, table.parquet_path(run), on_progress)
+        journals = table.journals(run)
+        if journals and not table.parquet_path(run).exists():
+            _write(table, run, on_progress)
+        for journal in journals:
             journal.unlink()
+        if journals and table.by_node:
+            journals[0].parent.rmdir()
 
 
-def _write(table: Table, journal: Path, path: Path, on_progress: OnProgress) -> None:
+def _write(table: Table, run: Path, on_progress: OnProgress) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    labels, arrays = read_rows(journal, table, GROUP_ROWS)
+    labels, arrays = rows_of(run, table, GROUP_ROWS)
+    path = table.parquet_path(run)
     partial, done = path.with_suffix(".partial"), 0
     schema = pa.schema([(column.name, _type(column)) for column in table.columns])
     as_they_are = [c.name for c in table.columns if c.dtype == NUMBER and not c.steps_per_unit]
@@ -65,7 +68,7 @@ def _write(table: Table, journal: Path, path: Path, on_progress: OnProgress) -> 
             try:
                 columns = [_column(column, rows[column.name], labels) for column in table.columns]
             except pa.ArrowException as error:
-                raise TableError(f"{journal}: {error}") from error
+                raise TableError(f"{run}: {table.name}: {error}") from error
             writer.write_table(pa.table(columns, schema=schema), row_group_size=GROUP_ROWS)
             done += len(rows)
             on_progress(table.name, done)
@@ -75,9 +78,9 @@ def _write(table: Table, journal: Path, path: Path, on_progress: OnProgress) -> 
 def _type(column: Column) -> pa.DataType:
     import pyarrow as pa
 
-    return (
-        pa.dictionary(pa.int16(), pa.string()) if column.dtype == LABEL else pa.from_numpy_dtype(column.dtype)
-    )
+    if column.is_name:
+        return pa.dictionary(pa.int16(), pa.string())
+    return pa.from_numpy_dtype(column.dtype)
 
 
 def _column(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence[str]]) -> pa.Array:
@@ -86,6 +89,8 @@ def _column(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence[
     packed = np.ascontiguousarray(values)
     if column.dtype == LABEL:
         return pa.DictionaryArray.from_arrays(packed, pa.array(labels[column.name], pa.string()))
+    if column.is_text:
+        return pa.array(plain(column, packed), pa.string()).dictionary_encode().cast(_type(column))
     return pa.array(packed)
 
 
@@ -104,8 +109,8 @@ def read_table(run: Path, table: Table, columns: Sequence[str] | None = None) ->
     names = tuple(columns or (column.name for column in table.columns))
     if table.parquet_path(run).exists():
         return read_parquet(table.parquet_path(run), table, names)
-    if table.journal_path(run).exists():
-        return read_journal(table.journal_path(run), table, names)
+    if table.journals(run):
+        return read_journals(run, table, names)
     raise TableError(f"{run}: it has no {table.parquet_path(run).name}, nor a journal of it")
 
 

@@ -78,7 +78,8 @@ class Commands:
             dialect.MAV_CMD_DO_REPOSITION: self._reposition,
             dialect.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
             dialect.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
-            dialect.MAV_CMD_REQUEST_MESSAGE: self._request_message,
+            dialect.MAV_CMD_REQUEST_MESSAGE: lambda request: self._tell(request.parameters[0]),
+            dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._tell_version,
         }
 
     def run(self, request: Request) -> Result:
@@ -160,8 +161,14 @@ class Commands:
         self._streams.set_interval(message_id, whole_us, self._vehicle.sim_time_ns)
         return Result.ACCEPTED
 
-    def _request_message(self, request: Request) -> Result:
-        builder = self._telemetry.builders.get(int_or_zero(request.parameters[0]))
+    def _tell_version(self, request: Request) -> Result:
+        """The old form of a request for AUTOPILOT_VERSION; dronekit uses it."""
+        if request.parameters[0] != 1.0:
+            return Result.FAILED
+        return self._tell(dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+
+    def _tell(self, message_id: float) -> Result:
+        builder = self._telemetry.builders.get(int_or_zero(message_id))
         if builder is None:
             return Result.FAILED
         message = builder()

@@ -1,30 +1,36 @@
 """The mission protocol: upload, download, clear, set current. Without I/O; messages in, messages out.
 
-As ArduPilot's, it asks for items with MISSION_REQUEST, and item 0 of a mission is home; items come and go as
-MISSION_ITEM_INT only.
+As ArduPilot's, it asks for items with MISSION_REQUEST, and item 0 of a mission is home. Items come and go as
+MISSION_ITEM_INT, and with old clients as MISSION_ITEM, of which one that says "fly there now" is a target for GUIDED.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridge.standin.protocols.mission_items import (
+    Form,
+    Sender,
+    fault_of,
+    item_from,
+    item_int_message,
+    item_message,
+)
+from bridge.standin.protocols.targets import location_from
 from bridge.standin.protocols.telemetry import Telemetry
 from bridge.standin.vehicle.events import Severity
-from bridge.standin.vehicle.location import ALT_MAX_M
-from bridge.standin.vehicle.mission import COMMANDS, ITEMS_MAX, POSITION_COMMANDS, Frame, Kind, MissionItem
+from bridge.standin.vehicle.mission import ITEMS_MAX, Command, Kind, MissionItem, home_item
+from bridge.standin.vehicle.modes import Guided
 from bridge.standin.vehicle.vehicle import Vehicle
 from bridge.standin.wire.mavlink_codec import Message
 
 UPLOAD_TIMEOUT_NS = 8_000_000_000
 REQUEST_AGAIN_NS = 1_000_000_000
-
-
-Sender = tuple[int, int]
-"""System and component."""
+TARGET_NOW = 2
+"""MISSION_ITEM.current of a target for GUIDED, as dronekit's ``simple_goto`` sends it."""
 
 
 @dataclass(slots=True)
@@ -54,10 +60,10 @@ class MissionProtocol:
         return {
             "MISSION_COUNT": self._of_kind(self._begin_upload),
             "MISSION_ITEM_INT": self._of_kind(self._take_item),
-            "MISSION_ITEM": self._refuse,
+            "MISSION_ITEM": self._of_kind(self._take_old_item),
             "MISSION_REQUEST_LIST": self._of_kind(self._send_count),
             "MISSION_REQUEST_INT": self._of_kind(self._send_item),
-            "MISSION_REQUEST": self._of_kind(self._send_item),
+            "MISSION_REQUEST": self._of_kind(self._send_old_item),
             "MISSION_REQUEST_PARTIAL_LIST": self._refuse,
             "MISSION_WRITE_PARTIAL_LIST": self._refuse,
             "MISSION_CLEAR_ALL": self._clear_all,
@@ -119,7 +125,7 @@ class MissionProtocol:
             self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
             return
         upload.heard_ns = self._vehicle.sim_time_ns
-        item = item_from(message)
+        item = item_from(message, kind)
         fault = fault_of(item, kind)
         if item.seq != len(upload.items):
             self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE, kind)
@@ -132,6 +138,22 @@ class MissionProtocol:
                 self._ask(upload)
             else:
                 self._finish_upload(upload)
+
+    def _take_old_item(self, message: Message, kind: Kind) -> None:
+        if kind is Kind.MISSION and message.current == TARGET_NOW:
+            self._fly_there(message)
+        else:
+            self._take_item(message, kind)
+
+    def _fly_there(self, message: Message) -> None:
+        """Take a target for GUIDED in the old form."""
+        mode, place = self._vehicle.mode, (message.x, message.y, message.z)
+        location = location_from(self._vehicle, *place, message.frame)
+        result = dialect.MAV_MISSION_ERROR
+        if message.command == Command.WAYPOINT and location is not None and isinstance(mode, Guided):
+            mode.fly_to(self._vehicle, self._vehicle.origin.ned_to(location))
+            result = dialect.MAV_MISSION_ACCEPTED
+        self._acknowledge(_sender(message), result, message.mission_type)
 
     def _finish_upload(self, upload: _Upload) -> None:
         self._upload = None
@@ -158,6 +180,12 @@ class MissionProtocol:
         self._send(dialect.MAVLink_mission_count_message(*sender, count, kind))
 
     def _send_item(self, message: Message, kind: Kind) -> None:
+        self._send_as(item_int_message, message, kind)
+
+    def _send_old_item(self, message: Message, kind: Kind) -> None:
+        self._send_as(item_message, message, kind)
+
+    def _send_as(self, form: Form, message: Message, kind: Kind) -> None:
         sender, item = _sender(message), self._item(kind, message.seq)
         if self._upload is not None:
             self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
@@ -165,12 +193,11 @@ class MissionProtocol:
             self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE, kind)
         else:
             current = kind is Kind.MISSION and item.seq == self._mission.current
-            head = (*sender, item.seq, item.frame, item.command, int(current))
-            parameters = (item.autocontinue, item.param1, item.param2, item.param3, item.param4)
-            place = (item.lat_e7, item.lon_e7, item.alt_m)
-            self._send(dialect.MAVLink_mission_item_int_message(*head, *parameters, *place, kind))
+            self._send(form(item, kind, sender, current))
 
     def _item(self, kind: Kind, seq: int) -> MissionItem | None:
+        if kind is Kind.MISSION and seq == 0:  # home can be read without a mission, too
+            return home_item(self._vehicle.home_or_origin)
         if kind is Kind.MISSION:
             return self._mission.item(seq)
         return self._others[kind][seq] if seq < len(self._others[kind]) else None
@@ -196,28 +223,3 @@ class MissionProtocol:
 
 def _sender(message: Message) -> Sender:
     return message.get_srcSystem(), message.get_srcComponent()
-
-
-def item_from(message: Message) -> MissionItem:
-    """Return the item of a MISSION_ITEM_INT."""
-    head = (message.seq, message.frame, message.command)
-    parameters = (message.param1, message.param2, message.param3, message.param4)
-    return MissionItem(*head, *parameters, message.x, message.y, message.z, message.autocontinue)
-
-
-def fault_of(item: MissionItem, kind: Kind) -> int:
-    """Return why an item cannot be stored (MAV_MISSION_*), MAV_MISSION_ACCEPTED if it can."""
-    if item.command not in COMMANDS[kind]:
-        return int(dialect.MAV_MISSION_UNSUPPORTED)
-    if kind is not Kind.MISSION or item.command in POSITION_COMMANDS:
-        if item.frame not in set(Frame) - {Frame.MISSION}:
-            return int(dialect.MAV_MISSION_UNSUPPORTED_FRAME)
-        if abs(item.lat_e7) > 900_000_000:
-            return int(dialect.MAV_MISSION_INVALID_PARAM5_X)
-        if abs(item.lon_e7) > 1_800_000_000:
-            return int(dialect.MAV_MISSION_INVALID_PARAM6_Y)
-        if not abs(item.alt_m) <= ALT_MAX_M:
-            return int(dialect.MAV_MISSION_INVALID_PARAM7)
-    if not (isfinite(item.param1) and isfinite(item.param2)):
-        return int(dialect.MAV_MISSION_INVALID)
-    return int(dialect.MAV_MISSION_ACCEPTED)

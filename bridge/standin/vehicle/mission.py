@@ -78,6 +78,12 @@ class MissionItem:
         return Location(self.lat_e7 * 1e-7, self.lon_e7 * 1e-7, alt_amsl_m)
 
 
+def home_item(home: Location) -> MissionItem:
+    """Return item 0 of a mission."""
+    place = (home.lat_e7, home.lon_e7, home.alt_amsl_m)
+    return MissionItem(0, Frame.GLOBAL, Command.WAYPOINT, 0.0, 0.0, 0.0, 0.0, *place)
+
+
 class Mission:
     """The items stored and the one that is flown."""
 
@@ -107,8 +113,7 @@ class Mission:
     def set_home(self, home: Location) -> None:
         """Keep item 0 at home."""
         if self._items:
-            place = (home.lat_e7, home.lon_e7, home.alt_amsl_m)
-            self._items[0] = MissionItem(0, Frame.GLOBAL, Command.WAYPOINT, 0.0, 0.0, 0.0, 0.0, *place)
+            self._items[0] = home_item(home)
 
     def set_current(self, seq: int) -> bool:
         """Choose the item to fly; return False if there is none of that number."""

@@ -355,3 +355,70 @@ async def test_garbage_on_the_port_is_no_end_of_it(call):
             await asyncio.wait_for(reader.read(), 10)
         writer.close()
     assert (await call("GET", "/state"))[0] == 200
+
+
+async def test_links_are_opened_and_ended_while_the_daemon_runs(call, daemon, make_udp_peer, eventually):
+    peer = await make_udp_peer()
+    status, opened = await call("POST", "/links", {"address": f"udp-out:127.0.0.1:{peer.port},max-hz=30:5"})
+    assert (status, opened["place"]) == (201, 1)
+    await peer.next("ATTITUDE")
+    status, told = await call("GET", "/links")
+    assert {"place": 1, "address": f"udp-out:127.0.0.1:{peer.port}"} in told["places"]
+    assert {"place": None, "address": "tcp-server:127.0.0.1:0"} in told["places"]
+    roles = [link["role"] for link in told["links"]]
+    assert roles == ["autopilot", "client"]
+    assert told["links"][0]["latency"]["asked"] > 0
+    assert (await call("DELETE", "/links/1"))[0] == 204
+    assert daemon.links.clients == {}
+    assert (await call("DELETE", "/links/1"))[0] == 404
+    status, opened = await call("POST", "/links", {"address": "tcp-server::0"})
+    assert (status, opened["place"]) == (201, 2)
+    taken = call.server.port
+    assert (await call("POST", "/links", {"address": f"tcp-server:127.0.0.1:{taken}"}))[0] == 409
+    for wrong in ("udp-out:nowhere", "smoke:1", "udp-out:127.0.0.1:1,max-hz=x"):
+        assert (await call("POST", "/links", {"address": wrong}))[0] == 422
+
+
+async def test_without_a_token_no_links_beyond_this_machine_are_opened(call, daemon, tmp_path):
+    (tmp_path / "key").write_text("secret")
+    for address in (
+        "udp-out:192.0.2.7:14550",
+        "tcp-server:0.0.0.0:0",
+        "tcp:gcs.example:5760",
+        "serial:/dev/ttyACM0:57600",
+        f"udp-out:127.0.0.1:9,key={tmp_path}/key",
+    ):
+        status, reply = await call("POST", "/links", {"address": address})
+        assert (status, "beyond this machine" in reply["detail"]) == (403, True), address
+    assert daemon.opened == {}
+    config = ApiConfig(token=TOKEN)
+    async with ApiServer(DaemonBackend(daemon), config) as server:
+        guarded = Caller(server.port)
+        wish = {"address": "udp-in:0.0.0.0:0"}
+        assert (await guarded("POST", "/links", wish))[0] == 401
+        assert (await guarded("POST", "/links", wish, Authorization=f"Bearer {TOKEN}"))[0] == 201
+
+
+async def test_links_that_cannot_be_opened_for_good_end_alone(call, daemon, eventually):
+    await daemon.open(f"tcp:{'a' * 70}.example:5760")
+    await eventually(lambda: not daemon.opened)
+    assert daemon.failure is None
+    assert (await call("GET", "/state"))[0] == 200
+
+
+async def test_too_many_places_are_refused(call, daemon):
+    for _ in range(32):
+        assert (await call("POST", "/links", {"address": "udp-in::0"}))[0] == 201
+    assert (await call("POST", "/links", {"address": "udp-in::0"}))[0] == 409
+
+
+async def test_the_status_once_and_as_a_stream(call, daemon):
+    status, told = await call("GET", "/status")
+    assert (status, told["sysid"], told["state"]["mode"]) == (200, 2, "STABILIZE")
+    assert told["statistics"]["autopilot_links"][0]["up"]
+    async with open_stream(f"ws://127.0.0.1:{call.server.port}/stream?rate_hz=0&status_hz=10") as stream:
+        async with asyncio.timeout(10):
+            events = [json.loads(await stream.recv()) for _ in range(3)]
+    assert {event["type"] for event in events} == {"status"}
+    frames = [event["statistics"]["autopilot_links"][0]["frames_in"] for event in events]
+    assert frames[0] < frames[-1]

@@ -124,7 +124,8 @@ async def test_a_file_of_daemons_with_udp_output_and_tlog(autopilot, make_udp_pe
     process = await start("--config", str(file))
     ready = [await line(process) for _ in range(2)]
     assert [told.split()[2] for told in ready] == ["sysid=2", "sysid=4"]
-    await peer.next("ATTITUDE")
+    for _ in range(3):  # 5 a second: by then there is something in the log
+        await peer.next("ATTITUDE")
     process.terminate()
     _, stderr = await process.communicate()
     assert process.returncode == 0

@@ -244,11 +244,7 @@ async def test_autopilot_that_does_not_read_is_told_and_loses_nothing(fly):
                 got += flight.autopilot._connection.recv(1 << 22)
             daemon.begin_exchange(later_ns)
             daemon.end_exchange()
-            if (
-                got.count(raw) >= sent
-                and not daemon.link.unsent_bytes
-                and not daemon.link.outbox.waiting_frames
-            ):
+            if got.count(raw) >= sent and not daemon.link.unsent_bytes and not daemon.link.outbox.waiting:
                 break
 
 

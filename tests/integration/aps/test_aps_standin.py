@@ -35,6 +35,11 @@ class Processes:
         self._draining.append(asyncio.create_task(process.stdout.read()))
         return found.group(1)
 
+    async def kill_last(self):
+        process = self._started.pop()
+        process.kill()
+        await process.wait()
+
     async def stop(self):
         for process in self._started:
             if process.returncode is None:

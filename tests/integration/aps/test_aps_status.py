@@ -10,14 +10,41 @@ import pytest
 from rich.console import Console
 
 from aps.__main__ import main
+from aps.api.backend import DaemonBackend
+from aps.api.guard import ApiConfig
+from aps.api.server import ApiServer
 from aps.daemon import Daemon, DaemonConfig
 from aps.status import status_directory
-from aps.status_view import ask, tables
+from aps.status_view import ask, ask_over_http, tables
 
 
 @pytest.fixture(autouse=True)
 def own_directory(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+TOKEN = "0123456789abcdef-token"
+
+
+async def test_daemons_are_shown_by_their_apis(autopilot, eventually, capsys, monkeypatch):
+    config = DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=2)
+    async with (
+        Daemon(config) as daemon,
+        ApiServer(DaemonBackend(daemon), ApiConfig()) as open_to_all,
+        ApiServer(DaemonBackend(daemon), ApiConfig(token=TOKEN)) as guarded,
+    ):
+        await eventually(lambda: daemon.state.mode == "STABILIZE")
+        urls = [f"http://127.0.0.1:{open_to_all.port}/", f"127.0.0.1:{guarded.port}", "http://127.0.0.1:1"]
+        first, second, third = await asyncio.to_thread(lambda: list(ask_over_http(urls, "")))
+        assert (first["name"], first["sysid"]) == (f"127.0.0.1:{open_to_all.port}", 2)
+        assert second["error"] == "it wants its token"
+        assert "refused" in third["error"]
+        assert "STABILIZE" in shown([first, second, third])
+        monkeypatch.setenv("LOSTLINK_API_TOKEN", TOKEN)
+        arguments = ["status", "--once", "--json", "--url", urls[1]]
+        assert await asyncio.to_thread(main, arguments) == 0
+        [told] = json.loads(capsys.readouterr().out)
+        assert told["state"]["mode"] == "STABILIZE"
 
 
 async def asked():
@@ -48,6 +75,15 @@ async def test_daemons_tell_state_and_counters_and_their_ends_leave_nothing(auto
         assert f"tcp:127.0.0.1:{autopilot.port}" in text
         assert str(idle.listen_port) in text
     assert await asked() == []
+
+
+async def test_a_wrong_system_id_is_shown_with_the_one_that_is_there(autopilot, eventually, caplog):
+    config = DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=7)
+    async with Daemon(config) as daemon:
+        await eventually(lambda: daemon.statistics()["other_systems"] == [2])
+        [told] = await asked()
+    assert "7 (there is 2)" in shown([told])
+    assert "calls itself system 2, expected 7 (--sysid)" in caplog.text
 
 
 def test_sockets_of_killed_daemons_are_removed():

@@ -1,10 +1,13 @@
 """The benchmarks that are short enough, in short."""
 
 import json
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from benchmarks import bench_access, bench_messages, bench_record, bench_router
+from benchmarks import bench_access, bench_messages, bench_record, bench_recording, bench_replay, bench_router
+from tests.unit.bridge.replay.flown import flown, scenario_of
 
 
 def test_messages_are_coded_beside_rosbags(capsys: pytest.CaptureFixture[str]) -> None:
@@ -39,3 +42,24 @@ def test_the_router_and_agents_are_measured(capsys: pytest.CaptureFixture[str]) 
     assert row["hosts us"] > 0
     assert 0 < result["fleet"]["delivered_share"] < 0.3
     assert result["agent"]["looks at none us"] > 0
+
+
+def test_redecision_and_replay_are_measured(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("moon2020", ("0", "1")), 40)
+    found = bench_replay.main(["--run", str(run), "--rounds", "1", "--json"])
+    assert (found["fates"], found["is_same"]) == (80, True)
+    assert all(0.0 < seconds < 5.0 for seconds in found["seconds"].values())
+
+
+@pytest.mark.slow
+def test_what_recording_costs_is_measured(
+    capsys: pytest.CaptureFixture[str], free_slot: Callable[[int], int]
+) -> None:
+    common = ["--ua", "2", "--duration", "3", "--json", "--first-slot", str(free_slot(2))]
+    assert bench_recording.main([*common, "--rounds", "1"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert 0.1 < row["cpu"] < 2.0
+    assert bench_recording.main([*common, "--size"]) == 0
+    sizes = json.loads(capsys.readouterr().out)
+    assert sizes["receptions"] >= 2 * 21  # at least every third of 61 ticks
+    assert 0.05 < sizes["all"] < 5.0

@@ -6,11 +6,16 @@ import json
 import socket
 import subprocess
 import sys
+import urllib.request
+from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from pymavlink import mavutil
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect as open_stream
 
 from bridge.record.tables.schema import DELIVERIES
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
@@ -51,7 +56,10 @@ def test_another_seed_gives_another_record_and_no_other_flight(start_run: StartR
         assert run.finish() == 0, run.output.decode()
     first, other = (run.summary["digests"] for run in runs)
     assert first["deliveries"] != other["deliveries"]
-    assert {name for name in first if first[name] != other[name]} == {"deliveries"}
+    differ = {name for name in first if first[name] != other[name]}
+    assert {name for name in differ if not name.startswith("logged/")} == {
+        "deliveries"
+    }  # agents tell what they heard
 
 
 OTHER_MACHINE = {
@@ -154,6 +162,73 @@ def test_a_client_that_says_nothing_to_the_autopilot_changes_nothing(
     assert watched.summary["digests"] == alone.summary["digests"]
     inputs = (watched.directory / "inputs" / "1.jsonl").read_text().splitlines()
     assert '"open"' in inputs[0]
+
+
+def open_and_end_links(place: str) -> None:
+    """Have the UA's MAVLink sent to a port of ours for a while."""
+    with socket.socket(type=socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.settimeout(10.0)
+        wish = json.dumps({"address": f"udp-out:127.0.0.1:{listener.getsockname()[1]}"}).encode()
+        headers = {"Content-Type": "application/json"}
+        request = urllib.request.Request(f"http://{place}/links", wish, headers)
+        with urllib.request.urlopen(request, timeout=5) as reply:
+            number = json.load(reply)["place"]
+        assert listener.recv(65536)[0] == 0xFD
+        request = urllib.request.Request(f"http://{place}/links/{number}", method="DELETE")
+        with urllib.request.urlopen(request, timeout=5) as reply:
+            assert reply.status == 204
+
+
+def look_at_everything(run: Run, listener: socket.socket) -> Counter[str]:
+    """Read the UDP output, the API and its stream until the run is over; returns what was seen."""
+    seen: Counter[str] = Counter()
+    place = f"127.0.0.1:{8760 + 10 * (run.slot + 1)}"
+    open_and_end_links(place)
+    with open_stream(f"ws://{place}/stream?rate_hz=50&messages=ATTITUDE&status_hz=10") as stream:
+        while run.process.poll() is None:
+            try:
+                seen[json.loads(stream.recv(timeout=0.05))["type"]] += 1
+            except TimeoutError:
+                continue
+            except ConnectionClosed:
+                break
+            if sum(seen.values()) % 20:
+                continue
+            with suppress(OSError):
+                for path in ("state", "status", "links", "statistics", "messages/ATTITUDE"):
+                    with urllib.request.urlopen(f"http://{place}/{path}", timeout=5) as reply:
+                        seen[path] += reply.status == 200
+            with suppress(BlockingIOError):
+                while listener.recv(65536):
+                    seen["datagrams"] += 1
+    return seen
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_tlogs_udp_outputs_and_the_api_change_nothing_however_much_they_are_used(
+    start_run: StartRun, tmp_path: Path
+) -> None:
+    off = HOLD + "mavlink: {{tlog: false, udp_out: []}}\napi: false\n"
+    silent = start_run(scenario=off, duration_s=15.0)
+    assert silent.finish() == 0, silent.output.decode()
+    assert not (silent.directory / "tlog").exists()
+    with socket.socket(type=socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.setblocking(False)
+        place = f"127.0.0.1:{listener.getsockname()[1]}"
+        on = HOLD + f"mavlink: {{{{tlog: true, udp_out: [{place}]}}}}\napi: true\n"
+        told = start_run(scenario=on, duration_s=15.0, speed="2")
+        told.wait_for("sim time")
+        seen = look_at_everything(told, listener)
+        assert told.finish() == 0, told.output.decode()
+    looks = {"state", "message", "status", "links", "statistics", "messages/ATTITUDE", "datagrams"}
+    assert looks <= set(seen), seen
+    assert next((told.directory / "tlog").glob("1-*.tlog")).stat().st_size > 1000
+    assert told.summary["digests"] == silent.summary["digests"]
+    reasons = [why for why in told.summary["may_not_repeat"] if "did not end in time" not in why]
+    assert reasons == []  # a loaded machine may be slow to end, which is no flight of its own
 
 
 def test_two_runs_beside_each_other_are_compared_by_the_command(start_run: StartRun) -> None:

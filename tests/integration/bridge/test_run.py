@@ -71,6 +71,8 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
         "provenance.json",
         "reports",
         "run.json",
+        "run.mcap",
+        "states.parquet",
         "tlog",
         "scenario.yaml",
         "streams",
@@ -230,7 +232,7 @@ def test_mistake_in_the_scenario_ends_with_status_2_and_its_place(tmp_path: Path
     (tmp_path / "bad.yaml").write_text("schema: 1\nname: bad\nspeeed: max\n")
     done = lostlink("run", "bad.yaml", cwd=tmp_path)
     assert done.returncode == 2
-    assert "bad.yaml:3: speeed: unknown key; allowed here: schema, name" in done.stderr
+    assert "bad.yaml:3: speeed: unknown key; did you mean speed? (allowed here: schema, name" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "runs").exists()
 

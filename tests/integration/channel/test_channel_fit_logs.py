@@ -109,5 +109,7 @@ def test_a_scenario_refuses_a_radio_file_that_is_none(tmp_path):
     bad = tmp_path / "bad.yaml"
     bad.write_text("preset: corrected\npropagation: {exponent: -3}\n")
     text = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"radio: .*bad\.yaml:2: propagation\.exponent"):
+    with pytest.raises(
+        ScenarioError, match=r"bad\.yaml:2: propagation\.exponent.*named at mission\.yaml:16: radio"
+    ):
         parse_scenario(text.replace("radio: moon2020", f"radio: {bad}"), "mission.yaml")

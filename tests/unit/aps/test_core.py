@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from aps.config import DaemonConfig
 from aps.core import Core
 from aps.links.link import Link, Opening, Role
+from aps.vehicle.streams import MAX_WISHES
 from aps.wire.framer import Framer
 
 S = 1_000_000_000
@@ -76,6 +77,9 @@ class Bench:
 
 class Nobody:
     def put(self, frame):
+        pass
+
+    def put_all(self, frames, size_bytes):
         pass
 
 
@@ -241,3 +245,68 @@ class Kept:
 
     def put(self, frame):
         self.messages += self.parser.parse_buffer(frame)
+
+    def put_all(self, frames, size_bytes):
+        self.put(b"".join(frames))
+
+
+class Ear:
+    """A client that keeps what it is sent."""
+
+    def __init__(self):
+        self.parser = mavlink.MAVLink(None)
+        self.heard = []
+
+    def put(self, frame):
+        self.heard += self.parser.parse_buffer(frame) or []
+
+    def put_all(self, frames, size_bytes):
+        self.put(b"".join(frames))
+
+    def names(self):
+        return [message.get_type() for message in self.heard]
+
+
+def test_round_trips_are_measured_and_answers_to_them_kept_from_clients():
+    bench = Bench(measures_latency=True)
+    ear = Ear()
+    bench.client(1, ear)
+    for took_s in (0.004, 0.002):
+        bench.heard.clear()
+        bench.wait(1.0)
+        (asked,) = [message for message in bench.heard if message.get_type() == "TIMESYNC"]
+        assert (asked.tc1, asked.ts1) == (0, bench.now_ns)
+        bench.now_ns += round(took_s * S)
+        bench.say(mavlink.MAVLink_timesync_message(77, asked.ts1))
+    assert "TIMESYNC" not in ear.names()
+    bench.say(mavlink.MAVLink_timesync_message(77, 5))  # to somebody else's question
+    bench.say(mavlink.MAVLink_timesync_message(0, 6))  # the autopilot's own question
+    assert [message.ts1 for message in ear.heard if message.get_type() == "TIMESYNC"] == [5, 6]
+    told = bench.link.latency.statistics()
+    assert (told["asked"], told["answered"], told["latest_ms"], told["most_ms"]) == (2, 2, 2.0, 4.0)
+
+
+def test_without_a_clock_of_its_own_nobody_is_asked_for_the_time(bench):
+    bench.wait(1.0)
+    assert "TIMESYNC" not in [message.get_type() for message in bench.heard]
+
+
+def test_one_wish_too_many_is_denied_in_the_autopilots_name(bench):
+    ear = Ear()
+    bench.client(1, ear)
+
+    def wish(msg_id):
+        bench.client_says(
+            mavlink.MAVLink_command_long_message(2, 1, SET_MESSAGE_INTERVAL, 0, msg_id, 1e6, 0, 0, 0, 0, 0)
+        )
+
+    for msg_id in range(1000, 1000 + MAX_WISHES):
+        wish(msg_id)
+    assert "COMMAND_ACK" not in ear.names()
+    passed = len(bench.commands(SET_MESSAGE_INTERVAL))
+    wish(5000)
+    (ack,) = [message for message in ear.heard if message.get_type() == "COMMAND_ACK"]
+    assert (ack.command, ack.result) == (SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED)
+    assert (ack.get_srcSystem(), ack.get_srcComponent()) == (2, 1)
+    assert len(bench.commands(SET_MESSAGE_INTERVAL)) == passed
+    assert bench.core.statistics()["answers"]["denied"] == 1

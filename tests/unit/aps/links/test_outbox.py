@@ -50,7 +50,7 @@ def test_closed_outbox_counts_what_it_cannot_send():
     outbox.put(b"waiting")
     outbox.close()
     outbox.flush()
-    assert (outbox.counters.dropped_closed, outbox.waiting_frames) == (2, 0)
+    assert (outbox.counters.dropped_closed, len(outbox.waiting)) == (2, 0)
 
 
 def test_outbox_limit_is_checked():

@@ -124,6 +124,9 @@ class KeepingAutopilot:
         self.say(mavlink.MAVLink_mission_count_message(SYSID, OURS, len(self.items[kind]), kind))
 
     def _mission_request_int(self, message):
+        if message.seq >= len(self.items[message.mission_type]):
+            self._mission_ack_out(mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)
+            return
         kept = self.items[message.mission_type][message.seq]
         values = [getattr(kept, name) for name in kept.fieldnames]
         self.say(mavlink.MAVLink_mission_item_int_message(SYSID, OURS, *values[2:]))
@@ -147,6 +150,8 @@ class KeepingAutopilot:
                 self._param_value_out(index, name)
 
     def _param_request_read(self, message):
+        if message.param_index >= len(self.parameters):
+            return
         if message.param_index >= 0:
             self._param_value_out(message.param_index, list(self.parameters)[message.param_index])
         elif message.param_id in self.parameters:

@@ -104,7 +104,7 @@ def test_options_reach_the_agents_process_as_they_are() -> None:
             "not a valid JSON value",
         ),
         ("{type: own, class: nowhere.py:Own}", "nodes.0.agent.class", "nowhere.py: no such file"),
-        ("{type: own, class: nowhere}", "nodes.0.agent.class", "should match pattern"),
+        ("{type: own, class: nowhere}", "nodes.0.agent.class", "FILE.py:NAME or package.module:NAME"),
         ("{type: own}", "nodes.0.agent.class", "is required"),
         (
             "{type: own, clas: a:B}",

@@ -37,6 +37,7 @@ from bridge.bus.messages import (
     decode,
     encode,
 )
+from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.model import Transmit
@@ -294,7 +295,7 @@ def test_every_command_of_an_agent_is_one_of_the_daemons_with_its_arguments() ->
         assert set(json.loads(goal.arguments or "{}")) <= set(argument_names(verb)), verb
 
 
-@pytest.mark.parametrize("method", ["on_tick", "on_packet"])
+@pytest.mark.parametrize("method", ["on_tick", "on_packet", "transmit_package"])
 def test_an_async_method_that_nobody_would_await_is_refused_by_name(tmp_path: Path, method: str) -> None:
     file = tmp_path / "patrol.py"
     file.write_text(
@@ -304,6 +305,20 @@ def test_an_async_method_that_nobody_would_await_is_refused_by_name(tmp_path: Pa
     with pytest.raises(AgentError, match=f"Patrol.{method} in .*patrol.py is an async def"):
         load_class(str(file), "Patrol")
     assert f"patrol.py:5: Patrol.{method} is an async def" in mistake_in(str(file), "Patrol")
+
+
+@pytest.mark.parametrize("bases", ["Agent", "Base"])
+def test_a_fly_that_cannot_be_awaited_is_refused_by_name(tmp_path: Path, bases: str) -> None:
+    file = tmp_path / "patrol.py"
+    own = "    pass\n" if bases == "Base" else "    def fly(self):\n        pass\n"
+    file.write_text(
+        "from bridge.agents import Agent\n\n\nclass Base(Agent):\n    def fly(self):\n        pass\n\n\n"
+        f"class Patrol({bases}):\n{own}"
+    )
+    with pytest.raises(AgentError, match=r"Patrol\.fly in .*patrol\.py is a plain def: make it an async def"):
+        load_class(str(file), "Patrol")
+    if bases == "Agent":
+        assert f"{file}:10: Patrol.fly is a plain def" in mistake_in(str(file), "Patrol")
 
 
 def test_results_of_commands_come_with_a_tick(flown: list[Flown]) -> None:
@@ -364,12 +379,12 @@ def test_what_is_no_package_is_counted_when_the_agent_looks_and_does_not_blow_up
     flown: list[Flown],
 ) -> None:
     flown.append(Flown(Looker))
-    agent, stamp = flown[0], Stamp(0, 0)
+    agent, reception = flown[0], Reception(0, 0, 0)
     good = encode(DataPackage(Header.at(5, "2")))
     status = CommunicationStatus(node=("2",), delivered=(True,))
     agent.tick(
-        lambda ua: ua.take_packet("0", "team", b"garbage", stamp),
-        lambda ua: ua.take_packet("2", "team", good, stamp),
+        lambda ua: ua.take_packet("0", "team", b"garbage", reception),
+        lambda ua: ua.take_packet("2", "team", good, reception),
         lambda ua: ua.take_comm_status(lambda: status),
     )
     agent.tick()
@@ -383,7 +398,7 @@ def test_what_is_no_package_is_counted_when_the_agent_looks_and_does_not_blow_up
     with pytest.raises(KeyError):
         looker.latest["0"]
     assert looker.latest.raw == {"0": b"garbage", "2": good}
-    agent.tick(lambda ua: ua.take_packet("0", "team", good, stamp))
+    agent.tick(lambda ua: ua.take_packet("0", "team", good, reception))
     assert looker.seen[-1] == (["0", "2"], 2, ["2"])
     assert looker.latest["2"] is looker.latest["2"]
     assert not any(status.failed for status in agent.outlet.reports)
@@ -392,7 +407,7 @@ def test_what_is_no_package_is_counted_when_the_agent_looks_and_does_not_blow_up
 class OwnReader(Agent):
     """Decodes in its callback."""
 
-    def on_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:
+    def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
         decode(payload, DataPackage)
 
 
@@ -400,10 +415,10 @@ def test_a_packet_that_an_agents_own_callback_cannot_read_is_counted_and_the_res
     flown: list[Flown],
 ) -> None:
     flown.append(Flown(OwnReader))
-    agent, stamp = flown[0], Stamp(0, 0)
+    agent, reception = flown[0], Reception(0, 0, 0)
     agent.tick(
-        lambda ua: ua.take_packet("0", "team", b"garbage", stamp),
-        lambda ua: ua.take_packet("2", "team", encode(DataPackage()), stamp),
+        lambda ua: ua.take_packet("0", "team", b"garbage", reception),
+        lambda ua: ua.take_packet("2", "team", encode(DataPackage()), reception),
     )
     agent.tick()
     assert (agent.runner.ua.received, agent.runner.ua.malformed) == (2, 1)

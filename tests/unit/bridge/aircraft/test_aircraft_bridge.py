@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
+from math import inf, isnan
+
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import bridge.aircraft.aircraft_bridge
 import bridge.record.input_fields
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from aps.vehicle.commander import VERBS
-from bridge.aircraft.aircraft_bridge import AircraftBridge
+from aps.vehicle.telemetry import Telemetry
+from aps.wire.framer import Frame, Framer
+from bridge.aircraft.aircraft_bridge import AGED, AircraftBridge, state_message
 from bridge.aircraft.body import StatePace
-from bridge.bus.messages import CommandEvent, CommandGoal
+from bridge.bus import messages
+from bridge.bus.messages import CommandEvent, CommandGoal, decode, encode
+from bridge.bus.messages.ages import GROUPS, age_s
+
+S = 1_000_000_000
 
 
 @pytest.fixture
@@ -77,3 +87,53 @@ def test_wrong_arguments_are_refused_in_words(
 
 def test_what_can_be_commanded_over_zenoh_is_what_aps_can_and_is_said_once() -> None:
     assert tuple(VERBS) == bridge.record.input_fields.VERBS
+
+
+def frames(*messages: mavlink.MAVLink_message) -> list[Frame]:
+    mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    return Framer().receive(b"".join(bytes(message.pack(mav)) for message in messages))
+
+
+def test_each_field_has_its_age() -> None:
+    telemetry = Telemetry(1)
+    said = {
+        1: mavlink.MAVLink_heartbeat_message(2, 3, 0x59, 4, 4, 3),
+        2: mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 12000, 0, 90, 0, 0, 0, 0, 0, 0),
+        3: mavlink.MAVLink_attitude_message(1000, 0.1, 0, 0, 0, 0, 0),
+        4: mavlink.MAVLink_global_position_int_message(1000, 1, 1, 0, 0, 0, 0, 0, 0),
+        5: mavlink.MAVLink_local_position_ned_message(1000, 1, 2, 3, 0, 0, 0),
+        6: mavlink.MAVLink_vfr_hud_message(1, 2, 3, 4, 5, 6),
+        7: mavlink.MAVLink_battery_status_message(0, 0, 0, 0, [0] * 10, 5, 0, 0, 50),
+    }
+    for at_s, message in said.items():
+        for frame in frames(message):
+            telemetry.update(frame, at_s * S)
+    message = decode(encode(state_message(telemetry.state(10 * S), "0", 10 * S)), messages.AircraftState)
+    ages_s = {
+        "mode": 9,
+        "base_mode": 9,
+        "armed": 9,
+        "voltage_v": inf,  # and ready_to_arm waits for the estimator's word
+        "euler_rad": 7,
+        "latitude_deg": 6,
+        "altitude_rel_m": 6,
+        "position_ned_m": 5,
+        "velocity_ned_mps": 5,
+        "groundspeed_mps": 4,
+        "throttle_percent": 4,
+        "airspeed_mps": 4,  # no wind is known: it is the indicated one
+        "wind_body_mps": inf,
+        "current_a": 3,
+        "flight_time_s": 5,
+    }
+    assert {name: age_s(message, name) for name in ages_s} == ages_s
+    with pytest.raises(ValueError, match="'mav_id' is no field with an age"):
+        age_s(message, "mav_id")
+    assert isnan(age_s(messages.AircraftState(), "mode"))
+
+
+def test_every_field_of_table_one_has_an_age_and_a_source() -> None:
+    aged = {name for names in GROUPS.values() for name in names}
+    fields = {field.name for field in dataclasses.fields(messages.AircraftState)}
+    assert fields - aged == {"header", "mav_id", "heartbeat_age_s", "age_s"}
+    assert list(GROUPS) == list(range(len(AGED)))

@@ -14,6 +14,8 @@ from click.testing import CliRunner, Result
 from bridge.cli.export import export
 from bridge.record.digests import digests
 from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.scenario.file import read_scenario
+from tests.unit.bridge.record.mcap.files import read_mcap
 from tests.unit.bridge.record.runs import make_run
 
 
@@ -74,10 +76,40 @@ def test_what_cannot_be_exported_has_status_2(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     for arguments, text in (
         ((folder, "--csv"), "truth.parquet: damaged"),
-        ((tmp_path / "empty", "--csv"), "neither truth nor deliveries"),
-        ((folder,), "one of --csv and --parquet is needed"),
+        ((tmp_path / "empty", "--csv"), "neither truth, nor states, nor measurements, nor deliveries"),
+        ((folder,), "one of --csv, --parquet and --mcap is needed"),
+        ((folder, "--csv", "--payloads"), "go with --mcap"),
+        ((folder, "--mcap"), "scenario.yaml"),
         ((tmp_path / "none", "--csv"), "does not exist"),
     ):
         done = run(*arguments)
         assert (done.exit_code, text in done.output) == (2, True), done.output
     assert not list(folder.glob("*.csv"))
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--rate", "truths=5"), "no kind of topic 'truths'; there are clock, truth, pose"),
+        (("--rate", "truth=fast"), "'fast' is no number"),
+        (("--rate", "truth=-1"), "greater than or equal to 0"),
+        (("--size", "packets=0"), "greater than or equal to 1"),
+        (("--mavlink", "some"), "'frames', 'messages', 'none'"),
+    ],
+)
+def test_mistakes_about_mcap_have_status_2(tmp_path: Path, options: tuple[str, ...], text: str) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    done = run(folder, "--mcap", *options)
+    assert (done.exit_code, text in done.output) == (2, True), done.output
+    assert not (folder / "run.mcap").exists()
+
+
+def test_a_run_is_written_as_mcap_by_its_tables_alone(tmp_path: Path) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    done = run(folder, "--mcap", "--out", tmp_path / "out")
+    assert (done.exit_code, done.output) == (0, f"{tmp_path / 'out' / 'run.mcap'}\n")
+    read = read_mcap(tmp_path / "out" / "run.mcap")
+    assert read.counts == read.statistics
+    assert {"/clock", "/ua_0/truth", "/fates"} <= read.counts.keys()

@@ -1,90 +1,52 @@
-"""The summary's verdict judges what it says it judges."""
+"""`lostlink report` writes a page, prints numbers, and says what it cannot read."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
+from click.testing import CliRunner, Result
 
-from bridge.cli.report import Timing, draw_probability_of_delivery, summarise
-from bridge.radio.deliveries import LEDGER
-from bridge.run.directory import RunDirectory
-from bridge.scenario.file import read_scenario
-from bridge.scenario.resolve_radio import radio_of
-
-SCENARIO = read_scenario("separation")
+from bridge.cli import report as module
+from bridge.cli.report import report
+from tests.unit.bridge.replay.flown import flown, scenario_of
 
 
-def row(start_m: float, sent: int, measured: float, low: float = 0.4, high: float = 0.6) -> dict[str, Any]:
-    ends = {"tx": "0", "rx": "1", "distance_min_m": start_m, "distance_max_m": start_m + 20}
-    counts = {"sent": sent, "delivered": int(sent * measured), "measured": measured}
-    return {**ends, **counts, "predicted": 0.5, "ci99": [low, high]}
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(report, [str(a) for a in arguments])
 
 
-def check(name: str, chance: float) -> dict[str, Any]:
-    return {"name": name, "size": 100, "found": 1.0, "chance": chance, "passed": chance >= 1e-3}
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flown(tmp_path_factory.mktemp("runs") / "made", scenario_of("moon2020", ("0", "1")))
 
 
-def summary_of(
-    path: Path, bins: list[dict[str, Any]], ending: str = "done", checks: list[dict[str, Any]] | None = None
-) -> dict[str, Any]:
-    sent, delivered = (sum(b[k] for b in bins) for k in ("sent", "delivered"))
-    links = [
-        {
-            "tx": "0",
-            "rx": "1",
-            "sent": sent,
-            "delivered": delivered,
-            "lost": {"channel_erasure": sent - delivered},
-        }
-    ]
-    (path / LEDGER).write_text(
-        json.dumps({"links": links, "bins": bins, "refused": {}, "checks": checks or []})
-    )
-    return summarise(SCENARIO, RunDirectory(path), Timing(100.0, 10.0), ending)
+def test_a_page_in_the_run_or_where_it_is_wanted(made: Path, tmp_path: Path):
+    done = run(made)
+    assert (done.exit_code, done.stdout) == (0, f"{made}/report.html\n")
+    assert run(made, "--out", tmp_path / "a.html").exit_code == 0
+    assert (tmp_path / "a.html").read_bytes() == (made / "report.html").read_bytes()
 
 
-def test_a_run_passes_if_all_checks_do(tmp_path: Path) -> None:
-    good, bad = check("losses", 0.2), check("level of the powers", 1e-5)
-    verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, good])["verdict"]
-    assert verdict == "pass: 2 checks of draws and powers against the model; 25 of 50 packets delivered"
-    verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, bad])["verdict"]
-    assert verdict.startswith("fail: 1 of 2 checks against the model: level of the powers (chance 1e-05)")
+def test_json_alone_or_with_a_page(made: Path, tmp_path: Path):
+    done = run(made, "--json")
+    content = json.loads(done.stdout)
+    assert (done.exit_code, content["schema"], content["run"]["name"]) == (0, 1, "made")
+    assert content["totals"]["sent"] == 120
+    both = run(made, "--json", "--out", tmp_path / "a.html")
+    assert json.loads(both.stdout) == content
+    assert (tmp_path / "a.html").exists()
 
 
-def test_bins_alone_fail_no_run(tmp_path: Path) -> None:
-    summary = summary_of(tmp_path, [row(0, 50, 0.9)], checks=[check("losses", 0.2)])
-    assert (summary["bins_judged"], summary["bins_within"]) == (1, 0)
-    assert summary["verdict"].startswith("pass")
+def test_what_cannot_be_read_has_status_2(made: Path, tmp_path: Path):
+    assert run(tmp_path).exit_code == 2
+    assert "is not the directory of a run" in run(tmp_path / "nowhere").output
+    assert run(made, "--out", tmp_path / "no" / "a.html").exit_code == 2
 
 
-def test_nothing_to_judge(tmp_path: Path) -> None:
-    summary = summary_of(tmp_path, [row(0, 49, 0.9)])
-    assert summary["bins_judged"] == 0
-    assert summary["verdict"].startswith("no verdict")
-
-
-def test_interrupted_run_has_no_verdict(tmp_path: Path) -> None:
-    assert summary_of(tmp_path, [row(0, 50, 0.5)], "interrupted")["verdict"].startswith("interrupted")
-
-
-def test_required_keys_and_real_time_factor(tmp_path: Path) -> None:
-    summary = summary_of(tmp_path, [row(0, 50, 0.5)])
-    required = "scenario seed autopilot speed sim_duration_s wall_duration_s real_time_factor links bins checks verdict"
-    assert set(required.split()) <= set(summary)
-    assert summary["real_time_factor"] == pytest.approx(10.0)
-
-
-def test_figure_is_a_picture(tmp_path: Path) -> None:
-    summary = summary_of(tmp_path, [row(20.0 * i, 50, 0.5) for i in range(5)])
-    draw_probability_of_delivery(summary, radio_of(SCENARIO), tmp_path / "p.png")
-    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_verdict_says_who_had_not_finished(tmp_path: Path) -> None:
-    summary_of(tmp_path, [row(0, 50, 0.5)])
-    summary = summarise(SCENARIO, RunDirectory(tmp_path), Timing(12.0, 1.0), "duration", ["1"])
-    assert summary["verdict"].endswith("; node 1 had not finished")
-    assert summary["unfinished"] == ["1"]
+def test_it_is_not_silent_for_long(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(module, "NEWS_PERIOD_S", 0.0)
+    done = run(made, "--out", tmp_path / "a.html")
+    assert "report: reads the deliveries" in done.stderr
+    assert "report: draws map" in done.stderr

@@ -7,6 +7,7 @@ import socket
 import threading
 from collections.abc import AsyncIterator, Callable
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -23,9 +24,11 @@ from bridge.bus.messages import (
     CommandGoal,
     CommunicationStatus,
 )
+from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.host.node import AgentOutlet, Node, Packet
 from bridge.record.inputs import RecordedInput
+from bridge.record.logged import LoggedValue
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.model import Transmit
 from bridge.scenario.nodes import Aircraft
@@ -92,7 +95,9 @@ class Host:
         self.orders: dict[int, Callable[[], object]] = {}
         self.daemon = HeldDaemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=SYSID))
         self.daemon.on_bytes = lambda direction, _: self.log.append(direction)
-        self.node = Node("7", WatchedAircraft(self.daemon, self.log), self, self._record)
+        self.recorded_states: list[int] = []
+        self.reports: list[str] = []
+        self.node = Node("7", WatchedAircraft(self.daemon, self.log), self, self)
         self.daemon.on_input = self.node.client_did
         self.outlet = AgentOutlet(self)
         self._idle = threading.Event()
@@ -110,6 +115,9 @@ class Host:
 
     def state(self, state: AircraftState) -> None:
         self.states.append(state.header.stamp.ns)
+
+    def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
+        self.log.append(f"published {item.name} = {item.value} at {sim_time_ns // MS} ms")
 
     def answer(self, sim_time_ns: int) -> None:
         self.log.append(f"answer {sim_time_ns // MS} ms")
@@ -150,9 +158,20 @@ class Host:
 
         return note
 
-    def _record(self, item: RecordedInput) -> None:
+    # The node's record.
+
+    def write_input(self, item: RecordedInput) -> None:
         self.inputs.append(item)
         self.log.append(f"input {item.verb or item.kind}")
+
+    def write_state(self, state: AircraftState) -> None:
+        self.recorded_states.append(state.header.stamp.ns)
+
+    def write_logged(self, item: LoggedValue | AgentStatus) -> None:
+        if isinstance(item, LoggedValue):
+            self.log.append(f"recorded {item.name} = {item.value}")
+        else:
+            self.reports.append(item.activity)
 
 
 class WatchedAircraft(AircraftBridge):
@@ -187,9 +206,9 @@ class WatchedClient(UaClient):
         assert self.comm_status is not None
         self._log.append(f"agent heard {','.join(self.comm_status.node)}")
 
-    def take_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:
-        super().take_packet(sender, channel, payload, stamp)
-        self._log.append(f"agent packet {stamp.sim_time_ns // MS} ms {sender} {stamp.seq}")
+    def take_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
+        super().take_packet(sender, channel, payload, reception)
+        self._log.append(f"agent packet {reception.sim_time_ns // MS} ms {sender} {reception.seq}")
 
 
 class Obedient(Agent):
@@ -208,7 +227,7 @@ class Obedient(Agent):
             self._host.orders[sim_time_ns]()
             self._later = asyncio.create_task(self._afterwards())
 
-    def on_packet(self, sender: str, channel: str, payload: bytes, stamp: Stamp) -> None:
+    def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
         pass
 
     async def _afterwards(self) -> None:
@@ -228,6 +247,28 @@ async def host() -> AsyncIterator[Host]:
         host.runner.ask_to_stop()
         assert host.runner.join(WAIT_S)
     autopilot.close()
+
+
+async def test_what_the_agent_logs_is_recorded_and_published_when_its_tick_is_over(host: Host) -> None:
+    def order() -> None:
+        host.ua.log("error_m", np.float32(0.5))
+        host.log.append("agent goes on")
+        host.ua.log("plan", {"leg": 2, "to_m": np.array([1.0, 2.0])})
+        host.ua.report("flies on")
+
+    host.orders[TICK_NS] = order
+    host.tick(0)
+    happened = host.tick(TICK_NS)
+    logged = [each for each in happened if "=" in each or each == "agent goes on"]
+    assert logged == [
+        "agent goes on",
+        "recorded error_m = 0.5",
+        "published error_m = 0.5 at 50 ms",
+        "recorded plan = {'leg': 2, 'to_m': [1.0, 2.0]}",
+        "published plan = {'leg': 2, 'to_m': [1.0, 2.0]} at 50 ms",
+    ]
+    assert host.reports == ["is done", "flies on"]
+    assert host.recorded_states == host.states == [0]
 
 
 def heartbeat(mode: int = LOITER) -> mavlink.MAVLink_message:
@@ -296,7 +337,7 @@ async def test_everything_at_a_tick_has_its_place(host: Host) -> None:
         packet("a", 9, 50 * MS),
         packet("b", 2, 50 * MS),
     ):
-        host.node.packet_came(late)
+        host.node.packet_came(late, -80.0, 15.0)
     host.node.comm_status_came(lambda: CommunicationStatus(node=("x",), delivered=(True,)))
     host.node.comm_status_came(lambda: CommunicationStatus(node=("a", "b"), delivered=(True, True)))
     _, writer = await asyncio.open_connection("127.0.0.1", host.daemon.listen_port)
@@ -350,7 +391,7 @@ async def test_everything_at_a_tick_has_its_place(host: Host) -> None:
 
 async def test_what_was_taken_at_a_tick_is_not_taken_again(host: Host) -> None:
     await heard(host)
-    host.node.packet_came(packet("a", 0, 0))
+    host.node.packet_came(packet("a", 0, 0), -80.0, 15.0)
     host.node.comm_status_came(lambda: CommunicationStatus(node=("a",), delivered=(True,)))
     host.ask("arm")
     host.orders[TICK_NS] = lambda: host.command("rtl")
@@ -383,7 +424,7 @@ async def test_an_exchange_between_ticks_does_not_run_the_agent(host: Host) -> N
     host.orders[TICK_NS] = lambda: host.command("arm")
     host.tick(TICK_NS)
     host.autopilot.commands()
-    host.node.packet_came(packet("a", 0, 0))
+    host.node.packet_came(packet("a", 0, 0), -80.0, 15.0)
     host.node.comm_status_came(lambda: CommunicationStatus(node=("a",), delivered=(True,)))
     host.ask("mode", CommandGoal(mode="GUIDED"))
     host.autopilot.say(heartbeat(RTL), acknowledged(ARM))

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from bridge.bus.messages import CommandGoal
+from bridge.bus.messages import AgentStatus, AircraftState, CommandGoal, Header, Vector3
 from bridge.host.node_record import NodeRecord
 from bridge.record import names
 from bridge.record.events import Reports, RunEvent, read_reports
 from bridge.record.inputs import InputError, RecordedInput, read_inputs
+from bridge.record.logged import LoggedValue, decode_logged
 from bridge.record.streams import Entry, read_stream
+from bridge.record.tables.parquet import read_table
+from bridge.record.tables.schema import NED, STATES
 from bridge.run.directory import RUN_FILE, RunDirectory, RunInfo
 
 TICK_NS = 50_000_000
@@ -47,9 +50,40 @@ def test_mavlink_goes_to_its_streams_with_its_instant(run: RunDirectory) -> None
     record.close({}, {})
     assert mavlink_of(run) == ([(0, b"boot"), (TICK_NS, b"heard")], [(TICK_NS, b"said")])
     assert [str(stream) for stream in names.streams_of(run.path)] == [
+        "logged/3",
         "mavlink/3/from_autopilot",
         "mavlink/3/to_autopilot",
     ]
+
+
+def test_states_and_what_the_agent_logs_are_there_after_a_flush(run: RunDirectory) -> None:
+    record = NodeRecord(run, "3")
+    state = AircraftState(
+        Header.at(TICK_NS, "3"),
+        mav_id=4,
+        latitude_deg=40.5,
+        position_ned_m=Vector3(1.0, 2.0, -3.0),
+        mode="AUTO",
+    )
+    logged = [LoggedValue("error_m", 0.5), AgentStatus(Header.at(TICK_NS, "3"), "climbs", sent=3)]
+    record.now_ns = TICK_NS
+    record.write_state(state)
+    for item in logged:
+        record.write_logged(item)
+    record.flush()
+    (batch,) = read_table(run.path, STATES)
+    found = {name: batch[name].tolist() for name in ("tick_ns", "node", "mav_id", "latitude_deg", "mode")}
+    assert found == {
+        "tick_ns": [TICK_NS],
+        "node": ["3"],
+        "mav_id": [4],
+        "latitude_deg": [40.5],
+        "mode": ["AUTO"],
+    }
+    assert [batch[f"position_{axis}_m"][0] for axis in NED] == [1.0, 2.0, -3.0]
+    entries = list(read_stream(names.logged("3").path(run.path)))
+    assert [(e.tick_ns, decode_logged(e.payload)) for e in entries] == [(TICK_NS, item) for item in logged]
+    record.close({}, {})
 
 
 def test_inputs_are_there_at_once_and_only_if_there_are_any(run: RunDirectory) -> None:

@@ -9,6 +9,7 @@ from bridge.host.node import Packet
 from bridge.radio.heard import Hosts
 from bridge.radio.picture import Picture
 from bridge.radio.virtual_radio import VirtualRadio
+from channel.medium.reception import DELIVERED
 from tests.unit.bridge.radio.core import place, send, virtual_radio
 
 NODES = ("0", "1", "2", "gcs")
@@ -20,10 +21,12 @@ class Ear:
 
     def __init__(self) -> None:
         self.packets: list[Packet] = []
+        self.signals: list[tuple[float, float]] = []
         self.looks: list[LookAtStatus] = []
 
-    def packet_came(self, packet: Packet) -> None:
+    def packet_came(self, packet: Packet, rssi_dbm: float, snr_db: float) -> None:
         self.packets.append(packet)
+        self.signals.append((rssi_dbm, snr_db))
 
     def comm_status_came(self, look: LookAtStatus) -> None:
         self.looks.append(look)
@@ -94,3 +97,21 @@ def test_links_have_the_latest_figures_and_the_counts() -> None:
     assert list(links.delivered) == [0, 3, 3]
     assert list(links.distance_m) == [1e6, 10.0, 20.0]
     assert decode(encode(links), type(links)).distance_m == (1e6, 10.0, 20.0)
+
+
+def test_each_receiver_is_told_the_power_that_the_packet_had_there() -> None:
+    core = virtual_radio("corrected", nodes=NODES)
+    place(core, 0, n0=0.0, n1=40.0, n2=30.0, ngcs=20.0)
+    for seq in range(20):
+        send(core, "gcs", seq)
+        send(core, "1", seq)
+    settled = core.settle()
+    ears = {node: Ear() for node in NODES}
+    for host, share in Hosts(NODES, GROUPS).shares(7, settled, []).items():
+        hand_out(decode(encode(share), Heard), NODES, {node: ears[node] for node in GROUPS[host]})
+    r = settled.receptions
+    for rx, node in enumerate(NODES[:3]):
+        mine = (r.rx == rx) & (r.fate == DELIVERED)
+        told = [(round(rssi, 3), round(snr, 3)) for rssi, snr in ears[node].signals]
+        assert told == list(zip(r.received_power_dbm[mine], r.snr_db[mine], strict=True))
+        assert len({rssi for rssi, _ in told}) >= 20

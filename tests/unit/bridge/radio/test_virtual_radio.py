@@ -114,6 +114,15 @@ def test_strangers_are_counted() -> None:
     assert core.refused == {Refused.UNKNOWN_NODE: 3}
 
 
+@pytest.mark.parametrize("order", [("0", "1"), ("1", "0")])
+def test_gaps_of_a_tick_do_not_depend_on_who_was_first(order: tuple[str, str]) -> None:
+    core = virtual_radio()
+    place(core, 0, n0=0.0, n1=100.0)
+    for node in order:
+        send(core, node, payload=bytes(MTU_BYTES + 1))
+    assert [gap.tx for gap in core.settle().gaps] == [0, 1]
+
+
 def test_packet_that_is_too_long_is_booked_as_such() -> None:
     core = virtual_radio()
     place(core, 0, n0=0.0, n1=1.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bridge.scenario.file import SCENARIOS, read_scenario
 from bridge.scenario.named_files import named_files
+from bridge.scenario.resolve import wind_of
 
 SITL = Path(str(SCENARIOS)).parent
 SCENARIO = """\
@@ -61,6 +62,15 @@ def test_files_of_a_scenario_and_those_that_they_name(tmp_path: Path) -> None:
         "radio.yaml",
         "wind.yaml",
     ]
+
+
+def test_files_of_a_wind_that_is_spelt_out(tmp_path: Path) -> None:
+    made(tmp_path)
+    file = tmp_path / "scenario.yaml"
+    file.write_text(SCENARIO.replace("wind: wind.yaml", "wind: {map: {file: maps/shear.nc, outside: error}}"))
+    scenario = read_scenario(str(file))
+    assert tmp_path / "maps" / "shear.nc" in named_files(scenario)
+    assert wind_of(scenario).map is not None
 
 
 def test_what_ships_goes_by_name() -> None:

@@ -34,7 +34,7 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "key", "says"),
     [
-        ("seed: 1", "sead: 1", "sead", "unknown key; allowed here: schema, name"),
+        ("seed: 1", "sead: 1", "sead", "unknown key; did you mean seed? (allowed here: schema, name"),
         ("speed: max", "speed: fast", "speed", "'max' or a real-time factor from 0.1 to 1e+06 (got 'fast')"),
         ("speed: max", "speed: 1.0e+300", "speed", "real-time factor from 0.1 to 1e+06 (got 1e+300)"),
         ("speed: max", "speed: 0.01", "speed", "from 0.1 to"),
@@ -57,11 +57,15 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         (
             "radio: moon2020",
             "radio: {preset: moon2020, nose: {}}",
-            "radio",
+            "radio.nose",
             "unknown key; did you mean noise?",
         ),
         ("radio: moon2020", "radio: 5", "radio", "name of a radio preset"),
         ("radio: moon2020", "radio: moon2020\nwind: storm", "wind", "no wind 'storm': known are"),
+        ("seed: 1", "wind: {preset: gutsy}", "wind.preset", "no wind 'gutsy'; did you mean gusty?"),
+        ("seed: 1", "wind: {constant: {sped_mps: 3}}", "wind.constant.sped_mps", "did you mean speed_mps?"),
+        ("seed: 1", "wind: {gusts: [{speed_mps: 3}]}", "wind.gusts.0.start_s", "is required"),
+        ("seed: 1", "wind: 5", "wind", "name of a wind, a YAML file, or a mapping"),
         (
             "seed: 1",
             "fdm: {workers: none}",
@@ -105,7 +109,7 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
             "allowed here: temperature_offset_k, ",
         ),
         ("seed: 1", "weather: {temperature_offset_k: 3, ground_temperature_c: 3}", "weather", "not both"),
-        ("schema: 1", "schema: 2", "schema", "should be 1"),
+        ("schema: 1", "schema: 2", "schema", "has to be 1 (got 2)"),
         ("seed: 1", "seed: 1\nseed: 2", "seed", "given twice"),
         ("duration_s: 600 ", "duration_s: .inf ", "duration_s", "finite"),
     ],
@@ -121,9 +125,10 @@ def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: 
 
 
 def test_unknown_airframe_is_named_with_the_known_ones() -> None:
-    with pytest.raises(
-        ScenarioError, match=r"x:\d+: nodes\.0\.airframe: unknown airframe 'f451': known are .*f450"
-    ):
+    said = (
+        r"x:\d+: nodes\.0\.airframe: unknown airframe 'f451'; did you mean f450\? Known are aerosonde, f450"
+    )
+    with pytest.raises(ScenarioError, match=said):
         parse_scenario(TEXT.replace("airframe: f450", "airframe: f451", 1), "x")
 
 
@@ -227,6 +232,6 @@ def test_a_table_is_looked_for_beside_the_scenario_and_kept_in_it(elsewhere: Pat
     assert parse_scenario(scenario.to_yaml(), "flown again") == scenario
     (elsewhere / "loss.csv").unlink()
     with pytest.raises(
-        ScenarioError, match=r"mission.yaml:15: radio: error.table_file: cannot read .*loss.csv"
+        ScenarioError, match=r"mission.yaml:16: radio.error.table_file: cannot read .*loss.csv"
     ):
         read_scenario(path)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridge.standin import cli
 from bridge.standin.autopilot import Autopilot
 from bridge.standin.vehicle.location import Location
 from bridge.standin.vehicle.parameters import (
@@ -278,6 +279,34 @@ def test_position_targets_are_taken_in_guided_flight_only(ready: Bench) -> None:
     assert target(0x0DF8, north_m=99.0) != (99.0, 5.0)
 
 
+def test_a_single_mission_item_is_a_target_in_guided_flight(ready: Bench) -> None:
+    """As dronekit's simple_goto sends it."""
+    vehicle = ready.autopilot.vehicle
+
+    def answer(current: int, lat_deg: float, command: int = 16) -> list[tuple[str, int]]:
+        head = (7, 1, 0, 3, command, current, 0, 0, 0, 0, 0)
+        told = ready.say(dialect.MAVLink_mission_item_message(*head, lat_deg, 10.0, 20.0))
+        return [(m.get_type(), m.type) for m in told]
+
+    ready.command(400, 1)
+    vehicle.leave_ground()
+    assert answer(2, 45.001) == [("MISSION_ACK", 0)]
+    assert vehicle.navigator.point_m == pytest.approx((111.3, 0.0), abs=0.1)
+    assert vehicle.navigator.target_ned_m()[2] == pytest.approx(-20.0, abs=0.1)
+    assert answer(2, 95.0) == answer(2, 45.002, command=21) == [("MISSION_ACK", 1)]
+    assert answer(3, 45.002) == [("MISSION_ACK", 1)]
+    ready.command(176, 1, RTL)
+    assert answer(2, 45.002) == [("MISSION_ACK", 1)]
+    assert vehicle.navigator.point_m != pytest.approx((222.6, 0.0), abs=0.1)
+
+
+def test_the_version_is_told_by_the_old_command_too(ready: Bench) -> None:
+    answer = ready.command(520, 1)
+    assert results(answer) == [(520, 0)]
+    assert kinds(answer) == ["COMMAND_ACK", "AUTOPILOT_VERSION"]
+    assert results(ready.command(520, 0)) == [(520, 4)]
+
+
 def test_stabilize_is_for_the_ground(ready: Bench) -> None:
     ready.command(400, 1)
     ready.autopilot.vehicle.leave_ground()
@@ -437,7 +466,8 @@ def test_mission_upload_download_and_clear(ready: Bench) -> None:
         20.0,
     )
     (old,) = ready.say(dialect.MAVLink_mission_request_message(7, 1, 2, 0))
-    assert (old.get_type(), old.x) == ("MISSION_ITEM_INT", 450_010_000)
+    assert (old.get_type(), old.seq, old.command, old.z) == ("MISSION_ITEM", 2, 16, 20.0)
+    assert old.x == pytest.approx(45.001, abs=1e-5)
     (home,) = ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 0, 0))
     assert (home.x, home.y, home.z) == (450_000_000, 100_000_000, 100.0)
     assert [m.type for m in ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 9, 0))] == [13]
@@ -463,6 +493,29 @@ def test_bad_items_are_refused_and_change_nothing(ready: Bench, bad: Any, result
     ready.say(item(0))
     assert [m.type for m in ready.say(bad)] == [result]
     assert len(ready.autopilot.vehicle.mission) == 2
+
+
+def test_home_can_be_read_without_a_mission(ready: Bench) -> None:
+    (home,) = ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 0, 0))
+    assert (home.command, home.frame, home.x, home.y, home.z) == (16, 0, 450_000_000, 100_000_000, 100.0)
+    assert [m.count for m in ready.say(dialect.MAVLink_mission_request_list_message(7, 1, 0))] == [0]
+
+
+def old_item(seq: int, command: int, *place: float) -> Any:
+    return dialect.MAVLink_mission_item_message(7, 1, seq, 3, command, 0, 1, 0, 0, 0, 0, *place, 0)
+
+
+def test_old_clients_upload_items_with_degrees(ready: Bench) -> None:
+    """As MAVProxy did once, and dronekit does."""
+    items = [item(0, frame=0), old_item(1, 16, 45.001, 10.5, 20.0), old_item(2, 178, 1.0, math.nan, 0.0)]
+    answer = upload(ready, items)
+    assert (answer[0].get_type(), answer[0].type) == ("MISSION_ACK", 0)
+    (first,) = ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 1, 0))
+    assert (first.x, first.y) == pytest.approx((450_010_000, 105_000_000), abs=40)
+    (setting,) = ready.say(dialect.MAVLink_mission_request_int_message(7, 1, 2, 0))
+    assert (setting.command, setting.x) == (178, 1), "only places are degrees"
+    bad = [item(0, frame=0), old_item(1, 16, math.inf, 10.5, 20.0)]
+    assert [m.type for m in upload(ready, bad)] == [dialect.MAV_MISSION_INVALID_PARAM5_X]
 
 
 def test_an_upload_asks_again_and_is_given_up(ready: Bench) -> None:
@@ -599,7 +652,6 @@ def test_logs_are_none_at_once(ready: Bench) -> None:
     [
         dialect.MAVLink_mission_write_partial_list_message(7, 1, 1, 2, 0),
         dialect.MAVLink_mission_request_partial_list_message(7, 1, 1, 2, 0),
-        dialect.MAVLink_mission_item_message(7, 1, 0, 3, 16, 0, 1, 0, 0, 0, 0, 45.0, 10.0, 20.0, 0),
     ],
 )
 def test_old_parts_of_the_mission_protocol_are_refused_at_once(ready: Bench, message: Any) -> None:
@@ -612,6 +664,16 @@ def test_the_fence_that_is_not_there_is_not_breached(ready: Bench) -> None:
     assert not status.onboard_control_sensors_present & geofence
     assert not status.onboard_control_sensors_enabled & geofence
     assert status.onboard_control_sensors_health & geofence
+
+
+# --- command line ---
+
+
+def test_a_home_south_of_the_equator_is_no_option() -> None:
+    words = ["--home", "-35.3,149.1,584,0", "--sysid", "2", "+", "--home", "-34,-70,500,0"]
+    first, second = (cli._parser().parse_args(one).home for one in cli._split(words))
+    assert (first.lat_deg, first.lon_deg) == (-35.3, 149.1)
+    assert (second.lat_deg, second.lon_deg) == (-34.0, -70.0)
 
 
 # --- physics link ---

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fdm.air.turbulence import intensities_mps, lengths_m
-from fdm.air.wind import WindConfig, load_wind, wind_names
+from fdm.air.wind import WindConfig, load_wind, wind_from_mapping, wind_names
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
@@ -116,7 +116,7 @@ def test_turbulence_is_keyed_by_seed_and_ua():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("constant: {speed: 3}", r"constant\.speed_mps: Field required"),
+        ("constant: {speed: 3}", r"mine.yaml:1: constant\.speed_mps: Field required"),
         ("turbulence: {}", "either level or w20_mps"),
         ("gusts: [{speed_mps: 1, start_s: 0, every_s: 1}]", "shorter than the gust"),
         ("a: [", "expected"),
@@ -128,6 +128,20 @@ def test_a_wrong_file_is_explained(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(WindError, match=message):
         load_wind(path)
+
+
+def test_a_wind_spelt_out_may_change_one_that_ships():
+    gusty = load_wind("gusty")
+    assert wind_from_mapping({"preset": "gusty"}) == gusty
+    calmer = wind_from_mapping(
+        {"preset": "gusty", "constant": {"speed_mps": 1.5}, "turbulence": {"w20_mps": 2}}
+    )
+    assert calmer.constant.speed_mps == 1.5
+    assert calmer.constant.from_deg == gusty.constant.from_deg
+    assert (calmer.turbulence.w20_mps, calmer.gusts) == (2, gusty.gusts)
+    assert wind_from_mapping({"constant": {"speed_mps": 3}}).constant.speed_mps == 3
+    with pytest.raises(WindError, match="no wind 'gutsy'; did you mean gusty"):
+        wind_from_mapping({"preset": "gutsy"})
 
 
 def test_an_unknown_wind_lists_the_known_ones():

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.bench_record import Columns, fleet_columns
+from bridge.bus.keys import ALL
 from bridge.radio.deliveries import FATES, DeliveryColumns
 from bridge.record.tables.parquet import read_table
 from bridge.record.tables.schema import DELIVERIES, Table
@@ -65,6 +66,7 @@ class DeliveryRow:
     snr_db: float
     per: float
     fate: str
+    packets: int = 1
 
 
 def append_rows(writer: DeliveryColumns, nodes: Sequence[str], rows: Sequence[DeliveryRow]) -> None:
@@ -73,6 +75,6 @@ def append_rows(writer: DeliveryColumns, nodes: Sequence[str], rows: Sequence[De
         return
     columns: dict[str, Any] = {name: [getattr(row, name) for row in rows] for name in DeliveryRow.__slots__}
     for end in ("tx", "rx"):
-        columns[end] = [nodes.index(node) for node in columns[end]]
+        columns[end] = [(*nodes, ALL).index(node) for node in columns[end]]
     columns["fate"] = [FATES.index(fate) for fate in columns["fate"]]
     writer.append(len(rows), **columns)

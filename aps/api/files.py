@@ -1,0 +1,116 @@
+"""The part of the API that is about files: missions as .plan and waypoint files, parameters as .parm files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from fastapi import FastAPI, HTTPException, Request
+from fastapi.responses import PlainTextResponse, Response
+
+from aps.api.backend import Backend
+from aps.api.commands import ENDINGS, run
+from aps.api.jobs import Jobs
+from aps.vehicle.missions.files import FlightPlan, read_plan, read_waypoints, write_plan, write_waypoints
+from aps.vehicle.missions.items import KINDS, MissionItem
+from aps.vehicle.parameters.files import compare, read_parameters, write_parameters
+
+__all__ = ["add_files"]
+
+_FILE: Final = {"requestBody": {"required": True, "content": {"text/plain": {"schema": {"type": "string"}}}}}
+"""OpenAPI's words for a body that is the text of a file."""
+_FILE_ENDINGS: Final = {**ENDINGS, 422: {"description": "The file cannot be read: line and reason"}}
+
+
+async def _read(read: Callable[[str], Any], request: Request) -> Any:
+    try:
+        return read((await request.body()).decode("utf-8"))
+    except ValueError as error:
+        raise HTTPException(422, str(error)) from error
+
+
+def add_files(app: FastAPI, backend: Backend, jobs: Jobs) -> None:
+    """Add the routes."""
+
+    async def download(kind: str) -> list[MissionItem]:
+        items = await run(jobs, "mission_download", {"kind": kind})
+        return [MissionItem.from_json(item) for item in items]
+
+    async def upload(items: list[MissionItem], kind: str) -> int:
+        plain = [item.to_json() for item in items]
+        return int(await run(jobs, "mission_upload", {"items": plain, "kind": kind}))
+
+    def home() -> tuple[float, float, float]:
+        state = backend.state()
+        place = (state.home_lat_deg, state.home_lon_deg, state.home_alt_amsl_m)
+        return place if place[0] == place[0] else (0.0, 0.0, 0.0)
+
+    @app.get(
+        "/plan",
+        responses=ENDINGS,
+        tags=["files"],
+        summary="Mission, fence and rally points as QGroundControl's .plan",
+    )
+    async def get_plan() -> Response:
+        state = backend.state()
+        lists = {kind: await download(kind) for kind in KINDS}
+        plan = FlightPlan(lists["mission"], lists["fence"], lists["rally"], home())
+        text = write_plan(plan, state.vehicle_type, state.autopilot)
+        return PlainTextResponse(text, media_type="application/json")
+
+    @app.put(
+        "/plan",
+        openapi_extra=_FILE,
+        responses=_FILE_ENDINGS,
+        tags=["files"],
+        summary="Upload a .plan: its mission, fence and rally points",
+    )
+    async def put_plan(request: Request) -> dict[str, int]:
+        plan: FlightPlan = await _read(read_plan, request)
+        return {kind: await upload(getattr(plan, kind), kind) for kind in KINDS}
+
+    @app.get("/waypoints", responses=ENDINGS, tags=["files"], summary="The mission as a waypoint file")
+    async def get_waypoints() -> PlainTextResponse:
+        return PlainTextResponse(write_waypoints(await download("mission"), home()))
+
+    @app.put(
+        "/waypoints",
+        openapi_extra=_FILE,
+        responses=_FILE_ENDINGS,
+        tags=["files"],
+        summary="Upload a waypoint file",
+    )
+    async def put_waypoints(request: Request) -> dict[str, int]:
+        plan: FlightPlan = await _read(read_waypoints, request)
+        return {"mission": await upload(plan.mission, "mission")}
+
+    @app.get("/parameters", responses=ENDINGS, tags=["files"], summary="All parameters as a .parm file")
+    async def get_parameters() -> PlainTextResponse:
+        return PlainTextResponse(write_parameters(await run(jobs, "parameters", {})))
+
+    @app.put(
+        "/parameters",
+        openapi_extra=_FILE,
+        responses=_FILE_ENDINGS,
+        tags=["files"],
+        summary="Set the parameters of a .parm file",
+    )
+    async def put_parameters(request: Request) -> dict[str, int]:
+        values = await _read(read_parameters, request)
+        return {"set": int(await run(jobs, "parameters_set", {"values": values}))}
+
+    @app.post(
+        "/parameters/compare",
+        openapi_extra=_FILE,
+        responses=_FILE_ENDINGS,
+        tags=["files"],
+        summary="How a .parm file differs from the autopilot",
+    )
+    async def compare_parameters(request: Request) -> list[dict[str, Any]]:
+        ours = await _read(read_parameters, request)
+        theirs = await run(jobs, "parameters", {})
+        return [
+            {"name": name, "file": mine, "autopilot": other}
+            for name, mine, other in compare(ours, theirs)
+            if mine is not None
+        ]

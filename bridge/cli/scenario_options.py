@@ -1,0 +1,68 @@
+"""Options of commands that take a scenario: values in place of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from bridge.scenario.document.settings import Setting, parse_setting
+from bridge.scenario.file import read_scenario
+from bridge.scenario.model import Scenario
+
+F = TypeVar("F", bound=Callable[..., Any])
+OPTIONS = {
+    "autopilot": "--autopilot",
+    "speed": "--speed",
+    "fdm.coupling": "--coupling",
+    "duration_s": "--duration",
+    "seed": "--seed",
+    "radio": "--radio",
+    "ports.first_slot": "--first-slot",
+    "ports.zenoh": "--zenoh-port",
+    "api": "--api",
+    "mavlink.udp_out": "--udp-out",
+}
+"""By the key of the scenario that each changes."""
+
+
+def setting_options(command: F) -> F:
+    """Add ``--radio`` and ``--set`` to a command, as ``radio`` and ``settings``."""
+    radio = click.option(
+        "--radio", metavar="NAME|FILE", help="Radio of all nodes that have none of their own."
+    )
+    set_ = click.option(
+        "--set",
+        "settings",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Any value of the scenario, as radio.noise.floor_dbm=-330 or nodes.1.home.north_m=100 (nodes by id, * for "
+        "all). Repeatable; later ones win, also over other options.",
+    )
+    return radio(set_(command))
+
+
+def scenario_with(scenario: str, changes: Mapping[str, Any], settings: tuple[str, ...] = ()) -> Scenario:
+    """The scenario of a name or file, as options change it.
+
+    Args:
+        scenario: name or file.
+        changes: values by key of `OPTIONS`; None = not given.
+        settings: texts of ``--set``.
+
+    Raises:
+        ScenarioError: it cannot be used; mistakes of an option are told under its name.
+    """
+    folder = Path.cwd()
+    given = [
+        Setting(key, value, f"{OPTIONS[key]} {_as_typed(value)}", folder)
+        for key, value in changes.items()
+        if value is not None
+    ]
+    return read_scenario(scenario, [*given, *(parse_setting(text, folder=folder) for text in settings)])
+
+
+def _as_typed(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

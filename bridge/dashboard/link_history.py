@@ -1,0 +1,144 @@
+"""What each link did over time: power, SNR, PER and counts, thinned so that memory stays bounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.bus.messages import Links
+
+BIN_WIDTH_M = 20.0
+"""As in the ledger (`channel.medium.ledger`)."""
+BINS_MAX = 4096
+REPORTS_MAX = 1200
+VALUES_MAX = 10_000_000
+"""Numbers that are kept of all reports together."""
+REPORTS_MIN = 60
+WINDOW = 10
+"""Reports over which shares are taken: two seconds at first."""
+SMOOTH = 0.2
+"""Weight of a new report in the recent mean of 1 - PER: of a second or so."""
+FIGURES = ("distance_m", "received_power_dbm", "snr_db", "per", "sent", "delivered")
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSeries:
+    """One directed link over sim time, shape (T,) each.
+
+    Attributes:
+        time_s: of the reports.
+        distance_m: between the two, of the latest packet, as the next three.
+        received_power_dbm: with its random terms.
+        snr_db: likewise.
+        probability: mean of 1 - PER over the last WINDOW reports: what the model gave the packets.
+        measured: share that arrived of the packets of the last WINDOW reports; NaN if there were none.
+    """
+
+    time_s: Floats
+    distance_m: Floats
+    received_power_dbm: Floats
+    snr_db: Floats
+    probability: Floats
+    measured: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class DistanceBins:
+    """Packets by distance, shape (B,) each: the middle of each bin that has any, sent, delivered."""
+
+    distance_m: Floats
+    sent: Floats
+    delivered: Floats
+
+
+class LinkHistory:
+    """All directed links of ``nodes`` nodes; a link is (tx, rx), by index."""
+
+    def __init__(self, nodes: int) -> None:
+        shape = (len(FIGURES), nodes, nodes)
+        self._latest = np.full(shape, np.nan, dtype=np.float32)
+        self.probability = np.full((nodes, nodes), np.nan)
+        """[tx, rx]: recent mean of 1 - PER of each link; NaN where there was no packet."""
+        self._times_s: list[float] = []
+        self._reports: list[NDArray[np.float32]] = []
+        self._limit = max(REPORTS_MIN, min(REPORTS_MAX, VALUES_MAX // max(1, self._latest.size)))
+        self._every, self._skipped = 1, 0
+        self._bins: Floats = np.zeros((2, 1))
+        self.reports = 0
+        """How many there have been."""
+
+    def take(self, links: Links) -> None:
+        """Take a report."""
+        tx, rx = np.asarray(links.tx, dtype=np.intp), np.asarray(links.rx, dtype=np.intp)
+        before = self._latest[4:, tx, rx]
+        for row, name in enumerate(FIGURES):
+            self._latest[row, tx, rx] = getattr(links, name)
+        self.reports += 1
+        old, new = self.probability[tx, rx], 1.0 - self._latest[3, tx, rx]
+        self.probability[tx, rx] = np.where(np.isnan(old), new, old + SMOOTH * (new - old))
+        self._count(self._latest[0, tx, rx], np.nan_to_num(before), self._latest[4:, tx, rx])
+        self._keep(links.header.stamp.ns / 1e9)
+
+    def _count(
+        self, distance_m: NDArray[np.float32], before: NDArray[np.float32], now: NDArray[np.float32]
+    ) -> None:
+        """Count the packets since the report before where the link is now."""
+        if self.reports == 1 and before.size and not np.any(before) and np.any(now[0] > 50):
+            return  # the run went on before we looked: where these packets were sent is not known
+        known = np.isfinite(distance_m)
+        place = np.minimum(distance_m[known] / BIN_WIDTH_M, BINS_MAX - 1).astype(np.intp)
+        if place.size and place.max() >= self._bins.shape[1]:
+            self._bins = np.pad(self._bins, ((0, 0), (0, int(place.max()) + 1 - self._bins.shape[1])))
+        np.add.at(self._bins[0], place, (now - before)[0, known])
+        np.add.at(self._bins[1], place, (now - before)[1, known])
+
+    def _keep(self, time_s: float) -> None:
+        self._skipped += 1
+        if self._skipped < self._every:
+            return
+        self._skipped = 0
+        self._times_s.append(time_s)
+        self._reports.append(self._latest.copy())
+        if len(self._reports) >= self._limit:
+            self._times_s, self._reports = self._times_s[1::2], self._reports[1::2]
+            self._every *= 2
+
+    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return tx and rx of all links that have carried a packet."""
+        tx, rx = np.nonzero(np.isfinite(self._latest[4]))
+        return tx, rx
+
+    def latest(self, name: str) -> NDArray[np.float32]:
+        """Return the newest of a figure (one of FIGURES) as a matrix [tx, rx]; NaN where there is none."""
+        figures: NDArray[np.float32] = self._latest[FIGURES.index(name)]
+        return figures
+
+    def series(self, tx: int, rx: int) -> LinkSeries:
+        """Return what one link did."""
+        rows = np.array([report[:, tx, rx] for report in self._reports], dtype=np.float64)
+        if not rows.size:
+            rows = np.empty((0, len(FIGURES)))
+        distance_m, power_dbm, snr_db, per, sent, delivered = rows.T
+        new, arrived = _over_window(sent), _over_window(delivered)
+        measured = np.divide(arrived, new, out=np.full_like(new, np.nan), where=new > 0)
+        mean = _over_window(np.nancumsum(1.0 - per)) / _over_window(np.arange(per.size, dtype=np.float64))
+        return LinkSeries(np.array(self._times_s), distance_m, power_dbm, snr_db, mean, measured)
+
+    def by_distance(self) -> DistanceBins:
+        """Return the packets of all links together by distance."""
+        used = np.flatnonzero(self._bins[0])
+        middle_m = np.asarray((used + 0.5) * BIN_WIDTH_M, dtype=np.float64)
+        return DistanceBins(middle_m, self._bins[0, used], self._bins[1, used])
+
+
+def _over_window(count: Floats) -> Floats:
+    """By how much a count grew over the last WINDOW reports; NaN for the first, or if it began within them."""
+    return (
+        count
+        - np.concatenate((count[:1] * np.nan, count[: min(1, count.size)].repeat(WINDOW - 1), count))[
+            : count.size
+        ]
+    )

@@ -1,0 +1,1 @@
+"""The page that the browser shows, built with NiceGUI."""

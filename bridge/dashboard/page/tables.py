@@ -1,0 +1,108 @@
+"""The fleet in words: what the map, the matrix and the log say, for tables and screen readers."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from bridge.dashboard.fleet_view import FleetView
+
+Rows = list[dict[str, Any]]
+FLEET_COLUMNS = [
+    {"name": name, "label": label, "field": name, "align": align, "sortable": True}
+    for name, label, align in (
+        ("node", "node", "left"),
+        ("mode", "mode", "left"),
+        ("north", "north m", "right"),
+        ("east", "east m", "right"),
+        ("height", "height m", "right"),
+        ("speed", "m/s", "right"),
+        ("hears", "hears", "right"),
+        ("heard", "heard by", "right"),
+    )
+]
+AGENT_COLUMNS = [
+    {"name": name, "label": label, "field": name, "align": "left"}
+    for name, label in (("node", "node"), ("activity", "its agent"), ("logged", "logs"))
+]
+LOSS_COLUMNS = [
+    {"name": "cause", "label": "fate", "field": "cause", "align": "left"},
+    {"name": "packets", "label": "packets", "field": "packets", "align": "right"},
+    {"name": "share", "label": "share", "field": "share", "align": "right"},
+]
+
+
+def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
+    """A row per node: where it is, and who hears whom."""
+    hears, heard = view.losses.heard.sum(axis=1), view.losses.heard.sum(axis=0)
+    rows: Rows = []
+    for number, node in enumerate(view.nodes):
+        north, east, down = view.position_ned_m[number].tolist()
+        state = view.news[node.id].state
+        rows.append(
+            {
+                "id": number,
+                "node": node.title,
+                "chosen": number == chosen,
+                "mode": "-" if state is None else state.mode if state.armed else f"{state.mode}, disarmed",
+                "north": _number(north),
+                "east": _number(east),
+                "height": _number(-down),
+                "speed": _number(float(np.linalg.norm(view.velocity_ned_mps[number]))),
+                "hears": f"{int(hears[number])}/{int(view.losses.known[number].sum())}",
+                "heard": f"{int(heard[number])}/{int(view.losses.known[:, number].sum())}",
+            }
+        )
+    return rows
+
+
+def agent_rows(view: FleetView) -> Rows:
+    """A row per node: what its agent reports and logs."""
+    return [
+        {
+            "id": node.id,
+            "node": node.title,
+            "activity": agent.activity if (agent := view.news[node.id].agent) else "-",
+            "logged": "; ".join(
+                f"{name} = {_text(value)}" for name, (_, value) in sorted(view.news[node.id].logged.items())
+            ),
+        }
+        for node in view.nodes
+    ]
+
+
+def loss_rows(view: FleetView) -> Rows:
+    """A row per fate."""
+    total = max(1, view.losses.total.total())
+    return [
+        {"cause": cause.replace("_", " "), "packets": count, "share": f"{100 * count / total:.1f} %"}
+        for cause, count in view.losses.total.most_common()
+    ]
+
+
+def link_words(view: FleetView, tx: int, rx: int) -> str:
+    """One link in a sentence."""
+    distance_m, power_dbm, snr_db, sent, delivered = (
+        float(view.links.latest(name)[tx, rx])
+        for name in ("distance_m", "received_power_dbm", "snr_db", "sent", "delivered")
+    )
+    names = f"{view.nodes[tx].title} to {view.nodes[rx].title}"
+    if not np.isfinite(sent):
+        return f"{names}: no packet yet"
+    return (
+        f"{names}: {distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
+        f"{view.links.probability[tx, rx]:.2f}; {delivered:.0f} of {sent:.0f} packets delivered"
+    )
+
+
+def _number(value: float) -> str:
+    return f"{round(value, 1) + 0.0:.1f}" if np.isfinite(value) else "-"
+
+
+def _text(value: Any) -> str:
+    text = (
+        f"{value:.4g}" if isinstance(value, float) else value if isinstance(value, str) else json.dumps(value)
+    )
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,161 @@
+"""The view's web server: NiceGUI behind the same guard as the HTTP API of the daemons, nothing from elsewhere."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterator, MutableMapping
+from contextlib import contextmanager
+from http.cookies import CookieError, SimpleCookie
+from typing import Any, Final, Self
+
+import uvicorn
+from fastapi import FastAPI
+from nicegui import ui
+
+from aps.api.guard import ApiConfig, Guard
+from bridge.dashboard.broadcast import Broadcast
+from bridge.dashboard.page.page import Page, Shown
+from bridge.dashboard.page.scene import FRAMES_PATH
+
+COOKIE: Final = "lostlink_view"
+POLICY: Final = (
+    b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
+    b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; frame-ancestors 'none'"
+)
+"""The browser itself refuses what would go elsewhere."""
+STOP_S: Final = 5.0
+RECONNECT_S: Final = 30.0
+"""For so long a page that has lost its connection may come back as it was: a machine can be that busy."""
+MAX_FRAME_BYTES: Final = 1 << 20
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+
+class _Server(uvicorn.Server):
+    """uvicorn without its signal handlers: signals are the program's."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+class ViewServer:
+    """An async context manager: it serves from entry to exit. One per process, as NiceGUI has it.
+
+    Args:
+        shown: what pages show.
+        broadcast: serves the map's frames.
+        config: where, and who may come.
+
+    Raises:
+        OSError: the port is taken (on entering the context).
+    """
+
+    def __init__(self, shown: Shown, broadcast: Broadcast, config: ApiConfig) -> None:
+        self.config = config
+        self.port = 0
+        self.refused: Counter[str] = Counter()
+        self._shown, self._broadcast = shown, broadcast
+        self._tasks: list[asyncio.Task[None]] = []
+
+    async def __aenter__(self) -> Self:
+        family = socket.AF_INET6 if ":" in self.config.host else socket.AF_INET
+        listening = socket.create_server((self.config.host, self.config.port), family=family)
+        self.port = listening.getsockname()[1]
+        self._server = _Server(
+            uvicorn.Config(
+                _WithCookie(Guard(_WithPolicy(self._app()), self.config, self._count), self.config.token),
+                lifespan="on",
+                log_config=None,
+                access_log=False,
+                log_level="warning",
+                ws="websockets-sansio",
+                ws_max_size=MAX_FRAME_BYTES,
+                server_header=False,
+                proxy_headers=False,
+                timeout_graceful_shutdown=1,
+            )
+        )
+        self._tasks = [
+            asyncio.create_task(self._server.serve(sockets=[listening]), name="view"),
+            asyncio.create_task(self._broadcast.run(), name="frames"),
+        ]
+        return self
+
+    def _app(self) -> FastAPI:
+        app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+        app.add_api_websocket_route(FRAMES_PATH, self._broadcast.serve)
+
+        @ui.page("/", title=f"lostlink: {self._shown.name}")
+        def page() -> None:
+            Page(self._shown)
+
+        ui.run_with(
+            app, title="lostlink", dark=None, language="en-US", tailwind=False, show_welcome_message=False
+        )
+        return app
+
+    def _count(self, reason: str) -> None:
+        self.refused[reason] += 1
+
+    async def __aexit__(self, *_: object) -> None:
+        self._server.should_exit = True
+        serving, frames = self._tasks
+        frames.cancel()
+        await asyncio.wait({serving}, timeout=STOP_S)
+        serving.cancel()
+        await asyncio.gather(serving, frames, return_exceptions=True)
+
+
+class _WithPolicy:
+    """Adds the content security policy to what is answered."""
+
+    def __init__(self, app: App) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def with_policy(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                more = [(b"content-security-policy", POLICY), (b"referrer-policy", b"no-referrer")]
+                message["headers"] = [*message.get("headers", []), *more]
+            await send(message)
+
+        await self._app(scope, receive, with_policy)
+
+
+class _WithCookie:
+    """Lets a browser bring the token as a cookie, which it gets for a first request with ``?token=``."""
+
+    def __init__(self, app: App, token: str) -> None:
+        self._app, self._token = app, token
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if not self._token or scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = dict(scope["headers"])
+        brought = _cookie(headers.get(b"cookie", b"").decode("latin-1"))
+        if brought and b"authorization" not in headers:
+            bearer = (b"authorization", f"Bearer {brought}".encode("latin-1"))
+            scope = {**scope, "headers": [*scope["headers"], bearer]}
+
+        async def with_cookie(message: Message) -> None:
+            if message["type"] == "http.response.start" and message["status"] == 200 and not brought:
+                cookie = f"{COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/".encode("ascii")
+                message["headers"] = [*message.get("headers", []), (b"set-cookie", cookie)]
+            await send(message)
+
+        await self._app(scope, receive, with_cookie)
+
+
+def _cookie(header: str) -> str:
+    try:
+        found = SimpleCookie(header).get(COOKIE)
+    except CookieError:
+        return ""
+    return found.value if found else ""

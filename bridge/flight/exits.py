@@ -1,0 +1,26 @@
+"""What a run is worth, as the status that a command ends with."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from bridge.fleet.supervisor import Ending
+
+WELL: Final = 0
+DISAGREES: Final = 1
+"""The record disagrees with the channel's model, or the run broke off."""
+UNUSABLE: Final = 2
+"""What was asked for cannot be started or read."""
+UNEXPECTED: Final = 3
+"""The record agrees with the model, but not with an expectation of the scenario."""
+
+
+def status_of(summary: dict[str, Any] | None) -> int:
+    """The status of a run that was not interrupted.
+
+    Args:
+        summary: content of `summary.json`; None if there is none.
+    """
+    if summary is None or summary["ending"] == Ending.FAILED or summary["verdict"].startswith("fail"):
+        return DISAGREES
+    return WELL if all(row["passed"] for row in summary["expectations"]) else UNEXPECTED

@@ -1,0 +1,121 @@
+"""The figure of a run: measured probability of delivery over the model's curve."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from channel.intervals import proportion_interval
+from channel.link.radio import Radio
+from channel.validity import OutsideValidityError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FIGURE_FILE = "probability_of_delivery.png"
+MARKERS = "os^vD<>Pp*"
+LINKS_MAX = 8
+"""Of more links than this the figure shows all together."""
+SPREAD_SENT_MIN = 20
+"""Bins with fewer packets say little of how far apart links are."""
+
+
+def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> tuple[Any, Any]:
+    """The model by distance; where a distance alone says too little, what it predicted for the places of each bin.
+
+    Args:
+        bins: as `summary.json` has them; of those without a prediction there is no point.
+        radio: of all nodes.
+        farthest_m: where the curve ends.
+
+    Returns:
+        Distances in m and probabilities of delivery, of one length.
+    """
+    distance_m = np.linspace(1.0, farthest_m, 600)
+    with suppress(OutsideValidityError):
+        if not getattr(radio.config.propagation, "needs_places", False):
+            return distance_m, radio.probability_of_delivery(distance_m)
+    points = sorted((_middle(row), row["predicted"]) for row in bins if row["predicted"] is not None)
+    return [middle for middle, _ in points], [predicted for _, predicted in points]
+
+
+def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio | None, path: Path) -> None:
+    """Measured probability of delivery over the model's curve, if all nodes have one radio; as Moon et al., Fig. 6."""
+    from matplotlib.figure import Figure  # without pyplot, whose backend belongs to whoever calls us
+
+    figure = Figure(figsize=(8, 4.5), layout="constrained")
+    axes = figure.subplots()
+    farthest_m = max((row["distance_max_m"] for row in summary["bins"]), default=100.0)
+    if radio is not None:
+        distance_m, closed = model_curve(summary["bins"], radio, farthest_m)
+        axes.plot(distance_m, closed, color="0.3", label="model", zorder=1)
+    draw_measured(axes, summary["bins"])
+    axes.set(xlabel="distance, m", ylabel="probability of delivery", ylim=(-0.03, 1.03), xlim=(0, farthest_m))
+    radio_name = summary["radio"]
+    if not isinstance(radio_name, str):
+        radio_name = radio_name.get("preset", "own radio")
+    name = Path(radio_name).stem
+    axes.set_title(
+        f"{summary['scenario']}: {name}, seed {summary['seed']} (measured with 99 % binomial intervals)"
+    )
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=120)
+
+
+def draw_measured(axes: Axes, bins: list[dict[str, Any]], spread_color: str = "tab:blue") -> None:
+    """A point per link and bin with its interval; of many links one for all, and how far apart they lie."""
+    links = sorted({(row["tx"], row["rx"]) for row in bins})
+    if len(links) <= LINKS_MAX:
+        for index, (tx, rx) in enumerate(links):
+            rows = [row for row in bins if (row["tx"], row["rx"]) == (tx, rx)]
+            aside_m = 3.0 * (index - (len(links) - 1) / 2) / max(1, len(links) - 1)
+            _draw_points(axes, rows, MARKERS[index % len(MARKERS)], f"{tx} to {rx}", aside_m)
+        return
+    _draw_spread(axes, [row for row in bins if row["sent"] >= SPREAD_SENT_MIN], len(links), spread_color)
+    _draw_points(axes, _together(bins), MARKERS[0], f"all {len(links)} links")
+
+
+def _draw_points(
+    axes: Axes, rows: list[dict[str, Any]], marker: str, label: str, aside_m: float = 0.0
+) -> None:
+    measured = np.array([row["delivered"] / row["sent"] for row in rows])
+    low, high = proportion_interval([row["delivered"] for row in rows], [row["sent"] for row in rows])
+    axes.errorbar(
+        np.array([_middle(row) for row in rows]) + aside_m,
+        measured,
+        np.maximum([measured - low, high - measured], 0.0),
+        fmt=marker,
+        markersize=4,
+        capsize=2,
+        lw=1,
+        label=label,
+    )
+
+
+def _draw_spread(axes: Axes, bins: list[dict[str, Any]], links: int, color: str) -> None:
+    """From the worst to the best link at each distance."""
+    spread: dict[float, list[float]] = {}
+    for row in bins:
+        spread.setdefault(_middle(row), []).append(row["measured"])
+    at_m = sorted(spread)
+    lowest, highest = ([pick(spread[each]) for each in at_m] for pick in (min, max))
+    axes.vlines(at_m, lowest, highest, color=color, alpha=0.25, lw=4, label=f"worst to best of {links} links")
+
+
+def _together(bins: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of all links, one for each distance."""
+    found: dict[float, dict[str, Any]] = {}
+    for row in bins:
+        edges = {name: row[name] for name in ("distance_min_m", "distance_max_m")}
+        total = found.setdefault(row["distance_min_m"], {**edges, "sent": 0, "delivered": 0})
+        total["sent"] += row["sent"]
+        total["delivered"] += row["delivered"]
+    return [found[each] for each in sorted(found)]
+
+
+def _middle(row: dict[str, Any]) -> float:
+    return float(row["distance_min_m"] + row["distance_max_m"]) / 2

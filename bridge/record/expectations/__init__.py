@@ -1,0 +1,1 @@
+"""Whether a recorded run shows what its scenario expects."""

@@ -1,0 +1,1 @@
+"""Recorded transmissions decided anew: by another radio, another seed, or the same."""

@@ -1,0 +1,1 @@
+"""A record published on Zenoh by wall time."""

@@ -1,0 +1,92 @@
+"""What the nodes of a recorded run transmitted, as columns; payloads are read when somebody asks for them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.bus.keys import ALL
+from bridge.record import names
+from bridge.record.packets import decode_packet
+from bridge.record.streams import ENTRY_HEAD_BYTES, START_BYTES, StreamError, read_stream
+from channel.medium.reception import EVERYBODY
+
+
+class SentPackets:
+    """The packets of one node that its radio took, in the order of their numbers.
+
+    Args:
+        run: the run directory.
+        node: the node's id.
+        places: of all nodes' ids.
+
+    Attributes:
+        seq: int64, rising.
+        sim_time_ns: when each was transmitted, int64.
+        length_bytes: of the payloads, int64.
+        to: place of the addressee, or EVERYBODY.
+        channels: last part of each packet's key.
+
+    Raises:
+        StreamError: the stream is damaged, or has what is no packet.
+        OSError: it cannot be read.
+    """
+
+    def __init__(self, run: Path, node: str, places: dict[str, int]) -> None:
+        self._path = names.packets(node).path(run)
+        rows: list[tuple[int, int, int, int, int]] = []
+        self.channels: list[str] = []
+        routes: dict[str, tuple[int, str]] = {}
+        offset = START_BYTES
+        for tick_ns, entry in read_stream(self._path) if self._path.exists() else ():
+            offset += ENTRY_HEAD_BYTES
+            try:
+                packet = decode_packet(entry)
+                to, channel = routes.get(packet.channel) or routes.setdefault(
+                    packet.channel, _route(packet.channel, places)
+                )
+            except ValueError as error:
+                raise StreamError(f"{self._path}: at {tick_ns} ns: {error}") from error
+            offset += len(entry)
+            length = len(packet.payload)
+            rows.append((packet.seq, packet.sim_time_ns, length, to, offset - length))
+            self.channels.append(channel)
+        table = np.array(rows, dtype=np.int64).reshape(-1, 5)
+        self.seq, self.sim_time_ns, self.length_bytes, self.to, self._offset = np.ascontiguousarray(table.T)
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+    def row_of(self, seq: int) -> int | None:
+        """Where the packet with a number is; None if the stream has it not (its writer was killed)."""
+        row = int(np.searchsorted(self.seq, seq))
+        return row if row < len(self.seq) and int(self.seq[row]) == seq else None
+
+    def payload(self, row: int) -> bytes:
+        """What a packet carried.
+
+        Raises:
+            OSError: the stream cannot be read any more.
+        """
+        with self._path.open("rb") as file:
+            file.seek(int(self._offset[row]))
+            return file.read(int(self.length_bytes[row]))
+
+    def whole(self) -> NDArray[np.int64]:
+        """Numbers, times, lengths and addressees of all packets, shape (4, packets)."""
+        return np.stack((self.seq, self.sim_time_ns, self.length_bytes, self.to))
+
+
+def _route(address: str, places: dict[str, int]) -> tuple[int, str]:
+    """Addressee and channel of ``radio/to/channel``."""
+    parts = address.split("/")
+    if len(parts) != 3:
+        raise ValueError(f"{address!r} is not radio/to/channel")
+    _, to, channel = parts
+    if to == ALL:
+        return EVERYBODY, channel
+    if to not in places:
+        raise ValueError(f"it is addressed to {to!r}, which is no node of this run")
+    return places[to], channel

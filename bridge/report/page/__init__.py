@@ -1,0 +1,1 @@
+"""The pages: one file each, that asks for nothing."""

@@ -1,0 +1,102 @@
+"""Figures as SVG for a page: drawn in marks that become the page's own colours, so that light and dark both fit."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK: Final = "#010203"
+FAINT: Final = "#040506"
+SERIES: Final = tuple(f"#0a0b{i:02d}" for i in range(8))
+GOOD: Final = "#0c0d01"
+LOSSES: Final = tuple(f"#0c0d{i:02d}" for i in range(10, 18))
+_VARIABLES: Final = {
+    INK: "--ink",
+    FAINT: "--faint",
+    GOOD: "--good",
+    **{mark: f"--series-{i}" for i, mark in enumerate(SERIES)},
+    **{mark: f"--loss-{i}" for i, mark in enumerate(LOSSES)},
+}
+"""What stands for what; the style sheet of the page has the colours."""
+_STYLE: Final[dict[Any, Any]] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "lostlink",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 10.0,
+    "text.color": INK,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.facecolor": "none",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": FAINT,
+    "grid.alpha": 0.35,
+    "grid.linewidth": 0.6,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "lines.linewidth": 1.4,
+    "path.simplify": True,
+}
+
+
+@contextmanager
+def themed() -> Iterator[None]:
+    """Draw in our marks; matplotlib's own settings are back afterwards."""
+    import matplotlib as mpl
+    from cycler import cycler
+
+    with mpl.rc_context({**_STYLE, "axes.prop_cycle": cycler(color=list(SERIES))}):
+        yield
+
+
+def figure_of(width_in: float = 8.0, height_in: float = 3.6) -> tuple[Figure, Axes]:
+    """An empty figure with axes, without pyplot, whose backend belongs to whoever calls us."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    return figure, figure.subplots()
+
+
+def svg_of(figure: Figure, name: str, told: str) -> str:
+    """The figure as an ``<svg>`` to stand in a page; the same figure gives the same text.
+
+    Args:
+        figure: drawn within `themed`.
+        name: of the picture, which its inner names begin with.
+        told: what it shows, for those who do not see it.
+    """
+    buffer = io.StringIO()
+    figure.savefig(
+        buffer, format="svg", transparent=True, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    )
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :].strip()
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    view = re.search(r'viewBox="[^"]*"', text)
+    assert view is not None, "matplotlib writes one"
+    head = f'<svg class="picture" role="img" aria-label="{_attribute(told)}" {view.group()}>'
+    text = head + text[text.index(">") + 1 :]
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = text.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")
+    text = re.sub(r"font: ([\d. a-z]+px) [^;\"]*", r"font: \1 var(--sans)", text)
+    for mark, variable in _VARIABLES.items():
+        text = text.replace(mark, f"var({variable})")
+    return text
+
+
+def _attribute(text: str) -> str:
+    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")

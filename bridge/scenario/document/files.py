@@ -1,0 +1,62 @@
+"""Files that a scenario names, as absolute paths: each as seen from the file that names it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from bridge.scenario.document.merge import names_a_preset
+from bridge.scenario.document.written import Path_, Written
+
+YAML = (".yaml", ".yml")
+CODE = (".py",)
+
+
+def with_absolute_files(root: Written) -> Written:
+    """The scenario with absolute paths of radios, antennas, winds, airframes, own classes, tables and maps."""
+    for path, leaf in list(root.leaves()):
+        if isinstance(leaf.content, str) and (placed := _placer(path)):
+            root = _put(root, path, Written(placed(leaf.content, leaf.place.folder), leaf.place))
+    return root
+
+
+def _put(here: Written, path: Path_, leaf: Written) -> Written:
+    if not path:
+        return leaf
+    below = here.get(path[0])
+    assert below is not None, "the path came from here"
+    return here.having(path[0], _put(below, path[1:], leaf))
+
+
+def _placer(path: Path_) -> Callable[[str, Path], str] | None:
+    """What makes the text at a path absolute; None for a text that names no file."""
+    if names_a_preset(path):
+        return _yaml_file
+    last = path[-1]
+    in_an_antenna = path[:1] == ("nodes",) and path[2:3] == ("antenna",)
+    if in_an_antenna or any(names_a_preset(path[:length]) for length in (1, 3, 4)):
+        return _in_a_preset(str(last))
+    if len(path) == 3 and path[0] == "nodes" and last == "airframe":
+        return _yaml_file
+    return _class if len(path) == 4 and path[0] == "nodes" and path[2:] == ("agent", "class") else None
+
+
+def _in_a_preset(key: str) -> Callable[[str, Path], str] | None:
+    if key == "preset":
+        return _yaml_file
+    if key == "class":
+        return _class
+    return _any_file if key == "file" or key.endswith("_file") else None
+
+
+def _any_file(name: str, folder: Path) -> str:
+    return str(folder / Path(name).expanduser())
+
+
+def _yaml_file(name: str, folder: Path) -> str:
+    return _any_file(name, folder) if Path(name).suffix in YAML else name
+
+
+def _class(text: str, folder: Path) -> str:
+    file, colon, name = text.rpartition(":")
+    return f"{_any_file(file, folder)}:{name}" if colon and Path(file).suffix in CODE else text

@@ -1,0 +1,75 @@
+"""One scenario laid over another: mappings key by key, nodes by id, anything else in place of what was there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bridge.scenario.document.written import Path_, Written
+
+KINDS = {"type": None, "kind": "ua", "preset": None, "model": None}
+"""Keys that say what a mapping is, and what it is without: one that says another takes nothing from what is below."""
+
+
+def merged(base: Written, over: Written, path: Path_ = ()) -> Written:
+    """``over`` laid over ``base``.
+
+    Args:
+        base: what is below.
+        over: what wins.
+        path: where in the scenario both are.
+    """
+    if path == ("nodes",) and base.is_list and over.is_list:
+        return _nodes(base, over)
+    if names_a_preset(path) and isinstance(base.content, str) and over.is_mapping:
+        base = as_preset(base)
+    if not (base.is_mapping and over.is_mapping) or _is_another(base, over, path):
+        return over
+    parts = dict(base.content)
+    for key, part in over.content.items():
+        below = parts.get(key)
+        parts[key] = part if below is None else merged(below, part, (*path, key))
+    return replace(over, content=parts)
+
+
+def names_a_preset(path: Path_) -> bool:
+    """Whether a name may stand there for a mapping with that ``preset``."""
+    if path in {("radio",), ("wind",)}:
+        return True
+    return path[:1] == ("nodes",) and path[2:] in {("radio",), ("sensor", "radio")}
+
+
+def as_preset(name: Written) -> Written:
+    """The mapping that a radio's or wind's name stands for."""
+    return Written({"preset": name}, name.place)
+
+
+def same_id(node: Written, node_id: object) -> bool:
+    """Whether a node has this id; 1 and "1" are one."""
+    own = node.get("id")
+    return own is not None and str(own.content) == str(node_id)
+
+
+def _is_another(base: Written, over: Written, path: Path_) -> bool:
+    if "options" in path:
+        return False  # an agent's own keys mean what the agent takes them for
+    keys = KINDS if base.get("type") else {**KINDS, "class": None}
+    for key, default in keys.items():
+        new, old = over.get(key), base.get(key)
+        if new is not None and new.content != (default if old is None else old.content):
+            return True
+    return False
+
+
+def _nodes(base: Written, over: Written) -> Written:
+    """Nodes with the id of one below are laid over it, the others come after."""
+    nodes = base.items()
+    for node in over.items():
+        node_id = node.get("id")
+        place = next(
+            (k for k, old in enumerate(nodes) if node_id is not None and same_id(old, node_id.content)), None
+        )
+        if place is None:
+            nodes.append(node)
+        else:
+            nodes[place] = merged(nodes[place], node, ("nodes", place))
+    return replace(over, content=nodes)

@@ -1,0 +1,1 @@
+"""Groups: many nodes written as one, with places in a pattern."""

@@ -1,0 +1,228 @@
+"""From ``count: 20`` to twenty nodes: ids that count up, places in a pattern, values by index."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+from pydantic import ValidationError
+
+from bridge.scenario.document.written import Path_, Written, plain
+from bridge.scenario.expand.patterns import PATTERNS, Draws, Spot
+from bridge.scenario.expand.words import filled
+from bridge.scenario.mistakes.error import ScenarioError
+from bridge.scenario.mistakes.explain import explained
+from bridge.scenario.mistakes.near import near_miss
+
+COUNT, EACH = "count", "each"
+COUNT_MAX = 1000
+AXES = ("north_m", "east_m", "height_m", "heading_deg")
+PLACES = {"ua": "home", "ground": "place"}
+"""What is placed, by kind of node."""
+
+
+def with_groups_expanded(root: Written) -> Written:
+    """The scenario with each group as so many nodes.
+
+    Raises:
+        ScenarioError: a count, pattern or value by index is wrong.
+    """
+    nodes = root.get("nodes")
+    if nodes is None:
+        return root
+    _refuse_patterns_of_one(nodes)
+    if not any(node.get(COUNT) for node in nodes.items()):
+        return root
+    seed = root.get("seed")
+    number = seed.content if seed is not None and isinstance(seed.content, int) else 1
+    expanded: list[Written] = []
+    for index, node in enumerate(nodes.items()):
+        group = _Group(root, node, ("nodes", index), number)
+        expanded += group.nodes() if node.get(COUNT) else [node]
+    return root.having("nodes", replace(nodes, content=expanded))
+
+
+def _refuse_patterns_of_one(nodes: Written) -> None:
+    for index, node in enumerate(nodes.items()):
+        for key in PLACES.values():
+            place = node.get(key)
+            named = [name for name in PATTERNS if place is not None and place.get(name)]
+            if named and place is not None and node.get(COUNT) is None:
+                raise ScenarioError(
+                    f"{place.content[named[0]].place}: nodes.{index}.{key}.{named[0]}: a pattern needs {COUNT} beside "
+                    f"{key}: how many nodes it places"
+                )
+
+
+def is_of_a_group(steps: tuple[str, ...]) -> bool:
+    """Whether a setting's key is about a group, not one of its nodes: its count, or its pattern."""
+    if steps[0] != "nodes" or "agent" in steps:
+        return False
+    return steps[-1] == COUNT or any(
+        key in PLACES.values() and below in PATTERNS for key, below in pairwise(steps)
+    )
+
+
+def refuse_same_ids(root: Written) -> None:
+    """See that no two nodes have one id.
+
+    Raises:
+        ScenarioError: they do; the place is that of the second.
+    """
+    first: dict[str, Written] = {}
+    for index, node in enumerate(nodes.items() if (nodes := root.get("nodes")) else []):
+        node_id = node.get("id")
+        if node_id is None:
+            continue
+        text = str(node_id.content)
+        if text in first:
+            raise ScenarioError(
+                f"{node_id.place}: nodes.{index}.id: id {text} is used more than once, first at {first[text].place}: "
+                "each node needs its own"
+            )
+        first[text] = node_id
+
+
+class _Group:
+    """One group.
+
+    Args:
+        root: the scenario, for the places of mistakes.
+        node: the group as written.
+        path: where it is.
+        seed: of the run.
+    """
+
+    def __init__(self, root: Written, node: Written, path: Path_, seed: int) -> None:
+        self._root, self._node, self._path, self._seed = root, node, path, seed
+
+    def nodes(self) -> Iterator[Written]:
+        """Its nodes."""
+        count = self._count()
+        place_key = PLACES.get(self._kind, "home")
+        spots = self._spots(place_key, count)
+        for index in range(count):
+            names = {"i": index, "n": count}
+            node = self._filled(self._node.without(COUNT), self._path, names)
+            node = node.having("id", self._id(node, index))
+            if spots is not None:
+                place = node.get(place_key)
+                assert place is not None, "it has the pattern"
+                node = node.having(place_key, self._placed(place, spots[index]))
+            yield node
+
+    @property
+    def _kind(self) -> str:
+        kind = self._node.get("kind")
+        return "ua" if kind is None else str(kind.content)
+
+    def _count(self) -> int:
+        count = self._node.content[COUNT]
+        value = count.content
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= COUNT_MAX:
+            self._refuse(
+                count, (COUNT,), f"has to be a number of nodes from 0 to {COUNT_MAX} (got {value!r})"
+            )
+        return int(value)
+
+    def _id(self, node: Written, index: int) -> Written:
+        node_id = node.get("id")
+        if node_id is None:
+            self._refuse(
+                self._node, ("id",), "is required, and missing: that of the first node, the others count up"
+            )
+        assert node_id is not None
+        written = self._node.content["id"].content
+        if isinstance(written, int) and not isinstance(written, bool):
+            return replace(node_id, content=written + index)
+        if not isinstance(written, str) or "{" not in written:
+            text = f"has to be a number, or a text with the index, as sensor-{{i}} (got {written!r})"
+            self._refuse(node_id, ("id",), text)
+        return node_id
+
+    def _filled(self, part: Written, path: Path_, names: Mapping[str, int]) -> Written:
+        """A part of the group as it is in the node of an index."""
+        if part.keys == [EACH]:
+            part = self._one_of(part, path, names["i"])
+        if part.is_mapping:
+            parts = {key: self._filled(below, (*path, key), names) for key, below in part.content.items()}
+            return replace(part, content=parts)
+        if part.is_list:
+            return replace(
+                part, content=[self._filled(b, (*path, k), names) for k, b in enumerate(part.content)]
+            )
+        if not isinstance(part.content, str) or not {"{", "}"} & set(part.content):
+            return part
+        try:
+            return replace(part, content=filled(part.content, names))
+        except ValueError as error:
+            raise ScenarioError(f"{part.place}: {_dotted(path)}: {error}") from error
+
+    def _one_of(self, part: Written, path: Path_, index: int) -> Written:
+        written: Written = part.content[EACH]
+        values = written.items()
+        if not values:
+            key = f"{_dotted(path)}.{EACH}"
+            raise ScenarioError(f"{written.place}: {key}: has to be a list of values, one for each node")
+        return values[index % len(values)]
+
+    def _spots(self, place_key: str, count: int) -> list[Spot] | None:
+        """The places of a pattern, if there is one."""
+        place = self._node.get(place_key)
+        named = [key for key in PATTERNS if place is not None and place.get(key)]
+        if place is None:
+            return None
+        if not named:
+            self._refuse_near_misses(place, place_key)
+            return None
+        if len(named) > 1:
+            self._refuse(place, (place_key,), f"{' and '.join(named)}: give one pattern")
+        path = (*self._path, place_key, named[0])
+        written = place.content[named[0]]
+        model = PATTERNS[named[0]]
+        try:
+            pattern = model.model_validate(plain(written))
+        except ValidationError as error:
+            raise ScenarioError("\n".join(explained(self._root, error, model, path))) from error
+        try:
+            return pattern.spots(count, Draws(self._seed, str(self._node.content["id"].content)))
+        except ValueError as error:
+            raise ScenarioError(f"{written.place}: {_dotted(path)}: {error}") from error
+
+    def _refuse_near_misses(self, place: Written, place_key: str) -> None:
+        for key in place.keys:
+            if key not in AXES and (hint := near_miss(key, PATTERNS)):
+                text = f"unknown key{hint} (patterns: {', '.join(PATTERNS)})"
+                self._refuse(place.content[key], (place_key, key), text)
+
+    def _placed(self, place: Written, spot: Spot) -> Written:
+        """A place moved by that of the pattern; a heading of its own wins over the pattern's."""
+        moved = {
+            key: _number(place, key) + offset
+            for key, offset in zip(("north_m", "east_m"), spot[:2], strict=True)
+        }
+        for key, value in moved.items():
+            before = place.get(key)
+            if before is None or _is_number(before.content):
+                place = place.having(key, Written(value, place.place))
+        if spot.heading_deg is not None and place.get("heading_deg") is None:
+            place = place.having("heading_deg", Written(spot.heading_deg, place.place))
+        return place.without(*PATTERNS)
+
+    def _refuse(self, at: Written, below: Path_, text: str) -> None:
+        raise ScenarioError(f"{at.place}: {_dotted((*self._path, *below))}: {text}")
+
+
+def _number(place: Written, key: str) -> Any:
+    value = place.get(key)
+    return value.content if value is not None and _is_number(value.content) else 0.0
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _dotted(path: Path_) -> str:
+    return ".".join(map(str, path))

@@ -1,0 +1,162 @@
+"""From what pydantic found wrong to lines for people: place, key, and what would be right."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from bridge.scenario.document.written import Path_, Place, Written
+from bridge.scenario.mistakes.keys import Spot, allowed_keys, fields_of, models_in, spot_of, tags_of
+from bridge.scenario.mistakes.near import meant, near_miss
+
+WORDS = {
+    r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": "letters, digits, '_', '.' and '-', the first a letter or digit",
+    r"^.+:[A-Za-z_]\w*$": "FILE.py:NAME or package.module:NAME",
+    r"^[A-Z][A-Z0-9_]{0,15}$": "a parameter's name: up to 16 capital letters, digits and '_'",
+}
+"""What patterns of the models say."""
+TYPES = {
+    "string": "text",
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "list": "a list",
+    "tuple": "a list",
+    "dict": "a mapping of keys to values",
+    "model": "a mapping of keys to values",
+    "model_attributes": "a mapping of keys to values",
+}
+EXAMPLES = {
+    "schema": "schema: 1",
+    "name": "name: my_flight",
+    "duration_s": "duration_s: 300",
+    "origin": "origin: {lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690}",
+    "radio": "radio: moon2020",
+    "nodes": "nodes: [{id: 0, agent: {type: hold, altitude_m: 40}}]",
+    "agent": "agent: {type: hold, altitude_m: 40}",
+    "type": "type: hold",
+    "id": "id: 0",
+}
+"""What a missing key could be."""
+
+
+def explained(
+    root: Written, error: ValidationError, model: type[BaseModel], below: Path_ = ()
+) -> Iterator[str]:
+    """One line per mistake.
+
+    Args:
+        root: the scenario.
+        error: what the validation of a part of it found.
+        model: what that part was to be.
+        below: where in the scenario the part is.
+    """
+    told: set[tuple[str, str]] = set()
+    items = [(item, spot_of(model, item["loc"])) for item in error.errors(include_url=False)]
+    misspelt = {
+        (*spot.path[:-1], meant(str(spot.path[-1]), allowed_keys(spot.parents)))
+        for item, spot in items
+        if item["type"] == "extra_forbidden"
+    }
+    for item, spot in items:
+        if item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]:
+            continue  # there are enough, but wrong ones, which have lines of their own
+        if item["type"] == "missing" and spot.path in misspelt:
+            continue  # it is there, under another name
+        spot = spot._replace(path=(*below, *spot.path))
+        place, text = str(_place(root, spot.path, item["type"])), _problem(item, spot)
+        if (place, text) not in told:  # nodes of a group share their lines
+            told.add((place, text))
+            yield f"{place}: {'.'.join(map(str, spot.path)) or 'scenario'}: {text}"
+
+
+def _place(root: Written, path: Path_, kind: str) -> Place:
+    """Where a mistake is; of a key that the scenario lacks, where it could be added."""
+    found = root.at(path)
+    if kind == "missing" and found is root:
+        return root.end or root.place
+    return found.place
+
+
+def _problem(item: Any, spot: Spot) -> str:
+    kind, value = item["type"], item["input"]
+    if kind == "extra_forbidden":
+        return _unknown_key(str(spot.path[-1]), spot)
+    if kind == "missing":
+        return _missing(str(spot.path[-1]))
+    if kind in {"union_tag_not_found", "union_tag_invalid"}:
+        return _no_branch(item, spot)
+    base, _, ending = kind.rpartition("_")
+    if ending in {"type", "parsing"} and base in TYPES:
+        return f"has to be {TYPES[base]}{_keys_of(base, spot)} (got {_shown(value)}){_instead(item, spot)}"
+    if kind == "string_pattern_mismatch":
+        pattern = item["ctx"]["pattern"]
+        return f"has to be {WORDS.get(pattern, f'text like {pattern}')} (got {_shown(value)})"
+    if kind == "literal_error":
+        words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
+        return f"{_sentence(item['msg'])} (got {_shown(value)}){near_miss(value, words)}"
+    return _sentence(item["msg"]) + (
+        f" (got {_shown(value)})" if not isinstance(value, dict | list | tuple) else ""
+    )
+
+
+def _unknown_key(word: str, spot: Spot) -> str:
+    allowed = allowed_keys(spot.parents)
+    hint, there = near_miss(word, allowed), f"allowed here: {', '.join(allowed)}"
+    return f"unknown key{hint} ({there})" if hint else f"unknown key; {there}"
+
+
+def _instead(item: Any, spot: Spot) -> str:
+    """What something of another type could be."""
+    key = str(spot.path[-1]) if spot.path else ""
+    if key == "id":
+        return (
+            "; only a node with kind: ground has a word for its id" if isinstance(item["input"], str) else ""
+        )
+    return f", as in {EXAMPLES[key]}" if key in EXAMPLES else ""
+
+
+def _missing(key: str) -> str:
+    example = f": add {EXAMPLES[key]}, say" if key in EXAMPLES else ""
+    return f"is required, and missing{example}"
+
+
+def _no_branch(item: Any, spot: Spot) -> str:
+    key = item["ctx"]["discriminator"].strip("'")
+    words = tags_of(_branches(spot), key)
+    value = item["input"].get(key) if isinstance(item["input"], dict) else None
+    if value is None:
+        return f"{key} is missing: has to be one of: {', '.join(words)}"
+    return f"{key} has to be one of: {', '.join(words)} (got {_shown(value)}){near_miss(value, words)}"
+
+
+def _branches(spot: Spot) -> tuple[type[BaseModel], ...]:
+    key = next((step for step in reversed(spot.path) if isinstance(step, str)), "")
+    found = [fields_of(model).get(key) for model in spot.parents]
+    return tuple(model for annotation in found for model in models_in(annotation))
+
+
+def _keys_of(base: str, spot: Spot) -> str:
+    if not base.startswith(("model", "dict")) or not spot.path:
+        return ""
+    keys = allowed_keys(_branches(spot))
+    return f", with {', '.join(keys)}" if keys else ""
+
+
+def _sentence(text: str) -> str:
+    """Pydantic's words in ours."""
+    text = re.sub(
+        r"^(Value error, |Input should be |Input should have )", lambda m: _BEGINS[m.group(1)], text
+    )
+    return text.replace("Tuple should have", "has to have").replace("List should have", "has to have")
+
+
+_BEGINS = {"Value error, ": "", "Input should be ": "has to be ", "Input should have ": "has to have "}
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."

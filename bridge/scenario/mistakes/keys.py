@@ -1,0 +1,95 @@
+"""Which model of a scenario's a validation error lies in: from pydantic's path to the file's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple, get_args
+
+from pydantic import BaseModel
+
+Models = tuple[type[BaseModel], ...]
+
+
+class Spot(NamedTuple):
+    """Where an error is.
+
+    Attributes:
+        path: keys and indices, as in the file.
+        parents: the models that the last key may belong to.
+    """
+
+    path: tuple[str | int, ...]
+    parents: Models
+
+
+def spot_of(root: type[BaseModel], loc: Iterable[str | int]) -> Spot:
+    """The spot of a validation error of ``root``.
+
+    Pydantic puts the branch that it chose of a union into its path, which is no key of the file: it narrows the models.
+    """
+    path: list[str | int] = []
+    here: Models = (root,)
+    parents: Models = here
+    for step in loc:
+        inner = _inner(here, step)
+        if isinstance(step, int):
+            path.append(step)
+        elif inner is not None:
+            path.append(step)
+            parents, here = here, inner
+        elif here and (narrowed := _branch(here, step)) is not None:
+            here = parents = narrowed
+        elif here and not _is_branch(step):
+            path.append(step)
+            parents, here = here, ()
+        elif not here and step != "[key]" and not _is_branch(step):
+            path.append(step)
+    return Spot(tuple(path), parents)
+
+
+def allowed_keys(models: Models) -> list[str]:
+    """Keys that a mapping may have, as in the file."""
+    return list(dict.fromkeys(name for model in models for name in fields_of(model)))
+
+
+def fields_of(model: type[BaseModel]) -> dict[str, Any]:
+    """Types of a model's fields, by the key that they have in a file."""
+    return {field.alias or name: field.annotation for name, field in model.model_fields.items()}
+
+
+def tags_of(models: Models, key: str) -> list[str]:
+    """The words by which one of several models is chosen."""
+    return [tag for model in models for tag in _literals(fields_of(model).get(key))]
+
+
+def models_in(annotation: Any) -> Models:
+    """All models that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return (annotation,)
+    return tuple(model for part in get_args(annotation) for model in models_in(part))
+
+
+def _inner(models: Models, step: str | int) -> Models | None:
+    """The models below a key; None if it is no key of theirs."""
+    having = [
+        fields[step] for model in models if isinstance(step, str) and step in (fields := fields_of(model))
+    ]
+    return tuple(model for annotation in having for model in models_in(annotation)) if having else None
+
+
+def _branch(models: Models, step: str | int) -> Models | None:
+    found = tuple(model for model in models if step == model.__name__ or step in _own_tags(model))
+    return found or None
+
+
+def _own_tags(model: type[BaseModel]) -> list[str]:
+    return [tag for key in ("type", "kind", "model") for tag in _literals(fields_of(model).get(key))]
+
+
+def _literals(annotation: Any) -> list[str]:
+    return [word for word in get_args(annotation) if isinstance(word, str)]
+
+
+def _is_branch(step: str | int) -> bool:
+    """Whether pydantic made the step of a type."""
+    return isinstance(step, str) and (step in {"str", "float", "int", "bool", "none", "[key]"} or "[" in step)

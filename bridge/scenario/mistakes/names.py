@@ -1,0 +1,181 @@
+"""Sees that what a scenario names is there and right: radios, antennas, winds, airframes, own agents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from bridge.scenario.agents import OwnAgent
+from bridge.scenario.document.written import Path_, Written
+from bridge.scenario.mistakes.error import ScenarioError
+from bridge.scenario.mistakes.explain import explained
+from bridge.scenario.mistakes.near import near_miss
+from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Aircraft, Emitter, NodeConfig
+from bridge.scenario.own_class import clash_of, mistake_in
+from bridge.scenario.resolve import airframe_of, wind_of
+from bridge.scenario.resolve_radio import radio_from
+from bridge.scenario.resolve_sensing import check_antenna
+from channel.presets import PresetError, seen_from
+from fdm.air.wind import WindConfig
+from fdm.errors import AirframeError, WindError
+
+
+def with_known_names(root: Written, scenario: Scenario) -> Scenario:
+    """The scenario with the tables of its radios read in.
+
+    Args:
+        root: where it was written; files are by absolute path.
+        scenario: the same, validated.
+
+    Raises:
+        ScenarioError: with one line per name that is not known, or file that is wrong.
+    """
+    radios = _Radios(root, scenario)
+    scenario = radios.scenario()
+    mistakes = [
+        *radios.mistakes,
+        *_winds(root, scenario),
+        *_airframes(root, scenario),
+        *_classes(root, scenario),
+        *_expected(root, scenario),
+    ]
+    if mistakes:
+        raise ScenarioError("\n".join(dict.fromkeys(mistakes)))
+    return scenario
+
+
+def _told(root: Written, path: Path_, problem: object) -> str:
+    """A mistake at the place of a key."""
+    return f"{root.at(path).place}: {'.'.join(map(str, path))}: {problem}"
+
+
+def _told_of_file(root: Written, path: Path_, file: object, problem: str) -> str:
+    """A mistake in a file that a key names: its own place counts, and who named it comes after."""
+    if not problem.startswith(f"{file}:"):
+        return _told(root, path, problem)
+    named = f" (named at {root.at(path).place}: {'.'.join(map(str, path))})"
+    return "\n".join(line + named for line in problem.splitlines())
+
+
+class _Radios:
+    """The radio for all, those of single nodes and sensors, and emitters' antennas: built, to see that they can be."""
+
+    def __init__(self, root: Written, scenario: Scenario) -> None:
+        self._root, self._scenario = root, scenario
+        self.mistakes: list[str] = []
+        self._built: dict[str, tuple[Any, float | None]] = {}
+
+    def scenario(self) -> Scenario:
+        """The scenario with the tables of its radios read in."""
+        common, frequency_hz = self._read(self._scenario.radio, ("radio",))
+        nodes: list[NodeConfig] = []
+        for index, node in enumerate(self._scenario.nodes):
+            if isinstance(node, Emitter):
+                nodes.append(self._with_antenna(node, ("nodes", index, "antenna")))
+                continue
+            if node.sensor is not None:
+                radio, _ = self._read(node.sensor.radio, ("nodes", index, "sensor", "radio"))
+                node = node.model_copy(update={"sensor": node.sensor.model_copy(update={"radio": radio})})
+            if node.radio is not None:
+                path = ("nodes", index, "radio")
+                radio, own_hz = self._read(node.radio, path)
+                node = node.model_copy(update={"radio": radio})
+                if own_hz is not None and frequency_hz is not None and own_hz != frequency_hz:
+                    text = f"its frequency is {own_hz:g} Hz, that of the run's radio {frequency_hz:g} Hz"
+                    self.mistakes.append(_told(self._root, path, f"{text}: all have to be on one"))
+            nodes.append(node)
+        return self._scenario.model_copy(update={"radio": common, "nodes": tuple(nodes)})
+
+    def _with_antenna(self, emitter: Emitter, path: Path_) -> Emitter:
+        """An emitter with the tables of its antenna read in."""
+        try:
+            antenna = seen_from(Path(), {"antenna": emitter.antenna})["antenna"]
+            check_antenna(antenna)
+        except PresetError as error:
+            self.mistakes.append(_told(self._root, path, error.problem))
+        except ValidationError as error:
+            for item in error.errors(include_url=False):
+                steps = tuple(step for step in item["loc"][1:] if isinstance(step, str))
+                self.mistakes.append(_told(self._root, (*path, *steps), item["msg"]))
+        else:
+            return emitter.model_copy(update={"antenna": antenna})
+        return emitter
+
+    def _read(self, setting: str | dict[str, Any], path: Path_) -> tuple[str | dict[str, Any], float | None]:
+        """A radio with its tables, and its frequency; None if it is wrong."""
+        key = repr(setting)
+        if key not in self._built:
+            self._built[key] = self._build(setting, path)
+        found: tuple[str | dict[str, Any], float | None] = self._built[key]
+        return found
+
+    def _build(self, setting: str | dict[str, Any], path: Path_) -> tuple[Any, float | None]:
+        try:
+            seen = setting if isinstance(setting, str) else seen_from(Path(), setting)
+            return seen, radio_from(seen, self._scenario.origin).config.frequency_hz
+        except PresetError as error:
+            self.mistakes.append(self._mistake(path, error))
+            return setting, None
+
+    def _mistake(self, path: Path_, error: PresetError) -> str:
+        if error.file is not None:
+            return _told_of_file(self._root, path, error.file, str(error))
+        key = tuple(step for step in error.key.split(".") if step)
+        if self._root.at(path).is_mapping or key != ("preset",):
+            path = (*path, *key)
+        return _told(self._root, path, error.problem)
+
+
+def _winds(root: Written, scenario: Scenario) -> Iterator[str]:
+    wind = scenario.wind
+    try:
+        wind_of(scenario)
+    except WindError as error:
+        file = wind if isinstance(wind, str) else wind.get("preset")
+        path = ("wind",) if isinstance(wind, str) else ("wind", "preset")
+        yield _told_of_file(root, path, file, str(error).removeprefix("preset: "))
+    except ValidationError as error:
+        yield from explained(root, error, WindConfig, ("wind",))
+
+
+def _airframes(root: Written, scenario: Scenario) -> Iterator[str]:
+    wrong: dict[str, str] = {}
+    seen: set[str] = set()
+    for index, node in enumerate(scenario.nodes):
+        if not isinstance(node, Aircraft):
+            continue
+        if node.airframe not in seen:
+            seen.add(node.airframe)
+            try:
+                airframe_of(node)
+            except AirframeError as error:
+                wrong[node.airframe] = str(error)
+        if node.airframe in wrong:
+            yield _told_of_file(root, ("nodes", index, "airframe"), node.airframe, wrong[node.airframe])
+
+
+def _classes(root: Written, scenario: Scenario) -> Iterator[str]:
+    own = [
+        (index, node.agent)
+        for index, node in enumerate(scenario.nodes)
+        if not isinstance(node, Emitter) and isinstance(node.agent, OwnAgent)
+    ]
+    for index, agent in own:
+        if mistake := mistake_in(agent.place, agent.class_name):
+            yield _told(root, ("nodes", index, "agent", "class"), mistake)
+    if clash := clash_of([agent.place for _, agent in own]):
+        yield _told(root, ("nodes",), clash)
+
+
+def _expected(root: Written, scenario: Scenario) -> Iterator[str]:
+    known = scenario.stations
+    for index, expectation in enumerate(scenario.expectations):
+        for key, ids in expectation.nodes.items():
+            for node_id in ids:
+                if node_id not in known:
+                    text = f"no node has the id {node_id}{near_miss(node_id, known)}; there are: {', '.join(known)}"
+                    yield _told(root, ("expectations", index, key), text)

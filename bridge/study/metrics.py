@@ -1,0 +1,138 @@
+"""What every study measures of a run; functions of the user's own add to it."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Collection, Mapping
+from itertools import combinations
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.record.reading.ages import NEEDED, link_ages, times_of
+from bridge.record.reading.links import counts_of
+from bridge.record.reading.rows import link_rows
+from bridge.record.reading.run import Run
+from bridge.study.model import Function, StudyError
+
+Metrics = dict[str, Any]
+"""By column: a number, a text, a truth value, or a list of numbers."""
+
+
+def built_in(run: Run) -> Metrics:
+    """What the summary says, and what repeats: nothing here depends on the machine.
+
+    ``ending``, ``verdict``, ``error``, ``passed`` (no verdict against it, no failed expectation), ``digest``,
+    ``sim_duration_s``; ``sent``, ``delivered`` and ``delivery`` (their quotient) of all links, and
+    ``delivery_<tx>_<rx>`` of each; ``age_mean_s``, the mean over the links of the time average of the age of
+    information, and ``age_peak_s``, the greatest of any link (`Run.ages`); ``separation_min_m``, the least distance of
+    two nodes at any tick.
+    """
+    summary = run.summary
+    rows = link_rows(run.path, run.scenario.transceiver_ids, NEEDED)
+    links, ages = counts_of(rows), link_ages(times_of(rows, run.scenario.tick_period_ns), run.end_ns)
+    sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
+    return {
+        "ending": summary["ending"],
+        "error": summary["error"] or "",
+        "verdict": summary["verdict"],
+        "passed": not summary["verdict"].startswith("fail")
+        and all(one.get("passed", True) for one in summary.get("expectations", ())),
+        "digest": summary["digest"],
+        "sim_duration_s": summary["sim_duration_s"],
+        "sent": sent,
+        "delivered": delivered,
+        "delivery": delivered / sent if sent else float("nan"),
+        **{
+            f"delivery_{tx}_{rx}": float(d / s) if s else float("nan")
+            for tx, rx, s, d in zip(links["tx"], links["rx"], links["sent"], links["delivered"], strict=True)
+        },
+        "age_mean_s": _mean(ages["mean_s"]),
+        "age_peak_s": float(np.nanmax(ages["peak_s"], initial=0.0)) if len(ages["peak_s"]) else float("nan"),
+        "separation_min_m": separation_min_m(run),
+    }
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def separation_min_m(run: Run, among: Collection[str] | None = None) -> float:
+    """The least distance of two nodes at any tick, m; nan of fewer than two.
+
+    Args:
+        run: the run.
+        among: ids of the nodes; all unless given.
+    """
+    axes = ("position_north_m", "position_east_m", "position_down_m")
+    truth = run.columns("truth", ("tick_ns", "node", *axes))
+    tracks = {}
+    for node in np.unique(truth["node"].astype(str)).tolist():
+        if among is not None and node not in among:
+            continue
+        own = truth["node"] == node
+        tracks[node] = (truth["tick_ns"][own], np.stack([truth[axis][own] for axis in axes], axis=1))
+    nearest = float("nan")
+    for (ticks_a, a), (ticks_b, b) in combinations(tracks.values(), 2):
+        _, at_a, at_b = np.intersect1d(ticks_a, ticks_b, return_indices=True)
+        if len(at_a):
+            nearest = float(np.fmin(nearest, np.linalg.norm(a[at_a] - b[at_b], axis=1).min()))
+    return nearest
+
+
+def own(run: Run, functions: tuple[Function, ...]) -> Metrics:
+    """What functions of the user's own say of a run.
+
+    Raises:
+        StudyError: one gives what no table can hold. What they raise themselves is passed on.
+    """
+    found: Metrics = {}
+    for function in functions:
+        result = load(function)(run)
+        if not isinstance(result, Mapping):
+            raise StudyError(
+                f"{_told(function)}: has to give a mapping of columns (got {type(result).__name__})"
+            )
+        found |= {str(name): _plain(value, f"{_told(function)}: {name}") for name, value in result.items()}
+    return found
+
+
+def load(function: Function) -> Callable[..., Any]:
+    """The function itself.
+
+    Raises:
+        StudyError: it is not there. What the file raises is passed on.
+    """
+    found = getattr(_module(function.file), function.name, None)
+    if not callable(found):
+        raise StudyError(f"{_told(function)}: there is no such function")
+    return found  # type: ignore[no-any-return]
+
+
+def _module(file: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"study_{file.stem}", file)
+    assert spec is not None, "its name ends in .py"
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _plain(value: Any, told: str) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, list | tuple) and all(isinstance(part, int | float) for part in value):
+        return [float(part) for part in value]
+    raise StudyError(
+        f"{told}: has to be a number, text, truth value or list of numbers (got {type(value).__name__})"
+    )
+
+
+def _told(function: Function) -> str:
+    return f"{function.file}:{function.name}"

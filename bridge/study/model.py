@@ -1,0 +1,148 @@
+"""The file of a study: which runs, and what is measured of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from bridge.scenario.parts import Slug
+
+RUNS_MAX = 100_000
+
+
+class StudyError(ValueError):
+    """A study that cannot be flown; the text names the file, the key and what is wrong."""
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Seeds(_Model):
+    """``count`` seeds in a row."""
+
+    first: Annotated[int, Field(ge=0)] = 1
+    count: Annotated[int, Field(ge=1, le=RUNS_MAX)]
+
+
+class Function(_Model):
+    """A function in a Python file."""
+
+    file: Path
+    name: str
+
+
+class StudyFile(_Model):
+    """What a study's file says.
+
+    Attributes:
+        name: part of the directory's name.
+        description: for people.
+        scenario: of all runs: shipped names or files (as seen from the study's file), one or several.
+        seeds: of each scenario with each setting.
+        set: settings of all runs, by dotted key.
+        cases: settings that go together, by label; each is flown. None: one, without a label.
+        vary: per dotted key its values, as a list, or by label as a mapping; each combination is flown.
+        metrics: functions of a run (`lostlink.Run`) that give further columns, as FILE.py:NAME.
+        figures: functions of the table (a pandas DataFrame) and a directory, which draw there at the end.
+        keep: which runs' directories stay: of all, of those that failed, or of none.
+    """
+
+    schema_: Annotated[Literal[1], Field(alias="schema")]
+    name: Slug
+    description: str = ""
+    scenario: tuple[str, ...]
+    seeds: tuple[int, ...] = (1,)
+    set: dict[str, Any] = {}
+    cases: dict[str, dict[str, Any]] = {}
+    vary: dict[str, dict[str, Any]] = {}
+    metrics: tuple[Function, ...] = ()
+    figures: tuple[Function, ...] = ()
+    keep: Literal["all", "failed", "none"] = "all"
+
+    @field_validator("scenario", "metrics", "figures", mode="before")
+    @classmethod
+    def _one_or_several(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str | Mapping) else value
+
+    @field_validator("seeds", mode="before")
+    @classmethod
+    def _seeds(cls, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            seeds = Seeds.model_validate(value)
+            return tuple(range(seeds.first, seeds.first + seeds.count))
+        return (value,) if isinstance(value, int) else value
+
+    @field_validator("seeds")
+    @classmethod
+    def _each_once(cls, seeds: tuple[int, ...]) -> tuple[int, ...]:
+        if not seeds or len(set(seeds)) < len(seeds):
+            raise ValueError("has to be at least one seed, and each once")
+        return seeds
+
+    @field_validator("vary", mode="before")
+    @classmethod
+    def _labelled(cls, value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            return value
+        return {
+            key: {str(choice): choice for choice in choices} if isinstance(choices, list) else choices
+            for key, choices in value.items()
+        }
+
+    @field_validator("vary")
+    @classmethod
+    def _with_values(cls, vary: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        for key, choices in vary.items():
+            if not choices:
+                raise ValueError(f"{key} has no values")
+        return vary
+
+    @field_validator("metrics", "figures")
+    @classmethod
+    def _there(cls, functions: tuple[Function, ...]) -> tuple[Function, ...]:
+        for function in functions:
+            if not function.file.is_file():
+                raise ValueError(f"there is no file {function.file}")
+        return functions
+
+
+def read_study(path: Path) -> StudyFile:
+    """The study of a YAML file; files that it names are seen from it.
+
+    Raises:
+        StudyError: it cannot be read, or something in it is not allowed; a line per mistake.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+        raise StudyError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(content, dict):
+        raise StudyError(f"{path}: a study is a mapping of keys to values")
+    for key in ("metrics", "figures"):
+        if key in content:
+            content[key] = _functions(path, key, content[key])
+    try:
+        return StudyFile.model_validate(content)
+    except ValidationError as error:
+        raise StudyError("\n".join(_mistakes(path, error))) from error
+
+
+def _functions(path: Path, key: str, value: Any) -> list[dict[str, Any]]:
+    functions = []
+    for text in [value] if isinstance(value, str) else value if isinstance(value, list) else [value]:
+        file, colon, name = text.rpartition(":") if isinstance(text, str) else ("", "", "")
+        if not (colon and file.endswith(".py") and name.isidentifier()):
+            raise StudyError(
+                f"{path}: {key}: has to be FILE.py:FUNCTION, one or a list of them (got {text!r})"
+            )
+        functions.append({"file": path.parent.resolve() / file, "name": name})
+    return functions
+
+
+def _mistakes(path: Path, error: ValidationError) -> list[str]:
+    return [f"{path}: {'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]

@@ -1,0 +1,1 @@
+"""Tests of one's own on flights of whole fleets: the pytest fixture `fleet`, and what a flight says of itself."""

@@ -1,0 +1,82 @@
+"""What a study of the mission measures of a run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).parent))
+
+from agent import mean_power_of, spread_of
+from localisation.estimator import bound_m2
+from localisation.model import Floats
+
+from bridge.scenario.resolve_sensing import sensors_of
+from channel.sensing.sensor import Sensor
+from lostlink import Run
+
+GRID_S = np.arange(20.0, 121.0, 2.0)
+"""When errors are looked at, sim time."""
+
+
+def errors(run: Run) -> dict[str, Any]:
+    """Errors over time of each UA, the worst of them, the bound, and how consistent the estimates are.
+
+    ``times_s``; ``error_<node>_m`` and ``error_m`` (mean over emitters; the worst UA's), ``bound_m`` (of readings of
+    all UA, as if each was shared at once); ``nees_<node>`` (per emitter and axis: 1 if consistent); and the same at the
+    end as ``final_...``.
+    """
+    emitters = {each.id: _place_ned_m(run, each.id) for each in run.scenario.emitters}
+    found: dict[str, Any] = {"times_s": GRID_S}
+    curves = {}
+    for node in map(str, (each.id for each in run.scenario.ua)):
+        each = [_curves(run, node, emitter, place) for emitter, place in emitters.items()]
+        curves[node] = np.mean([error for error, _ in each], axis=0)
+        found[f"error_{node}_m"] = curves[node]
+        found[f"final_nees_{node}"] = float(np.mean([nees[-1] for _, nees in each])) / 2.0
+    worst = np.max(list(curves.values()), axis=0)
+    bound = np.mean([_bound_m(run, emitter, place) for emitter, place in emitters.items()], axis=0)
+    return found | {
+        "error_m": worst,
+        "bound_m": bound,
+        "final_error_m": float(worst[-1]),
+        "final_bound_m": float(bound[-1]),
+        **{f"final_error_{node}_m": float(curve[-1]) for node, curve in curves.items()},
+    }
+
+
+def _place_ned_m(run: Run, emitter: str) -> Floats:
+    truth = run.truth[run.truth["node"] == emitter]
+    axes = ["position_north_m", "position_east_m", "position_down_m"]
+    return np.asarray(truth[axes].iloc[0], dtype=float)
+
+
+def _curves(run: Run, node: str, emitter: str, place_ned_m: Floats) -> tuple[Floats, Floats]:
+    """Error and NEES of a UA's estimates at GRID_S; NaN before the first."""
+    told = run.agent_values(f"estimate.{emitter}")
+    told = told[told["node"] == node]
+    away = np.stack([told["north_m"], told["east_m"]], axis=-1) - place_ned_m[:2]
+    terms = np.stack(told["covariance_m2"].to_list())
+    covariance = terms[:, [[0, 1], [1, 2]]]
+    nees = np.einsum("ni,ni->n", away, np.linalg.solve(covariance, away[..., np.newaxis])[..., 0])
+    at = np.searchsorted(told["sim_time_s"].to_numpy(), GRID_S + 1e-6) - 1
+    pick = np.maximum(at, 0)
+    return tuple(np.where(at >= 0, each[pick], np.nan) for each in (np.hypot(*away.T), nees))
+
+
+def _bound_m(run: Run, emitter: str, place_ned_m: Floats) -> Floats:
+    """Root of the trace of the Cramer-Rao bound at GRID_S."""
+    taken = run.agent_values("reading")
+    taken = taken[taken["emitter"] == emitter]
+    bounds = []
+    config = run.scenario.ua[0]
+    sensor = Sensor(sensors_of(run.scenario)[str(config.id)])
+    spread = spread_of(sensor, config.agent.options.get("power_sigma_db", 0.0))
+    for time_s in GRID_S:
+        known = taken[taken["sim_time_s"] <= time_s + 1e-6]
+        tracks = [np.stack(group["place_ned_m"].to_list()) for _, group in known.groupby("node")]
+        bounds.append(np.sqrt(np.trace(bound_m2(mean_power_of(sensor), spread, place_ned_m, tracks))))
+    return np.array(bounds)

@@ -1,0 +1,109 @@
+"""What agents log: in the record of each run alike, and on Zenoh while it goes on."""
+
+from __future__ import annotations
+
+import json
+import math
+import queue
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bridge.bus.keys import Keys
+from bridge.bus.session import Sample, Stamp
+from lostlink import Run, fly, load_run
+from tests.integration.bridge.conftest import STILL, StartRun
+
+AGENT = """\
+import math
+from lostlink import Agent
+
+
+class Logger(Agent):
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.log("built", {"node": self.ua.node, "seed": self.ua.seed})
+
+    async def fly(self):
+        async for now_s in self.every(0.5):
+            self.log("error_m", self.rng.normal())
+            self.log("leg", {"number": int(now_s * 2), "to_m": [1.0, now_s], "why": "because", "late": now_s > 1})
+            self.log("gap_m", math.nan)
+            if now_s >= 1.0:
+                return
+"""
+OWN = STILL.replace("{{type: still}}", '{{type: own, class: "logger.py:Logger"}}')
+
+
+@pytest.fixture
+def file(tmp_path: Path, free_slot: Callable[[int], int]) -> Path:
+    (tmp_path / "logger.py").write_text(AGENT)
+    file = tmp_path / "log.yaml"
+    file.write_text(OWN.format(speed="max", duration_s=20.0, slot=free_slot(2)))
+    return file
+
+
+def test_what_agents_log_is_recorded_and_repeats(tmp_path: Path, file: Path) -> None:
+    one, other = (fly(file, directory=tmp_path / "runs") for _ in range(2))
+    assert (one.ending, one.ok) == ("done", True)
+    assert one.summary["digests"] == other.summary["digests"]
+    assert {"states", "logged/0", "logged/1"} <= one.summary["digests"].keys()
+    data = one.run.agent_data
+    mine = data[data.node == "1"]
+    assert mine.name.tolist() == ["built", *["error_m", "leg", "gap_m"] * 3]
+    assert mine.tick_ns.tolist() == [0] * 4 + [500_000_000] * 3 + [1_000_000_000] * 3
+    assert mine.value.iloc[0] == {"node": "1", "seed": 3}
+    legs = one.run.agent_values("leg")
+    assert legs.columns.tolist() == ["sim_time_s", "tick_ns", "node", "number", "to_m", "why", "late"]
+    assert legs[legs.node == "0"].to_dict("records")[2] == {
+        "sim_time_s": 1.0,
+        "tick_ns": 1_000_000_000,
+        "node": "0",
+        "number": 2,
+        "to_m": [1.0, 1.0],
+        "why": "because",
+        "late": False,
+    }
+    assert one.run.agent_values("gap_m").value.isna().all()
+    errors = one.run.agent_values("error_m")
+    assert errors.value.nunique() == 6
+    assert one.run.activities.activity.tolist() == ["is done", "is done"]
+    has_states_ten_times_a_second(one.run)
+
+
+def has_states_ten_times_a_second(run: Run) -> None:
+    states = run.states[run.states.node == "1"]
+    assert states.tick_ns.tolist() == [100_000_000 * i for i in range(11)]
+    truth = run.truth[run.truth.node == "1"].iloc[-1]
+    assert states["mode"].iloc[-1] == "STABILIZE"
+    assert states.latitude_deg.iloc[-1] == pytest.approx(truth.latitude_deg, abs=1e-6)
+    assert math.isnan(states.latitude_deg.iloc[0])
+    assert not states.armed.any()
+
+
+def test_what_agents_log_is_published_if_anybody_subscribes(start_run: StartRun, tmp_path: Path) -> None:
+    (tmp_path / "logger.py").write_text(AGENT.replace("if now_s >= 1.0:", "if now_s >= 4.0:"))
+    run = start_run(scenario=OWN, speed="2")
+    run.wait_for("sim time")
+    came: queue.SimpleQueue[tuple[str, int, Any]] = queue.SimpleQueue()
+
+    def take(sample: Sample) -> None:
+        stamp = Stamp.from_sample(sample)
+        assert stamp is not None
+        assert sample.payload is not None
+        name = str(sample.key_expr).rsplit("/", 1)[1]
+        came.put((name, stamp.sim_time_ns, json.loads(sample.payload.to_bytes())))
+
+    with run.join("observer") as session:
+        session.subscribe(Keys(run.directory.name).logged("1", "*"), take)
+        published = [came.get(timeout=30.0) for _ in range(6)]
+    assert run.finish() == 0
+    data = load_run(run.directory).agent_data
+    recorded = [
+        (row["name"], row["tick_ns"], None if row["name"] == "gap_m" else row["value"])
+        for row in data[data.node == "1"].to_dict("records")
+    ]
+    begin = recorded.index(published[0])
+    assert recorded[begin : begin + 6] == published

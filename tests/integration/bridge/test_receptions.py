@@ -1,0 +1,78 @@
+"""What a receiver is told of each packet, on board and beside the run, is what the record says of it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from bridge.agents import Reception, connect_ua
+from tests.integration.bridge.conftest import STILL, StartRun
+
+LISTENER = """\
+from bridge.agents import Agent
+
+class Listener(Agent):
+    def on_packet(self, sender, channel, payload, reception):
+        super().on_packet(sender, channel, payload, reception)
+        self.record("heard", sender=sender, seq=reception.seq, sent_ns=reception.sim_time_ns,
+                    rssi_dbm=reception.rssi_dbm, snr_db=reception.snr_db, age_s=reception.age_s,
+                    attitude_age_s=self.ua.age_s("euler_rad"))
+        if self.options.get("raw") and reception.seq % 10 == 0:
+            self.ua.transmit("team", b"no data package")
+            self.ua.transmit("chatter", b"neither, but nobody expects one here")
+"""
+PROBE = "  - {{id: probe, kind: ground, place: {{north_m: 50}}, agent: {{type: free}}}}\n"
+
+
+def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: Path) -> None:
+    (tmp_path / "listener.py").write_text(LISTENER)
+    own = f"{{{{type: own, class: {tmp_path}/listener.py:Listener, options: {{{{raw: true}}}}, has_task: false}}}}"
+    first, _, rest = STILL.rpartition("{{type: still}}")
+    scenario = (first + own + rest).replace("moon2020", "corrected") + PROBE
+    run = start_run(scenario=scenario, duration_s=8.0, speed="4")
+    run.wait_for("sim time")
+    beside: list[tuple[str, Reception]] = []
+
+    async def listen() -> None:
+        async with connect_ua(run.directory, "probe") as probe:
+            enough = asyncio.Event()
+
+            def heard(sender: str, _channel: str, _payload: bytes, reception: Reception) -> None:
+                beside.append((sender, reception))
+                if len(beside) == 30:
+                    enough.set()
+
+            probe.on_packet(heard)
+            await asyncio.wait_for(enough.wait(), 30.0)
+
+    asyncio.run(listen())
+    assert run.finish() == 0, run.output.decode()
+    table = pq.read_table(run.directory / "deliveries.parquet").to_pylist()
+    rows = {(row["rx"], row["tx"], row["seq"]): row for row in table if row["fate"] == "delivered"}
+    on_board = [
+        json.loads(line) for line in (run.directory / "agents/1/heard.jsonl").read_text().splitlines()
+    ]
+    assert len(on_board) > 100
+    for told in on_board:
+        row = rows["1", told["sender"], told["seq"]]
+        assert told["rssi_dbm"] == pytest.approx(row["received_power_dbm"], abs=1e-4)
+        assert told["snr_db"] == pytest.approx(row["snr_db"], abs=1e-4)
+        assert (told["sent_ns"], told["age_s"]) == (row["sim_time_ns"], 0.05)
+    counters = run.summary["counters"]["router"]
+    raw = sum(told["seq"] % 10 == 0 for told in on_board)
+    assert {name: count for name, count in counters.items() if "package" in name} == {
+        "no_data_package_on_the_data_channel.1": raw
+    }
+    assert [told["attitude_age_s"] <= 0.1 for told in on_board[-20:]] == [True] * 20
+    powers = [told["rssi_dbm"] for told in on_board]
+    assert max(powers) - min(powers) > 6.0  # nobody moves: this is the packets' own shadowing
+    for sender, reception in beside[:30]:
+        row = rows["probe", sender, reception.seq]
+        assert reception.rssi_dbm == pytest.approx(row["received_power_dbm"], abs=1e-4)
+        assert reception.snr_db == pytest.approx(row["snr_db"], abs=1e-4)
+        assert reception.sim_time_ns == row["sim_time_ns"]
+        assert 0.0 <= reception.age_s < 8.0

@@ -1,0 +1,91 @@
+"""The pytest plugin as users have it: tests in files of their own, several at once, real flights."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[4] / "examples" / "test_turn_back.py"
+OWN = """
+import pytest
+
+STILL = {
+    "schema": 1, "name": "still", "duration_s": 4,
+    "origin": {"lat_deg": 40.13, "lon_deg": -105.24, "alt_amsl_m": 1690},
+    "radio": "moon2020",
+    "nodes": [{"id": 0, "agent": {"type": "still"}}, {"id": 1, "home": {"north_m": 380}, "agent": {"type": "still"}}],
+}
+SLOTS = []
+
+
+@pytest.mark.parametrize("seed", [1, 1, 2])
+async def test_two_flights_at_once(fleet, seed, record_property):
+    one, two = await fleet(STILL, seed=seed), await fleet(STILL, seed=seed, changes={"radio": "corrected"})
+    await one.at(2.0)
+    share = one.link(0, 1).delivery(to_s=2.0)
+    assert (await one.end()).ok
+    assert one.link(0, 1).delivery(to_s=2.0) == share  # what was said of a time stays true
+    assert one.record.scenario.ports.first_slot != two.record.scenario.ports.first_slot
+    assert one.ua(1).state(3.0)["mode"]
+    print("digest", seed, one.result().summary["digest"])
+
+
+def test_without_await(fleet):
+    flight = fleet.fly(STILL)
+    assert flight.ua(1).position_ned_m(1.0)[0] == pytest.approx(380, abs=0.5)
+
+
+async def test_what_fails(fleet):
+    flight = await fleet(STILL)
+    await flight.ua(1).at(north_m=500, before_s=2.0)
+
+
+async def test_too_late(fleet):
+    await (await fleet(STILL)).at(60.0)
+
+
+def test_wrong(fleet):
+    fleet.fly({**STILL, "radio": "moon2021"})
+"""
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+
+def run_pytest(file: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-o",
+        "asyncio_mode=auto",
+        "-rP",
+    ]
+    return subprocess.run(
+        [*command, *options, "-c", "/dev/null", "--rootdir", str(file.parent), str(file)],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+
+
+def test_the_example():
+    done = run_pytest(EXAMPLE)
+    assert done.returncode == 0, done.stdout[-3000:]
+
+
+@pytest.mark.long
+def test_several_at_once_repeat_and_say_what_went_wrong(tmp_path):
+    file = tmp_path / "test_own.py"
+    file.write_text(OWN, encoding="utf-8")
+    done = run_pytest(file, "-n", "2")
+    assert "3 failed, 4 passed" in done.stdout, done.stdout[-3000:]
+    assert "was never within 5.0 m of Place(north_m=500" in done.stdout
+    assert "the flight ended at 4.00 s, before 60.0 s: duration" in done.stdout
+    assert "did you mean moon2020" in done.stdout
+    digests = [line.split() for line in done.stdout.splitlines() if line.startswith("digest ")]
+    assert len(digests) == 3
+    assert len({digest for _, seed, digest in digests if seed == "1"}) == 1
+    assert len({digest for _, _, digest in digests}) == 2

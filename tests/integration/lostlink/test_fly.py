@@ -1,0 +1,112 @@
+"""`lostlink.fly` and `load_run` as a script uses them: real runs."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+import yaml
+
+from lostlink import FleetError, ScenarioError, fly, load_run
+from tests.integration.bridge.conftest import STILL
+
+
+@pytest.fixture
+def scenario(free_slot: Callable[[int], int]) -> dict[str, Any]:
+    content: dict[str, Any] = yaml.safe_load(STILL.format(speed="max", duration_s=3.0, slot=free_slot(2)))
+    return content
+
+
+def children() -> list[str]:
+    return [" ".join(child.cmdline()) for child in psutil.Process().children() if child.is_running()]
+
+
+def test_a_mapping_is_flown_and_read_back(tmp_path: Path, scenario: dict[str, Any]) -> None:
+    result = fly(scenario, seed=4, directory=tmp_path, changes={"tick_rate_hz": 10})
+    assert (result.ending, result.ok, result.error) == ("duration", True, None)
+    assert result.path.parent == tmp_path
+    run = result.run
+    assert (run.scenario.seed, run.scenario.tick_rate_hz, run.digest) == (4, 10, result.summary["digest"])
+    assert len(run.truth) == 2 * 31
+    (one, other) = result.summary["links"]
+    assert run.links[["sent", "delivered"]].to_numpy().tolist() == [
+        [link["sent"], link["delivered"]] for link in (one, other)
+    ]
+    assert run.truth.position_north_m[run.truth.node == "1"].mean() == pytest.approx(410.0, abs=0.1)
+    assert load_run(result.path).verdict == result.verdict
+    assert children() == []
+
+
+@pytest.mark.slow
+async def test_a_notebook_flies_from_its_event_loop_and_from_a_thread(
+    tmp_path: Path, scenario: dict[str, Any]
+) -> None:
+    first = fly(scenario, duration_s=0.5, directory=tmp_path)
+    second = await asyncio.to_thread(fly, scenario, duration_s=0.5, directory=tmp_path)
+    assert first.summary["digest"] == second.summary["digest"]
+
+
+def test_mistakes_are_told_before_anything_starts(tmp_path: Path, scenario: dict[str, Any]) -> None:
+    with pytest.raises(ScenarioError, match="no scenario of that name"):
+        fly("nowhere", directory=tmp_path)
+    with pytest.raises(ScenarioError, match="speed"):
+        fly(scenario, speed=-1.0, directory=tmp_path)
+    with pytest.raises(FleetError, match="arducopter"):
+        fly(scenario, autopilot="ardupilot", ardupilot_dir=tmp_path, directory=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_ends_the_run_with_its_record(tmp_path: Path, scenario: dict[str, Any]) -> None:
+    script = (
+        "import yaml, sys\nfrom lostlink import fly\n"
+        "try:\n    fly(yaml.safe_load(sys.argv[1]), speed=1.0, duration_s=100.0, directory=sys.argv[2], quiet=False)\n"
+        "except KeyboardInterrupt:\n    print('interrupted', flush=True)\n"
+    )
+    command = [sys.executable, "-c", script, yaml.safe_dump(scenario), str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        next(line for line in process.stdout if line.startswith("sim time"))
+        processes = psutil.Process(process.pid).children(recursive=True)
+        assert len(processes) >= 4
+        os.kill(process.pid, signal.SIGINT)
+        assert "interrupted" in process.stdout.read()
+        assert process.wait(30.0) == 0
+    _, alive = psutil.wait_procs(processes, timeout=5.0)
+    assert alive == []
+    (directory,) = tmp_path.iterdir()
+    run = load_run(directory)
+    assert run.ending == "interrupted"
+    assert len(run.truth) > 0
+
+
+@pytest.mark.slow
+def test_an_exception_in_the_waiting_thread_leaves_nothing_behind(
+    tmp_path: Path, scenario: dict[str, Any]
+) -> None:
+    class Stop(Exception):
+        pass
+
+    def interrupt(*_: object) -> None:
+        raise Stop
+
+    old = signal.signal(signal.SIGUSR1, interrupt)
+    timer = threading.Timer(2.0, lambda: os.kill(os.getpid(), signal.SIGUSR1))
+    timer.start()
+    try:
+        with pytest.raises(Stop):
+            fly(scenario, speed=1.0, duration_s=100.0, directory=tmp_path)
+    finally:
+        timer.join()
+        signal.signal(signal.SIGUSR1, old)
+    assert children() == []
+    (directory,) = tmp_path.iterdir()
+    assert load_run(directory).ending == "interrupted"

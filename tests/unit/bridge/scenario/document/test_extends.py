@@ -1,0 +1,130 @@
+"""One scenario on top of another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bridge.scenario.agents import HoldAgent, OutAndBackAgent, StillAgent
+from bridge.scenario.file import ScenarioError, read_scenario
+from bridge.scenario.resolve import wind_of
+
+BASE = """\
+schema: 1
+name: base
+duration_s: 5
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: {preset: moon2020, noise: {floor_dbm: -90}, base_loss: 0.1}
+wind: air.yaml
+ports: {first_slot: 3, zenoh: 0}
+mavlink: {udp_out: ["127.0.0.1:1", "127.0.0.1:2"]}
+nodes:
+  - {id: 0, home: {north_m: 5, east_m: 6}, agent: {type: hold, altitude_m: 40}}
+  - {id: 1, agent: {type: out_and_back, altitude_m: 40, distance_m: 60}}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "bases").mkdir()
+    (tmp_path / "bases" / "base.yaml").write_text(BASE)
+    (tmp_path / "bases" / "air.yaml").write_text("constant: {speed_mps: 3}\n")
+    return tmp_path
+
+
+def mine(folder: Path, text: str) -> Path:
+    (folder / "mine.yaml").write_text(f"extends: bases/base.yaml\n{text}")
+    return folder / "mine.yaml"
+
+
+def test_mappings_are_merged_lists_replaced_and_nodes_merged_by_id(folder: Path) -> None:
+    text = """\
+name: mine
+ports: {zenoh: 7}
+mavlink: {udp_out: []}
+nodes:
+  - {id: 2, agent: {type: still}}
+  - {id: 0, home: {north_m: 50}}
+"""
+    it = read_scenario(mine(folder, text))
+    assert (it.name, it.duration_s, it.ports.first_slot, it.ports.zenoh) == ("mine", 5.0, 3, 7)
+    assert it.mavlink.udp_out == ()
+    assert [(ua.id, ua.home.north_m, ua.home.east_m) for ua in it.ua] == [(0, 50, 6), (1, 0, 0), (2, 0, 0)]
+
+
+def test_another_type_or_preset_takes_nothing_from_what_is_extended(folder: Path) -> None:
+    it = read_scenario(mine(folder, "radio: {preset: disk}\nnodes: [{id: 1, agent: {type: still}}]\n"))
+    assert it.radio == {"preset": "disk"}
+    assert it.ua[1].agent == StillAgent(type="still")
+    it = read_scenario(
+        mine(folder, "radio: {noise: {floor_dbm: -80}}\nnodes: [{id: 0, agent: {altitude_m: 9}}]\n")
+    )
+    assert it.radio == {"preset": "moon2020", "noise": {"floor_dbm": -80}, "base_loss": 0.1}
+    assert it.ua[0].agent == HoldAgent(type="hold", altitude_m=9)
+
+
+def test_nodes_can_be_left_out(folder: Path) -> None:
+    it = read_scenario(mine(folder, "without: [0]\nnodes: [{id: 7, agent: {type: still}}]\n"))
+    assert [ua.id for ua in it.ua] == [1, 7]
+
+
+def test_files_are_seen_from_whoever_names_them(folder: Path) -> None:
+    it = read_scenario(mine(folder, ""))
+    assert it.wind == str(folder / "bases" / "air.yaml")
+    assert wind_of(it).constant is not None
+
+
+def test_a_shipped_scenario_and_a_chain_can_be_extended(folder: Path) -> None:
+    (folder / "one.yaml").write_text("extends: separation\nname: one\nseed: 5\n")
+    (folder / "two.yaml").write_text("extends: one.yaml\nname: two\n")
+    it = read_scenario(folder / "two.yaml")
+    assert (it.name, it.seed) == ("two", 5)
+    assert it.model_copy(update={"name": "separation", "seed": 1}) == read_scenario("separation").model_copy()
+    assert isinstance(it.ua[1].agent, OutAndBackAgent)
+
+
+def test_a_mistake_is_told_where_it_was_written(folder: Path) -> None:
+    base = folder / "bases" / "base.yaml"
+    base.write_text(BASE.replace("north_m: 5", "nort_m: 5"))
+    with pytest.raises(ScenarioError) as caught:
+        read_scenario(mine(folder, "name: mine\nsead: 4\n"))
+    lines = str(caught.value).splitlines()
+    assert f"{folder}/mine.yaml:3: sead: unknown key; did you mean seed?" in lines[0] + lines[1]
+    assert f"{base}:10: nodes.0.home.nort_m: unknown key; did you mean north_m?" in lines[0] + lines[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            "extends: mine.yaml\n",
+            r"mine.yaml:1: extends: mine.yaml -> mine.yaml: a scenario cannot extend itself",
+        ),
+        (
+            "extends: seperation\n",
+            r"mine.yaml:1: extends: no scenario 'seperation'; did you mean separation\?",
+        ),
+        ("\nextends: nothing.yaml\n", r"mine.yaml:2: extends: there is no file .*nothing.yaml"),
+        ("extends: [a]\n", r"mine.yaml:1: extends: has to be the name of a scenario that ships, or a file"),
+        (
+            "extends: separation\nwithout: [9]\n",
+            r"mine.yaml:2: without: no node of what is extended has id 9",
+        ),
+        ("extends: separation\nwithout: 1\n", r"mine.yaml:2: without: has to be a list of ids"),
+        ("without: [1]\n", r"mine.yaml:1: without: .* but there is no extends"),
+        ("extends: broken.yaml\n", r"broken.yaml:2: not valid YAML"),
+    ],
+)
+def test_what_cannot_be_extended_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "mine.yaml").write_text(text)
+    (tmp_path / "broken.yaml").write_text("a: [\nb: }")
+    with pytest.raises(ScenarioError, match=says):
+        read_scenario(tmp_path / "mine.yaml")
+
+
+def test_a_cycle_of_two_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("extends: b.yaml\n")
+    (tmp_path / "b.yaml").write_text("extends: a.yaml\n")
+    with pytest.raises(ScenarioError, match=r"b.yaml:1: extends: a.yaml -> b.yaml -> a.yaml"):
+        read_scenario(tmp_path / "a.yaml")

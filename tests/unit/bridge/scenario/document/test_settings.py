@@ -1,0 +1,123 @@
+"""Single values of a scenario, changed by dotted key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bridge.bus.keys import ALL
+from bridge.scenario.document.settings import Setting, parse_setting
+from bridge.scenario.file import ScenarioError, parse_scenario, read_scenario
+from bridge.scenario.model import RESERVED_ID
+from bridge.scenario.resolve import wind_of
+from bridge.scenario.resolve_radio import radio_of
+
+TEXT = """\
+schema: 1
+name: small
+duration_s: 5
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: moon2020
+nodes:
+  - {id: 4, agent: {type: still}}
+  - {id: 2, agent: {type: still}}
+  - {id: mast.1, kind: ground, agent: {type: still}, track: [{sim_time_s: 0}, {sim_time_s: 9}]}
+"""
+
+
+def changed(*settings: str) -> Any:
+    return parse_scenario(TEXT, "small.yaml", overrides=[parse_setting(text) for text in settings])
+
+
+def refused(*settings: str) -> str:
+    with pytest.raises(ScenarioError) as caught:
+        changed(*settings)
+    return str(caught.value)
+
+
+def test_nodes_go_by_id_and_other_lists_by_index() -> None:
+    it = changed("nodes.2.home.north_m=100", "nodes.mast.1.track.1.north_m=7", "seed=9")
+    assert [ua.home.north_m for ua in it.ua] == [0.0, 100.0]
+    assert [point.north_m for point in it.ground[0].track] == [0.0, 7.0]
+    assert it.seed == 9
+
+
+def test_a_star_means_all_nodes_and_later_settings_win() -> None:
+    it = changed("nodes.*.radio=disk", "nodes.2.radio=null", "radio.frequency_hz=2.4e9", "radio=disk")
+    assert [node.radio for node in it.nodes] == ["disk", None, "disk"]
+    assert it.radio == "disk"
+
+
+def test_a_value_below_a_radios_name_changes_that_radio() -> None:
+    it = changed("radio.noise.floor_dbm=-330", "radio.bit_rate_bps=1e6")
+    assert it.radio == {"preset": "moon2020", "noise": {"floor_dbm": -330}, "bit_rate_bps": 1e6}
+    assert radio_of(it).config.noise.model_dump()["floor_dbm"] == -330
+
+
+def test_a_wind_may_be_spelt_out_or_changed() -> None:
+    it = changed("wind=breeze", "wind.constant.speed_mps=9")
+    assert it.wind == {"preset": "breeze", "constant": {"speed_mps": 9}}
+    constant = wind_of(it).constant
+    assert constant is not None
+    assert constant.speed_mps == 9
+    assert parse_scenario(it.to_yaml(), "again") == it
+
+
+def test_values_are_yaml_and_take_the_place_of_what_was_there() -> None:
+    it = changed(
+        "nodes.4.agent={type: out_and_back, altitude_m: 30, distance_m: 9}", "transmit.every_ticks=4"
+    )
+    assert it.ua[0].agent.type == "out_and_back"
+    assert it.transmit.every_ticks == 4
+
+
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ("sead=3", "--set sead=3: sead: unknown key; did you mean seed?"),
+        ("seed=x", "--set seed=x: seed: has to be a whole number (got 'x')"),
+        ("nodes.2.home.nort_m=3", "nodes.1.home.nort_m: unknown key; did you mean north_m?"),
+        (
+            "nodes.0.home.north_m=3",
+            "nodes.0.home.north_m: no node has the id 0; there are: 4, 2, mast.1, and *",
+        ),
+        ("nodes.mast.1.track.2.north_m=7", "track is a list with 0 to 1; '2' is not one of its items"),
+        ("name.first=3", "name is 'small', which has no keys"),
+        (
+            "radio=moon2021",
+            "--set radio=moon2021: radio: no radio preset or YAML file 'moon2021'; did you mean",
+        ),
+        (
+            "radio.nose.floor_dbm=3",
+            "--set radio.nose.floor_dbm=3: radio.nose: unknown key; did you mean noise?",
+        ),
+        ("seed", "--set seed: has to be KEY=VALUE"),
+        ("=3", "--set =3: has to be KEY=VALUE"),
+        ("a..b=3", "has to be KEY=VALUE"),
+        ("seed=[", "--set seed=[: seed: '[' is not a YAML value"),
+    ],
+)
+def test_mistakes_are_told_under_the_option(setting: str, says: str) -> None:
+    assert says in refused(setting)
+
+
+def test_a_program_gives_values_by_key(tmp_path: Path) -> None:
+    file = tmp_path / "small.yaml"
+    file.write_text(TEXT)
+    it = read_scenario(file, {"nodes.2.home.east_m": -3, "radio": {"preset": "disk", "max_range_m": 70}})
+    assert it.ua[1].home.east_m == -3.0
+    assert radio_of(it).config.max_range_m == 70
+    with pytest.raises(ScenarioError, match=r"^override duration_s=-1: duration_s: has to be greater than 0"):
+        read_scenario(file, {"duration_s": -1})
+
+
+def test_files_of_a_setting_are_seen_from_its_own_folder(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("preset: disk\nmax_range_m: 12\n")
+    setting = Setting("radio", "mine.yaml", "--radio mine.yaml", tmp_path)
+    assert parse_scenario(TEXT, "small.yaml", overrides=[setting]).radio == str(tmp_path / "mine.yaml")
+
+
+def test_the_reserved_id_is_what_keys_have_for_everybody() -> None:
+    assert RESERVED_ID == ALL

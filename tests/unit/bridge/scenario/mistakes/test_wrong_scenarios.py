@@ -1,0 +1,208 @@
+"""Wrong scenarios: each is refused with file, line, key, and what would be right, in lines that all begin alike."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from bridge.scenario.file import ScenarioError, parse_scenario
+
+RIGHT = """\
+schema: 1
+name: mine
+seed: 1
+speed: max
+duration_s: 60
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: moon2020
+wind: calm
+nodes:
+  - id: 0
+    airframe: f450
+    home: {north_m: 0}
+    agent: {type: hold, altitude_m: 40}
+  - id: 1
+    home:
+      north_m: 5
+    agent:
+      type: out_and_back
+      altitude_m: 40
+      distance_m: 600
+expectations:
+  - {type: delivery, from: 0, to: 1, at_least: 0.9}
+"""
+
+
+def test_the_scenario_that_is_made_wrong_is_right() -> None:
+    assert len(parse_scenario(RIGHT, "mine.yaml").nodes) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key", "says"),
+    [
+        ("nodes:", "ua:", 9, "ua", "did you mean nodes?"),
+        ("wind: calm", "wind: 5", 8, "wind", "the name of a wind, a YAML file, or a mapping"),
+        ("wind: calm", "wind: [calm]", 8, "wind", "the name of a wind, a YAML file, or a mapping"),
+        ("wind: calm", "wind: clam", 8, "wind", "did you mean calm? Known are breeze, calm"),
+        ("wind: calm", "wind: {constant: {speed: 3}}", 8, "wind.constant.speed", "did you mean speed_mps?"),
+        ("duration_s: 60\n", "", 21, "duration_s", "add duration_s: 300"),
+        ("duration_s: 60", "duration_s: 60 s", 5, "duration_s", "has to be a number (got '60 s')"),
+        ("duration_s: 60", "duration: 60", 5, "duration", "did you mean duration_s?"),
+        ("speed: max", "speed: 0", 4, "speed", "'max' or a real-time factor from 0.1"),
+        ("seed: 1", "seed: one", 3, "seed", "has to be a whole number (got 'one')"),
+        ("seed: 1", "seed: 1\nseed: 2", 4, "seed", "given twice, before on line 3"),
+        ("schema: 1", "schema: 2", 1, "schema", "has to be 1 (got 2)"),
+        ("name: mine", "name: my flight", 2, "name", "letters, digits, '_', '.' and '-'"),
+        (
+            "origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}",
+            "origin: [40.0, -105.0, 1600]",
+            6,
+            "origin",
+            "a mapping of keys to values, with lat_deg, lon_deg, alt_amsl_m",
+        ),
+        ("lon_deg: -105.0, ", "", 6, "origin.lon_deg", "is required, and missing"),
+        ("lat_deg: 40.0", "lat_deg: 140.0", 6, "origin.lat_deg", "less than or equal to 90 (got 140.0)"),
+        ("radio: moon2020", "radio: moon2002", 7, "radio", "did you mean moon2020? Presets: corrected, disk"),
+        (
+            "radio: moon2020",
+            "radio: [moon2020]",
+            7,
+            "radio",
+            "the name of a radio preset, or a mapping with 'preset'",
+        ),
+        (
+            "radio: moon2020",
+            "radio: {preset: moon2020, noise: {floor_dbm: low}}",
+            7,
+            "radio.noise.floor_dbm",
+            "has to be a number, not 'low'",
+        ),
+        (
+            "radio: moon2020",
+            "radio: {preset: moon2020, propagation: {model: free}}",
+            7,
+            "radio.propagation",
+            "did you mean free-space?",
+        ),
+        (
+            "radio: moon2020",
+            "radio: {preset: moon2020, max_range: 300}",
+            7,
+            "radio.max_range",
+            "did you mean max_range_m?",
+        ),
+        ("airframe: f450", "airframe: f45", 11, "nodes.0.airframe", "did you mean f450? Known are aerosonde"),
+        ("airframe: f450", "airframes: f450", 11, "nodes.0.airframes", "did you mean airframe?"),
+        (
+            "home: {north_m: 0}",
+            "home: [0, 0]",
+            12,
+            "nodes.0.home",
+            "a mapping of keys to values, with north_m, east_m, heading_deg",
+        ),
+        ("    agent: {type: hold, altitude_m: 40}\n", "", 10, "nodes.0.agent", "add agent: {type: hold"),
+        (
+            "type: hold, ",
+            "type: hover, ",
+            13,
+            "nodes.0.agent",
+            "has to be one of: hold, out_and_back, still, free, own (got 'hover')",
+        ),
+        ("altitude_m: 40}", "altitude: 40}", 13, "nodes.0.agent.altitude", "did you mean altitude_m?"),
+        (
+            "type: hold, altitude_m: 40",
+            "altitude_m: 40",
+            13,
+            "nodes.0.agent",
+            "type is missing: has to be one of: hold",
+        ),
+        (
+            "agent: {type: hold, altitude_m: 40}",
+            "agent: hold",
+            13,
+            "nodes.0.agent",
+            "as in agent: {type: hold, altitude_m: 40}",
+        ),
+        ("  - id: 1", "  - id: 0", 14, "nodes.1.id", "id 0 is used more than once, first at mine.yaml:10"),
+        ("  - id: 1", "  - id: gcs", 14, "nodes.1.id", "only a node with kind: ground has a word for its id"),
+        (
+            "  - id: 1",
+            "  - kind: drone\n    id: 1",
+            14,
+            "nodes.1",
+            "kind has to be one of: ua, ground, emitter (got 'drone')",
+        ),
+        ("      distance_m: 600\n", "", 17, "nodes.1.agent.distance_m", "is required, and missing"),
+        ("distance_m: 600", "distance_m: -600", 20, "nodes.1.agent.distance_m", "greater than 0 (got -600)"),
+        (
+            "  - id: 1",
+            "  - id: 1\n    count: two",
+            15,
+            "nodes.1.count",
+            "a number of nodes from 0 to 1000 (got 'two')",
+        ),
+        (
+            "agent: {type: hold, altitude_m: 40}",
+            "agent: {type: own, class: nothing.py:Mine}",
+            13,
+            "nodes.0.agent.class",
+            "nothing.py: no such file",
+        ),
+        ("to: 1", "to: 2", 22, "expectations.0.to", "no node has the id 2; there are: 0, 1"),
+        ("at_least: 0.9", "at_least: 90", 22, "expectations.0.at_least", "less than or equal to 1 (got 90)"),
+        ("type: delivery", "type: delivry", 22, "expectations.0", "did you mean delivery?"),
+        ("      north_m: 5", "\tnorth_m: 5", 16, "not valid YAML", "indent with spaces"),
+        ("schema: 1", "extends: seperation\nschema: 1", 1, "extends", "did you mean separation?"),
+        ("nodes:", "nodes: 5\nnode:", 9, "nodes", "has to be a list (got 5), as in nodes:"),
+        ("seed: 1", "ports: {zenoh: 99999}", 3, "ports.zenoh", "less than or equal to 65535"),
+        (
+            "seed: 1",
+            "mavlink: {udp_out: [nowhere]}",
+            3,
+            "mavlink.udp_out",
+            "HOST:PORT with a port in 1..65535",
+        ),
+        ("seed: 1", "tick_rate_hz: 30", 3, "tick_rate_hz", "(1, 2, 4, 5, 8, 10, 16, 20, 25, ...)"),
+        ("seed: 1", "autopilot: ardupliot", 3, "autopilot", "did you mean ardupilot?"),
+    ],
+)
+def test_a_wrong_scenario_is_refused(old: str, new: str, line: int, key: str, says: str) -> None:
+    assert old in RIGHT
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(RIGHT.replace(old, new, 1), "mine.yaml")
+    lines = str(caught.value).splitlines()
+    assert lines[0].startswith(f"mine.yaml:{line}: {key}: ")
+    assert says in lines[0]
+    assert all(re.match(r"mine\.yaml:\d+: ", each) for each in lines)
+    assert not any(
+        word in str(caught.value) for word in ("Input should", "Value error", "pydantic", "valid string")
+    )
+
+
+def test_all_mistakes_are_told_at_once() -> None:
+    text = (
+        RIGHT.replace("seed: 1", "sead: 1")
+        .replace("north_m: 5", "north_m: x")
+        .replace("altitude_m: 40}", "}")
+    )
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(text, "mine.yaml")
+    keys = [line.split(": ")[1] for line in str(caught.value).splitlines()]
+    assert sorted(keys) == ["nodes.0.agent.altitude_m", "nodes.1.home.north_m", "sead"]
+
+
+def test_the_place_of_a_mistake_in_a_file_that_is_named_comes_first(tmp_path: Path) -> None:
+    folder = tmp_path
+    (folder / "air.yaml").write_text("constant:\n  speed: 3\n")
+    (folder / "mine.yaml").write_text("preset: moon2020\nnoise: {floor: 3}\n")
+    (folder / "quad.yaml").write_text("name: quad\n")
+    text = RIGHT.replace("wind: calm", "wind: air.yaml").replace("radio: moon2020", "radio: mine.yaml")
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(text.replace("airframe: f450", "airframe: quad.yaml"), "here.yaml", folder)
+    told = str(caught.value)
+    assert f"{folder}/air.yaml:1: constant.speed_mps: " in told
+    assert f"{folder}/mine.yaml:2: noise.floor: unknown key; did you mean floor_dbm?" in told
+    assert f"{folder}/quad.yaml:1: vehicle: " in told
+    assert all("(named at here.yaml:" in line for line in told.splitlines())

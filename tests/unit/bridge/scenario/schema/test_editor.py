@@ -1,0 +1,122 @@
+"""The schema that editors check scenario files by. The oracle is another reader of schemas, jsonschema."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from click.testing import CliRunner
+from jsonschema import Draft7Validator
+
+from bridge.cli.schema import schema as schema_command
+from bridge.scenario.schema.editor import FILE_NAME
+
+ROOT = Path(__file__).parents[5] / "sitl_configs"
+SHIPPED = json.loads((ROOT / FILE_NAME).read_text(encoding="utf-8"))
+CHECKER = Draft7Validator(SHIPPED)
+HEAD: dict[str, Any] = {
+    "schema": 1,
+    "name": "mine",
+    "duration_s": 60,
+    "origin": {"lat_deg": 47.4, "lon_deg": 8.5, "alt_amsl_m": 420},
+    "radio": "moon2020",
+}
+STILL = {"id": 0, "agent": {"type": "still"}}
+
+
+def mistakes(content: dict[str, Any]) -> list[str]:
+    return [error.message for error in CHECKER.iter_errors(content)]
+
+
+FILES = [*sorted((ROOT / "scenarios").glob("*.yaml")), *sorted((ROOT.parent / "examples").glob("*.yaml"))]
+
+
+def test_the_shipped_schema_is_fresh_and_a_schema() -> None:
+    """`make schema` writes it anew."""
+    done = CliRunner().invoke(schema_command)
+    assert done.output == (ROOT / FILE_NAME).read_text(encoding="utf-8")
+    Draft7Validator.check_schema(SHIPPED)
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_what_ships_is_right_and_names_the_schema(file: Path) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert mistakes(yaml.safe_load(text)) == []
+    first, _, named = text.splitlines()[0].partition("$schema=")
+    assert first == "# yaml-language-server: "
+    assert (file.parent / named).resolve() == ROOT / FILE_NAME
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"wind": "breeze"},
+        {"wind": {"preset": "gusty", "constant": {"from_deg": 90}}},
+        {"radio": "mine.yaml"},
+        {
+            "radio": {
+                "preset": "moon2020",
+                "noise": {"floor_dbm": -330},
+                "antenna": {"class": "a.py:A", "gain": 2},
+            }
+        },
+        {"radio": {"preset": "corrected", "error": {"model": "snr-table", "table_file": "loss.csv"}}},
+        {"speed": "max", "hosts": "per-ua"},
+        {
+            "nodes": [
+                STILL,
+                {**STILL, "id": "gcs", "kind": "ground", "radio": "disk"},
+                {**STILL, "id": 3, "radio": None},
+            ]
+        },
+        {"nodes": [{"id": 0, "count": 6, "home": {"ring": {"radius_m": 9}}, "agent": {"type": "still"}}]},
+        {
+            "nodes": [
+                {
+                    "id": 0,
+                    "count": 6,
+                    "airframe": {"each": ["f450", "hexa550"]},
+                    "agent": {"type": "hold", "altitude_m": "{30 + i}"},
+                }
+            ]
+        },
+        {"expectations": [{"type": "age", "node": 0, "at_most_s": 3}, {"type": "host_losses"}]},
+    ],
+)
+def test_what_is_right_is_taken(change: dict[str, Any]) -> None:
+    assert mistakes(HEAD | {"nodes": [STILL]} | change) == []
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"extends": "separation"},
+        {"extends": "base.yaml", "without": [1], "nodes": [{"id": 0, "agent": {"altitude_m": 9}}]},
+        {"extends": "base.yaml", "nodes": [{"id": 0, "count": 9}], "origin": {"lat_deg": 3}},
+    ],
+)
+def test_parts_may_be_laid_over_another(content: dict[str, Any]) -> None:
+    assert mistakes(content) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"sead": 1}, "'sead' was unexpected"),
+        ({"speed": "fast"}, "'fast' is not valid"),
+        ({"origin": {"lat_deg": 3}}, "'lon_deg' is a required property"),
+        ({"nodes": []}, "[] should be non-empty"),
+        ({"nodes": [{"id": 0}]}, "'agent' is a required property"),
+        ({"nodes": [{**STILL, "hme": {}}]}, "'hme' was unexpected"),
+        ({"nodes": [{**STILL, "agent": {"type": "hold"}}]}, "is not valid under any of the given schemas"),
+        ({"nodes": [{**STILL, "count": 2, "home": {"rnig": {}}}]}, "'rnig' was unexpected"),
+        ({"radio": {"preset": "moon2020", "nose": {}}}, "is not valid under any of the given schemas"),
+        ({"wind": {"constant": {"speed": 3}}}, "is not valid under any of the given schemas"),
+        ({"without": [1]}, "should not be valid under"),
+    ],
+)
+def test_what_is_wrong_is_marked(change: dict[str, Any], says: str) -> None:
+    assert any(says in text for text in mistakes(HEAD | {"nodes": [STILL]} | change))
