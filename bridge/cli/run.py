@@ -68,6 +68,11 @@ class SpeedType(click.ParamType[float | str]):
     help="Whether to write run.mcap at the end; it does by default.",
 )
 @click.option(
+    "--figure/--no-figure",
+    default=None,
+    help="Whether to draw the probability of delivery at the end; it is by default.",
+)
+@click.option(
     "--udp-out",
     multiple=True,
     metavar="HOST:PORT|none",
@@ -104,6 +109,7 @@ def run(
     zenoh_port: int | None,
     api: bool | None,
     mcap: bool | None,
+    figure: bool | None,
     udp_out: tuple[str, ...],
     view: bool,
     control: bool,
@@ -143,7 +149,7 @@ def run(
     if control and not view:
         raise click.UsageError("--control is what viewers may do: it needs --view")
     changes: dict[str, Any] = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
-    changes |= {"api": api, "radio": radio, "mcap.write": mcap}
+    changes |= {"api": api, "radio": radio, "mcap.write": mcap, "figure": figure}
     changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
     changes["mavlink.udp_out"] = [place for place in udp_out if place != "none"] if udp_out else None
     try:

@@ -23,6 +23,8 @@ OPTIONS = {
     "ports.first_slot": "--first-slot",
     "ports.zenoh": "--zenoh-port",
     "api": "--api",
+    "mcap.write": "--mcap",
+    "figure": "--figure",
     "mavlink.udp_out": "--udp-out",
 }
 """By the key of the scenario that each changes."""
@@ -57,12 +59,14 @@ def scenario_with(scenario: str, changes: Mapping[str, Any], settings: tuple[str
     """
     folder = Path.cwd()
     given = [
-        Setting(key, value, f"{OPTIONS[key]} {_as_typed(value)}", folder)
+        Setting(key, value, _as_typed(OPTIONS[key], value), folder)
         for key, value in changes.items()
         if value is not None
     ]
     return read_scenario(scenario, [*given, *(parse_setting(text, folder=folder) for text in settings)])
 
 
-def _as_typed(value: object) -> str:
-    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
+def _as_typed(option: str, value: object) -> str:
+    if isinstance(value, bool):
+        return option if value else option.replace("--", "--no-", 1)
+    return f"{option} {' '.join(map(str, value)) if isinstance(value, list) else value}"

@@ -209,7 +209,7 @@ class Flight:
             self.scenario, self.directory, timing, ending.value, self._unfinished, error=self._error
         )
         write_summary(summary, self.directory)
-        if ending not in UNJUDGED:
+        if self.scenario.figure and ending not in UNJUDGED:
             own = any(node.radio is not None for node in self.scenario.transceivers)
             self._watcher.on_phase("draws the figure")
             radio = None if own else radio_of(self.scenario)  # one curve is not that of several radios

@@ -162,6 +162,7 @@ class Scenario(Part):
         mavlink_rate_hz: how often MAVLink is exchanged with autopilots; as the ticks unless given.
         hosts: processes for daemons and agents.
         api: whether each UA's HTTP API is served.
+        figure: whether the probability of delivery is drawn at the end.
         origin: zero of the fleet's north-east-down frame.
         radio: a preset, a file, or a mapping with `preset` and what differs.
         wind: a wind that ships, a file, or a mapping.
@@ -186,6 +187,7 @@ class Scenario(Part):
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
     hosts: Annotated[int | str, BeforeValidator(_hosts), WithJsonSchema(HOSTS)] = "auto"
     api: bool = False
+    figure: bool = True
     origin: Origin
     radio: RadioSetting
     wind: WindSetting = "calm"

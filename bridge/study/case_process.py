@@ -23,6 +23,7 @@ from bridge.fleet.supervisor import Ending, preflight
 from bridge.flight.flight import Flight, Silent
 from bridge.record.reading.run import load_run
 from bridge.run.directory import RunDirectory
+from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.study.metrics import built_in, own
 from bridge.study.model import Function
@@ -155,7 +156,7 @@ def _flown(plan: Plan, directory: Path) -> Path | None:
     (directory / RUN_FOLDER).unlink(missing_ok=True)
     for old in directory.glob("*/"):
         shutil.rmtree(old, ignore_errors=True)
-    scenario = Scenario.from_yaml(plan.scenario)
+    scenario = with_changes(Scenario.from_yaml(plan.scenario), {"figure": False})
     with at_free_ports(scenario) as placed:
         binaries = Path(plan.ardupilot_dir) if plan.ardupilot_dir else None
         preflight(placed, binaries)

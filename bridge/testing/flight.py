@@ -236,7 +236,7 @@ class Flights:
         """Start a flight, and go on at once; arguments and errors as of a call."""
         given = {"seed": seed, "duration_s": duration_s, "autopilot": autopilot, "speed": "max"}
         asked = {key: value for key, value in given.items() if value is not None} | dict(changes or {})
-        resolved = read_like(scenario, asked)
+        resolved = read_like(scenario, {"figure": False} | asked)
         with ExitStack() as held:
             placed = held.enter_context(at_free_ports(resolved))
             preflight(placed, self._ardupilot_dir)

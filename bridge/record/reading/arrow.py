@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.record.tables.columns import numbers, texts
 from bridge.record.tables.parquet import read_table
 from bridge.record.tables.schema import Column, Table, TableError
 
@@ -71,6 +72,6 @@ def _array(column: Column, values: NDArray[Any]) -> pa.Array:
     import pyarrow as pa
 
     if not column.is_name:
-        return pa.array(values)
+        return numbers(values)
     names, places = np.unique(values.astype(str), return_inverse=True)
-    return pa.DictionaryArray.from_arrays(places.astype(np.int16), pa.array(names.tolist(), pa.string()))
+    return pa.DictionaryArray.from_arrays(places.astype(np.int16), texts(names.tolist()))

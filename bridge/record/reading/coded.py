@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.record.tables.columns import values_of
 from bridge.record.tables.journal import read_rows
 from bridge.record.tables.schema import LABEL, Column, Table, TableError
 
@@ -99,10 +100,9 @@ def _parquet(
 
 def _values(path: Path, values: Any, column: Column, labels: Mapping[str, Sequence[str]]) -> NDArray[Any]:
     if column.dtype != LABEL:
-        found: NDArray[Any] = values.to_numpy(zero_copy_only=False)
-        return found
+        return values_of(values)
     places = _places(values.dictionary.to_pylist(), labels[column.name])
-    return _coded(path, places, values.indices.to_numpy())
+    return _coded(path, places, values_of(values.indices))
 
 
 def _places(own: Sequence[str], known: Sequence[str]) -> NDArray[np.intp]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.record.tables.columns import numbers, texts, values_of
 from bridge.record.tables.journals import plain, read_journals, rows_of
 from bridge.record.tables.schema import LABEL, NUMBER, TABLES, Batch, Column, Table, TableError
 
@@ -88,10 +89,10 @@ def _column(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence[
 
     packed = np.ascontiguousarray(values)
     if column.dtype == LABEL:
-        return pa.DictionaryArray.from_arrays(packed, pa.array(labels[column.name], pa.string()))
+        return pa.DictionaryArray.from_arrays(numbers(packed), texts(labels[column.name]))
     if column.is_text:
-        return pa.array(plain(column, packed), pa.string()).dictionary_encode().cast(_type(column))
-    return pa.array(packed)
+        return texts(plain(column, packed).tolist()).dictionary_encode().cast(_type(column))
+    return numbers(packed)
 
 
 def read_table(run: Path, table: Table, columns: Sequence[str] | None = None) -> Iterator[Batch]:
@@ -143,7 +144,6 @@ def _values(column: pa.Array) -> NDArray[Any]:
 
     if isinstance(column, pa.DictionaryArray):
         names = np.array(column.dictionary.to_pylist(), dtype=object)
-        found: NDArray[Any] = names[column.indices.to_numpy()]
+        found: NDArray[Any] = names[values_of(column.indices)]
         return found
-    values: NDArray[Any] = column.to_numpy(zero_copy_only=False)
-    return values
+    return values_of(column)

@@ -25,6 +25,7 @@ from bridge.radio.deliveries import FATES
 from bridge.radio.senders import Cause
 from bridge.record.ending import was_cut
 from bridge.record.reading.coded import Columns, joined
+from bridge.record.tables.columns import numbers, texts
 from bridge.record.tables.schema import DELIVERIES, LABEL
 from bridge.replay.anew.comparison import Comparison, compare_decisions
 from bridge.replay.anew.settling import settle
@@ -83,10 +84,10 @@ class Redecision:
         for column in DELIVERIES.columns:
             values = self.after.columns[column.name]
             if column.dtype == LABEL:
-                codes = pa.array(values.astype(np.int16))
-                columns[column.name] = pa.DictionaryArray.from_arrays(codes, pa.array(names[column.name]))
+                codes = numbers(values.astype(np.int16))
+                columns[column.name] = pa.DictionaryArray.from_arrays(codes, texts(names[column.name]))
             else:
-                columns[column.name] = pa.array(values)
+                columns[column.name] = numbers(values)
         return pa.table(columns)
 
 

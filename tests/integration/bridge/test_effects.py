@@ -116,6 +116,7 @@ def test_what_could_not_be_read_is_told_in_the_summary(start_run: StartRun, tmp_
     assert {c["malformed_samples"] for name, c in counters.items() if name.startswith("host-")} == {1}
 
 
+@pytest.mark.slow
 def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repeat(
     start_run: StartRun,
 ) -> None:

@@ -109,6 +109,7 @@ def test_an_input_altered_by_hand_gives_the_first_difference_and_status_1(
     assert "2600" in difference["b"]
 
 
+@pytest.mark.slow
 def test_a_record_of_another_version_says_so(
     start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
@@ -126,6 +127,7 @@ def test_a_record_of_another_version_says_so(
     assert "identical" in done.stdout
 
 
+@pytest.mark.slow
 async def test_an_operators_command_is_repeated(
     start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

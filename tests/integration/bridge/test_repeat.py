@@ -34,7 +34,7 @@ def table(*arguments: str) -> list[dict[str, object]]:
     return rows
 
 
-@pytest.mark.parametrize("line", ["standin loaded", "wander"])
+@pytest.mark.parametrize("line", ["standin loaded", pytest.param("wander", marks=pytest.mark.slow)])
 def test_a_line_of_the_benchmark_is_identical(line: str, free_slot: Callable[[int], int]) -> None:
     [row] = table("--only", line, "--slot", str(free_slot(4)))
     assert (row["identical"], row["remarks"]) == (1, []), row
@@ -83,10 +83,11 @@ def test_a_machine_without_vector_instructions_flies_the_same(
 
 
 def test_digest_is_one_line_for_ci(start_run: StartRun) -> None:
-    run = start_run("--digest", "--quiet", duration_s=1.0, only_stdout=True)
+    run = start_run("--digest", "--quiet", "--no-mcap", duration_s=1.0, only_stdout=True)
     assert run.finish() == 0
     assert run.output.decode().splitlines()[-1] == run.summary["digest"]
     assert len(run.summary["digest"]) == 64
+    assert not (run.directory / "run.mcap").exists()
 
 
 SLOW = """\
@@ -149,7 +150,9 @@ def listen(run: Run) -> None:
     assert heard > 50
 
 
-@pytest.mark.parametrize("client", [flood, stall, listen])
+@pytest.mark.parametrize(
+    "client", [flood, *(pytest.param(other, marks=pytest.mark.slow) for other in (stall, listen))]
+)
 def test_a_client_that_says_nothing_to_the_autopilot_changes_nothing(
     start_run: StartRun, client: Callable[[Run], None]
 ) -> None:

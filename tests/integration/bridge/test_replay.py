@@ -42,6 +42,7 @@ def recorded(run: Run) -> bytes:
     return DELIVERIES.parquet_path(run.directory).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_flight_is_decided_the_same_again_and_by_another_radio_as_in_a_run_with_it(
     start_run: StartRun, tmp_path: Path
 ) -> None:

@@ -46,7 +46,7 @@ def rows_of(run: Run) -> list[dict[str, Any]]:
 
 
 def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun) -> None:
-    run = start_run(duration_s=20.0)
+    run = start_run(duration_s=20.0, figure=True)
     assert run.finish() == 0, run.output.decode()
     summary = run.summary
     rows = rows_of(run)

@@ -86,6 +86,8 @@ class Pilot(threading.Thread):
 
     def close(self):
         self.quit = True
+        with contextlib.suppress(OSError):  # wakes it, if it waits for an answer
+            self._servos.sendto(b"", ("127.0.0.1", self._states.getsockname()[1]))
         self.join(WAIT_S)
         assert not self.is_alive()
         for sock in (self.said, self._say, self._servos, self._states):
