@@ -1,6 +1,6 @@
 """Framer, missions, parameters and files as state machines, driven by hypothesis through any sequence of events.
 
-LOSTLINK_FUZZ_CPU_S is for how long each of the four tests searches, in seconds of CPU time (1).
+Each test searches the same way each time. With LOSTLINK_FUZZ_CPU_S it searches anew, for so many seconds of CPU time.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ from tests.property.test_aps_framer import messages
 from tests.property.test_aps_vehicle import MESSAGES, STARTS
 from tests.unit.aps.vehicle.peer import SYSID, Bench, KeepingAutopilot, packed
 
-CPU_S = float(os.environ.get("LOSTLINK_FUZZ_CPU_S", "1"))
+CPU_S = float(os.environ.get("LOSTLINK_FUZZ_CPU_S", "0"))
 pytestmark = pytest.mark.timeout(120 + 30 * CPU_S)
 SEARCH = settings(
     max_examples=20,
     stateful_step_count=30,
     database=None,
     deadline=None,
-    phases=(Phase.generate, Phase.shrink),
+    derandomize=CPU_S == 0,
+    phases=(Phase.generate, Phase.shrink) if CPU_S else (Phase.generate,),
     suppress_health_check=list(HealthCheck),
 )
 PARAMETERS = {
@@ -60,8 +61,9 @@ def _no_log() -> Iterator[None]:
 
 
 def search(machine: type[RuleBasedStateMachine]) -> None:
-    """Run a machine again and again until the time is up."""
+    """Run a machine once, or again and again until the time is up."""
     until_s = time.process_time() + CPU_S
+    run_state_machine_as_test(machine, settings=SEARCH)
     while time.process_time() < until_s:
         run_state_machine_as_test(machine, settings=SEARCH)
 
@@ -262,7 +264,7 @@ def test_a_vehicle_that_hears_nonsense_for_long_does_not_grow() -> None:
     kinds = np.array([0, 1, 2, 22, 24, 30, 33, 40, 42, 44, 47, 51, 62, 73, 74, 76, 77, 110, 147, 253, 345])
     sizes: list[int] = []
     begin_s, turn = time.process_time(), 0
-    while (spent_s := time.process_time() - begin_s) < CPU_S or turn < 400:
+    while turn < 400 or time.process_time() - begin_s < CPU_S:
         for kind in random.choice(kinds, 50):
             frame = _nonsense(random, int(kind))
             for one in framer.receive(frame):
@@ -273,7 +275,7 @@ def test_a_vehicle_that_hears_nonsense_for_long_does_not_grow() -> None:
         bench.now_ns += int(random.integers(5_000_000_000))
         bench.step()
         turn += 1
-        if spent_s > CPU_S / 4 * (1 + len(sizes)) or turn == 400:
+        if turn % 100 == 0:
             bench.commands.interrupt_all("a look at its size")
             bench.autopilot.heard.clear()
             sizes.append(reachable(bench.vehicle))
