@@ -22,7 +22,14 @@ from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SHIPPED = Path(str(SCENARIOS))
-FILES = [*sorted(EXAMPLES.glob("*.yaml")), SHIPPED / "separation.yaml", SHIPPED / "mixed.yaml"]
+MISSIONS = ("consensus", "relay_placement")
+"""Flown in short form in tests/integration/examples."""
+FILES = [
+    *sorted(EXAMPLES.glob("*.yaml")),
+    *(EXAMPLES / name / f"{name}.yaml" for name in MISSIONS),
+    SHIPPED / "separation.yaml",
+    SHIPPED / "mixed.yaml",
+]
 SHORT_S = {
     "gusts": 35,
     "ground_station": 20,
@@ -44,7 +51,7 @@ Fly = Callable[..., Path]
 def test_there_are_a_dozen_and_each_has_a_test() -> None:
     names = {file.stem for file in FILES}
     assert len(names) >= 12
-    assert names == {*SHORT_S, *WHOLE, *REAL, *BESIDE}
+    assert names == {*SHORT_S, *WHOLE, *REAL, *BESIDE, *MISSIONS}
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

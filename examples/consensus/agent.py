@@ -1,0 +1,74 @@
+"""Agree on a meeting point over links that lose packets, and meet there.
+
+lostlink run examples/consensus/consensus.yaml
+
+docs/consensus.md says what it does and what it needs.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+
+from averaging import SCHEMES
+
+from bridge.bus.messages import DecodeError
+from bridge.bus.reception import Reception
+from lostlink import Agent
+
+CHANNEL = "consensus"
+NUMBER = struct.Struct("<I")
+
+
+class Meet(Agent):
+    """Options: see docs/consensus.md."""
+
+    averaging = None
+
+    def transmit_package(self, sim_time_ns: int) -> None:
+        """No data package: the mission's packets say all."""
+
+    async def fly(self) -> None:
+        options = self.options
+        await self.take_off(options["altitude_m"])
+        await self.sleep_until(options["agree_s"])
+        place = self.place_m()
+        self.log("proposal", place)
+        self.averaging = SCHEMES[options.get("scheme", "running_sums")](place, options["nodes"])
+        await self.agree()
+        await self.meet(*self.averaging.estimate)
+
+    async def agree(self) -> None:
+        """Average with the others until it is time to leave."""
+        number = 0
+        async for now_s in self.every(self.options["period_s"]):
+            told = self.averaging.step()
+            self.log("estimate", self.averaging.estimate)
+            if now_s >= self.options["leave_s"]:
+                return
+            self.ua.transmit(CHANNEL, NUMBER.pack(number) + struct.pack(f"<{len(told)}d", *told))
+            number += 1
+
+    async def meet(self, north_m: float, east_m: float) -> None:
+        """Fly to its place on the ring around the meeting point."""
+        options, home = self.options, self.config.home
+        bearing_rad = math.radians(options["bearing_deg"])
+        north_m += options["radius_m"] * math.cos(bearing_rad)
+        east_m += options["radius_m"] * math.sin(bearing_rad)
+        await self.ua.change_speed(options["speed_mps"])
+        await self.ua.goto_ned(north_m - home.north_m, east_m - home.east_m, -options["altitude_m"])
+
+    def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
+        super().on_packet(sender, channel, payload, reception)
+        if channel != CHANNEL or self.averaging is None:
+            return
+        if len(payload) <= NUMBER.size or (len(payload) - NUMBER.size) % 8:
+            raise DecodeError(f"{len(payload)} bytes on {CHANNEL} are no message of the mission")
+        (number,) = NUMBER.unpack_from(payload)
+        told = struct.unpack_from(f"<{(len(payload) - NUMBER.size) // 8}d", payload, NUMBER.size)
+        self.averaging.hear(sender, number, told)
+
+    def place_m(self) -> tuple[float, float]:
+        """Where it is, north and east in the fleet's frame: its autopilot counts from home."""
+        local, home = self.ua.state.position_ned_m, self.config.home
+        return local.x + home.north_m, local.y + home.east_m
