@@ -17,13 +17,13 @@ from bridge.bus.reception import Reception
 from lostlink import Agent
 
 CHANNEL = "consensus"
-NUMBER = struct.Struct("<I")
 
 
 class Meet(Agent):
     """Options: see docs/consensus.md."""
 
-    averaging = None
+    message: struct.Struct | None = None
+    """What is broadcast: the number of the step, and what the scheme tells; None before the first."""
 
     def transmit_package(self, sim_time_ns: int) -> None:
         """No data package: the mission's packets say all."""
@@ -43,10 +43,11 @@ class Meet(Agent):
         number = 0
         async for now_s in self.every(self.options["period_s"]):
             told = self.averaging.step()
+            self.message = struct.Struct(f"<I{len(told)}d")
             self.log("estimate", self.averaging.estimate)
             if now_s >= self.options["leave_s"]:
                 return
-            self.ua.transmit(CHANNEL, NUMBER.pack(number) + struct.pack(f"<{len(told)}d", *told))
+            self.ua.transmit(CHANNEL, self.message.pack(number, *told))
             number += 1
 
     async def meet(self, north_m: float, east_m: float) -> None:
@@ -60,13 +61,12 @@ class Meet(Agent):
 
     def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
         super().on_packet(sender, channel, payload, reception)
-        if channel != CHANNEL or self.averaging is None:
+        if channel != CHANNEL or self.message is None:
             return
-        if len(payload) <= NUMBER.size or (len(payload) - NUMBER.size) % 8:
-            raise DecodeError(f"{len(payload)} bytes on {CHANNEL} are no message of the mission")
-        (number,) = NUMBER.unpack_from(payload)
-        told = struct.unpack_from(f"<{(len(payload) - NUMBER.size) // 8}d", payload, NUMBER.size)
-        self.averaging.hear(sender, number, told)
+        if len(payload) != self.message.size:
+            raise DecodeError(f"{len(payload)} bytes on {CHANNEL}: the mission's have {self.message.size}")
+        number, *told = self.message.unpack(payload)
+        self.averaging.hear(sender, number, tuple(told))
 
     def place_m(self) -> tuple[float, float]:
         """Where it is, north and east in the fleet's frame: its autopilot counts from home."""
