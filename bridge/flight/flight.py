@@ -17,6 +17,7 @@ from bridge.fleet.supervisor import Ending, Fleet, FleetError, Observer
 from bridge.flight.exits import status_of
 from bridge.flight.figure import FIGURE_FILE, draw_probability_of_delivery
 from bridge.flight.summary import UNJUDGED, Timing, summarise, write_summary
+from bridge.record.pack import pack_streams
 from bridge.record.tables.parquet import finish_tables
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
@@ -216,7 +217,15 @@ class Flight:
             draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
         if self.scenario.mcap.write:
             self._write_mcap()
+        self._pack_streams()
         return summary
+
+    def _pack_streams(self) -> None:
+        """Make the streams small; those that cannot be stay as they are, and are read so, too."""
+        try:
+            pack_streams(self.directory.path)
+        except (OSError, ValueError) as error:
+            self._watcher.on_error(f"streams could not be packed: {error}")
 
     def _write_mcap(self) -> None:
         """Write run.mcap; the run is none the worse if it cannot be: `lostlink export` may do it later."""

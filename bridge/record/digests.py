@@ -1,6 +1,7 @@
 """One SHA-256 per stream and table of a run, and one over all: two runs with the same line did the same.
 
-A digest is that of the file, which holds nothing of wall time: ``sha256sum`` gives the same.
+A digest is that of the file, which holds nothing of wall time: ``sha256sum`` gives the same; of a packed stream that of
+what it holds (``zstdcat FILE | sha256sum``).
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from bridge.record.names import streams_of
+from bridge.record.streams import open_stream
 from bridge.record.tables.schema import TABLES
 
 
@@ -18,9 +20,9 @@ def digests(run: Path) -> dict[str, str]:
 
     Raises:
         OSError: a file cannot be read.
-        ValueError: there is a stream file with a foreign name.
+        ValueError: there is a stream file with a foreign name, or one that is damaged.
     """
-    found = {str(stream): file_digest(stream.path(run)) for stream in streams_of(run)}
+    found = {str(stream): stream_digest(stream.path(run)) for stream in streams_of(run)}
     paths = {table.name: table.parquet_path(run) for table in TABLES}
     found |= {name: file_digest(path) for name, path in paths.items() if path.exists()}
     return found
@@ -39,4 +41,15 @@ def file_digest(path: Path) -> str:
         OSError: it cannot be read.
     """
     with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def stream_digest(path: Path) -> str:
+    """SHA-256 (hex) of a stream, packed or not.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is damaged.
+    """
+    with open_stream(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

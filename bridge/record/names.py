@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Self
 
 from bridge.bus.keys import checked_chunk
+from bridge.record.streams import PACKED
 
 STREAM_FOLDER = "streams"
 INPUT_FOLDER = "inputs"
@@ -120,13 +121,15 @@ def streams_of(run: Path) -> list[Stream]:
     """The streams that the run directory ``run`` has, sorted by name.
 
     Raises:
-        ValueError: there is a .bin file whose name is not that of a stream.
+        ValueError: there is a .bin file, or a packed one, whose name is not that of a stream.
     """
     folder = run / STREAM_FOLDER
-    found = []
-    for file in folder.rglob("*.bin"):
+    found: set[Stream] = set()
+    for file in (*folder.rglob("*.bin"), *folder.rglob("*.bin.zst")):
         try:
-            found.append(Stream.parse(file.relative_to(folder).with_suffix("").as_posix()))
+            found.add(
+                Stream.parse(file.relative_to(folder).as_posix().removesuffix(PACKED).removesuffix(".bin"))
+            )
         except ValueError as error:
             raise ValueError(f"{file}: {error}") from error
     return sorted(found, key=str)

@@ -2,15 +2,22 @@
 
 A file begins with ``LLSTREAM`` and a uint32 version. Each entry is an int64 tick (sim time in ns), a uint32 length
 and so many bytes; all numbers are little-endian. Ticks never go back; several entries may have the same tick.
+
+While a run goes on the files are as written; when it is over `pack_stream` makes each a quarter as large. Whoever reads
+names the file as it was written, and gets either.
 """
 
 from __future__ import annotations
 
+import io
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, Self
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
 
 MAGIC: Final = b"LLSTREAM"
 VERSION: Final = 1
@@ -22,6 +29,11 @@ _HEAD: Final = struct.Struct("<qI")
 START_BYTES: Final = len(_START)
 ENTRY_HEAD_BYTES: Final = _HEAD.size
 """Before the payload of each entry."""
+
+
+PACKED: Final = ".zst"
+"""Added to the name of a packed file."""
+PACK_LEVEL: Final = 3
 
 
 class StreamError(ValueError):
@@ -81,6 +93,75 @@ class StreamWriter:
         self.close()
 
 
+def packed_path(path: Path) -> Path:
+    """The file that has a packed stream."""
+    return path.with_name(path.name + PACKED)
+
+
+def stream_exists(path: Path) -> bool:
+    """Whether there is such a stream, packed or not."""
+    return path.exists() or packed_path(path).exists()
+
+
+def pack_stream(path: Path) -> None:
+    """Put a file that nobody writes any more in a packed one's place; its content stays the same.
+
+    Raises:
+        OSError: it cannot be read, or its place not be written; it stays then.
+    """
+    import zstandard  # no process of a running simulation needs it
+
+    packed = packed_path(path)
+    partial = packed.with_name(packed.name + ".partial")
+    with path.open("rb") as source, partial.open("wb") as file:
+        zstandard.ZstdCompressor(PACK_LEVEL, write_checksum=True).copy_stream(source, file)
+    partial.replace(packed)
+    path.unlink()
+
+
+def open_stream(path: Path) -> io.BufferedReader:
+    """The bytes of a stream file as they were written; if it is packed, it can only seek forward.
+
+    Raises:
+        OSError: it cannot be opened.
+    """
+    if not path.exists() and packed_path(path).exists():
+        return io.BufferedReader(_Unpacked(packed_path(path)), BUFFER_BYTES)
+    return io.BufferedReader(io.FileIO(path), BUFFER_BYTES)
+
+
+class _Unpacked(io.RawIOBase):
+    """What a packed file holds. Reading it may raise a StreamError."""
+
+    def __init__(self, packed: Path) -> None:
+        import zstandard
+
+        self._path, self._damage = packed, zstandard.ZstdError
+        self._reader = zstandard.ZstdDecompressor().stream_reader(packed.open("rb"), closefd=True)
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._reader.tell()
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        return self._reader.seek(offset, whence)
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        try:
+            return self._reader.readinto(buffer)
+        except self._damage as error:
+            raise StreamError(f"{self._path}: damaged: {error}") from error
+
+    def close(self) -> None:
+        self._reader.close()  # type: ignore[no-untyped-call]
+        super().close()
+
+
 def read_stream(path: Path) -> Iterator[Entry]:
     """The entries of a stream file. A tail that was cut off (its writer was killed) ends it quietly.
 
@@ -88,7 +169,7 @@ def read_stream(path: Path) -> Iterator[Entry]:
         StreamError: the file is damaged.
         OSError: it cannot be read.
     """
-    with path.open("rb", buffering=BUFFER_BYTES) as file:
+    with open_stream(path) as file:
         if not _has_start(path, file.read(len(_START))):
             return
         offset, before_ns = len(_START), 0

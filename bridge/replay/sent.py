@@ -10,8 +10,18 @@ from numpy.typing import NDArray
 from bridge.bus.keys import ALL
 from bridge.record import names
 from bridge.record.packets import decode_packet
-from bridge.record.streams import ENTRY_HEAD_BYTES, START_BYTES, StreamError, read_stream
+from bridge.record.streams import (
+    ENTRY_HEAD_BYTES,
+    START_BYTES,
+    StreamError,
+    open_stream,
+    read_stream,
+    stream_exists,
+)
 from channel.medium.reception import EVERYBODY
+
+NEAR_BYTES = 1 << 20
+"""Of a stream as are kept: packets are mostly asked for one after the other."""
 
 
 class SentPackets:
@@ -40,7 +50,7 @@ class SentPackets:
         self.channels: list[str] = []
         routes: dict[str, tuple[int, str]] = {}
         offset = START_BYTES
-        for tick_ns, entry in read_stream(self._path) if self._path.exists() else ():
+        for tick_ns, entry in read_stream(self._path) if stream_exists(self._path) else ():
             offset += ENTRY_HEAD_BYTES
             try:
                 packet = decode_packet(entry)
@@ -55,6 +65,7 @@ class SentPackets:
             self.channels.append(channel)
         table = np.array(rows, dtype=np.int64).reshape(-1, 5)
         self.seq, self.sim_time_ns, self.length_bytes, self.to, self._offset = np.ascontiguousarray(table.T)
+        self._near_from, self._near = 0, b""
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -70,9 +81,12 @@ class SentPackets:
         Raises:
             OSError: the stream cannot be read any more.
         """
-        with self._path.open("rb") as file:
-            file.seek(int(self._offset[row]))
-            return file.read(int(self.length_bytes[row]))
+        begin, length = int(self._offset[row]), int(self.length_bytes[row])
+        if not self._near_from <= begin <= begin + length <= self._near_from + len(self._near):
+            with open_stream(self._path) as file:
+                file.seek(begin)
+                self._near_from, self._near = begin, file.read(max(length, NEAR_BYTES))
+        return self._near[begin - self._near_from :][:length]
 
     def whole(self) -> NDArray[np.int64]:
         """Numbers, times, lengths and addressees of all packets, shape (4, packets)."""

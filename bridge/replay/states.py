@@ -11,7 +11,7 @@ from aps.wire.framer import Framer
 from bridge.aircraft.aircraft_bridge import state_message
 from bridge.bus.messages import AircraftState
 from bridge.record.names import from_autopilot
-from bridge.record.streams import Entry, read_stream
+from bridge.record.streams import Entry, read_stream, stream_exists
 
 
 class NodeStates:
@@ -33,7 +33,7 @@ class NodeStates:
         self._telemetry = Telemetry(self._sysid)
         self._telemetry.link_up()
         self._framer = Framer()
-        self._entries: Iterator[Entry] = read_stream(self._path) if self._path.exists() else iter(())
+        self._entries: Iterator[Entry] = read_stream(self._path) if stream_exists(self._path) else iter(())
         self._next = next(self._entries, None)
         self._heard_ns = 0
 

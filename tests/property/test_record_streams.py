@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from hypothesis import given
@@ -11,10 +13,20 @@ from hypothesis import strategies as st
 
 from aps.wire.dialect import Encoder, mavlink
 from bridge.bus.messages import CommandGoal
+from bridge.record.digests import stream_digest
 from bridge.record.input_fields import VERBS
 from bridge.record.inputs import InputError, InputWriter, RecordedInput, read_inputs
 from bridge.record.packets import SentPacket, decode_packet, encode_packet
-from bridge.record.streams import MAGIC, Entry, StreamError, StreamWriter, read_stream
+from bridge.record.streams import (
+    MAGIC,
+    Entry,
+    StreamError,
+    StreamWriter,
+    open_stream,
+    pack_stream,
+    packed_path,
+    read_stream,
+)
 
 TICKS = st.integers(0, 2**63 - 1)
 ENTRIES = st.lists(st.builds(Entry, TICKS, st.binary(max_size=300)), max_size=20).map(
@@ -41,6 +53,31 @@ def test_entries_come_back_whole_up_to_any_cut(entries: list[Entry], cut: int) -
         assert found == entries[: len(found)]
         if cut >= len(raw):
             assert found == entries
+        pack_stream(path)
+        assert not path.exists()
+        assert list(read_stream(path)) == entries
+        assert stream_digest(path) == hashlib.sha256(raw).hexdigest()
+        with open_stream(path) as file:
+            file.seek(min(cut, len(raw)))
+            assert file.read() == raw[cut:]
+
+
+@given(ENTRIES.filter(len), st.integers(0, 400), st.integers(0, 255))
+def test_a_packed_stream_that_is_damaged_is_told_or_cut(entries: list[Entry], at: int, byte: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "s.bin"
+        with StreamWriter(path) as writer:
+            for entry in entries:
+                writer.write(*entry)
+        pack_stream(path)
+        packed = packed_path(path)
+        whole = packed.read_bytes()
+        at %= len(whole)
+        for raw in (whole[:at], whole[:at] + bytes([whole[at] ^ byte]) + whole[at + 1 :]):
+            packed.write_bytes(raw)
+            with suppress(StreamError):
+                found = list(read_stream(path))
+                assert found == entries[: len(found)]
 
 
 @given(st.one_of(st.binary(max_size=200), st.binary(max_size=200).map(lambda b: MAGIC + b"\1\0\0\0" + b)))

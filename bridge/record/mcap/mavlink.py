@@ -14,7 +14,7 @@ from bridge.record.mcap.file import McapFile
 from bridge.record.mcap.source import Feed, Item
 from bridge.record.mcap.topics import chunk
 from bridge.record.mcap.values import ValueType, kind_of, type_name
-from bridge.record.streams import Entry, read_stream
+from bridge.record.streams import Entry, read_stream, stream_exists
 
 DIRECTIONS: Final = (names.Kind.FROM_AUTOPILOT, names.Kind.TO_AUTOPILOT)
 _V1, _V2 = 0xFE, 0xFD
@@ -29,7 +29,7 @@ def mavlink_sources(run: Path, file: McapFile, node: str, prefix: str) -> Iterat
     items = _frames if file.settings.mavlink == "frames" else _messages
     for direction in DIRECTIONS:
         path = names.Stream(direction, node).path(run)
-        if path.exists():
+        if stream_exists(path):
             yield Feed(items(read_stream(path), file, node, f"/{prefix}/mavlink/{direction}"))
 
 

@@ -16,7 +16,7 @@ from bridge.record.mcap.file import McapFile
 from bridge.record.mcap.rounding import rounded
 from bridge.record.mcap.source import Columns, Feed, Item, Slices
 from bridge.record.packets import decode_packet
-from bridge.record.streams import read_stream
+from bridge.record.streams import read_stream, stream_exists
 from bridge.record.tables.schema import DELIVERIES
 
 DELIVERED: Final = "delivered"
@@ -167,7 +167,7 @@ def _by_receiver(values: NDArray[np.bool_], nodes: int) -> NDArray[np.bool_]:
 def packets_source(run: Path, file: McapFile, node: str, prefix: str) -> Feed | None:
     """What a node transmitted; None if that is not wanted, or there is no stream of it."""
     path = names.packets(node).path(run)
-    if not file.settings.has("packets") or not path.exists():
+    if not file.settings.has("packets") or not stream_exists(path):
         return None
     channel = file.channel(f"/{prefix}/packets", Packet.TYPE, "packets")
 

@@ -16,7 +16,7 @@ from bridge.record.mcap.file import McapFile
 from bridge.record.mcap.source import Feed, Item
 from bridge.record.mcap.topics import named_chunk, unique
 from bridge.record.mcap.values import ValueType, kind_of, merged, type_name, unique_type
-from bridge.record.streams import read_stream
+from bridge.record.streams import read_stream, stream_exists
 from bridge.run.directory import LOG_FOLDER
 
 LOG_TYPE: Final = "rcl_interfaces/msg/Log"
@@ -33,7 +33,7 @@ def agent_sources(run: Path, file: McapFile, prefixes: dict[str, str]) -> Iterat
     settings, known = file.settings, _Types()
     for node, prefix in prefixes.items():
         path = names.logged(node).path(run)
-        if path.exists():
+        if stream_exists(path):
             types = _types_of(path, known) if settings.has("log") else {}
             file.schemas.add({each.name: each.definition for each in types.values()})
             yield Feed(_agent_items(path, file, node, prefix, types))

@@ -24,7 +24,7 @@ from bridge.record.reading.arrow import arrow_of, columns_of
 from bridge.record.reading.frames import frame_of_columns, frame_of_rows, frame_of_table
 from bridge.record.reading.links import link_counts, link_series
 from bridge.record.reading.rows import link_rows
-from bridge.record.streams import Entry, read_stream
+from bridge.record.streams import Entry, read_stream, stream_exists
 from bridge.record.tables.schema import DELIVERIES, MEASUREMENTS, STATES, TABLES, TRUTH, Table
 from bridge.run.access import RUNS
 from bridge.run.directory import SCENARIO_FILE, SUMMARY_FILE, RunDirectory
@@ -262,7 +262,9 @@ class Run:
             ValueError: the file is damaged, or the id cannot be one.
         """
         path = names.packets(node).path(self.path)
-        return (decode_packet(entry.payload) for entry in read_stream(path)) if path.exists() else iter(())
+        return (
+            (decode_packet(entry.payload) for entry in read_stream(path)) if stream_exists(path) else iter(())
+        )
 
     def logged(self) -> list[tuple[int, str, LoggedValue | AgentStatus]]:
         """What all agents logged and reported, as tick in ns, node and item; by tick, then by node.
@@ -273,7 +275,7 @@ class Run:
         found = []
         for node in self.nodes:
             path = names.logged(node).path(self.path)
-            if path.exists():
+            if stream_exists(path):
                 found += [(e.tick_ns, node, decode_logged(e.payload)) for e in read_stream(path)]
         return sorted(found, key=lambda each: each[0])
 
@@ -284,7 +286,7 @@ class Run:
             ValueError: the file is damaged, or the id cannot be one.
         """
         path = names.Stream(names.Kind(direction), node).path(self.path)
-        return read_stream(path) if path.exists() else iter(())
+        return read_stream(path) if stream_exists(path) else iter(())
 
     def _timed(self, figures: Callable[[Sequence[LinkTimes]], dict[str, NDArray[Any]]]) -> pd.DataFrame:
         rows = link_rows(self.path, self.scenario.transceiver_ids, NEEDED)

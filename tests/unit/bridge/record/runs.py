@@ -15,6 +15,7 @@ from bridge.bus.messages import Header, Truth, Vector3
 from bridge.physics.truth_table import TruthColumns
 from bridge.radio.deliveries import DeliveryColumns
 from bridge.record.names import Stream, from_autopilot, packets, to_autopilot
+from bridge.record.pack import pack_streams
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry, StreamWriter
 from bridge.record.tables.parquet import finish_tables
@@ -70,6 +71,7 @@ class RunContent:
         deliveries.close()
         if is_finished:
             finish_tables(path)
+            pack_streams(path)
         return path
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from bridge.record.digests import digest_line, digests
 from bridge.record.names import packets
+from bridge.record.pack import pack_streams
 from bridge.record.streams import StreamWriter
 from tests.unit.bridge.record.runs import make_run
 
@@ -24,6 +25,9 @@ def test_one_digest_per_stream_and_table(tmp_path: Path) -> None:
     assert sorted(found) == ["deliveries", "packets/0"]
     assert found["deliveries"] == hashlib.sha256(b"rows").hexdigest()
     assert found["packets/0"] == hashlib.sha256(packets("0").path(run).read_bytes()).hexdigest()
+    pack_streams(run)
+    assert [path.name for path in (run / "streams" / "packets").iterdir()] == ["0.bin.zst"]
+    assert digests(run) == found
 
 
 def test_tables_of_equal_runs_have_equal_digests_and_others_do_not(tmp_path: Path) -> None:

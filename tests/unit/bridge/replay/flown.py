@@ -16,6 +16,7 @@ from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import Settled, VirtualRadio
 from bridge.record import names
+from bridge.record.pack import pack_streams
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.parquet import finish_tables
@@ -149,6 +150,7 @@ class Router:
             checks = self.judge.verdict().checks
             write_ledger(self.run.path / LEDGER, self.core.ledger, self.core.refused, checks=checks)
             finish_tables(self.run.path)
+            pack_streams(self.run.path)
             (self.run.path / SUMMARY_FILE).write_text(json.dumps({"ending": "duration"}))
         return self.run.path
 
