@@ -15,6 +15,7 @@ FLEET_COLUMNS = [
     for name, label, align in (
         ("node", "node", "left"),
         ("mode", "mode", "left"),
+        ("radio", "radio", "left"),
         ("north", "north m", "right"),
         ("east", "east m", "right"),
         ("height", "height m", "right"),
@@ -47,6 +48,7 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
                 "node": node.title,
                 "chosen": number == chosen,
                 "mode": "-" if state is None else state.mode if state.armed else f"{state.mode}, disarmed",
+                "radio": "off" if number in view.radios_off else "on",
                 "north": _number(north),
                 "east": _number(east),
                 "height": _number(-down),
@@ -91,6 +93,10 @@ def link_words(view: FleetView, tx: int, rx: int) -> str:
     names = f"{view.nodes[tx].title} to {view.nodes[rx].title}"
     if not np.isfinite(sent):
         return f"{names}: no packet yet"
+    silent = [view.nodes[end].title for end in (tx, rx) if end in view.radios_off]
+    if silent:
+        off = f"radio of {' and of '.join(silent)} off"
+        return f"{names}: {off}; {delivered:.0f} of {sent:.0f} packets delivered"
     return (
         f"{names}: {distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
         f"{view.links.probability[tx, rx]:.2f}; {delivered:.0f} of {sent:.0f} packets delivered"
