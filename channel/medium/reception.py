@@ -31,8 +31,8 @@ class Fate(Enum):
 FATES = tuple(Fate)
 """By the numbers in `Receptions.fate`."""
 DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, NO_POSITION, RADIO_OFF = range(len(FATES))
-UNDECIDED = (NO_POSITION, RADIO_OFF)
-"""Losses with which the channel has nothing to do: it computes nothing for them, and no distance bin counts them."""
+UNDECIDED_FROM = NO_POSITION
+"""With fates from here on the channel has nothing to do: it computes nothing for them, and no distance bin has them."""
 
 
 class Packets(NamedTuple):
