@@ -214,7 +214,7 @@ def test_a_command_is_asked_about_given_and_recorded(browser: Browser, start_run
     expect(said).to_contain_text("UA 0: rtl: accepted")
     expect(page.get_by_role("row", name="UA 0").get_by_role("cell", name="RTL")).to_be_visible()
     assert said.inner_text().count("rtl: asked") == 1
-    radio = page.get_by_role("row", name="UA 0").get_by_role("cell", name="off", exact=True)
+    radio = page.get_by_role("row", name="UA 0").get_by_role("cell", name="radio off")
     expect(radio).to_have_count(0)
     page.get_by_role("button", name="Radio off").click()
     expect(page.get_by_role("dialog")).to_contain_text("Radio off for UA 0?")

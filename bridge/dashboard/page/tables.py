@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from bridge.bus.messages import AircraftState
 from bridge.dashboard.fleet_view import FleetView
 
 Rows = list[dict[str, Any]]
@@ -15,7 +16,6 @@ FLEET_COLUMNS = [
     for name, label, align in (
         ("node", "node", "left"),
         ("mode", "mode", "left"),
-        ("radio", "radio", "left"),
         ("north", "north m", "right"),
         ("east", "east m", "right"),
         ("height", "height m", "right"),
@@ -47,8 +47,7 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
                 "id": number,
                 "node": node.title,
                 "chosen": number == chosen,
-                "mode": "-" if state is None else state.mode if state.armed else f"{state.mode}, disarmed",
-                "radio": "off" if number in view.radios_off else "on",
+                "mode": _mode_words(state, is_off=number in view.radios_off),
                 "north": _number(north),
                 "east": _number(east),
                 "height": _number(-down),
@@ -58,6 +57,12 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
             }
         )
     return rows
+
+
+def _mode_words(state: AircraftState | None, *, is_off: bool) -> str:
+    words = [] if state is None else [state.mode] if state.armed else [state.mode, "disarmed"]
+    words += ["radio off"] if is_off else []
+    return ", ".join(words) or "-"
 
 
 def agent_rows(view: FleetView) -> Rows:

@@ -107,11 +107,12 @@ def test_the_end_is_told_once() -> None:
 
 def test_a_radio_that_is_off_is_shown_and_told_once() -> None:
     view, report = view_of_two(), links(1.0, 100.0, 0.5, 10, 5)
+    view.take(AircraftState(mode="GUIDED", armed=True), "0")
     frames = Frames(view)
     for off in ((), (1,), (1,), ()):
         view.take(replace(report, radio_off=off))
         assert json.loads(frames.frame())["off"] == json.loads(frames.snapshot())["off"] == list(off)
-        assert [row["radio"] for row in fleet_rows(view)] == ["on", "off" if off else "on"]
+        assert [row["mode"] for row in fleet_rows(view)] == ["GUIDED", "radio off" if off else "-"]
         words = "UA 0 to node gcs: radio of node gcs off; 5 of 10 packets delivered"
         assert (link_words(view, 0, 1) == words) is bool(off)
     assert [(line.node, line.text) for line in view.lines] == [("gcs", "radio off"), ("gcs", "radio on")]
