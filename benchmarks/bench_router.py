@@ -88,7 +88,7 @@ class Router:
             self.core.on_packet(Address(node, "main", "all", "team"), PAYLOAD, "", stamp)
         settled = self.core.settle()
         self._publisher.to_nodes(sim_time_ns, settled)
-        self._publisher.to_observers(sim_time_ns, settled, self.core.ledger)
+        self._publisher.to_observers(sim_time_ns, settled, self.core.ledger, self.core.radios_off)
         self._writer.write(settled)
         self.core.transmitted.clear()
         self.deliveries += int(np.count_nonzero(settled.receptions.fate == 0))

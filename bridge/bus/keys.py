@@ -116,6 +116,10 @@ class Keys:
         """A regulated node's word that it is done with a tick: its agent, and its aircraft."""
         return f"{self.prefix}/node/{node}/answer"
 
+    def radio(self, node: str) -> str:
+        """The node's word to the radio router that an operator switched its radio."""
+        return f"{self.prefix}/node/{node}/radio"
+
     def tx(self, node: str, channel: str, *, to: str = ALL, radio: str = MAIN) -> str:
         """What a node gives to one of its radios, for one node or for all; only the radio router reads it."""
         return f"{self.prefix}/node/{node}/tx/{radio}/{to}/{channel}"

@@ -34,6 +34,8 @@ class NodeInfo:
     kind: Literal["ua", "ground"]
     title: str
     detail: str = ""
+    takes_commands: bool = True
+    """Whether a host of the run has it; a ground node without an agent of ours has none."""
 
 
 @dataclass(slots=True)
@@ -85,6 +87,8 @@ class FleetView:
         self.lines: deque[NewsLine] = deque(maxlen=NEWS_KEPT)
         self.lines_told = 0
         """How many lines there have been; the newest are in `lines`."""
+        self.radios_off: frozenset[int] = frozenset()
+        """Nodes whose radios are off, by the newest report of links."""
         shape = (len(self.nodes), 3)
         self.position_ned_m: Floats = np.full(shape, np.nan)
         self.velocity_ned_mps: Floats = np.full(shape, np.nan)
@@ -151,6 +155,9 @@ class FleetView:
     def _take_links(self, links: Links) -> None:
         if len(links.node) == len(self.nodes):
             self.links.take(links)
+            before, self.radios_off = self.radios_off, frozenset(map(int, links.radio_off))
+            for number in sorted(before ^ self.radios_off):
+                self.tell(self.nodes[number].id, f"radio {'off' if number in self.radios_off else 'on'}")
 
     def _take_truths(self, truths: Truths) -> None:
         for truth in truths.truth:
@@ -190,6 +197,9 @@ class FleetView:
 def view_of(scenario: Scenario) -> FleetView:
     """The empty picture of a run of ``scenario``."""
     nodes = [NodeInfo(ua.node, "ua", scenario.title(ua.node), ua.airframe) for ua in scenario.ua]
-    nodes += [NodeInfo(node.node, "ground", scenario.title(node.node)) for node in scenario.ground]
+    nodes += [
+        NodeInfo(node.node, "ground", scenario.title(node.node), takes_commands=node.has_agent)
+        for node in scenario.ground
+    ]
     order = {node: number for number, node in enumerate(scenario.stations)}
     return FleetView(sorted(nodes, key=lambda node: order[node.id]), scenario.duration_s)

@@ -1,7 +1,8 @@
 """What the browser's map is sent: whole numbers in JSON, small enough for ten a second.
 
 A snapshot has everything; a frame has what changes: positions (dm, NED), headings (1/1000 rad), winds (cm/s, NED), the
-new points of the trail, losses, and with each new report the probability of delivery of each link (percent; -1: none).
+new points of the trail, losses, which nodes' radios are off, and with each new report the probability of delivery of
+each link (percent; -1: none).
 """
 
 from __future__ import annotations
@@ -88,6 +89,7 @@ class Frames:
             "position": whole(view.position_ned_m, 10.0),
             "heading": whole(view.heading_rad, 1000.0),
             "wind": whole(view.wind_ned_mps, 100.0),
+            "off": sorted(view.radios_off),
         }
 
     def _pairs(self) -> list[int]:

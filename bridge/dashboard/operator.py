@@ -1,6 +1,7 @@
 """What a viewer may do with `--control`: commands as an operator.
 
-Those to aircraft are taken at a tick and recorded as inputs; those to the clock change how fast it goes, and no result.
+Those to aircraft and radios are taken at a tick and recorded as inputs; those to the clock change how fast it goes, and
+no result.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ CLOCK_ANSWER_S = 10.0
 
 
 class Operator:
-    """Commands aircraft of a running simulation, and its clock (a `TimeControl`).
+    """Commands aircraft and radios of a running simulation, and its clock (a `TimeControl`).
 
     Args:
         access: as operator.

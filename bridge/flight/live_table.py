@@ -24,6 +24,7 @@ class LinkNow:
         delivered: so far.
         sent_lately: in the last second of sim time.
         delivered_lately: likewise.
+        is_off: whether the radio of an end is off.
     """
 
     name: str
@@ -33,6 +34,7 @@ class LinkNow:
     delivered: int
     sent_lately: int
     delivered_lately: int
+    is_off: bool = False
 
     @property
     def lost_lately(self) -> float:
@@ -60,7 +62,8 @@ def links_now(newest: Links, before: Links) -> list[LinkNow]:
         sent_then, delivered_then = was.get((tx, rx), (0, 0))
         name = f"{newest.node[tx]} -> {newest.node[rx]}"
         lately = int(sent - sent_then), int(delivered - delivered_then)
-        found.append(LinkNow(name, distance_m, power_dbm, int(sent), int(delivered), *lately))
+        is_off = tx in newest.radio_off or rx in newest.radio_off
+        found.append(LinkNow(name, distance_m, power_dbm, int(sent), int(delivered), *lately, is_off))
     return found
 
 
@@ -81,7 +84,8 @@ def _link_row(link: LinkNow) -> tuple[str, ...]:
     lately = f"{link.delivered_lately} / {link.sent_lately}" if link.sent_lately else "-"
     share = f"{100.0 * link.delivered / link.sent:.1f} %" if link.sent else "-"
     so_far = f"{link.delivered} / {link.sent}"
-    return link.name, _number(link.distance_m, 1), _number(link.received_power_dbm, 1), lately, so_far, share
+    power = "radio off" if link.is_off else _number(link.received_power_dbm, 1)
+    return link.name, _number(link.distance_m, 1), power, lately, so_far, share
 
 
 def _together(links: Sequence[LinkNow]) -> LinkNow:

@@ -22,6 +22,7 @@ from bridge.agents.measurements import Measurement
 from bridge.agents.runner import AgentRunner, Arrival
 from bridge.aircraft.body import Body, StatePace
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
+from bridge.bus.radio_command import RADIO, RadioMistake, is_on
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.record.inputs import RecordedInput
@@ -49,6 +50,9 @@ class Outlets(Protocol):
 
     def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
         """Publish what the agent logged, if anybody wants it."""
+
+    def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
+        """Tell the radio that an operator switched this node's from an instant on; ahead of the answer to it."""
 
 
 class Recorder(Protocol):
@@ -227,7 +231,22 @@ class Node:
 
     def _start_asked(self, verb: str, goal: CommandGoal, on_reply: OnReply) -> None:
         self._record.write_input(RecordedInput.command(self._now_ns, verb, goal))
-        self.body.start(verb, goal, on_reply)
+        if verb == RADIO:
+            self._switch_radio(goal, on_reply)
+        else:
+            self.body.start(verb, goal, on_reply)
+
+    def _switch_radio(self, goal: CommandGoal, on_reply: OnReply) -> None:
+        """Switch it before anything is transmitted at this instant."""
+        try:
+            on = is_on(goal)
+        except RadioMistake as mistake:
+            on_reply(CommandEvent(CommandEvent.RESULT, False, str(mistake), outcome="refused"))
+            return
+        self._outlets.switch_radio(self._now_ns, on=on)
+        on_reply(CommandEvent(CommandEvent.ACCEPTED, True))
+        text = f"radio {'on' if on else 'off'}"
+        on_reply(CommandEvent(CommandEvent.RESULT, True, text, outcome="reached"))
 
     def client_did(self, item: Input) -> None:
         """A MAVLink client's input takes effect at this instant."""

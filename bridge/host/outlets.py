@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bridge.agents.sender import Sender
 from bridge.bus.keys import Keys
-from bridge.bus.messages import AircraftState, Header
+from bridge.bus.messages import AircraftState, Header, RadioSwitch
 from bridge.bus.session import Session
 from bridge.record.logged import LoggedValue
 
@@ -24,6 +24,11 @@ class ZenohOutlets(Sender):
     def state(self, state: AircraftState) -> None:
         """Publish the aircraft's state."""
         self._session.put(self._keys.state(self._node), state)
+
+    def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
+        """Tell the radio that this node's was switched."""
+        switch = RadioSwitch(Header.at(sim_time_ns, self._node), on)
+        self._session.put(self._keys.radio(self._node), switch, must_arrive=True)
 
     def answer(self, sim_time_ns: int) -> None:
         """Tell the radio that this node is done with a tick."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -98,7 +99,7 @@ def plan_of(scenario: Scenario) -> Plan:
         RadioPlan(config.name, config.frequency_hz, config.bit_rate_bps, reach_of(common, payload)),
         load,
         tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),
-        tuple(_warnings(load, radios)),
+        (*_warnings(load, radios), *_late_outages(scenario)),
         tuple(left_out(scenario, common, wind_of(scenario))),
     )
 
@@ -125,6 +126,16 @@ def _hosts(scenario: Scenario) -> dict[str, tuple[str, ...]]:
     if scenario.autopilot == "standin":
         groups |= {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
     return groups
+
+
+def _late_outages(scenario: Scenario) -> Iterator[str]:
+    for node in scenario.transceivers:
+        for outage in node.radio_off:
+            if outage.from_s >= scenario.duration_s:
+                yield (
+                    f"node {node.node}: its radio goes off at {outage.from_s:g} s, and the run ends at duration_s, "
+                    f"{scenario.duration_s:g} s"
+                )
 
 
 def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:

@@ -74,8 +74,8 @@ class Picture:
         header = Header.at(sim_time_ns, "")
         return CommunicationMatrix(header, self._nodes, self._known.ravel(), self._delivered.ravel())
 
-    def links(self, sim_time_ns: int, ledger: Ledger) -> Links:
-        """All links that carried a packet."""
+    def links(self, sim_time_ns: int, ledger: Ledger, radios_off: NDArray[np.bool_]) -> Links:
+        """All links that carried a packet, and which nodes' radios are off."""
         tx, rx = np.nonzero(self._known.T)
         sent, delivered = ledger.sent[tx, rx], ledger.settled[tx, rx, DELIVERED]
         distance_m, received_power_dbm, snr_db, per = (kept[rx, tx] for kept in self._figures)
@@ -90,6 +90,7 @@ class Picture:
             per,
             sent.astype(np.uint64),
             delivered.astype(np.uint64),
+            np.flatnonzero(radios_off).astype(np.uint16),
         )
 
 

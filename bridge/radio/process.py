@@ -16,6 +16,7 @@ from bridge.bus.messages import (
     DataPackage,
     DecodeError,
     Header,
+    RadioSwitch,
     Truths,
     decode,
     encoding_of,
@@ -31,6 +32,7 @@ from bridge.radio.virtual_radio import Settled, VirtualRadio
 from bridge.record import names
 from bridge.record.events import Report
 from bridge.record.packets import SentPacket, encode_packet
+from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
@@ -73,6 +75,7 @@ class RouterProcess:
             nodes=scenario.transceiver_ids,
             judge=self._judge,
             emitters=[each.name for each in emitters],
+            switches=switches_of(scenario),
         )
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self._core = VirtualRadio(medium, ring, mtu_bytes)
@@ -94,6 +97,7 @@ class RouterProcess:
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
         yield self._keys.tick("truths"), self._on_truths
         yield self._keys.tx("*", "*", to="*", radio="*"), self._on_packet
+        yield self._keys.radio("*"), self._on_switch
         yield self._keys.answer("*"), self._on_answer
         yield self._keys.clock, self._on_clock
         yield self._keys.agent("*"), self._on_agent
@@ -228,6 +232,12 @@ class RouterProcess:
         if status.done:
             self._core.ring.done(node)
 
+    def _on_switch(self, key: str, sample: Sample) -> None:
+        switch = decode(sample.payload.to_bytes(), RadioSwitch)
+        node, sim_time_ns = self._keys.node_of(key), switch.header.stamp.ns
+        self._core.on_switch(node, sim_time_ns, on=switch.on)
+        log.info("an operator switched the radio of node %s %s", node, "on" if switch.on else "off")
+
     def _on_answer(self, key: str, sample: Sample) -> None:
         sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
         closed = self._core.on_answer(self._keys.node_of(key), sim_time_ns)
@@ -242,7 +252,10 @@ class RouterProcess:
         self._publisher.to_nodes(closed.sim_time_ns, settled, told)
         release = self._keys.clock_end if closed.is_end else self._keys.clock_release
         self._session.put(release, header, must_arrive=True)
-        self._publisher.to_observers(closed.sim_time_ns, settled, self._core.ledger, is_end=closed.is_end)
+        core = self._core
+        self._publisher.to_observers(
+            closed.sim_time_ns, settled, core.ledger, core.radios_off, is_end=closed.is_end
+        )
         self._write(settled)
 
     # The record.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bridge.bus.keys import Keys
 from bridge.bus.reception import attachment
@@ -90,7 +91,13 @@ class TickPublisher:
                 self._session.put(self._keys.measurements(self._nodes[node]), message, must_arrive=True)
 
     def to_observers(
-        self, sim_time_ns: int, settled: Settled, ledger: Ledger, *, is_end: bool = False
+        self,
+        sim_time_ns: int,
+        settled: Settled,
+        ledger: Ledger,
+        radios_off: Callable[[int], NDArray[np.bool_]],
+        *,
+        is_end: bool = False,
     ) -> None:
         """What observers want to see: they can wait."""
         if self._wants["fates"]() and len(settled.receptions.rx):
@@ -101,4 +108,5 @@ class TickPublisher:
         if is_end or sim_time_ns - self._reported_ns >= LINK_PERIOD_NS:
             self._reported_ns = sim_time_ns
             if self._wants["links"]():
-                self._session.put(self._keys.tick("links"), self._picture.links(sim_time_ns, ledger))
+                links = self._picture.links(sim_time_ns, ledger, radios_off(sim_time_ns))
+                self._session.put(self._keys.tick("links"), links)

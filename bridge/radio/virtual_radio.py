@@ -131,12 +131,25 @@ class VirtualRadio:
         self._latest_ns = max(self._latest_ns, sim_time_ns)
         self.ring.tick(sim_time_ns)
 
+    def on_switch(self, node: str, sim_time_ns: int, *, on: bool) -> None:
+        """Take a node's word that an operator switched its radio; it comes ahead of its answer to that instant."""
+        if node not in self._index:
+            self.refused[Refused.UNKNOWN_NODE] += 1
+        elif not self._is_plausible(sim_time_ns):
+            self.refused[Refused.MALFORMED] += 1
+        else:
+            self._medium.switch_radio(node, sim_time_ns, on=on)
+
     def on_answer(self, node: str, sim_time_ns: int) -> Closed | None:
         """Take a node's word that it has done all it will do at a tick, or at an exchange of MAVLink between two."""
         if node not in self.ring or not self._is_plausible(sim_time_ns):
             self.refused[Refused.MALFORMED if node in self.ring else Refused.UNKNOWN_NODE] += 1
             return None
         return self.ring.answer(node, sim_time_ns)
+
+    def radios_off(self, sim_time_ns: int) -> NDArray[np.bool_]:
+        """Which radios are off at an instant, in the order of `nodes`."""
+        return self._medium.radios_off(sim_time_ns)
 
     def on_sent_total(self, node: str, sent: int) -> None:
         """Take a sender's own count of what it gave to the radio; what never came here is booked."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
 from bridge.bus.messages.types import CommandGoal
+from bridge.bus.radio_command import RADIO
 
 Kind = Literal["open", "frame", "close", "command"]
 KINDS: Final = get_args(Kind)
@@ -29,8 +30,9 @@ VERBS: Final = (
     ),
     *("reboot", "mission", "mission_set_current", "mission_upload", "mission_download", "mission_clear"),
     *("parameter_get", "parameter_set", "parameters_set", "parameters", "message", "send"),
+    RADIO,
 )
-"""What can be commanded: those of `aps.vehicle.commander`, named here so that readers do without aps."""
+"""What can be commanded: those of `aps.vehicle.commander`, named here so that readers do without aps, and the radio."""
 TICK_MAX_NS: Final = (1 << 63) - 1
 LINK_MAX: Final = (1 << 31) - 1
 _GOAL_FIELDS: Final = tuple(field.name for field in dataclasses.fields(CommandGoal))

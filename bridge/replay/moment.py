@@ -119,7 +119,8 @@ class Moment:
 
     def links(self) -> Links:
         """All links that carried a packet: the latest figures, and counts from the run's beginning on."""
-        return self._at.picture.links(self.sim_time_ns, self._at.ledger)
+        at = self._at
+        return at.picture.links(self.sim_time_ns, at.ledger, at.radios.off_at(self.sim_time_ns))
 
     def communication(self) -> CommunicationMatrix:
         """Whose latest packets reached whom."""

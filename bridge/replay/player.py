@@ -19,6 +19,7 @@ from bridge.aircraft.body import StatePace
 from bridge.radio.picture import LINK_PERIOD_NS, Picture
 from bridge.radio.senders import Cause
 from bridge.record.events import RunEvent, read_reports
+from bridge.record.radio_switches import switches_of
 from bridge.record.tables.schema import TRUTH
 from bridge.replay.decisions import Decisions
 from bridge.replay.moment import Moment
@@ -39,6 +40,7 @@ class Player:
         scenario: as flown.
         nodes: ids of the nodes that exchange packets.
         ticks_ns: all ticks, rising.
+        radios: when each node's radio was off.
         now: the moment that was played last; None before the first.
 
     Raises:
@@ -59,6 +61,7 @@ class Player:
         if not self.ticks_ns.size:
             raise ValueError(f"{run}: nothing to play: the run ended before its first tick was written down")
         self.decisions = Decisions.read(run, self.nodes, self.scenario.tick_period_ns)
+        self.radios = switches_of(self.scenario, run)
         self.now: Moment | None = None
         self._next = 0
         self._begin()

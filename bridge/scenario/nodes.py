@@ -11,7 +11,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, field_validator, model_validator
 
 from bridge.scenario.agents import AgentConfig, FreeAgent, GroundAgentConfig
 from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting, Slug
@@ -20,6 +20,7 @@ from channel.link.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
 
 GROUND_HEIGHT_M = 2.0
+SIM_TIME_MAX_S = 1e9
 
 
 class HomePlace(Part):
@@ -28,6 +29,37 @@ class HomePlace(Part):
     north_m: Metres = 0.0
     east_m: Metres = 0.0
     heading_deg: Finite = 0.0
+
+
+class RadioOutage(Part):
+    """The radio is off from an instant of sim time on, until another one; without that, to the end of the run."""
+
+    from_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S)]
+    to_s: Annotated[float | None, Field(gt=0.0, le=SIM_TIME_MAX_S)] = None
+
+    @property
+    def from_ns(self) -> int:
+        """When it goes off, ns of sim time."""
+        return round(self.from_s * 1e9)
+
+    @property
+    def to_ns(self) -> int | None:
+        """When it is on again, ns of sim time; None: not any more."""
+        return None if self.to_s is None else round(self.to_s * 1e9)
+
+
+def _in_order(outages: tuple[RadioOutage, ...]) -> tuple[RadioOutage, ...]:
+    """See that outages follow each other."""
+    for outage in outages:
+        if outage.to_s is not None and outage.to_s <= outage.from_s:
+            raise ValueError(f"to_s {outage.to_s:g}: has to be above from_s, {outage.from_s:g}")
+    for before, after in pairwise(outages):
+        if before.to_s is None or after.from_s < before.to_s:
+            raise ValueError(f"from_s {after.from_s:g}: has to be at or after to_s of the outage before it")
+    return outages
+
+
+RadioOutages = Annotated[tuple[RadioOutage, ...], AfterValidator(_in_order)]
 
 
 class Aircraft(Part):
@@ -40,6 +72,7 @@ class Aircraft(Part):
     sensor_noise: SensorNoise | None = None
     parameters: Parameters = Field(default_factory=dict)
     radio: RadioSetting | None = None
+    radio_off: RadioOutages = ()
     sensor: RfSensor | None = None
     agent: AgentConfig
 
@@ -91,6 +124,7 @@ class GroundNode(Part):
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None
+    radio_off: RadioOutages = ()
     sensor: RfSensor | None = None
     agent: GroundAgentConfig
 

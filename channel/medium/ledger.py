@@ -14,7 +14,7 @@ from channel.checks import ChannelInputError, FloatArray
 from channel.intervals import binomial_interval
 from channel.link.steps import STEPS_PER_ONE
 from channel.medium.bins import Bins
-from channel.medium.reception import DELIVERED, EVERYBODY, FATES, NO_POSITION, Packets, Receptions
+from channel.medium.reception import DELIVERED, EVERYBODY, FATES, UNDECIDED_FROM, Packets, Receptions
 
 BIN_WIDTH_M = 20.0
 BINS_AT_ONCE = 4096
@@ -113,7 +113,7 @@ class Ledger:
         """Book the fates of packets that were booked out before."""
         link = receptions.tx * len(self.nodes) + receptions.rx
         np.add.at(self.settled.reshape(-1), link * len(self.causes) + receptions.fate, 1)
-        placed = receptions.fate != NO_POSITION
+        placed = receptions.fate < UNDECIDED_FROM
         distance_m, arrived = receptions.distance_m, receptions.fate == DELIVERED
         steps = np.rint(receptions.probability_of_delivery * STEPS_PER_ONE).astype(np.int64)
         if not placed.all():

@@ -20,6 +20,7 @@ from channel.link.radio import Radio
 from channel.medium.emitter_tracks import EmitterTracks
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
+from channel.medium.switches import Switches
 from channel.medium.tracks import FOREVER, Snapshot, Tracks, truth_rows
 from channel.medium.verdict import Judge
 
@@ -43,6 +44,7 @@ class Medium:
         max_truth_age_ns: how far a node's truth may lag behind the newest before it is used as it is.
         judge: takes in what is drawn, for a verdict in the end.
         emitters: names of the run's emitters, which radios may hear (`Radio.emitters`).
+        switches: of the nodes' radios; each is on until it is switched off.
 
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
@@ -64,6 +66,7 @@ class Medium:
         max_truth_age_ns: int = MAX_TRUTH_AGE_NS,
         judge: Judge | None = None,
         emitters: Iterable[str] = (),
+        switches: Switches | None = None,
     ) -> None:
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
@@ -76,8 +79,15 @@ class Medium:
         heard = {each.name for each_radio in self.radios for each in each_radio.emitters}
         if not heard <= set(self.emitters.names):
             raise ChannelInputError("emitters", self.emitters.names, f"with {', '.join(sorted(heard))}")
-        draws = LinkDraws(self.draws, self.nodes)
-        self._settling = Settling(self.radios, draws, self._tracks, judge=judge, emitters=self.emitters)
+        self._switches = switches or Switches(len(self.nodes))
+        self._settling = Settling(
+            self.radios,
+            LinkDraws(self.draws, self.nodes),
+            self._tracks,
+            judge=judge,
+            emitters=self.emitters,
+            switches=self._switches,
+        )
         self._waiting: list[Packets] = []
 
     @staticmethod
@@ -166,6 +176,23 @@ class Medium:
         if rows.ndim != 1:
             raise ChannelInputError("position_ned_m", f"array of shape {rows.shape[:-1]} x 3", "shape (3,)")
         self._tracks.place(self._index("node", node), rows)
+
+    def switch_radio(self, node: str, sim_time_ns: int, *, on: bool) -> None:
+        """Switch a node's radio from an instant on, until it is switched again; at first all are on.
+
+        A packet with an end whose radio is off when it is sent is lost with `Fate.RADIO_OFF`. Nothing is drawn for it;
+        as every draw has its own counter, and packets do not interfere with each other, nothing else changes. RF
+        sensors and emitters have no such switch.
+
+        Raises:
+            ChannelInputError: an unknown node, or a time that is not whole.
+        """
+        when_ns = int(_whole("sim_time_ns", sim_time_ns))
+        self._switches.switch(self._index("node", node), when_ns, on=on)
+
+    def radios_off(self, sim_time_ns: int) -> NDArray[np.bool_]:
+        """Return which radios are off at an instant, in the order of `nodes`."""
+        return self._switches.off_at(sim_time_ns)
 
     def send(self, packets: Packets) -> None:
         """Keep packets until they can be settled.

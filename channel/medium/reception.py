@@ -24,11 +24,15 @@ class Fate(Enum):
     BASE_LOSS = "base_loss"
     BURST = "burst"
     NO_POSITION = "no_position"
+    RADIO_OFF = "radio_off"
+    """The radio of its sender or of its receiver was switched off when it was sent."""
 
 
 FATES = tuple(Fate)
 """By the numbers in `Receptions.fate`."""
-DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, NO_POSITION = range(len(FATES))
+DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, NO_POSITION, RADIO_OFF = range(len(FATES))
+UNDECIDED_FROM = NO_POSITION
+"""With fates from here on the channel has nothing to do: it computes nothing for them, and no distance bin has them."""
 
 
 class Packets(NamedTuple):
@@ -91,7 +95,8 @@ class Receptions:
         packets: what was settled, in canonical order.
         packet: row of `packets`, shape (R,).
         rx: intended receiver, as its index in `Medium.nodes`.
-        distance_m: between the two at that instant, to 1 mm; NaN with `Fate.NO_POSITION`, as are the next three.
+        distance_m: between the two at that instant, to 1 mm; NaN with `Fate.NO_POSITION` and `Fate.RADIO_OFF`, as are
+            the next three.
         received_power_dbm: with the drawn shadowing and fading, to 0.001 dB; NaN where no draw could have saved the
             packet, so that none was made.
         snr_db: likewise.

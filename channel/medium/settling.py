@@ -17,7 +17,8 @@ from channel.link.radio import Radio
 from channel.medium.emitter_tracks import EmitterTracks
 from channel.medium.links import Indices, Links
 from channel.medium.pair import Pair, Settled, blank, put
-from channel.medium.reception import EVERYBODY, Packets, Receptions
+from channel.medium.reception import EVERYBODY, RADIO_OFF, Packets, Receptions
+from channel.medium.switches import Switches
 from channel.medium.tracks import Snapshot, Tracks
 from channel.medium.verdict import Judge
 
@@ -35,6 +36,7 @@ class Settling:
         cull: whether to leave out draws that cannot change a fate.
         judge: takes in what is drawn, for a verdict.
         emitters: where the run's emitters are.
+        switches: of the nodes' radios; all stay on unless given.
 
     Raises:
         ChannelInputError: radios on several frequencies.
@@ -49,6 +51,7 @@ class Settling:
         cull: bool = True,
         judge: Judge | None = None,
         emitters: EmitterTracks | None = None,
+        switches: Switches | None = None,
     ) -> None:
         self._draws = draws
         self._tracks = tracks
@@ -64,6 +67,7 @@ class Settling:
         self._attitude = any(pair.radio.needs_attitude for pair in self._pairs)
         self._velocity = any(pair.terms.needs_velocity for pair in self._pairs)
         count = len(draws.nodes)
+        self._switches = switches or Switches(count)
         nodes = np.arange(max(count - 1, 0))
         self._others = nodes + (nodes >= np.arange(count)[:, np.newaxis])
 
@@ -90,14 +94,27 @@ class Settling:
         """Return what becomes of packets, which are in canonical order, at all their receivers."""
         packet, rx = self._links(packets)
         counted = self.counted_bytes(packets)
+        if not self._switches.are_used:
+            return Receptions(packets, packet, rx, *self._settled(packets, counted, packet, rx))
+        out, on = blank(rx.size), np.flatnonzero(~self._off(packets, packet, rx))
+        out.fate[:], out.probability_of_delivery[:] = RADIO_OFF, 0.0
+        put(self._settled(packets, counted, packet[on], rx[on]), out, on)
+        return Receptions(packets, packet, rx, *out)
+
+    def _off(self, packets: Packets, packet: Indices, rx: Indices) -> NDArray[np.bool_]:
+        """Return which links have an end whose radio is off when the packet is sent, shape (L,)."""
+        when_ns = packets.sim_time_ns
+        return self._switches.off(packets.tx, when_ns)[packet] | self._switches.off(rx, when_ns[packet])
+
+    def _settled(self, packets: Packets, counted: NDArray[np.int64], packet: Indices, rx: Indices) -> Settled:
+        """Return what becomes of links, in pieces."""
         if rx.size <= LINKS_AT_ONCE:
-            settled = self._pass(packets, counted, packet, rx) if rx.size else blank(0)
-            return Receptions(packets, packet, rx, *settled)
+            return self._pass(packets, counted, packet, rx) if rx.size else blank(0)
         out = blank(rx.size)
         for rows, part in _passes(packet):
             settled = self._pass(packets.at(rows), counted[rows], packet[part] - rows.start, rx[part])
             put(settled, out, part)
-        return Receptions(packets, packet, rx, *out)
+        return out
 
     def _links(self, packets: Packets) -> tuple[Indices, Indices]:
         """Return the row of the packet and the receiver of each link."""

@@ -214,6 +214,15 @@ def test_a_command_is_asked_about_given_and_recorded(browser: Browser, start_run
     expect(said).to_contain_text("UA 0: rtl: accepted")
     expect(page.get_by_role("row", name="UA 0").get_by_role("cell", name="RTL")).to_be_visible()
     assert said.inner_text().count("rtl: asked") == 1
+    radio = page.get_by_role("row", name="UA 0").get_by_role("cell", name="radio off")
+    expect(radio).to_have_count(0)
+    page.get_by_role("button", name="Radio off").click()
+    expect(page.get_by_role("dialog")).to_contain_text("Radio off for UA 0?")
+    page.get_by_role("button", name="Do it").click()
+    expect(said).to_contain_text("UA 0: radio: done (radio off)")
+    expect(radio).to_be_visible()
+    expect(page.get_by_role("button", name="Radio on")).to_be_visible()
+    assert [node["radio"] for node in seen.words()["nodes"]] == ["off", "on"]
     page.get_by_role("button", name="Pause").click()
     expect(page.get_by_role("status")).to_have_text("paused")
     held_s = seen.words()["time"]
@@ -226,7 +235,7 @@ def test_a_command_is_asked_about_given_and_recorded(browser: Browser, start_run
     run.process.send_signal(2)
     assert run.finish(30.0) == 130
     inputs = [json.loads(line) for line in (run.directory / "inputs" / "0.jsonl").read_text().splitlines()]
-    assert [item["verb"] for item in inputs] == ["rtl"]
+    assert [item["verb"] for item in inputs] == ["rtl", "radio"]
 
 
 @pytest.mark.long

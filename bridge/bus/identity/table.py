@@ -72,6 +72,7 @@ TABLE = (
     Row("node/{node}/measurements", writes=RADIO, reads=OWN | LOOKERS),
     Row("node/{node}/agent", writes=HOST | FREE, reads=OWN | RADIO | LOOKERS),
     Row("node/{node}/log/*", writes=HOST | FREE, reads=OWN | LOOKERS),
+    Row("node/{node}/radio", writes=HOST, reads=RADIO | LOOKERS),
     Row("node/{node}/answer", writes=HOST, reads=OWN | RADIO | LOOKERS),
     Row("truth/*", writes=PHYSICS, reads=RADIO | LOOKERS),
     Row("clock", writes=PHYSICS, reads=OWN | PHYSICS | RADIO | LOOKERS),

@@ -213,6 +213,16 @@ class Links(Message):
     per: Column[float] = ()
     sent: Column[int] = ()
     delivered: Column[int] = ()
+    radio_off: Column[int] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class RadioSwitch(Message):
+    """An operator switched a node's radio: it holds from the header's stamp on."""
+
+    TYPE = f"{PACKAGE}/msg/RadioSwitch"
+    header: Header = field(default_factory=Header)
+    on: bool = True
 
 
 @dataclass(frozen=True, slots=True)

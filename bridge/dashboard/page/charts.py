@@ -20,6 +20,7 @@ CAUSE_COLOURS = {
     "base_loss": "#b5893a",
     "burst": "#c2497c",
     "no_position": "#888888",
+    "radio_off": "#4d4d4d",
 }
 
 

@@ -1,4 +1,4 @@
-"""Commands to aircraft, there with `--control` only, and each asked about before it is given."""
+"""Commands to aircraft and radios, there with `--control` only, and each asked about before it is given."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from collections.abc import Callable
 from nicegui import ui
 
 from bridge.bus.messages import CommandGoal
+from bridge.bus.radio_command import RADIO, radio_goal
 from bridge.dashboard.fleet_view import FleetView
 from bridge.dashboard.operator import Operator
 
 MODES = ("GUIDED", "LOITER", "RTL", "LAND", "AUTO", "ALT_HOLD", "STABILIZE", "CIRCLE", "FBWA", "MANUAL")
 """What is offered; any other name can be typed."""
+RADIO_OFF, RADIO_ON = "Radio off", "Radio on"
 
 
 class Controls:
@@ -32,9 +34,9 @@ class Controls:
         choose: Callable[[int], None],
     ) -> None:
         self._view, self._operator, self._chosen = view, operator, chosen
-        aircraft = {n: node.title for n, node in enumerate(view.nodes) if node.kind == "ua"}
+        nodes = {n: node.title for n, node in enumerate(view.nodes) if node.takes_commands}
         with ui.element("div").classes("ll-tools").props('role="group" aria-label="Commands"'):
-            self._node = ui.select(aircraft, label="command", on_change=lambda e: choose(e.value)).props(
+            self._node = ui.select(nodes, label="command", on_change=lambda e: choose(e.value)).props(
                 "dense options-dense"
             )
             self._node.style("min-width:90px")
@@ -44,6 +46,11 @@ class Controls:
             )
             self._mode.style("width:130px")
             ui.button("Set mode", on_click=self._set_mode).props("dense no-caps")
+            self._radio = ui.button(RADIO_OFF, on_click=self._switch_radio).props("dense no-caps")
+
+    def refresh(self) -> None:
+        """Offer what can be done now."""
+        self._radio.set_text(RADIO_ON if self._node.value in self._view.radios_off else RADIO_OFF)
 
     async def _rtl(self) -> None:
         await self._ask("rtl", "Return to launch", CommandGoal())
@@ -54,9 +61,13 @@ class Controls:
             return
         await self._ask("mode", f"Mode {self._mode.value}", CommandGoal(mode=str(self._mode.value)))
 
+    async def _switch_radio(self) -> None:
+        on = self._node.value in self._view.radios_off
+        await self._ask(RADIO, RADIO_ON if on else RADIO_OFF, radio_goal(on=on))
+
     async def _ask(self, verb: str, what: str, goal: CommandGoal) -> None:
         if self._node.value is None:
-            ui.notify("choose an aircraft first")
+            ui.notify("choose a node first")
             return
         node = self._view.nodes[self._node.value]
         if await _is_confirmed(f"{what} for {node.title}?"):

@@ -239,6 +239,8 @@ class Page:
         match self._tabs.value:
             case "Fleet":
                 _set_rows(self._fleet, fleet_rows(view, self._node))
+                if self._controls is not None:
+                    self._controls.refresh()
             case "Link":
                 self._words.set_text(link_words(view, *self._link))
             case "Losses":

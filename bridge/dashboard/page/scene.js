@@ -267,11 +267,16 @@ export default {
         g.beginPath();
         if (node.kind === "ground") g.rect(x - 5, y - 5, 10, 10);
         else this.arrow(x, y, place, (this.now.heading[i] ?? 0) / 1000);
-        g.fill();
+        if (this.now.off?.includes(i)) this.silent(x, y); else g.fill();
         if (chosen) { g.strokeStyle = this.accent; g.lineWidth = 2; g.beginPath(); g.arc(x, y, 14, 0, 7); g.stroke(); g.lineWidth = 1; }
         if (this.shown.labels) { g.fillStyle = this.ink; g.fillText(node.id, x + 11, y - 7); }
         if (this.shown.wind) this.drawWind(x, y, i);
       });
+    },
+    silent(x, y) { // its radio is off: hollow, and struck through
+      const g = this.g;
+      g.stroke(); g.strokeStyle = this.bad; g.lineWidth = 2; g.beginPath(); this.line([x - 10, y + 10], [x + 10, y - 10]); g.stroke();
+      g.lineWidth = 1;
     },
     arrow(x, y, place, heading) { // points where the nose does, as seen
       const ahead = this.project([place[0] + Math.cos(heading), place[1] + Math.sin(heading), place[2]]);
@@ -296,7 +301,8 @@ export default {
     },
     words() { // for tests and for whoever wants to know: what is drawn, in words
       return {
-        nodes: this.nodes.map((node, i) => ({ id: node.id, place: this.at(i), pixel: this.at(i) && this.project(this.at(i)) })),
+        nodes: this.nodes.map((node, i) => ({ id: node.id, place: this.at(i), pixel: this.at(i) && this.project(this.at(i)),
+          radio: this.now?.off?.includes(i) ? "off" : "on" })),
         links: this.quality.map((percent, i) => ({ tx: this.nodes[this.pairs[2 * i]]?.id, rx: this.nodes[this.pairs[2 * i + 1]]?.id, percent,
           colour: this.steps?.[Math.round((percent / 100) * (STEPS - 1))] })),
         trail: this.trail.length, losses: this.flashes.size, time: this.now?.time, elevation: this.camera.elevation,

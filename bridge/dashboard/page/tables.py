@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from bridge.bus.messages import AircraftState
 from bridge.dashboard.fleet_view import FleetView
 
 Rows = list[dict[str, Any]]
@@ -46,7 +47,7 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
                 "id": number,
                 "node": node.title,
                 "chosen": number == chosen,
-                "mode": "-" if state is None else state.mode if state.armed else f"{state.mode}, disarmed",
+                "mode": _mode_words(state, is_off=number in view.radios_off),
                 "north": _number(north),
                 "east": _number(east),
                 "height": _number(-down),
@@ -56,6 +57,12 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
             }
         )
     return rows
+
+
+def _mode_words(state: AircraftState | None, *, is_off: bool) -> str:
+    words = [] if state is None else [state.mode] if state.armed else [state.mode, "disarmed"]
+    words += ["radio off"] if is_off else []
+    return ", ".join(words) or "-"
 
 
 def agent_rows(view: FleetView) -> Rows:
@@ -91,6 +98,10 @@ def link_words(view: FleetView, tx: int, rx: int) -> str:
     names = f"{view.nodes[tx].title} to {view.nodes[rx].title}"
     if not np.isfinite(sent):
         return f"{names}: no packet yet"
+    silent = [view.nodes[end].title for end in (tx, rx) if end in view.radios_off]
+    if silent:
+        off = f"radio of {' and of '.join(silent)} off"
+        return f"{names}: {off}; {delivered:.0f} of {sent:.0f} packets delivered"
     return (
         f"{names}: {distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
         f"{view.links.probability[tx, rx]:.2f}; {delivered:.0f} of {sent:.0f} packets delivered"

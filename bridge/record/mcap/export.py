@@ -67,7 +67,7 @@ def _sources(run: Path, file: McapFile, scenario: Scenario) -> Iterator[Source]:
         found += [*mavlink_sources(run, file, node, prefix), packets_source(run, file, node, prefix)]
     yield from (source for source in found if source is not None)
     yield from agent_sources(run, file, names)
-    yield RadioSource(run, file, scenario.stations, scenario.tick_period_ns)
+    yield RadioSource(run, file, scenario)
     events = events_source(run, file)
     if events is not None:
         yield events

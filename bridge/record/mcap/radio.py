@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,8 +16,10 @@ from bridge.record.mcap.file import McapFile
 from bridge.record.mcap.rounding import rounded
 from bridge.record.mcap.source import Columns, Feed, Item, Slices
 from bridge.record.packets import decode_packet
+from bridge.record.radio_switches import switches_of
 from bridge.record.streams import read_stream, stream_exists
 from bridge.record.tables.schema import DELIVERIES
+from bridge.scenario.model import Scenario
 
 DELIVERED: Final = "delivered"
 FIGURES: Final = ("distance_m", "received_power_dbm", "snr_db", "per")
@@ -29,12 +31,12 @@ class RadioSource:
     Args:
         run: the run directory.
         file: where to.
-        nodes: ids of all nodes, in the scenario's order.
-        tick_ns: sim time between two ticks.
+        scenario: of the run.
     """
 
-    def __init__(self, run: Path, file: McapFile, nodes: Sequence[str], tick_ns: int) -> None:
-        self._nodes, self._tick_ns = tuple(nodes), tick_ns
+    def __init__(self, run: Path, file: McapFile, scenario: Scenario) -> None:
+        self._nodes, self._tick_ns = scenario.transceiver_ids, scenario.tick_period_ns
+        self._radios = switches_of(scenario, run)
         self._slices = Slices(run, DELIVERIES)
         self._board = _Board(self._nodes)
         self._causes: dict[str, int] = {DELIVERED: 0}
@@ -81,7 +83,7 @@ class RadioSource:
             if kind == "fates":
                 message: Any = self._fates(header, rows)
             elif kind == "links":
-                message = self._board.links(header)
+                message = self._board.links(header, self._radios.off_at(tick_ns))
             else:
                 message = self._board.matrix(header)
             yield tick_ns, channel, encode(message)
@@ -136,8 +138,8 @@ class _Board:
         np.add.at(self._sent, link, rows["packets"].astype(np.uint64))
         np.add.at(self._delivered, link[arrived], rows["packets"][arrived].astype(np.uint64))
 
-    def links(self, header: Header) -> Links:
-        """All links that carried a packet."""
+    def links(self, header: Header, radios_off: NDArray[np.bool_]) -> Links:
+        """All links that carried a packet, and which nodes' radios are off."""
         link = np.flatnonzero(self._known)
         ends = ((link // len(self._nodes)).astype(np.uint16), (link % len(self._nodes)).astype(np.uint16))
         distance_m, received_power_dbm, snr_db, per = (self._figures[name][link] for name in FIGURES)
@@ -151,6 +153,7 @@ class _Board:
             per,
             self._sent[link],
             self._delivered[link],
+            np.flatnonzero(radios_off).astype(np.uint16),
         )
 
     def matrix(self, header: Header) -> CommunicationMatrix:

@@ -4,8 +4,9 @@
     result.table                # pyarrow: the rows of deliveries.parquet as that radio has them
     result.comparison.links     # per link: delivered before and after, by cause
 
-What the nodes transmitted, and where they were, stay as recorded: what another radio would have let them hear changes
-no flight. Packets that never came to the radio (`transport`) stay lost; the longest that a radio takes is its own.
+What the nodes transmitted, where they were, and when their radios were off, stay as recorded: what another radio would
+have let them hear changes no flight. Packets that never came to the radio (`transport`) stay lost; the longest that a
+radio takes is its own.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from bridge.bus.keys import ALL
 from bridge.radio.deliveries import FATES
 from bridge.radio.senders import Cause
 from bridge.record.ending import was_cut
+from bridge.record.radio_switches import switches_of
 from bridge.record.reading.coded import Columns, joined
 from bridge.record.tables.columns import numbers, texts
 from bridge.record.tables.schema import DELIVERIES, LABEL
@@ -142,7 +144,8 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     packets, too_long = _split(packets, [radios[node] for node in nodes])
     judge = Judge(len(nodes))
     names = [emitter.name for emitter in emitters]
-    medium = Medium(radios, seed=scenario.seed, nodes=nodes, judge=judge, emitters=names)
+    switches = switches_of(scenario, run)
+    medium = Medium(radios, seed=scenario.seed, nodes=nodes, judge=judge, emitters=names, switches=switches)
     ledger = Ledger(nodes, causes=tuple(Cause))
     ledger.send(packets)
     done, parts = 0, [_too_long_rows(too_long, len(nodes)), _missed(before)]

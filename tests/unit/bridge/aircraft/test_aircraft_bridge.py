@@ -85,8 +85,8 @@ def test_wrong_arguments_are_refused_in_words(
     assert says in event.text
 
 
-def test_what_can_be_commanded_over_zenoh_is_what_aps_can_and_is_said_once() -> None:
-    assert tuple(VERBS) == bridge.record.input_fields.VERBS
+def test_what_can_be_commanded_over_zenoh_is_what_aps_can_and_the_radio_and_is_said_once() -> None:
+    assert (*VERBS, "radio") == bridge.record.input_fields.VERBS
 
 
 def frames(*messages: mavlink.MAVLink_message) -> list[Frame]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from bridge.bus.messages import AgentStatus, AircraftState, Header, Quaternion, Truth, Truths
 from bridge.dashboard.fleet_view import TRAIL_POINTS, view_of
+from bridge.dashboard.frames import Frames
+from bridge.dashboard.page.tables import fleet_rows, link_words
 from tests.unit.bridge.dashboard.fleet import clock, fates, links, truths, view_of_two
 from tests.unit.bridge.replay.flown import scenario_of
 
@@ -99,3 +103,16 @@ def test_the_end_is_told_once() -> None:
     view.end()
     view.end()
     assert [line.text for line in view.lines] == ["the run is over"]
+
+
+def test_a_radio_that_is_off_is_shown_and_told_once() -> None:
+    view, report = view_of_two(), links(1.0, 100.0, 0.5, 10, 5)
+    view.take(AircraftState(mode="GUIDED", armed=True), "0")
+    frames = Frames(view)
+    for off in ((), (1,), (1,), ()):
+        view.take(replace(report, radio_off=off))
+        assert json.loads(frames.frame())["off"] == json.loads(frames.snapshot())["off"] == list(off)
+        assert [row["mode"] for row in fleet_rows(view)] == ["GUIDED", "radio off" if off else "-"]
+        words = "UA 0 to node gcs: radio of node gcs off; 5 of 10 packets delivered"
+        assert (link_words(view, 0, 1) == words) is bool(off)
+    assert [(line.node, line.text) for line in view.lines] == [("gcs", "radio off"), ("gcs", "radio on")]

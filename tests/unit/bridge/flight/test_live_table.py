@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import replace
 
 from rich.console import Console, RenderableType
 
@@ -50,6 +51,13 @@ def test_a_row_for_each_link() -> None:
         "0 -> 1 10.0 -70.2 40 / 50 40 / 50 80.0 %",
         "1 -> 0 10.0 - 50 / 50 50 / 50 100.0 %",
     ]
+
+
+def test_a_link_with_a_radio_that_is_off_says_so() -> None:
+    newest = report((0, 1, math.nan, 50, 40), (1, 2, -50.0, 50, 50), (2, 0, -50.0, 50, 50))
+    found = links_now(replace(newest, radio_off=(0,)), report())
+    assert [each.is_off for each in found] == [True, False, True]
+    assert text_of(links_table(found, 12))[1] == "0 -> 1 10.0 radio off 40 / 50 40 / 50 80.0 %"
 
 
 def test_of_many_links_those_that_lose_most_and_all_together() -> None:

@@ -24,6 +24,7 @@ from bridge.bus.messages import (
     CommandGoal,
     CommunicationStatus,
 )
+from bridge.bus.radio_command import radio_goal
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.host.node import AgentOutlet, Node, Packet
@@ -118,6 +119,9 @@ class Host:
 
     def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
         self.log.append(f"published {item.name} = {item.value} at {sim_time_ns // MS} ms")
+
+    def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
+        self.log.append(f"radio {'on' if on else 'off'} at {sim_time_ns // MS} ms")
 
     def answer(self, sim_time_ns: int) -> None:
         self.log.append(f"answer {sim_time_ns // MS} ms")
@@ -537,3 +541,42 @@ async def test_during_a_replay_operators_are_refused_and_clients_not_heard(host:
     assert host.autopilot.commands() == []
     assert host.inputs == []
     writer.close()
+
+
+async def test_an_operators_switch_is_told_before_anything_is_transmitted_and_recorded(host: Host) -> None:
+    await heard(host)
+    host.orders[TICK_NS] = lambda: host.log.append("agent transmits")
+    host.ask("radio", radio_goal(on=False))
+    assert host.tick(TICK_NS) == [
+        "input radio",
+        "radio off at 50 ms",
+        "operator hears of radio: accepted",
+        "operator hears of radio: result",
+        "agent at 50 ms",
+        "agent sees LOITER at 50 ms",
+        "agent ticks",
+        "agent transmits",
+        "agent transmits afterwards",
+        "answer 50 ms",
+    ]
+    assert host.inputs == [RecordedInput.command(TICK_NS, "radio", radio_goal(on=False))]
+    host.node.repeat([RecordedInput.command(2 * TICK_NS, "radio", radio_goal(on=True))])
+    assert host.tick(2 * TICK_NS)[:2] == ["input radio", "radio on at 100 ms"]
+
+
+async def test_a_switch_that_says_neither_on_nor_off_is_refused(host: Host) -> None:
+    await heard(host)
+    host.ask("radio")
+    assert host.tick(TICK_NS)[:2] == [
+        "input radio",
+        'operator hears of radio: result radio: arguments have to be {"on": true} or {"on": false}',
+    ]
+
+
+async def test_an_agent_has_no_command_for_its_radio(host: Host) -> None:
+    await heard(host)
+    host.orders[TICK_NS] = lambda: host.command("radio", radio_goal(on=False))
+    happened = [*host.tick(TICK_NS), *host.tick(2 * TICK_NS)]
+    assert not any("radio off" in each for each in happened)
+    (told,) = [each for each in happened if each.startswith("agent hears of radio")]
+    assert "'radio' is none of arm, disarm" in told

@@ -76,6 +76,11 @@ def test_more_than_the_bit_rate_is_warned_of() -> None:
     assert f"{share:.3g} times what the radio's bit rate carries" in warning
 
 
+def test_an_outage_after_the_end_is_warned_of() -> None:
+    late = TEXT.replace("radio: {preset", "radio_off: [{from_s: 5, to_s: 60}, {from_s: 60}], radio: {preset")
+    assert "node 9: its radio goes off at 60 s" in plan_of(parse_scenario(late, "late.yaml")).warnings[-1]
+
+
 def test_a_package_longer_than_the_mtu_is_warned_of() -> None:
     (warning,) = plan_of(parse_scenario(TEXT, "planned.yaml")).warnings
     assert warning.startswith(f"node 9: its data package has {HOLDS_BYTES} bytes, more than mtu_bytes")

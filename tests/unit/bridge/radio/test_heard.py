@@ -90,7 +90,7 @@ def test_links_have_the_latest_figures_and_the_counts() -> None:
     for seq in range(3):
         send(core, "0", seq)
     picture.take(core.settle().receptions)
-    links = picture.links(9, core.ledger)
+    links = picture.links(9, core.ledger, core.radios_off(9))
     names = [(links.node[tx], links.node[rx]) for tx, rx in zip(links.tx, links.rx, strict=True)]
     assert names == [("0", "1"), ("0", "2"), ("0", "gcs")]
     assert list(links.sent) == [3, 3, 3]

@@ -161,3 +161,37 @@ def test_packets_of_a_tick_are_settled_in_one_order_whoever_was_first() -> None:
         assert fates(core, core.settle()) == []
     assert orders[0] == orders[1]
     assert len(orders[0]) == 6
+
+
+def test_a_radio_that_an_operator_switches_is_off_from_that_tick_on() -> None:
+    core = virtual_radio(nodes=("0", "1", "2"))
+    for tick, on in enumerate((None, False, None, True)):
+        place(core, tick * TICK_NS, n0=0.0, n1=1.0, n2=2.0)
+        if on is not None:
+            core.on_switch("1", tick * TICK_NS, on=on)
+        send(core, "0", tick, tick * TICK_NS)
+        send(core, "1", tick, tick * TICK_NS)
+    assert [node for node, off in zip(core.nodes, core.radios_off(2 * TICK_NS), strict=True) if off] == ["1"]
+    found = fates(core, core.settle())
+    lost = [(tx, rx, seq) for tx, rx, seq, fate in found if fate == "radio_off"]
+    assert lost == [(tx, rx, tick) for tick in (1, 2) for tx, rx in (("0", "1"), ("1", "0"), ("1", "2"))]
+    assert {fate for *_, fate in found if fate != "radio_off"} == {"delivered"}
+    assert core.ledger.account("1", "2").lost == {"radio_off": 2}
+    core.finish()
+
+
+def test_what_is_too_long_for_a_radio_is_so_while_it_is_off() -> None:
+    core = virtual_radio()
+    place(core, 0, n0=0.0, n1=1.0)
+    core.on_switch("0", 0, on=False)
+    send(core, "0", payload=bytes(MTU_BYTES + 1))
+    core.finish()
+    assert core.ledger.account("0", "1").lost == {"too_long": 1}
+
+
+def test_a_switch_of_nobody_or_of_another_time_is_refused() -> None:
+    core = virtual_radio()
+    core.on_switch("9", 0, on=False)
+    core.on_switch("0", 1 << 62, on=False)
+    assert core.refused == {Refused.UNKNOWN_NODE: 1, Refused.MALFORMED: 1}
+    assert not core.radios_off(1 << 62).any()

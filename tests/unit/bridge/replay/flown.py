@@ -5,19 +5,23 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.bus.keys import Address
-from bridge.bus.messages import Header, Quaternion, Truth, Vector3
+from bridge.bus.messages import CommandGoal, Header, Quaternion, Truth, Vector3
+from bridge.bus.radio_command import RADIO, RadioMistake, is_on
 from bridge.bus.session import Stamp
 from bridge.physics.truth_table import TruthColumns
 from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import Settled, VirtualRadio
 from bridge.record import names
+from bridge.record.inputs import InputWriter, RecordedInput
 from bridge.record.pack import pack_streams
 from bridge.record.packets import SentPacket, encode_packet
+from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.parquet import finish_tables
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
@@ -98,13 +102,15 @@ class Router:
         radios = radios_of(scenario)
         stations = scenario.stations
         self.judge = Judge(len(stations))
-        medium = Medium(radios, seed=scenario.seed, nodes=stations, judge=self.judge)
+        switches = switches_of(scenario)
+        medium = Medium(radios, seed=scenario.seed, nodes=stations, judge=self.judge, switches=switches)
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self.core = VirtualRadio(medium, Ring(stations, tick_period_ns=TICK_NS), mtu_bytes)
         self.nodes = stations
         self.truth = TruthColumns(path, stations)
         self.rows = DeliveryColumns(path, stations)
         self.streams = {node: StreamWriter(names.packets(node).path(path)) for node in stations}
+        self.inputs: dict[str, InputWriter] = {}
         self.seq = dict.fromkeys(stations, 0)
 
     def tick(self, sim_time_ns: int, truths: Sequence[Truth], sent: Sequence[Sent]) -> Settled:
@@ -121,6 +127,14 @@ class Router:
         settled = self.core.settle()
         self._write(settled)
         return settled
+
+    def command(self, node: str, sim_time_ns: int, verb: str, goal: CommandGoal) -> None:
+        """An operator's command comes to a node, and is recorded; the radio is told if it switches its radio."""
+        writer = self.inputs.setdefault(node, InputWriter(names.inputs_path(self.run.path, node)))
+        writer.write(RecordedInput.command(sim_time_ns, verb, goal))
+        if verb == RADIO:
+            with suppress(RadioMistake):
+                self.core.on_switch(node, sim_time_ns, on=is_on(goal))
 
     def _send(self, packet: Sent, sim_time_ns: int) -> None:
         self.seq[packet.node] += packet.lost
@@ -144,6 +158,8 @@ class Router:
             self._write(self.core.finish())
         self.rows.close()
         self.truth.close()
+        for inputs in self.inputs.values():
+            inputs.close()
         for stream in self.streams.values():
             stream.close()
         if not killed:

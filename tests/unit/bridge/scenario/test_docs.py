@@ -51,6 +51,12 @@ def test_what_extends_is_right() -> None:
     assert it.radio == "wifi-2.4"
 
 
+def test_the_outages_are_right() -> None:
+    first = "nodes:\n      - {id: 0, agent: {type: hold, altitude_m: 40}}\n      - {id: 1, radio_off"
+    it = parse_scenario(HEAD + block(first), "docs")
+    assert [(each.from_s, each.to_s) for each in it.ua[1].radio_off] == [(20, 30), (90, None)]
+
+
 def test_the_groups_are_right() -> None:
     it = parse_scenario(HEAD + block("nodes:\n      - id: 0"), "docs")
     assert len(it.ua) == 20

@@ -41,6 +41,41 @@ def test_roles_follow_from_kind_and_agent() -> None:
     assert [ua.node for ua in it.ua] == ["0", "1"]
 
 
+def test_outages_of_a_radio_follow_each_other() -> None:
+    it = scenario(
+        "{id: gcs, kind: ground, radio_off: [{from_s: 2.5, to_s: 3}, {from_s: 3}], agent: {type: still}}"
+    )
+    assert [(each.from_ns, each.to_ns) for each in it.ground[0].radio_off] == [
+        (2_500_000_000, 3_000_000_000),
+        (3_000_000_000, None),
+    ]
+    assert it.ua[0].radio_off == ()
+    assert Scenario.from_yaml(it.to_yaml()) == it
+
+
+@pytest.mark.parametrize(
+    ("outages", "key", "says"),
+    [
+        ("[{from_s: 2, to_s: 2}]", "nodes.1.radio_off", "to_s 2: has to be above from_s, 2"),
+        ("[{from_s: 2}, {from_s: 3}]", "nodes.1.radio_off", "from_s 3: has to be at or after to_s"),
+        ("[{from_s: 2, to_s: 5}, {from_s: 3}]", "nodes.1.radio_off", "from_s 3: has to be at or after to_s"),
+        ("[{to_s: 3}]", "nodes.1.radio_off.0.from_s", "is required"),
+        ("[{from_s: -1}]", "nodes.1.radio_off.0.from_s", "greater than or equal to 0"),
+        ("[{from_s: 1, until_s: 3}]", "nodes.1.radio_off.0.until_s", "from_s, to_s"),
+    ],
+)
+def test_outages_that_cannot_be_are_refused(outages: str, key: str, says: str) -> None:
+    for node in ("id: gcs, kind: ground", "id: 1"):
+        text = mistake(f"{{{node}, radio_off: {outages}, agent: {{type: still}}}}")
+        assert f"{key}:" in text
+        assert says in text
+
+
+def test_an_emitter_has_no_radio_to_switch() -> None:
+    emitter = "{id: jam, kind: emitter, frequency_hz: 2.4e+9, power_dbm: 3, radio_off: [{from_s: 1}]}"
+    assert "nodes.1.radio_off: unknown key" in mistake(emitter)
+
+
 def test_what_is_read_back_is_the_same() -> None:
     it = scenario(
         "{id: gcs, kind: ground, place: {north_m: 7}, radio: corrected, agent: {type: free}}",

@@ -9,12 +9,15 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from bridge.bus.messages import CommandGoal
+from bridge.bus.radio_command import radio_goal
 from bridge.radio.deliveries import FATES
 from bridge.record.tables.parquet import finish_tables
 from bridge.record.tables.schema import DELIVERIES
 from bridge.replay.anew.redecide import Redecision, redecide
 from bridge.replay.anew.rewrite import write_deliveries
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import RadioOutage
 from channel.presets import preset_names
 from tests.unit.bridge.replay.flown import TICK_NS, Router, Sent, everybody, flown, scenario_of, truths
 
@@ -201,3 +204,54 @@ def test_what_cannot_be_decided_is_said(tmp_path: Path) -> None:
         redecide(run)
     with pytest.raises(OSError, match=r"scenario\.yaml"):
         redecide(tmp_path)
+
+
+OFF_TICKS = {"1": [(20, 35), (50, 60)], "gcs": [(10, 30)]}
+"""By node, the ticks in which its radio is off: from, and up to."""
+
+
+def with_outages(path: Path, radio: str) -> Path:
+    """An operator switches node 1's radio, the scenario that of the ground node; one command says neither."""
+    scenario = scenario_of(radio, NODES, seed=4)
+    off = RadioOutage(from_s=10 * TICK_NS / 1e9, to_s=30 * TICK_NS / 1e9)
+    nodes = tuple(
+        n.model_copy(update={"radio_off": (off,)}) if n.node == "gcs" else n for n in scenario.nodes
+    )
+    router = Router(path, scenario.model_copy(update={"nodes": nodes}))
+    said = {20: radio_goal(on=False), 35: radio_goal(on=True), 50: radio_goal(on=False), 55: CommandGoal()}
+    said[60] = radio_goal(on=True)
+    for number in range(80):
+        if number in said:
+            router.command("1", number * TICK_NS, "radio", said[number])
+        if number == 40:
+            router.command("1", number * TICK_NS, "rtl", CommandGoal())
+        router.tick(number * TICK_NS, truths(scenario, number, (), 0.5), everybody(NODES)(number))
+    return router.close()
+
+
+def lost_by_outage(result: Redecision, side: str) -> set[tuple[str, str, int]]:
+    columns = getattr(result, side).columns
+    rows = np.flatnonzero(columns["fate"] == FATES.index("radio_off"))
+    ends = ([NODES[i] for i in columns[name][rows]] for name in ("tx", "rx"))
+    return set(zip(*ends, (columns["sim_time_ns"][rows] // TICK_NS).tolist(), strict=True))
+
+
+@pytest.mark.parametrize("radio", [None, "wifi-2.4", "perfect"])
+def test_radios_that_were_off_stay_off_whatever_the_radio(radio: str | None, tmp_path: Path) -> None:
+    run = with_outages(tmp_path / "run", "moon2020")
+    result = redecide(run, radio=radio)
+    expected = {
+        (tx, rx, tick)
+        for tx in NODES
+        for rx in NODES
+        for tick in range(80)
+        if tx != rx
+        and any(first <= tick < last for end in (tx, rx) for first, last in OFF_TICKS.get(end, ()))
+    }
+    assert lost_by_outage(result, "before") == lost_by_outage(result, "after") == expected
+    assert sum(link.lost_after.get("radio_off", 0) for link in result.comparison.links) == len(expected)
+    binned = sum(b.sent_before for b in result.comparison.bins)
+    assert binned == sum(b.sent_after for b in result.comparison.bins) == 80 * 12 - len(expected)
+    assert result.comparison.is_same is (radio is None)
+    if radio is None:
+        assert is_byte_for_byte(result, tmp_path)
