@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Fates, Links, Message, Truth, Truths
 from bridge.dashboard.link_history import LinkHistory
+from bridge.dashboard.logged import Logged
 from bridge.dashboard.losses import Losses
 from bridge.scenario.model import Scenario
 
@@ -38,6 +39,15 @@ class NodeInfo:
     """Whether a host of the run has it; a ground node without an agent of ours has none."""
 
 
+@dataclass(frozen=True, slots=True)
+class EmitterInfo:
+    """An RF emitter as the scenario has it."""
+
+    id: str
+    frequency_hz: float
+    power_dbm: float
+
+
 @dataclass(slots=True)
 class NodeNews:
     """What a node told last.
@@ -45,12 +55,10 @@ class NodeNews:
     Attributes:
         state: of its autopilot; None before the first.
         agent: what its agent said of itself.
-        logged: by name, what its agent logged last, and when (ns of sim time).
     """
 
     state: AircraftState | None = None
     agent: AgentStatus | None = None
-    logged: dict[str, tuple[int, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +76,17 @@ class FleetView:
     Args:
         nodes: all nodes, in the order of their indices.
         duration_s: sim time at which the run ends at the latest.
+        emitters: of the scenario.
     """
 
-    def __init__(self, nodes: Sequence[NodeInfo], duration_s: float) -> None:
+    def __init__(
+        self, nodes: Sequence[NodeInfo], duration_s: float, emitters: Sequence[EmitterInfo] = ()
+    ) -> None:
         self.nodes = tuple(nodes)
+        self.emitters = tuple(emitters)
         self.duration_s = duration_s
         self.index = {node.id: number for number, node in enumerate(self.nodes)}
+        self._emitter_index = {emitter.id: number for number, emitter in enumerate(self.emitters)}
         self.times_forgotten = 0
         """How often all was forgotten: whoever shows what is new begins anew then."""
         self._begin()
@@ -83,6 +96,7 @@ class FleetView:
         self.is_over = False
         self.links = LinkHistory(len(self.nodes))
         self.losses = Losses(len(self.nodes))
+        self.logged = Logged(tuple(self.index))
         self.news = {node.id: NodeNews() for node in self.nodes}
         self.lines: deque[NewsLine] = deque(maxlen=NEWS_KEPT)
         self.lines_told = 0
@@ -94,6 +108,7 @@ class FleetView:
         self.velocity_ned_mps: Floats = np.full(shape, np.nan)
         self.wind_ned_mps: Floats = np.full(shape, np.nan)
         self.heading_rad: Floats = np.full(len(self.nodes), np.nan)
+        self.emitter_position_ned_m: Floats = np.full((len(self.emitters), 3), np.nan)
         self.trail: deque[Floats] = deque(maxlen=TRAIL_POINTS)
         """Positions of all nodes, every TRAIL_PERIOD_NS."""
         self.trail_points = 0
@@ -126,11 +141,6 @@ class FleetView:
         elif type(message) in self._handlers:
             self._handlers[type(message)](message)
 
-    def take_logged(self, node: str, name: str, sim_time_ns: int, value: Any) -> None:
-        """Take what an agent logged under a name."""
-        if node in self.news:
-            self.news[node].logged[name] = (sim_time_ns, value)
-
     def tell(self, node: str, text: str) -> None:
         """Add a line to what was said."""
         self.lines.append(NewsLine(self.sim_time_ns, node, text))
@@ -162,8 +172,11 @@ class FleetView:
     def _take_truths(self, truths: Truths) -> None:
         for truth in truths.truth:
             number = self.index.get(truth.header.frame_id)
+            emitter = self._emitter_index.get(truth.header.frame_id)
             if number is not None:
                 self._take_truth(number, truth)
+            elif emitter is not None:
+                self.emitter_position_ned_m[emitter] = truth.position_ned_m.xyz
         now_ns = truths.header.stamp.ns
         if now_ns - self._trail_ns >= TRAIL_PERIOD_NS:
             self._trail_ns = now_ns
@@ -202,4 +215,5 @@ def view_of(scenario: Scenario) -> FleetView:
         for node in scenario.ground
     ]
     order = {node: number for number, node in enumerate(scenario.stations)}
-    return FleetView(sorted(nodes, key=lambda node: order[node.id]), scenario.duration_s)
+    emitters = [EmitterInfo(each.node, each.frequency_hz, each.power_dbm) for each in scenario.emitters]
+    return FleetView(sorted(nodes, key=lambda node: order[node.id]), scenario.duration_s, emitters)

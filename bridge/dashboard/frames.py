@@ -2,7 +2,7 @@
 
 A snapshot has everything; a frame has what changes: positions (dm, NED), headings (1/1000 rad), winds (cm/s, NED), the
 new points of the trail, losses, which nodes' radios are off, and with each new report the probability of delivery of
-each link (percent; -1: none).
+each link (percent; -1: none). Emitters, estimates and plans: `marks`.
 """
 
 from __future__ import annotations
@@ -11,12 +11,10 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bridge.dashboard.fleet_view import FleetView
-
-UNKNOWN = -(2**31)
-"""Stands for a number that is not known."""
+from bridge.dashboard.marks import Marks
+from bridge.dashboard.whole import whole
 
 
 class Frames:
@@ -28,6 +26,7 @@ class Frames:
 
     def __init__(self, view: FleetView) -> None:
         self._view = view
+        self._marks = Marks(view)
         self.number = 0
         self._begin()
 
@@ -35,6 +34,7 @@ class Frames:
         self._forgotten = self._view.times_forgotten
         self._trail_points = self._view.trail_points
         self._reports, self._links = -1, 0
+        self._marks.begin()
 
     def begins_anew(self) -> bool:
         """Whether the picture was begun anew since the last call: then every viewer needs a snapshot."""
@@ -54,6 +54,7 @@ class Frames:
             "links": self._pairs(),
             "quality": self._quality(),
             **self._moving(),
+            **self._marks.all(),
         }
         return json.dumps(content, separators=(",", ":"))
 
@@ -68,7 +69,12 @@ class Frames:
         self.number += 1
         new = min(view.trail_points - self._trail_points, len(view.trail))
         self._trail_points = view.trail_points
-        content: dict[str, Any] = {"type": "frame", "number": self.number, **self._moving()}
+        content: dict[str, Any] = {
+            "type": "frame",
+            "number": self.number,
+            **self._moving(),
+            **self._marks.changes(),
+        }
         if new:
             content["trail"] = [whole(points, 10.0) for points in list(view.trail)[-new:]]
         if view.links.reports != self._reports:
@@ -100,12 +106,3 @@ class Frames:
     def _quality(self) -> list[int]:
         tx, rx = self._view.links.pairs()
         return whole(self._view.links.probability[tx, rx], 100.0, unknown=-1)
-
-
-def whole(values: NDArray[Any], scale: float, unknown: int = UNKNOWN) -> list[int]:
-    """``values`` times ``scale`` as whole numbers, row by row."""
-    flat = np.rint(np.asarray(values, dtype=np.float64).ravel() * scale)
-    numbers: list[int] = (
-        np.where(np.isfinite(flat), np.clip(flat, -2e9, 2e9), unknown).astype(np.int64).tolist()
-    )
-    return numbers

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 from collections.abc import Callable
-from typing import Any
 
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
@@ -22,12 +20,16 @@ from bridge.bus.messages import (
     Truths,
     decode,
 )
-from bridge.bus.session import Sample, Session
+from bridge.bus.session import Sample, Session, Stamp
+from bridge.dashboard import logged_queue
 from bridge.dashboard.fleet_view import FleetView
+from bridge.dashboard.logged_queue import LoggedQueue
 from bridge.run.access import Access
 
 WAITING_MAX = 4_000
 """Samples that may wait to be taken; the oldest give way."""
+LOGGED_PERIOD_S = 0.1
+"""How often what agents logged is read, by wall time."""
 log = logging.getLogger("view")
 
 
@@ -45,6 +47,8 @@ class LiveSource:
         self._inbox: Inbox[tuple[Callable[[Sample], None], Sample]] = Inbox(
             asyncio.get_running_loop(), self._dispatch, limit=WAITING_MAX
         )
+        self._logged = LoggedQueue([node.id for node in view.nodes])
+        self._reading: asyncio.Task[None] | None = None
         self._base: Session | None = None
         self._close: Session | None = None
         self._changing = asyncio.Lock()
@@ -71,6 +75,8 @@ class LiveSource:
         self._subscribe(session, keys.tick("links"), Links)
         self._subscribe(session, keys.agent("*"), AgentStatus)
         self._subscribe(session, keys.clock_end, Header)
+        session.subscribe(keys.logged("*", "*"), self._push_logged)
+        self._reading = asyncio.create_task(self._read_logged(), name="logged")
         loop = asyncio.get_running_loop()
         tokens: Inbox[bool] = Inbox(loop, self._router_came_or_went)
         session.watch_alive(keys.alive("router"), lambda _, is_alive: tokens.push(is_alive))
@@ -91,13 +97,12 @@ class LiveSource:
         self._subscribe(session, keys.tick("truths"), Truths)
         self._subscribe(session, keys.tick("fates"), Fates)
         self._subscribe(session, keys.state("*"), AircraftState)
-        session.subscribe(
-            f"{keys.prefix}/node/*/log/**", lambda sample: self._inbox.push((self._take_logged, sample))
-        )
 
     async def close(self) -> None:
         """Leave."""
         await self.look(closely=False)
+        if self._reading is not None:
+            self._reading.cancel()
         if self._base is not None:
             await asyncio.to_thread(self._base.close)
 
@@ -121,9 +126,19 @@ class LiveSource:
         else:
             self._view.take(message, self._keys.node_of(key) if "/node/" in key else "")
 
-    def _take_logged(self, sample: Sample) -> None:
-        node, _, name = str(sample.key_expr)[len(self._keys.prefix) + 6 :].partition("/log/")
-        self._view.take_logged(node, name, self._view.sim_time_ns, readable(sample.payload.to_bytes()))
+    def _push_logged(self, sample: Sample) -> None:
+        """Called by Zenoh's threads."""
+        key, stamp = str(sample.key_expr), Stamp.from_sample(sample)
+        if stamp is not None:
+            name = key.rpartition("/")[2]
+            payload = sample.payload.to_bytes()
+            self._logged.push(logged_queue.Sample(self._keys.node_of(key), name, stamp.sim_time_ns, payload))
+
+    async def _read_logged(self) -> None:
+        while True:
+            await asyncio.sleep(LOGGED_PERIOD_S)
+            for item in self._logged.read():
+                self._view.logged.take(item.node, item.name, item.sim_time_ns, item.value)
 
     def _router_came_or_went(self, is_alive: bool) -> None:
         if not is_alive:
@@ -132,11 +147,3 @@ class LiveSource:
     def _end(self) -> None:
         self._view.end()
         self.over.set()
-
-
-def readable(payload: bytes) -> Any:
-    """What an agent logged, as JSON says it, or the start of its bytes."""
-    try:
-        return json.loads(payload)
-    except ValueError:
-        return payload[:32].hex()

@@ -9,6 +9,7 @@ import asyncio
 import math
 from collections.abc import Callable
 
+from bridge.bus.messages import AgentStatus
 from bridge.dashboard.fleet_view import TRAIL_PERIOD_NS, FleetView
 from bridge.replay.moment import Moment
 from bridge.replay.player import Player
@@ -41,7 +42,7 @@ class RecordSource:
         self._from_ns, self._from_s = player.begin_ns, clock()
         self._trail_ns = -TRAIL_PERIOD_NS
         self._states_due_s = 0.0
-        self._states_are_lost = False
+        self._states_are_lost = self._logged_is_lost = False
 
     # What viewers do.
 
@@ -147,6 +148,7 @@ class RecordSource:
                 view.take(moment.links())
             for event in moment.events():
                 view.tell(event.node, event.text)
+            self._take_logged(moment)
         if not in_a_hurry or moment.sim_time_ns - self._trail_ns >= TRAIL_PERIOD_NS:
             self._trail_ns = moment.sim_time_ns
             view.take(moment.truths())
@@ -167,6 +169,19 @@ class RecordSource:
         except (OSError, ValueError) as error:
             self._states_are_lost = True
             self._view.tell("", f"the states of autopilots cannot be read: {error}")
+
+    def _take_logged(self, moment: Moment) -> None:
+        if self._logged_is_lost:
+            return
+        try:
+            for node, sim_time_ns, item in moment.logged():
+                if isinstance(item, AgentStatus):
+                    self._view.take(item, node)
+                else:
+                    self._view.logged.take(node, item.name, sim_time_ns, item.value)
+        except (OSError, ValueError) as error:
+            self._logged_is_lost = True
+            self._view.tell("", f"what agents logged cannot be read: {error}")
 
     def _tell_clock(self) -> None:
         moment = self._player.now

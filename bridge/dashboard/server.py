@@ -96,7 +96,13 @@ class ViewServer:
             Page(self._shown)
 
         ui.run_with(
-            app, title="lostlink", dark=None, language="en-US", tailwind=False, show_welcome_message=False
+            app,
+            title="lostlink",
+            dark=None,
+            language="en-US",
+            tailwind=False,
+            show_welcome_message=False,
+            reconnect_timeout=RECONNECT_S,
         )
         return app
 

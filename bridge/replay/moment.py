@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bridge.bus.messages import (
+    AgentStatus,
     AircraftState,
     Clock,
     CommunicationMatrix,
@@ -24,6 +25,7 @@ from bridge.bus.reception import attachment
 from bridge.bus.session import Stamp
 from bridge.radio.picture import Row, fates_message
 from bridge.record.events import RunEvent
+from bridge.record.logged import LoggedValue
 from bridge.replay.decisions import Decisions
 from channel.medium.reception import DELIVERED
 
@@ -170,5 +172,21 @@ class Moment:
 
     def events(self) -> list[RunEvent]:
         """What the run's processes reported between the tick before and this one."""
-        before_ns = self._at.ticks_ns[self._tick - 1] if self._tick else -1
-        return [e for e in self._at.events if before_ns < e.sim_time_ns <= self.sim_time_ns]
+        return [e for e in self._at.events if self._before_ns < e.sim_time_ns <= self.sim_time_ns]
+
+    def logged(self) -> list[tuple[str, int, LoggedValue | AgentStatus]]:
+        """What agents logged and said of their work since the tick before: node, sim time in ns, and what.
+
+        Raises:
+            ValueError, OSError: what an agent logged is damaged or cannot be read.
+        """
+        return [
+            (node, *item)
+            for node, logged in self._at.logged.items()
+            for item in logged.between(self._before_ns, self.sim_time_ns)
+        ]
+
+    @property
+    def _before_ns(self) -> int:
+        """The tick before."""
+        return int(self._at.ticks_ns[self._tick - 1]) if self._tick else -1

@@ -22,6 +22,7 @@ from bridge.record.events import RunEvent, read_reports
 from bridge.record.radio_switches import switches_of
 from bridge.record.tables.schema import TRUTH
 from bridge.replay.decisions import Decisions
+from bridge.replay.logged import NodeLogged
 from bridge.replay.moment import Moment
 from bridge.replay.positions import Positions
 from bridge.replay.sent import SentPackets
@@ -169,6 +170,11 @@ class Player:
     def states(self) -> dict[str, NodeStates]:
         """The states of each UA."""
         return {ua.node: NodeStates(self.run, ua.node, ua.sysid) for ua in self.scenario.ua}
+
+    @cached_property
+    def logged(self) -> dict[str, NodeLogged]:
+        """What the agent of each node logged."""
+        return {node: NodeLogged(self.run, node) for node in self.nodes}
 
     @cached_property
     def events(self) -> tuple[RunEvent, ...]:

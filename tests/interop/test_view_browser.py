@@ -20,11 +20,12 @@ from playwright.sync_api import Browser, Error, expect
 
 from benchmarks.browser import chromium, open_browser
 from bridge.bus.keys import Keys
+from bridge.record.logged import LoggedValue
 from tests.integration.bridge.conftest import Run, StartRun, start_run  # noqa: F401
 from tests.integration.bridge.test_view import address_of
 from tests.integration.bridge.view import serving
 from tests.interop.view_page import ViewPage
-from tests.unit.bridge.replay.flown import flown, rails, scenario_of
+from tests.unit.bridge.replay.flown import Said, flown, rails, scenario_of
 
 OUT = """\
 schema: 1
@@ -91,6 +92,57 @@ def is_on_rails(words: dict[str, Any]) -> bool:
     ways = [rails(number, words["time"]) for number in range(3)]
     places = [node["place"] or (math.inf,) * 3 for node in words["nodes"]]
     return all(math.dist(p, (n, e, -d)) < 0.3 for p, (n, e, d) in zip(places, ways, strict=True))
+
+
+def mission(tick: int) -> list[Said]:
+    """UA 1 estimates and plans once a second."""
+    if tick % 20:
+        return []
+    estimate = {"north_m": 20.0, "east_m": 30.0, "covariance_m2": [400.0, 0.0, 100.0], "readings": tick}
+    plan = {"north_m": [0.0, 100.0, 80.0], "east_m": [0.0, 50.0, 90.0]}
+    bad = {"north_m": "<b>x</b>", "east_m": math.nan, "covariance_m2": [math.inf, 0.0, 1.0]}
+    said = {"estimate.beacon": estimate, "plan": plan, "bad": bad}
+    return [("1", LoggedValue(name, value)) for name, value in said.items()]  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_a_mission_is_seen(browser: Browser, tmp_path: Path) -> None:
+    scenario = scenario_of("moon2020", ("0", "1"), emitters=("beacon",))
+    with serving(flown(tmp_path / "made", scenario, ticks=200, log=mission)) as view:
+        seen = ViewPage(browser, view.address)
+        page = seen.page
+        page.get_by_role("button", name="Pause").click()
+        slider = page.get_by_role("slider", name="Sim time")
+        slider.focus()
+        page.keyboard.press("End")
+        seen.wait("the end", lambda: seen.words()["time"] == pytest.approx(9.95))
+        expect(page.get_by_role("region", name="Emitters").get_by_role("cell", name="433.92")).to_be_visible()
+        words = seen.words()
+        assert [emitter["id"] for emitter in words["emitters"]] == ["beacon"]
+        north, east, down = rails(2, 9.95)
+        assert words["emitters"][0]["place"] == pytest.approx([north, east, -down], abs=0.06)
+        shapes = {shape["name"]: shape for shape in words["shapes"]}
+        assert shapes["estimate.beacon"]["ellipse"] == [200, 300, 490, 245, 0]  # 2.448 times 20 m and 10 m
+        assert shapes["plan"]["line"] == [0, 0, 1000, 500, 800, 900]
+        assert set(shapes) == {"estimate.beacon", "plan"}
+        seen.open("Logged")
+        page.get_by_role("combobox", name="node").click()
+        page.get_by_role("option", name="UA 1").click()
+        row = page.get_by_role("region", name="Logged values").get_by_role("row", name="estimate.beacon")
+        expect(row).to_contain_text("9.00")
+        expect(row).to_contain_text("readings 180")
+        expect(row).to_contain_text("ellipse, 95 %: 97.9 x 49.0 m")
+        expect(page.get_by_role("region", name="Logged values")).to_contain_text("<b>x</b>")
+        page.get_by_role("combobox", name="chart of").click()
+        page.get_by_role("option", name="estimate.beacon: readings").click()
+        label = "Logged number over sim time"
+        points = [[second, 20 * second] for second in range(10)]
+        seen.wait("the chart", lambda: seen.chart(label).get("UA 1") == points)
+        assert seen.pixels() > 100
+        page.get_by_role("checkbox", name="estimates, plans").click()
+        seen.wait("no shapes", lambda: seen.pixels() == 0)
+        assert seen.hosts == {"127.0.0.1"}
+        assert not seen.errors
 
 
 @pytest.mark.slow

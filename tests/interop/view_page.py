@@ -64,3 +64,15 @@ class ViewPage:
         number = (self.canvas.get_attribute("id") or "")[1:]
         rgba = self.page.evaluate(f"Array.from(getElement({number}).g.getImageData({x}, {y}, 1, 1).data)")
         return tuple(rgba[:3])
+
+    def pixels(self) -> int:
+        """How many pixels of the map have the colour in which it draws what UA 1 logs."""
+        number = (self.canvas.get_attribute("id") or "")[1:]
+        script = f"""() => {{
+            const g = getElement({number}).g, {{ width, height }} = g.canvas;
+            const data = g.getImageData(0, 0, width, height).data, is = (i) => data[i] === 217 && data[i + 1] === 95;
+            let found = 0;
+            for (let i = 0; i < data.length; i += 4) found += is(i);
+            return found;
+        }}"""
+        return int(self.page.evaluate(script))

@@ -45,21 +45,21 @@ class ModelCurve:
 
 def link_chart(series: LinkSeries, look: Look) -> Options:
     """Power, SNR and delivery of one link over sim time."""
-    thin = _thinned(len(series.time_s))
+    thin = thinned(len(series.time_s))
     time_s = series.time_s[thin]
     rows = (
         ("received power, dBm", [("received power", series.received_power_dbm)]),
         ("SNR, dB", [("SNR", series.snr_db)]),
         ("delivery", [("measured", series.measured), ("model (1 - PER)", series.probability)]),
     )
-    options = _frame(look)
+    options = frame(look)
     options["legend"]["data"] = ["measured", "model (1 - PER)"]
     options |= {"grid": [], "xAxis": [], "yAxis": [], "series": []}
     for row, (name, lines) in enumerate(rows):
         options["grid"].append({"left": 62, "right": 16, "top": f"{8 + 31 * row}%", "height": "21%"})
-        options["xAxis"].append(_axis("", look) | {"gridIndex": row, "min": "dataMin", "max": "dataMax"})
+        options["xAxis"].append(axis("", look) | {"gridIndex": row, "min": "dataMin", "max": "dataMax"})
         options["yAxis"].append(
-            _axis(name, look) | {"gridIndex": row, "scale": row < 2, **_unit_range(row == 2)}
+            axis(name, look) | {"gridIndex": row, "scale": row < 2, **_unit_range(row == 2)}
         )
         for number, (label, values) in enumerate(lines):
             options["series"].append(
@@ -69,7 +69,7 @@ def link_chart(series: LinkSeries, look: Look) -> Options:
                     "showSymbol": False,
                     "xAxisIndex": row,
                     "yAxisIndex": row,
-                    "data": _points(time_s, values[thin]),
+                    "data": points(time_s, values[thin]),
                     "color": SERIES_COLOURS[number],
                     "lineStyle": {"width": 2, "type": "dashed" if number else "solid"},
                 }
@@ -82,18 +82,18 @@ def delivery_chart(bins: DistanceBins, model: ModelCurve, look: Look) -> Options
     """Probability of delivery against distance, measured and by the model: Moon et al. 2020, Fig. 6, as it grows."""
     measured = bins.delivered / np.maximum(bins.sent, 1)
     low, high = proportion_interval(bins.delivered, bins.sent) if bins.sent.size else (measured, measured)
-    options = _frame(look)
+    options = frame(look)
     options |= {
         "grid": {"left": 62, "right": 16, "top": 40, "bottom": 48},
-        "xAxis": _axis("distance, m", look) | {"min": 0},
-        "yAxis": _axis("probability of delivery", look) | _unit_range(True),
+        "xAxis": axis("distance, m", look) | {"min": 0},
+        "yAxis": axis("probability of delivery", look) | _unit_range(True),
         "series": [
             {
                 "name": "measured",
                 "type": "scatter",
                 "symbolSize": 7,
                 "color": SERIES_COLOURS[0],
-                "data": _points(bins.distance_m, measured),
+                "data": points(bins.distance_m, measured),
             },
             _whiskers(bins.distance_m, np.asarray(low), np.asarray(high)),
             {
@@ -102,7 +102,7 @@ def delivery_chart(bins: DistanceBins, model: ModelCurve, look: Look) -> Options
                 "showSymbol": False,
                 "color": SERIES_COLOURS[1],
                 "lineStyle": {"type": "dashed", "width": 2},
-                "data": _points(model.distance_m, model.probability),
+                "data": points(model.distance_m, model.probability),
             },
         ],
     }
@@ -126,12 +126,12 @@ def _whiskers(at: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> Option
 
 def losses_chart(time_s: NDArray[Any], shares: dict[str, NDArray[Any]], look: Look) -> Options:
     """Share of packets that were lost to each cause, over sim time."""
-    thin = _thinned(len(time_s))
-    options = _frame(look)
+    thin = thinned(len(time_s))
+    options = frame(look)
     options |= {
         "grid": {"left": 62, "right": 16, "top": 40, "bottom": 48},
-        "xAxis": _axis("sim time, s", look) | {"min": "dataMin", "max": "dataMax"},
-        "yAxis": _axis("share lost", look) | _unit_range(True),
+        "xAxis": axis("sim time, s", look) | {"min": "dataMin", "max": "dataMax"},
+        "yAxis": axis("share lost", look) | _unit_range(True),
         "series": [
             {
                 "name": cause.replace("_", " "),
@@ -140,7 +140,7 @@ def losses_chart(time_s: NDArray[Any], shares: dict[str, NDArray[Any]], look: Lo
                 "areaStyle": {"opacity": 0.5},
                 "showSymbol": False,
                 "color": CAUSE_COLOURS.get(cause, "#888888"),
-                "data": _points(time_s[thin], share[thin]),
+                "data": points(time_s[thin], share[thin]),
             }
             for cause, share in sorted(shares.items())
         ],
@@ -156,7 +156,7 @@ def matrix_chart(nodes: list[str], share: NDArray[Any], look: Look) -> Options:
         for rx in range(len(nodes))
         if np.isfinite(share[tx, rx])
     ]
-    options = _frame(look, legend=False)
+    options = frame(look, legend=False)
     names = {
         "type": "category",
         "data": nodes,
@@ -205,7 +205,8 @@ STEPS = [
 """From nothing arrives to everything does: red, amber, blue, told apart by the colour-blind, too."""
 
 
-def _frame(look: Look, *, legend: bool = True) -> Options:
+def frame(look: Look, *, legend: bool = True) -> Options:
+    """What all charts have in common."""
     return {
         "animation": False,
         "aria": {"enabled": False},  # it would put its own name in place of the page's
@@ -216,7 +217,8 @@ def _frame(look: Look, *, legend: bool = True) -> Options:
     }
 
 
-def _axis(name: str, look: Look) -> Options:
+def axis(name: str, look: Look) -> Options:
+    """An axis with numbers."""
     return {
         "type": "value",
         "name": name,
@@ -233,13 +235,14 @@ def _unit_range(is_share: bool) -> Options:
     return {"min": 0, "max": 1} if is_share else {}
 
 
-def _thinned(length: int) -> NDArray[np.intp]:
+def thinned(length: int) -> NDArray[np.intp]:
     """Places of at most POINTS_MAX points, evenly; the newest is one of them."""
     step = -(-length // POINTS_MAX) if length else 1
     return np.arange(length - 1, -1, -step)[::-1]
 
 
-def _points(x: NDArray[Any], y: NDArray[Any]) -> list[list[float | None]]:
+def points(x: NDArray[Any], y: NDArray[Any]) -> list[list[float | None]]:
+    """Pairs; None for what is not finite."""
     return [[_short(a), _short(b)] for a, b in zip(x.tolist(), y.tolist(), strict=True)]
 
 

@@ -21,14 +21,17 @@ from bridge.dashboard.page.charts import (
     matrix_chart,
 )
 from bridge.dashboard.page.controls import Controls
+from bridge.dashboard.page.logged_panel import LoggedPanel
+from bridge.dashboard.page.parts import button, chart, set_options, set_rows, table
 from bridge.dashboard.page.scene import Scene
 from bridge.dashboard.page.style import CSS
 from bridge.dashboard.page.tables import (
     AGENT_COLUMNS,
+    EMITTER_COLUMNS,
     FLEET_COLUMNS,
     LOSS_COLUMNS,
-    Rows,
     agent_rows,
+    emitter_rows,
     fleet_rows,
     link_words,
     loss_rows,
@@ -44,6 +47,8 @@ LEGEND = "Colours of links: from red, nothing arrives, to blue, everything does"
 LINES_SHOWN = 100
 MANY_NODES = 12
 """From so many on the map begins with the links of the chosen node alone."""
+SWITCHES = {"trails": "trails", "losses": "losses", "wind": "wind", "shapes": "estimates, plans"}
+"""What of the map can be left out, and what it is called."""
 THEMES = {"auto": "as the system", "light": "light", "dark": "dark"}
 _NODE_BUTTON = """
 <q-td :props="props"><q-btn dense flat no-caps :label="props.value" :aria-pressed="props.row.chosen ? 'true' : 'false'"
@@ -132,18 +137,18 @@ class Page:
             ui.toggle(
                 {"map": "Map", "3d": "3-D"}, value="map", on_change=lambda e: scene.look(e.value)
             ).props('dense no-caps aria-label="View"')
-            _button("Fit", lambda: scene.fit(), "Show the whole fleet")
-            _button("+", lambda: scene.zoom(1.25), "Zoom in")
-            _button("-", lambda: scene.zoom(0.8), "Zoom out")
+            button("Fit", lambda: scene.fit(), "Show the whole fleet")
+            button("+", lambda: scene.zoom(1.25), "Zoom in")
+            button("-", lambda: scene.zoom(0.8), "Zoom out")
             ui.select(
                 {"all": "all links", "selected": "links of the chosen node", "none": "no links"},
                 value=links,
                 on_change=lambda e: scene.show("links", e.value),
             ).props('dense options-dense borderless aria-label="Links"')
-            for what in ("trails", "losses", "wind"):
-                ui.checkbox(what, value=True, on_change=lambda e, what=what: scene.show(what, e.value)).props(
-                    "dense"
-                )
+            for what, label in SWITCHES.items():
+                ui.checkbox(
+                    label, value=True, on_change=lambda e, what=what: scene.show(what, e.value)
+                ).props("dense")
             ui.space()
             with ui.element("span").classes("ll-scale").props(f'role="img" aria-label="{LEGEND}"'):
                 ui.label("delivery 0")
@@ -155,14 +160,17 @@ class Page:
 
     def _build_details(self) -> None:
         with ui.tabs().props('dense no-caps align="left" aria-label="Details"') as tabs:
-            for name in ("Fleet", "Link", "Delivery", "Losses", "Matrix", "Agents"):
+            for name in ("Fleet", "Link", "Delivery", "Losses", "Matrix", "Agents", "Logged"):
                 ui.tab(name)
         self._tabs = tabs
         with ui.tab_panels(tabs, value="Fleet", on_change=lambda _: self.refresh(), animated=False):
             with ui.tab_panel("Fleet"), ui.element("div").classes("ll-tab"):
-                self._fleet = _table("Fleet", FLEET_COLUMNS, "id")
+                self._fleet = table("Fleet", FLEET_COLUMNS, "id")
                 self._fleet.add_slot("body-cell-node", _NODE_BUTTON)
                 self._fleet.on("choose", lambda e: self._choose_node(int(e.args)))
+                self._emitters = (
+                    table("Emitters", EMITTER_COLUMNS, "emitter") if self._view.emitters else None
+                )
                 self._controls = (
                     Controls(self._view, self._shown.operator, lambda: self._node, self._choose_node)
                     if self._shown.operator is not None
@@ -171,14 +179,16 @@ class Page:
             with ui.tab_panel("Link"), ui.element("div").classes("ll-tab"):
                 self._build_link()
             with ui.tab_panel("Delivery"), ui.element("div").classes("ll-tab"):
-                self._delivery = _chart("Probability of delivery against distance, measured and by the model")
+                self._delivery = chart("Probability of delivery against distance, measured and by the model")
             with ui.tab_panel("Losses"), ui.element("div").classes("ll-tab"):
-                self._losses = _chart("Share of packets that were lost to each cause, over sim time")
-                self._causes = _table("Fates of packets", LOSS_COLUMNS, "cause")
+                self._losses = chart("Share of packets that were lost to each cause, over sim time")
+                self._causes = table("Fates of packets", LOSS_COLUMNS, "cause")
             with ui.tab_panel("Matrix"), ui.element("div").classes("ll-tab"):
-                self._matrix = _chart("Share of packets delivered from each node to each other")
+                self._matrix = chart("Share of packets delivered from each node to each other")
             with ui.tab_panel("Agents"), ui.element("div").classes("ll-tab"):
-                self._agents = _table("Agents", AGENT_COLUMNS, "id")
+                self._agents = table("Agents", AGENT_COLUMNS, "id")
+            with ui.tab_panel("Logged"), ui.element("div").classes("ll-tab"):
+                self._logged = LoggedPanel(self._view, self.refresh)
         with (
             ui.element("ol")
             .classes("ll-said")
@@ -201,15 +211,17 @@ class Page:
                 label="to",
                 on_change=lambda e: self._choose_link(self._link[0], e.value),
             ).props("dense options-dense")
-            _button("Swap", self._swap_link, "The other direction of the link")
+            button("Swap", self._swap_link, "The other direction of the link")
         self._words = ui.label().classes("ll-words")
-        self._link_chart = _chart("Received power, SNR and delivery of the link over sim time")
+        self._link_chart = chart("Received power, SNR and delivery of the link over sim time")
 
     # What a viewer does.
 
     def _choose_node(self, number: int) -> None:
         self._node = number
         self._scene.select(number)
+        if number >= 0:
+            self._logged.choose(number)
         if number >= 0 and len(self._view.nodes) > 1 and number not in self._link:
             self._choose_link(number, self._link[0])
         self.refresh()
@@ -238,15 +250,19 @@ class Page:
         self._refresh_said()
         match self._tabs.value:
             case "Fleet":
-                _set_rows(self._fleet, fleet_rows(view, self._node))
+                set_rows(self._fleet, fleet_rows(view, self._node))
                 if self._controls is not None:
                     self._controls.refresh()
+                if self._emitters is not None:
+                    set_rows(self._emitters, emitter_rows(view))
             case "Link":
                 self._words.set_text(link_words(view, *self._link))
             case "Losses":
-                _set_rows(self._causes, loss_rows(view))
+                set_rows(self._causes, loss_rows(view))
             case "Agents":
-                _set_rows(self._agents, agent_rows(view))
+                set_rows(self._agents, agent_rows(view))
+            case "Logged":
+                self._logged.refresh(self._look if charts else None)
         if charts:
             self._refresh_charts()
 
@@ -254,17 +270,17 @@ class Page:
         view = self._view
         match self._tabs.value:
             case "Link":
-                _set_options(self._link_chart, link_chart(view.links.series(*self._link), self._look))
+                set_options(self._link_chart, link_chart(view.links.series(*self._link), self._look))
             case "Delivery":
                 bins = view.links.by_distance()
                 farthest_m = float(bins.distance_m.max()) + 40.0 if bins.distance_m.size else 100.0
-                _set_options(self._delivery, delivery_chart(bins, self._shown.model(farthest_m), self._look))
+                set_options(self._delivery, delivery_chart(bins, self._shown.model(farthest_m), self._look))
             case "Losses":
-                _set_options(self._losses, losses_chart(*view.losses.over_time(), self._look))
+                set_options(self._losses, losses_chart(*view.losses.over_time(), self._look))
             case "Matrix":
                 sent, delivered = view.links.latest("sent"), view.links.latest("delivered")
                 share = delivered / np.where(sent > 0, sent, np.nan)
-                _set_options(self._matrix, matrix_chart([node.id for node in view.nodes], share, self._look))
+                set_options(self._matrix, matrix_chart([node.id for node in view.nodes], share, self._look))
 
     def _status_words(self) -> str:
         clock = self._view.clock
@@ -300,31 +316,3 @@ class Page:
 
 def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;")
-
-
-def _button(text: str, on_click: Callable[[], object], label: str) -> ui.button:
-    return ui.button(text, on_click=on_click).props(
-        f'dense flat no-caps aria-label="{label}" title="{label}"'
-    )
-
-
-def _table(title: str, columns: Rows, key: str) -> ui.table:
-    with ui.element("section").props(f'aria-label="{title}"'):
-        table = ui.table(columns=columns, rows=[], row_key=key)
-    return table.props('dense flat hide-bottom :rows-per-page-options="[0]"')
-
-
-def _chart(label: str) -> ui.echart:
-    return ui.echart({}).classes("ll-chart").props(f'role="img" aria-label="{label}"')
-
-
-def _set_rows(table: ui.table, rows: Rows) -> None:
-    if table.rows != rows:
-        table.rows = rows
-        table.update()
-
-
-def _set_options(chart: ui.echart, options: dict[str, object]) -> None:
-    chart.options.clear()
-    chart.options.update(options)
-    chart.update()

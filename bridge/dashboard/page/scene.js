@@ -1,4 +1,6 @@
 // Map and 3-D view of a fleet on one canvas: an orthographic camera, from above or aslant. Frames come over a WebSocket.
+import { Marks } from "lostlink-marks";
+
 const UNKNOWN = -(2 ** 31), FLASH_MS = 900, FADES = 4, MANY = 12, TRAIL_POINTS = 240, STEPS = 11;
 const nice = (x) => { const p = 10 ** Math.floor(Math.log10(x)); return [1, 2, 5, 10].find((k) => k * p >= x) * p; };
 
@@ -8,9 +10,9 @@ export default {
   props: { label: String, url: String },
   mounted() {
     this.nodes = []; this.trail = []; this.pairs = []; this.quality = []; this.flashes = new Map();
-    this.now = this.before = null;
+    this.now = this.before = null; this.marks = new Marks();
     this.camera = { north: 0, east: 0, up: 0, scale: 1, azimuth: 0, elevation: Math.PI / 2 };
-    this.shown = { trails: true, links: "all", losses: true, wind: true, labels: true };
+    this.shown = { trails: true, links: "all", losses: true, wind: true, labels: true, shapes: true };
     this.selected = -1; this.follow = true; this.dirty = true; this.drawn = 0; this.total = 0; this.frames = 0;
     this.observer = new ResizeObserver(() => { this.dirty = true; });
     this.observer.observe(this.$refs.canvas);
@@ -40,6 +42,7 @@ export default {
       } else if (frame.trail) {
         this.trail = this.trail.concat(frame.trail).slice(-TRAIL_POINTS);
       }
+      this.marks.take(frame);
       if (frame.links) this.pairs = frame.links;
       if (frame.quality) this.quality = frame.quality;
       const at = performance.now();
@@ -61,7 +64,7 @@ export default {
     select(number) { this.selected = number; this.dirty = true; },
     zoom(factor) { this.camera.scale *= factor; this.follow = false; this.dirty = true; },
     fit(closer) {
-      const places = [...this.trail, this.now?.position ?? []].flatMap((p) => this.places(p));
+      const places = [...this.trail, this.now?.position ?? [], this.marks.places].flatMap((p) => this.places(p));
       if (!places.length) return;
       const c = this.camera, size = this.$refs.canvas, box = [Infinity, Infinity, -Infinity, -Infinity];
       const flat = { ...c, scale: 1, north: 0, east: 0, up: 0 };
@@ -171,9 +174,12 @@ export default {
       this.seen = this.nodes.map((_, i) => this.at(i)).map((place) => place && this.project(place));
       this.drawGrid();
       if (this.shown.trails) this.drawTrails();
+      if (this.shown.shapes) this.marks.drawShapes(this);
       if (this.shown.links !== "none") this.drawLinks();
       if (this.shown.losses) this.drawLosses(at);
+      this.marks.drawEmitters(this);
       this.drawNodes();
+      if (this.shown.labels) this.marks.drawLabels(this);
       this.drawCorner();
       this.drawn += 1; this.total += 1;
     },
@@ -184,6 +190,7 @@ export default {
       this.theme = theme;
       this.ink = colour("--ll-ink"); this.faint = colour("--ll-faint"); this.accent = colour("--ll-accent");
       this.bad = colour("--ll-loss"); this.ground = colour("--ll-ground"); this.steps = colour("--ll-steps").split(",");
+      this.nodeColours = colour("--ll-nodes").split(",");
     },
     line(a, b) { this.g.moveTo(a[0], a[1]); this.g.lineTo(b[0], b[1]); },
     drawGrid() {
@@ -260,7 +267,8 @@ export default {
         const place = this.at(i);
         if (!place) return;
         const [x, y] = this.project(place), chosen = i === this.selected;
-        g.strokeStyle = this.ink; g.fillStyle = chosen ? this.accent : this.ink;
+        const others = chosen ? this.accent : this.ink;
+        g.strokeStyle = this.ink; g.fillStyle = this.shown.shapes && this.marks.isDrawnOf(i) ? this.marks.colour(this, i) : others;
         if (aslant && place[2] > 1) {
           g.globalAlpha = 0.35; g.beginPath(); this.line([x, y], this.project([place[0], place[1], 0])); g.stroke(); g.globalAlpha = 1;
         }
@@ -306,6 +314,7 @@ export default {
         links: this.quality.map((percent, i) => ({ tx: this.nodes[this.pairs[2 * i]]?.id, rx: this.nodes[this.pairs[2 * i + 1]]?.id, percent,
           colour: this.steps?.[Math.round((percent / 100) * (STEPS - 1))] })),
         trail: this.trail.length, losses: this.flashes.size, time: this.now?.time, elevation: this.camera.elevation,
+        ...this.marks.words(),
       };
     },
   },

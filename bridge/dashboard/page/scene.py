@@ -1,4 +1,4 @@
-"""The map as an element of NiceGUI: `scene.js` draws it, from frames that it fetches itself."""
+"""The map as an element of NiceGUI: `scene.js` and `marks/` draw it, from frames that the page fetches itself."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ FRAMES_PATH = "/frames"
 LABEL = (
     "Map of the fleet. Arrow keys pan, plus and minus zoom, f shows everything, m is the map and t the 3-D view, "
     "page up and down tilt, home and end turn, n and p choose the next and previous node. "
-    "The table Fleet says the same in words."
+    "The tables Fleet and Logged say the same in words."
 )
 
 
-class Scene(Element, component="scene.js"):
+class Scene(Element, component="scene.js", esm={"lostlink-marks": "marks"}):
     """Map and 3-D view.
 
     Args:
@@ -54,7 +54,9 @@ class Scene(Element, component="scene.js"):
         """Show everything."""
         self.run_method("fit", True)
 
-    def show(self, what: Literal["trails", "links", "losses", "wind", "labels"], value: bool | str) -> None:
+    def show(
+        self, what: Literal["trails", "links", "losses", "wind", "labels", "shapes"], value: bool | str
+    ) -> None:
         """Show something or not; of links: ``all``, ``selected`` or ``none``."""
         self.run_method("show", what, value)
 

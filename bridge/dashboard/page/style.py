@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from bridge.dashboard.page.charts import STEPS
+from bridge.dashboard.page.charts import SERIES_COLOURS, STEPS
 
 _LIGHT: Final = (
     "--ll-ink:#1c2733;--ll-faint:#dde3e9;--ll-accent:#2b7bba;--ll-loss:#b3001b;--ll-ground:#fbfcfd;"
@@ -15,7 +15,8 @@ _DARK: Final = (
     "--ll-panel:#1a2027;--ll-page:#0d1115;--ll-line:#3a444e;--ll-bar:#16222e;"
 )
 CSS: Final = f"""
-body {{ {_LIGHT} --ll-steps:{",".join(STEPS)}; background:var(--ll-page); color:var(--ll-ink); }}
+body {{ {_LIGHT} --ll-steps:{",".join(STEPS)}; --ll-nodes:{",".join(SERIES_COLOURS)};
+  background:var(--ll-page); color:var(--ll-ink); }}
 body.body--dark {{ {_DARK} background:var(--ll-page); }}
 .nicegui-content {{ padding:0; gap:0; }}
 .ll-bar {{ background:var(--ll-bar); color:#fff; padding:6px 14px; gap:16px; align-items:center; flex-wrap:wrap; }}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,27 @@ FLEET_COLUMNS = [
 ]
 AGENT_COLUMNS = [
     {"name": name, "label": label, "field": name, "align": "left"}
-    for name, label in (("node", "node"), ("activity", "its agent"), ("logged", "logs"))
+    for name, label in (("node", "node"), ("activity", "its agent"), ("logged", "values it logged"))
+]
+EMITTER_COLUMNS = [
+    {"name": name, "label": label, "field": name, "align": align}
+    for name, label, align in (
+        ("emitter", "emitter", "left"),
+        ("frequency", "MHz", "right"),
+        ("power", "dBm", "right"),
+        ("north", "north m", "right"),
+        ("east", "east m", "right"),
+        ("height", "height m", "right"),
+    )
+]
+LOGGED_COLUMNS = [
+    {"name": name, "label": label, "field": name, "align": align}
+    for name, label, align in (
+        ("name", "name", "left"),
+        ("time", "sim time s", "right"),
+        ("value", "value", "left"),
+        ("drawn", "drawn as", "left"),
+    )
 ]
 LOSS_COLUMNS = [
     {"name": "cause", "label": "fate", "field": "cause", "align": "left"},
@@ -65,18 +84,47 @@ def _mode_words(state: AircraftState | None, *, is_off: bool) -> str:
     return ", ".join(words) or "-"
 
 
+def emitter_rows(view: FleetView) -> Rows:
+    """A row per RF emitter: what it radiates, and where it is."""
+    rows: Rows = []
+    for emitter, place in zip(view.emitters, view.emitter_position_ned_m.tolist(), strict=True):
+        north, east, down = place
+        rows.append(
+            {
+                "emitter": emitter.id,
+                "frequency": f"{emitter.frequency_hz / 1e6:.6g}",
+                "power": _number(emitter.power_dbm),
+                "north": _number(north),
+                "east": _number(east),
+                "height": _number(-down),
+            }
+        )
+    return rows
+
+
 def agent_rows(view: FleetView) -> Rows:
-    """A row per node: what its agent reports and logs."""
+    """A row per node: what its agent reports, and how many values it logs."""
     return [
         {
             "id": node.id,
             "node": node.title,
             "activity": agent.activity if (agent := view.news[node.id].agent) else "-",
-            "logged": "; ".join(
-                f"{name} = {_text(value)}" for name, (_, value) in sorted(view.news[node.id].logged.items())
-            ),
+            "logged": len(view.logged.latest[node.id]),
         }
         for node in view.nodes
+    ]
+
+
+def logged_rows(view: FleetView, node: str) -> Rows:
+    """A row per name under which a node's agent logged: the newest value."""
+    return [
+        {
+            "name": name,
+            "time": f"{latest.sim_time_ns / 1e9:.2f}",
+            "value": latest.text,
+            "drawn": str(latest.shape or "-"),
+        }
+        for name, latest in sorted(view.logged.latest[node].items())
     ]
 
 
@@ -110,10 +158,3 @@ def link_words(view: FleetView, tx: int, rx: int) -> str:
 
 def _number(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}" if np.isfinite(value) else "-"
-
-
-def _text(value: Any) -> str:
-    text = (
-        f"{value:.4g}" if isinstance(value, float) else value if isinstance(value, str) else json.dumps(value)
-    )
-    return text if len(text) <= 60 else f"{text[:57]}..."

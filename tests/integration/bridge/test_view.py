@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import socket
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,36 @@ from websockets.sync.client import connect
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, decode
 from bridge.bus.session import Sample
-from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+from bridge.dashboard.whole import UNKNOWN
+from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 from tests.integration.bridge.view import View, serving
 from tests.unit.bridge.replay.flown import flown, scenario_of
+
+LOGGER = """\
+import math
+from lostlink import Agent
+
+
+class Logger(Agent):
+    async def fly(self):
+        async for _ in self.every(0.5):
+            place = {"north_m": 6.0, "east_m": 40.0}
+            self.log("estimate.beacon", {**place, "covariance_m2": [100.0, 0.0, 25.0]})
+            self.log("plan", {"north_m": [0.0, 6.0], "east_m": [0.0, 30.0]})
+            self.log("estimate.nowhere", {**place, "covariance_m2": [math.nan, 0.0, 25.0]})
+
+    def on_tick(self, sim_time_ns):
+        for number in range(80):
+            self.log(f"flood-{number}", number)
+"""
+MISSION = (
+    STILL.replace("{{type: still}}", '{{type: own, class: "logger.py:Logger"}}')
+    + """\
+  - {{id: beacon, kind: emitter, place: {{north_m: 140, east_m: 220}}, frequency_hz: 433.92e+6, power_dbm: 18}}
+  - {{id: truck, kind: emitter, frequency_hz: 433.95e+6, power_dbm: 10,
+     track: [{{sim_time_s: 0, east_m: 100}}, {{sim_time_s: 60, east_m: 400}}]}}
+"""
+)
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +88,13 @@ def test_frames_tell_where_everybody_is(view: View) -> None:
     numbers = [frame["number"] for frame in frames]
     assert numbers == list(range(numbers[0], numbers[0] + 3))
     assert len(frames[0]["position"]) == 9
+
+
+def test_a_page_may_be_late_for_long(view: View) -> None:
+    """On a busy machine it answers late: what the server's transport tells it is how late it may be."""
+    first = view.get("/_nicegui_ws/socket.io/?EIO=4&transport=polling")
+    told = json.loads(first.body[1:].split("\x1e")[0])  # type: ignore[attr-defined]
+    assert told["pingTimeout"] >= 10_000
 
 
 @pytest.mark.slow
@@ -108,14 +143,18 @@ def address_of(run: Run) -> str:
     return found.group(1)
 
 
-def watch(address: str) -> list[dict[str, Any]]:
-    """Look as a browser does, until the view is gone or the run is over."""
+def watch(
+    address: str, is_enough: Callable[[list[dict[str, Any]]], bool] = lambda _: False
+) -> list[dict[str, Any]]:
+    """Look as a browser does, until that is enough, the view is gone or the run is over."""
     frames: list[dict[str, Any]] = []
     while True:
         try:
             with connect(f"ws://{address}/frames", open_timeout=5) as socket:
                 while True:
                     frames.append(json.loads(socket.recv(timeout=30)))
+                    if is_enough(frames):
+                        return frames
                     if len(frames) > 20 and frames[-1]["time"] == frames[-20]["time"] > 0.0:
                         return frames
         except ConnectionRefusedError:
@@ -140,6 +179,39 @@ def test_a_run_that_is_looked_at_is_the_same_run(start_run: StartRun) -> None:
     )
     assert seen.summary["digest"] == alone.summary["digest"]
     assert (seen.directory / "logs" / "view.log").read_text().count("\n") == 1
+
+
+def shapes_of(frames: list[dict[str, Any]]) -> dict[tuple[int, str], dict[str, Any]]:
+    """The newest of each, by node and name."""
+    shapes = [shape for frame in frames for shape in frame.get("shapes", [])]
+    return {(shape["node"], shape["name"]): shape for shape in shapes}
+
+
+@pytest.mark.slow
+def test_emitters_and_what_agents_log_are_seen_while_a_run_goes_on(
+    start_run: StartRun, tmp_path: Path
+) -> None:
+    (tmp_path / "logger.py").write_text(LOGGER)
+    run = start_run("--view", "--view-port", "0", scenario=MISSION, speed="1")
+    wanted = {(node, name) for node in (0, 1) for name in ("estimate.beacon", "plan")}
+
+    def has_all(frames: list[dict[str, Any]]) -> bool:
+        newest = frames[-1]
+        is_placed = newest.get("emitterPlaces", [UNKNOWN])[0] != UNKNOWN
+        return is_placed and newest["time"] > 5.0 and wanted <= shapes_of(frames).keys()
+
+    frames = watch(address_of(run), has_all)
+    assert frames[0]["emitters"] == ["beacon", "truck"]
+    beacon, truck = frames[-1]["emitterPlaces"][:3], frames[-1]["emitterPlaces"][3:]
+    assert beacon == [1400, 2200, -20]
+    assert truck[1] == pytest.approx(10 * (100.0 + 5.0 * frames[-1]["time"]), abs=20)
+    shapes = shapes_of(frames)
+    assert set(shapes) == wanted
+    assert shapes[0, "estimate.beacon"]["ellipse"] == [60, 400, 245, 122, 0]  # 2.448 times 10 m and 5 m
+    assert shapes[1, "plan"]["line"] == [0, 0, 60, 300]
+    run.process.send_signal(signal.SIGINT)
+    assert run.finish() == 130, run.output.decode()
+    assert (run.directory / "logs" / "view.log").read_text().count("\n") == 1
 
 
 @pytest.mark.slow

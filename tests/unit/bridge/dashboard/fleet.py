@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bridge.bus.messages import Clock, Fates, Header, Links, Truth, Truths, Vector3
-from bridge.dashboard.fleet_view import FleetView, NodeInfo
+from bridge.dashboard.fleet_view import EmitterInfo, FleetView, NodeInfo
 
 CAUSES = ("delivered", "channel_erasure", "out_of_range")
 NS = 1_000_000_000
@@ -14,6 +14,18 @@ NS = 1_000_000_000
 def view_of_two(duration_s: float = 60.0) -> FleetView:
     """A UA and a ground node."""
     return FleetView([NodeInfo("0", "ua", "UA 0", "f450"), NodeInfo("gcs", "ground", "node gcs")], duration_s)
+
+
+def with_emitter() -> FleetView:
+    """The two, and an emitter."""
+    return FleetView(view_of_two().nodes, 60.0, [EmitterInfo("beacon", 433.92e6, 18.0)])
+
+
+def emitter_at(north_m: float) -> Truths:
+    """The emitter at a place."""
+    return Truths(
+        Header.at(0, ""), (Truth(Header.at(0, "beacon"), position_ned_m=Vector3(north_m, 2.0, -3.0)),)
+    )
 
 
 def clock(time_s: float, *, paused: bool = False) -> Clock:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bridge.dashboard.link_history import DistanceBins, LinkHistory
+from bridge.dashboard.logged import Series
 from bridge.dashboard.page.charts import (
     DARK,
     LIGHT,
@@ -18,8 +19,24 @@ from bridge.dashboard.page.charts import (
     losses_chart,
     matrix_chart,
 )
-from bridge.dashboard.page.tables import agent_rows, fleet_rows, link_words, loss_rows
-from tests.unit.bridge.dashboard.fleet import clock, fates, links, truths, view_of_two
+from bridge.dashboard.page.logged_chart import LINES_MAX, logged_chart
+from bridge.dashboard.page.tables import (
+    agent_rows,
+    emitter_rows,
+    fleet_rows,
+    link_words,
+    logged_rows,
+    loss_rows,
+)
+from tests.unit.bridge.dashboard.fleet import (
+    clock,
+    emitter_at,
+    fates,
+    links,
+    truths,
+    view_of_two,
+    with_emitter,
+)
 
 
 def test_the_chart_of_a_link_has_its_newest_report() -> None:
@@ -82,8 +99,8 @@ def test_the_fleet_in_words() -> None:
     )
     assert (ua["chosen"], ground["chosen"]) == (True, False)
     assert ground["mode"] == "-"
-    view.take_logged("0", "gap_m", 0, 12.3456)
-    assert agent_rows(view)[0]["logged"] == "gap_m = 12.35"
+    view.logged.take("0", "gap_m", 0, 12.3456)
+    assert [row["logged"] for row in agent_rows(view)] == [1, 0]
     assert [(row["cause"], row["packets"]) for row in loss_rows(view)] == [
         ("delivered", 1),
         ("channel erasure", 1),
@@ -97,3 +114,42 @@ def test_a_link_in_words() -> None:
     assert link_words(view, 0, 1) == (
         "UA 0 to node gcs: 123 m, -80.0 dBm, SNR 12.0 dB, probability of delivery 0.75; 30 of 40 packets delivered"
     )
+
+
+def test_what_an_agent_logged_in_words() -> None:
+    view = view_of_two()
+    view.logged.take("0", "plan", 1_250_000_000, {"north_m": [0, 1], "east_m": [2, 3]})
+    estimate = {"north_m": 1.0, "east_m": 2.0, "covariance_m2": [4.0, 0.0, 1.0]}
+    view.logged.take("0", "estimate", 1_300_000_000, estimate)
+    assert logged_rows(view, "gcs") == []
+    assert [tuple(row.values()) for row in logged_rows(view, "0")] == [
+        (
+            "estimate",
+            "1.30",
+            "north_m 1, east_m 2, covariance_m2 [4, 0, 1]",
+            "ellipse, 95 %: 9.8 x 4.9 m",  # 2 sqrt(5.9915) times 2 m and 1 m
+        ),
+        ("plan", "1.25", "north_m [0, 1], east_m [2, 3]", "line of 2 points"),
+    ]
+
+
+def test_an_emitter_in_words() -> None:
+    view = with_emitter()
+    assert emitter_rows(view)[0]["north"] == "-"
+    view.take(emitter_at(140.0))
+    assert list(emitter_rows(view)[0].values()) == ["beacon", "433.92", "18.0", "140.0", "2.0", "3.0"]
+
+
+def test_a_logged_number_has_a_line_per_node() -> None:
+    series = Series()
+    for number in range(2000):
+        series.add(float(number), np.nan if number == 1999 else 2.0 * number)
+    lines = [(place, f"UA {place}", series) for place in range(LINES_MAX + 3)]
+    options = logged_chart("x", lines, DARK)
+    assert [line["name"] for line in options["series"]] == [f"UA {place}" for place in range(LINES_MAX)]
+    assert len(options["series"][0]["data"]) <= POINTS_MAX
+    assert options["series"][0]["data"][-1] == [1999.0, None]
+    looks = {(line["color"], line["symbol"]) for line in options["series"]}
+    assert len(looks) == LINES_MAX
+    json.dumps(options, allow_nan=False)
+    assert logged_chart("", [], LIGHT)["series"] == []

@@ -61,14 +61,11 @@ def test_what_nodes_say_is_told_when_it_changes() -> None:
         ("0", "lands"),
         ("0", "mode RTL"),
     ]
-    view.take_logged("0", "gap_m", 5, 1.5)
-    assert view.news["0"].logged == {"gap_m": (5, 1.5)}
 
 
 def test_what_is_of_nobody_here_is_passed_over() -> None:
     view = view_of_two()
     view.take(AgentStatus(Header.at(0, ""), "hello"), "7")
-    view.take_logged("7", "x", 0, 1)
     view.take(Truths(Header.at(0, ""), (Truth(Header.at(0, "7")),)))
     view.take(fates(0.1, [(0, 1, 0)], nodes=("0", "1", "2")))
     assert not view.lines
@@ -90,11 +87,13 @@ def test_all_can_be_forgotten() -> None:
     view.take(truths(2.0, 5.0))
     view.take(links(2.0, 5.0, 0.0, 4, 4))
     view.tell("0", "hello")
+    view.logged.take("0", "gap_m", 5, 1.5)
     view.forget()
     assert view.sim_time_ns == 0
     assert not view.trail
     assert not view.lines
     assert view.links.reports == 0
+    assert not view.logged.latest["0"]
     assert view.times_forgotten == 1
 
 

@@ -6,7 +6,8 @@ import json
 from typing import Any
 
 from benchmarks.fifty_ua import fifty, messages_of
-from bridge.dashboard.frames import UNKNOWN, Frames
+from bridge.dashboard.frames import Frames
+from bridge.dashboard.whole import UNKNOWN
 from tests.unit.bridge.dashboard.fleet import clock, fates, links, truths, view_of_two
 
 

@@ -7,18 +7,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bridge.bus.messages import AgentStatus, Header
 from bridge.dashboard.fleet_view import FleetView, view_of
 from bridge.dashboard.record import RecordSource
+from bridge.record import names
+from bridge.record.logged import LoggedValue
 from bridge.replay.player import Player
-from tests.unit.bridge.replay.flown import flown, scenario_of
+from tests.unit.bridge.replay.flown import Said, flown, scenario_of
 
 SCENARIO = scenario_of("moon2020", ("0", "gcs", "1"))
 TICKS = 200
 
 
+def log(tick: int) -> list[Said]:
+    """A number at each tick, an estimate and a word each second."""
+    said: list[Said] = [("0", LoggedValue("gap_m", float(tick)))]
+    if tick % 20 == 0:
+        place = {"north_m": float(tick), "east_m": 0.0, "covariance_m2": [float(tick), 0.0, 1.0]}
+        said += [("1", LoggedValue("estimate", place)), ("1", AgentStatus(Header.at(0, "1"), f"leg {tick}"))]
+    return said
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return flown(tmp_path_factory.mktemp("runs") / "made", SCENARIO, ticks=TICKS)
+    return flown(tmp_path_factory.mktemp("runs") / "made", SCENARIO, ticks=TICKS, log=log)
 
 
 class Watched:
@@ -50,6 +62,10 @@ def picture(view: FleetView) -> dict[str, object]:
         "losses": (time_s.tolist(), {cause: share.tolist() for cause, share in shares.items()}),
         "fates": dict(view.losses.total),
         "trail": [points.tolist() for points in view.trail],
+        "logged": view.logged.latest,
+        "gap_m": [values.tolist() for values in view.logged.series["0"]["gap_m"].points()],
+        "shapes": {key: shape for key, (_, shape) in view.logged.shapes.items()},
+        "said": [(line.node, line.text) for line in view.lines],
     }
 
 
@@ -111,3 +127,27 @@ def test_as_fast_as_possible_comes_to_the_end(run: Path) -> None:
     watched.source.speed(float("inf"))
     watched.wait(0.1)
     assert watched.sim_time_s == pytest.approx((TICKS - 1) * 0.05)
+
+
+def test_what_agents_logged_and_said_is_shown(run: Path) -> None:
+    watched = Watched(run)
+    watched.source.seek(5.02)
+    watched.source.play()
+    logged = watched.view.logged
+    assert logged.latest["0"]["gap_m"].text == "101"
+    time_s, gap_m = logged.series["0"]["gap_m"].points()
+    assert gap_m.tolist() == list(range(102))
+    assert np.allclose(time_s, 0.05 * gap_m)
+    assert logged.latest["1"]["estimate"].sim_time_ns == 5_000_000_000
+    assert str(logged.latest["1"]["estimate"].shape) == "ellipse, 95 %: 49.0 x 4.9 m"  # 2 sqrt(5.9915) 10 m
+    assert [line.text for line in watched.view.lines if line.node == "1"][-1] == "leg 100"
+
+
+def test_a_record_whose_logs_are_damaged_is_played_all_the_same(tmp_path: Path) -> None:
+    run = flown(tmp_path / "made", SCENARIO, ticks=40, log=log)
+    names.logged("0").path(run).write_bytes(b"not a stream of ours")
+    watched = Watched(run)
+    watched.wait(1.0)
+    assert watched.sim_time_s > 0.5
+    told = [line.text for line in watched.view.lines if "what agents logged cannot be read" in line.text]
+    assert len(told) == 1

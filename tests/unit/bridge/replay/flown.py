@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.bus.keys import Address
-from bridge.bus.messages import CommandGoal, Header, Quaternion, Truth, Vector3
+from bridge.bus.messages import AgentStatus, CommandGoal, Header, Quaternion, Truth, Vector3
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
 from bridge.bus.session import Stamp
 from bridge.physics.truth_table import TruthColumns
@@ -19,6 +19,7 @@ from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import Settled, VirtualRadio
 from bridge.record import names
 from bridge.record.inputs import InputWriter, RecordedInput
+from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.pack import pack_streams
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.radio_switches import switches_of
@@ -28,6 +29,7 @@ from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.file import parse_scenario
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve_radio import radios_of
+from bridge.scenario.resolve_sensing import emitters_of
 from channel.medium.medium import Medium
 from channel.medium.verdict import Judge
 
@@ -35,6 +37,8 @@ TICK_NS = 50_000_000
 NS_PER_S = 1_000_000_000
 FRAME_NS = 1_250_000
 Place = tuple[float, float, float]
+Said = tuple[str, LoggedValue | AgentStatus]
+"""Whose agent logged what."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,9 @@ class Sent:
     """So many of the sender's packets before it never came."""
 
 
-def scenario_of(radio: str, nodes: Sequence[str], seed: int = 1, extra: str = "") -> Scenario:
+def scenario_of(
+    radio: str, nodes: Sequence[str], seed: int = 1, extra: str = "", emitters: Sequence[str] = ()
+) -> Scenario:
     """A scenario with nodes that stand still, which nobody flies; ``radio`` is YAML."""
     lines = "\n".join(
         f"  - {{id: {node}, agent: {{type: still}}}}"
@@ -57,6 +63,8 @@ def scenario_of(radio: str, nodes: Sequence[str], seed: int = 1, extra: str = ""
         else f"  - {{id: {node}, kind: ground, agent: {{type: still}}}}"
         for node in nodes
     )
+    for emitter in emitters:
+        lines += f"\n  - {{id: {emitter}, kind: emitter, frequency_hz: 433.92e+6, power_dbm: 18}}"
     text = (
         f"schema: 1\nname: made\nseed: {seed}\nduration_s: 600\n"
         f"origin: {{lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600.0}}\nradio: {radio}\n{extra}nodes:\n{lines}\n"
@@ -99,19 +107,24 @@ class Router:
         path.mkdir(parents=True)
         self.run = RunDirectory(path)
         self.run.write(scenario, "tcp/127.0.0.1:1")
-        radios = radios_of(scenario)
-        stations = scenario.stations
-        self.judge = Judge(len(stations))
+        emitters = emitters_of(scenario)
+        radios = radios_of(scenario, emitters)
+        nodes = scenario.transceiver_ids
+        self.judge = Judge(len(nodes))
+        heard = [emitter.name for emitter in emitters]
         switches = switches_of(scenario)
-        medium = Medium(radios, seed=scenario.seed, nodes=stations, judge=self.judge, switches=switches)
+        medium = Medium(
+            radios, seed=scenario.seed, nodes=nodes, judge=self.judge, emitters=heard, switches=switches
+        )
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
-        self.core = VirtualRadio(medium, Ring(stations, tick_period_ns=TICK_NS), mtu_bytes)
-        self.nodes = stations
-        self.truth = TruthColumns(path, stations)
-        self.rows = DeliveryColumns(path, stations)
-        self.streams = {node: StreamWriter(names.packets(node).path(path)) for node in stations}
+        self.core = VirtualRadio(medium, Ring(nodes, tick_period_ns=TICK_NS), mtu_bytes)
+        self.nodes = nodes
+        self.truth = TruthColumns(path, scenario.stations)
+        self.rows = DeliveryColumns(path, nodes)
+        self.streams = {node: StreamWriter(names.packets(node).path(path)) for node in nodes}
+        self.logged = {node: StreamWriter(names.logged(node).path(path)) for node in nodes}
         self.inputs: dict[str, InputWriter] = {}
-        self.seq = dict.fromkeys(stations, 0)
+        self.seq = dict.fromkeys(nodes, 0)
 
     def tick(self, sim_time_ns: int, truths: Sequence[Truth], sent: Sequence[Sent]) -> Settled:
         """Physics tells where all are, the nodes transmit and answer, the radio settles."""
@@ -152,6 +165,11 @@ class Router:
             entry = encode_packet(SentPacket(p.seq, p.sim_time_ns, p.address, p.payload))
             self.streams[self.nodes[p.tx]].write(p.sim_time_ns, entry)
 
+    def log(self, sim_time_ns: int, said: Sequence[Said]) -> None:
+        """Agents log at a tick."""
+        for node, item in said:
+            self.logged[node].write(sim_time_ns, encode_logged(item))
+
     def close(self, *, killed: bool = False) -> Path:
         """End the run, or leave what a killed one leaves."""
         if not killed:
@@ -160,7 +178,7 @@ class Router:
         self.truth.close()
         for inputs in self.inputs.values():
             inputs.close()
-        for stream in self.streams.values():
+        for stream in (*self.streams.values(), *self.logged.values()):
             stream.close()
         if not killed:
             checks = self.judge.verdict().checks
@@ -180,6 +198,7 @@ def flown(
     late: Sequence[str] = (),
     scale: float = 1.0,
     killed: bool = False,
+    log: Callable[[int], Sequence[Said]] = lambda _: (),
 ) -> Path:
     """A whole run.
 
@@ -191,12 +210,14 @@ def flown(
         late: nodes that nobody has seen in the first half.
         scale: how much wider the ways are.
         killed: leave journals.
+        log: what agents log at each tick.
     """
     router = Router(path, scenario)
-    send = send or everybody(scenario.stations)
+    send = send or everybody(scenario.transceiver_ids)
     for number in range(ticks):
         unseen = () if 2 * number > ticks else late
         router.tick(number * TICK_NS, truths(scenario, number, unseen, scale), send(number))
+        router.log(number * TICK_NS, log(number))
     return router.close(killed=killed)
 
 

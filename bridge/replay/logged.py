@@ -1,0 +1,45 @@
+"""What an agent logged between two ticks of a record, read as the record is played."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from bridge.bus.messages import AgentStatus
+from bridge.record import names
+from bridge.record.logged import LoggedValue, decode_logged
+from bridge.record.streams import Entry, read_stream, stream_exists
+
+
+class NodeLogged:
+    """What one agent logged and said of its work; going back begins anew.
+
+    Args:
+        run: the run directory.
+        node: the node's id.
+    """
+
+    def __init__(self, run: Path, node: str) -> None:
+        self._path = names.logged(node).path(run)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._entries: Iterator[Entry] = read_stream(self._path) if stream_exists(self._path) else iter(())
+        self._next = next(self._entries, None)
+        self._read_ns = -1
+
+    def between(self, after_ns: int, until_ns: int) -> list[tuple[int, LoggedValue | AgentStatus]]:
+        """Return what is later than ``after_ns`` and not later than ``until_ns``, with its sim time in ns.
+
+        Raises:
+            ValueError, OSError: the record of it is damaged or cannot be read.
+        """
+        if after_ns < self._read_ns:
+            self._begin()
+        found: list[tuple[int, LoggedValue | AgentStatus]] = []
+        while self._next is not None and self._next.tick_ns <= until_ns:
+            entry, self._next = self._next, next(self._entries, None)
+            if entry.tick_ns > after_ns:
+                found.append((entry.tick_ns, decode_logged(entry.payload)))
+        self._read_ns = until_ns
+        return found
