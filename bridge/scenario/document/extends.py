@@ -6,7 +6,7 @@ from importlib import resources
 from pathlib import Path
 
 from bridge.scenario.document.merge import merged, same_id
-from bridge.scenario.document.written import Written
+from bridge.scenario.document.written import Written, plain
 from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.near import near_miss
@@ -65,7 +65,7 @@ def _base(extends: Written, reading: tuple[Path, ...]) -> Written:
     name, place = extends.content, extends.place
     if not isinstance(name, str):
         raise ScenarioError(
-            f"{place}: {EXTENDS}: has to be the name of a scenario that ships, or a file (got {name!r})"
+            f"{place}: {EXTENDS}: has to be the name of a scenario that ships, or a file (got {plain(extends)!r})"
         )
     path, source = place.folder / Path(name).expanduser(), str(Path(place.source).parent / name)
     if not (path.suffix in SUFFIXES and path.is_file()):
@@ -84,7 +84,7 @@ def _unknown(name: str, path: Path) -> str:
     known = scenario_names()
     return (
         f"no scenario {name!r}{near_miss(name, known)} "
-        f"Has to be a file that ends in .yaml, or one of: {', '.join(known)}"
+        f"(has to be a file that ends in .yaml or .yml, or one of: {', '.join(known)})"
     )
 
 
@@ -100,7 +100,7 @@ def _left_of(base: Written, without: Written | None) -> Written:
         left = [node for node in kept if not same_id(node, item.content)]
         if len(left) == len(kept):
             raise ScenarioError(
-                f"{item.place}: {WITHOUT}: no node of what is extended has id {item.content!r}"
+                f"{item.place}: {WITHOUT}: no node of what is extended has id {plain(item)!r}"
             )
         kept = left
     return base.having("nodes", Written(kept, nodes.place))

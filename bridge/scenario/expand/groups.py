@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NoReturn, TypeGuard
 
 from pydantic import ValidationError
 
@@ -101,6 +102,7 @@ class _Group:
     def nodes(self) -> Iterator[Written]:
         """Its nodes."""
         count = self._count()
+        self._refuse_wrong_id()
         place_key = PLACES.get(self._kind, "home")
         spots = self._spots(place_key, count)
         for index in range(count):
@@ -121,26 +123,30 @@ class _Group:
     def _count(self) -> int:
         count = self._node.content[COUNT]
         value = count.content
-        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= COUNT_MAX:
+        if not _is_whole(value) or not 0 <= value <= COUNT_MAX:
             self._refuse(
-                count, (COUNT,), f"has to be a number of nodes from 0 to {COUNT_MAX} (got {value!r})"
+                count, (COUNT,), f"has to be a number of nodes from 0 to {COUNT_MAX} (got {plain(count)!r})"
             )
         return int(value)
 
-    def _id(self, node: Written, index: int) -> Written:
-        node_id = node.get("id")
+    def _refuse_wrong_id(self) -> None:
+        node_id = self._node.get("id")
         if node_id is None:
             self._refuse(
                 self._node, ("id",), "is required, and missing: that of the first node, the others count up"
             )
-        assert node_id is not None
-        written = self._node.content["id"].content
-        if isinstance(written, int) and not isinstance(written, bool):
-            return replace(node_id, content=written + index)
-        if not isinstance(written, str) or "{" not in written:
-            text = f"has to be a number, or a text with the index, as sensor-{{i}} (got {written!r})"
+        elif not _is_whole(node_id.content) and not (
+            isinstance(node_id.content, str) and "{" in node_id.content
+        ):
+            text = f"has to be a number, or a text with the index, as sensor-{{i}} (got {plain(node_id)!r})"
             self._refuse(node_id, ("id",), text)
-        return node_id
+
+    def _id(self, node: Written, index: int) -> Written:
+        """That of a node of the group: a number counts up, a text has the index in it already."""
+        first: Written = self._node.content["id"]
+        return (
+            replace(first, content=first.content + index) if _is_whole(first.content) else node.content["id"]
+        )
 
     def _filled(self, part: Written, path: Path_, names: Mapping[str, int]) -> Written:
         """A part of the group as it is in the node of an index."""
@@ -211,7 +217,7 @@ class _Group:
             place = place.having("heading_deg", Written(spot.heading_deg, place.place))
         return place.without(*PATTERNS)
 
-    def _refuse(self, at: Written, below: Path_, text: str) -> None:
+    def _refuse(self, at: Written, below: Path_, text: str) -> NoReturn:
         raise ScenarioError(f"{at.place}: {_dotted((*self._path, *below))}: {text}")
 
 
@@ -221,7 +227,12 @@ def _number(place: Written, key: str) -> Any:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Whether a pattern can move it; a whole number beyond all floats is left for the model to refuse."""
+    return isinstance(value, float) or (_is_whole(value) and abs(value) <= sys.float_info.max)
+
+
+def _is_whole(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _dotted(path: Path_) -> str:

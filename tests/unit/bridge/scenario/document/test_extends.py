@@ -106,7 +106,15 @@ def test_a_mistake_is_told_where_it_was_written(folder: Path) -> None:
             r"mine.yaml:1: extends: no scenario 'seperation'; did you mean separation\?",
         ),
         ("\nextends: nothing.yaml\n", r"mine.yaml:2: extends: there is no file .*nothing.yaml"),
-        ("extends: [a]\n", r"mine.yaml:1: extends: has to be the name of a scenario that ships, or a file"),
+        (
+            "extends: [a]\n",
+            r"mine.yaml:1: extends: has to be the name of a scenario that ships, or a file \(got \['a'\]\)",
+        ),
+        (
+            "extends: /nothing\n",
+            r"extends: no scenario '/nothing' \(has to be a file that ends in .yaml or .yml",
+        ),
+        ("extends: separation\nwithout: [[9]]\n", r"no node of what is extended has id \[9\]$"),
         (
             "extends: separation\nwithout: [9]\n",
             r"mine.yaml:2: without: no node of what is extended has id 9",

@@ -115,6 +115,17 @@ def test_settings_of_a_group_and_of_its_nodes() -> None:
         ),
         ("{id: 0, count: x, agent: {type: still}}", "nodes.0.count: has to be a number of nodes"),
         ("{count: 2, agent: {type: still}}", "nodes.0.id: is required, and missing: that of the first node"),
+        ("{id: 0, count: [1], agent: {type: still}}", "from 0 to 1000 (got [1])"),
+        ("{id: {a: [1]}, count: 2, agent: {type: still}}", "as sensor-{i} (got {'a': [1]})"),
+        (
+            "{count: 3, home: {ring: {radius_m: 10}}, agent: {type: still}}",
+            "nodes.0.id: is required, and missing: that of the first node",
+        ),
+        (
+            "{id: 0, count: 2, home: {ring: {radius_m: 10}, north_m: %s}, agent: {type: still}}"
+            % ("9" * 400),
+            "nodes.0.home.north_m: has to be",
+        ),
         (
             "{id: m, kind: ground, count: 2, agent: {type: still}}",
             "a text with the index, as sensor-{i} (got 'm')",
