@@ -25,7 +25,7 @@ from bridge.record.reading.run import load_run
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
-from bridge.study.metrics import built_in, own
+from bridge.study.metrics import of_summary, of_tables, own
 from bridge.study.model import Function
 
 PLAN_FILE = "plan.json"
@@ -126,12 +126,13 @@ def _measured(path: Path, plan: Plan) -> dict[str, Any]:
     metrics: dict[str, Any] = {}
     try:
         run = load_run(path)
-        metrics = built_in(run)
+        metrics = of_summary(run)
+        metrics |= of_tables(run)
         timing = {key: run.summary[key] for key in ("wall_duration_s", "real_time_factor")}
         return _result(plan, metrics | own(run, plan.metrics), timing, metrics["error"])
     except Exception as error:
         traceback.print_exc()
-        return _result(plan, metrics, {}, _told(error))
+        return _result(plan, metrics, {}, metrics.get("error") or _told(error))
 
 
 def _result(plan: Plan, metrics: dict[str, Any], timing: dict[str, float], failure: str) -> dict[str, Any]:

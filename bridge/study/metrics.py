@@ -22,19 +22,17 @@ Metrics = dict[str, Any]
 """By column: a number, a text, a truth value, or a list of numbers."""
 
 
-def built_in(run: Run) -> Metrics:
-    """What the summary says, and what repeats: nothing here depends on the machine.
+OF_THE_STUDY = ("scenario", "case", "seed", "id", "failure")
+"""Columns that say which run a row is of, and why it failed."""
+
+
+def of_summary(run: Run) -> Metrics:
+    """What the summary says and the machine does not change; there of a run that failed, too.
 
     ``ending``, ``verdict``, ``error``, ``passed`` (no verdict against it, no failed expectation), ``digest``,
-    ``sim_duration_s``; ``sent``, ``delivered`` and ``delivery`` (their quotient) of all links, and
-    ``delivery_<tx>_<rx>`` of each; ``age_mean_s``, the mean over the links of the time average of the age of
-    information, and ``age_peak_s``, the greatest of any link (`Run.ages`); ``separation_min_m``, the least distance of
-    two nodes at any tick.
+    ``sim_duration_s``.
     """
     summary = run.summary
-    rows = link_rows(run.path, run.scenario.transceiver_ids, NEEDED)
-    links, ages = counts_of(rows), link_ages(times_of(rows, run.scenario.tick_period_ns), run.end_ns)
-    sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
     return {
         "ending": summary["ending"],
         "error": summary["error"] or "",
@@ -43,6 +41,24 @@ def built_in(run: Run) -> Metrics:
         and all(one.get("passed", True) for one in summary.get("expectations", ())),
         "digest": summary["digest"],
         "sim_duration_s": summary["sim_duration_s"],
+    }
+
+
+def of_tables(run: Run) -> Metrics:
+    """What the tables say; the machine does not change it.
+
+    ``sent``, ``delivered`` and ``delivery`` (their quotient) of all links, and
+    ``delivery_<tx>_<rx>`` of each; ``age_mean_s``, the mean over the links of the time average of the age of
+    information, and ``age_peak_s``, the greatest of any link (`Run.ages`); ``separation_min_m``, the least distance of
+    two nodes at any tick.
+
+    Raises:
+        TableError, OSError: a table is not there, or damaged.
+    """
+    rows = link_rows(run.path, run.scenario.transceiver_ids, NEEDED)
+    links, ages = counts_of(rows), link_ages(times_of(rows, run.scenario.tick_period_ns), run.end_ns)
+    sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
+    return {
         "sent": sent,
         "delivered": delivered,
         "delivery": delivered / sent if sent else float("nan"),
@@ -88,7 +104,7 @@ def own(run: Run, functions: tuple[Function, ...]) -> Metrics:
     """What functions of the user's own say of a run.
 
     Raises:
-        StudyError: one gives what no table can hold. What they raise themselves is passed on.
+        StudyError: one gives what no table can hold, or a column that is the study's own. What they raise themselves is passed on.
     """
     found: Metrics = {}
     for function in functions:
@@ -96,6 +112,10 @@ def own(run: Run, functions: tuple[Function, ...]) -> Metrics:
         if not isinstance(result, Mapping):
             raise StudyError(
                 f"{_told(function)}: has to give a mapping of columns (got {type(result).__name__})"
+            )
+        if taken := [name for name in result if name in OF_THE_STUDY]:
+            raise StudyError(
+                f"{_told(function)}: {taken[0]}: is a column of the study's own: give it another name"
             )
         found |= {str(name): _plain(value, f"{_told(function)}: {name}") for name, value in result.items()}
     return found

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from bridge.scenario.document.written import plain
+from bridge.scenario.document.yaml_text import read_yaml
+from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.parts import Slug
 
 RUNS_MAX = 100_000
@@ -69,6 +71,13 @@ class StudyFile(_Model):
     def _one_or_several(cls, value: Any) -> Any:
         return (value,) if isinstance(value, str | Mapping) else value
 
+    @field_validator("scenario")
+    @classmethod
+    def _at_least_one(cls, scenario: tuple[str, ...]) -> tuple[str, ...]:
+        if not scenario:
+            raise ValueError("has to be at least one scenario")
+        return scenario
+
     @field_validator("seeds", mode="before")
     @classmethod
     def _seeds(cls, value: Any) -> Any:
@@ -90,7 +99,7 @@ class StudyFile(_Model):
         if not isinstance(value, Mapping):
             return value
         return {
-            key: {str(choice): choice for choice in choices} if isinstance(choices, list) else choices
+            key: _by_label(key, choices) if isinstance(choices, list) else choices
             for key, choices in value.items()
         }
 
@@ -118,11 +127,11 @@ def read_study(path: Path) -> StudyFile:
         StudyError: it cannot be read, or something in it is not allowed; a line per mistake.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+        content = plain(read_yaml(path.read_text(encoding="utf-8"), str(path), path.parent, "study"))
+    except ScenarioError as error:
+        raise StudyError(str(error)) from error
+    except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f"{path}: cannot be read: {error}") from error
-    if not isinstance(content, dict):
-        raise StudyError(f"{path}: a study is a mapping of keys to values")
     for key in ("metrics", "figures"):
         if key in content:
             content[key] = _functions(path, key, content[key])
@@ -130,6 +139,17 @@ def read_study(path: Path) -> StudyFile:
         return StudyFile.model_validate(content)
     except ValidationError as error:
         raise StudyError("\n".join(_mistakes(path, error))) from error
+
+
+def _by_label(key: str, choices: list[Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for choice in choices:
+        if str(choice) in found:
+            raise ValueError(
+                f"{key} has the value {choice} more than once; values that read alike need labels"
+            )
+        found[str(choice)] = choice
+    return found
 
 
 def _functions(path: Path, key: str, value: Any) -> list[dict[str, Any]]:

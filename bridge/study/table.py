@@ -26,7 +26,7 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     for name in names:
         values = [row.get(name) for row in rows]
         try:
-            columns[name] = pa.array([_as_double(values, value) for value in values])
+            columns[name] = pa.array(_of_one_kind(values))
         except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
             raise StudyError(f"column {name} has values of several kinds: {error}") from error
     part = path.with_suffix(".part")
@@ -34,12 +34,10 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     part.replace(path)
 
 
-def _as_double(values: Sequence[Any], value: Any) -> Any:
-    """A whole number as a double, if the column has others too."""
-    if (
-        isinstance(value, int)
-        and not isinstance(value, bool)
-        and any(isinstance(other, float) for other in values)
-    ):
-        return float(value)
-    return value
+def _of_one_kind(values: Sequence[Any]) -> Sequence[Any]:
+    """Whole numbers as doubles, if the column has those too."""
+    if not any(isinstance(value, float) for value in values):
+        return values
+    return [
+        float(value) if isinstance(value, int) and not isinstance(value, bool) else value for value in values
+    ]

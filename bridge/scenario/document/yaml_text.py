@@ -15,13 +15,14 @@ VALUES_MAX = 1_000_000
 """A scenario has hundreds; aliases of aliases may stand for more than there is memory."""
 
 
-def read_yaml(text: str, source: str, folder: Path) -> Written:
+def read_yaml(text: str, source: str, folder: Path, kind: str = "scenario") -> Written:
     """The mapping that a text is.
 
     Args:
         text: YAML.
         source: what mistakes are reported under.
         folder: what files that it names are seen from.
+        kind: what it is, for mistakes.
 
     Raises:
         ScenarioError: it is not YAML, not a mapping, or has a key twice.
@@ -31,7 +32,7 @@ def read_yaml(text: str, source: str, folder: Path) -> Written:
         try:
             root = loader.get_single_node()
             if not isinstance(root, yaml.MappingNode):
-                raise ScenarioError(f"{source}:1: a scenario is a mapping of keys to values")
+                raise ScenarioError(f"{source}:1: a {kind} is a mapping of keys to values")
             _refuse_duplicate_keys(source, root, set())
             return _Reader(loader, source, folder).read(root, Place(source, 1, folder))
         finally:

@@ -12,7 +12,7 @@ import pytest
 from bridge.study.cases import cases_of
 from bridge.study.metrics import load, own
 from bridge.study.model import Function, StudyError, read_study
-from bridge.study.table import write_table
+from bridge.study.table import _of_one_kind, write_table
 
 AGENT = "from bridge.agents.agent import Agent\n\n\nclass Mine(Agent):\n    pass\n"
 
@@ -102,12 +102,30 @@ def test_other_code_of_an_agent_is_another_run(tmp_path):
         ("metrics: mine.py\n", "metrics: has to be FILE.py:FUNCTION"),
         ("metrics: nothing.py:f\n", "there is no file .*nothing.py"),
         ("keep: some\n", "keep: "),
-        ("name: a b\n", "cannot be read|name"),
+        ("set: {a: 2020-13-45}\n", "not valid YAML: month must be in 1..12"),
+        ("seeds: 3\nseeds: 4\n", "yaml:5: seeds: given twice, before on line 4"),
+        ("vary: {x: [1, '1']}\n", "vary: .*x has the value 1 more than once"),
     ],
 )
 def test_mistakes_name_the_file_and_the_key(tmp_path, text, says):
     with pytest.raises(StudyError, match=says) as caught:
         read_study(write(tmp_path, text))
+    assert "study.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("schema: 1\nname: a b\nscenario: separation\n", "name: "),
+        ("schema: 1\nname: mine\nscenario: []\n", "scenario: .*at least one"),
+        ("- 1\n", "a study is a mapping"),
+    ],
+)
+def test_a_whole_file_that_is_no_study_is_refused(tmp_path, text, says):
+    file = tmp_path / "study.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(StudyError, match=says) as caught:
+        read_study(file)
     assert "study.yaml" in str(caught.value)
 
 
@@ -139,7 +157,14 @@ def test_own_metrics_may_be_numbers_texts_and_lists(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("body", "says"), [("3", "mapping"), ("{'a': object()}", "measure: a"), ("{'a': ['x']}", "a")]
+    ("body", "says"),
+    [
+        ("3", "mapping"),
+        ("{'a': object()}", "measure: a"),
+        ("{'a': ['x']}", "a"),
+        ("{'failure': ''}", "failure: is a column of the study's own"),
+        ("{'a': 1, 'seed': 2}", "seed: is a column of the study's own"),
+    ],
 )
 def test_other_metrics_are_refused_by_name(tmp_path, body, says):
     with pytest.raises(StudyError, match=says):
@@ -164,3 +189,17 @@ def test_the_table_has_all_columns_and_empty_places(tmp_path):
 def test_a_column_of_several_kinds_is_named(tmp_path):
     with pytest.raises(StudyError, match="column x"):
         write_table([{"x": 1}, {"x": "one"}], tmp_path / "t.parquet")
+
+
+def test_many_rows_of_whole_numbers_and_others_take_a_moment(tmp_path):
+    """Looked at again for each value, a column of 20000 would take minutes."""
+    looked_at = 0
+
+    class Looked(list):
+        def __iter__(self):
+            nonlocal looked_at
+            looked_at += 1
+            return super().__iter__()
+
+    assert list(_of_one_kind(Looked([1, True, None, 2.5]))) == [1.0, True, None, 2.5]
+    assert looked_at <= 2
