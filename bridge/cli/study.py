@@ -15,7 +15,9 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from bridge.cli.exits import tell
 from bridge.fleet.slots import NoSlot
+from bridge.report.scales import plain
 from bridge.study.lanes import Dask, Lanes, Local
 from bridge.study.model import StudyError
 from bridge.study.study import Standing, Study
@@ -40,7 +42,7 @@ EXIT_FAILED, EXIT_USAGE = 1, 2
     "--json",
     "as_json",
     is_flag=True,
-    help="Print the table's rows as JSON lines, and nothing else on stdout.",
+    help="Print the table's rows as JSON lines (nan as null), and nothing else on stdout.",
 )
 def study(
     file: Path,
@@ -54,8 +56,8 @@ def study(
     """Fly the runs of the study in FILE, and write OUT/<name>/metrics.parquet: a row per run.
 
     A study that was ended goes on when it is started again: runs that are done are not flown again. Runs whose scenario
-    or agent changed are other runs. Ends with status 0 if all runs came to their end and were measured, 1 if not,
-    2 if the study cannot be flown.
+    or agent changed are other runs. Ends with status 0 if all runs came to their end and were measured and
+    all figures were drawn, 1 if not, 2 if the study cannot be flown.
 
     \b
     Examples:
@@ -80,7 +82,10 @@ def study(
         if left:
             with _lanes(lanes, scheduler) as where:
                 failed = _show(ours.fly(where), console)
-        table = ours.finish()
+        console.print(f"{ours.write()}", highlight=False, soft_wrap=True)
+        for mistake in ours.draw():
+            tell(mistake)
+            failed += 1
     except (StudyError, NoSlot, OSError) as error:
         click.echo(f"lostlink: {error}", err=True)
         sys.exit(EXIT_USAGE)
@@ -88,10 +93,9 @@ def study(
         number = error.args[0] if error.args else signal.SIGINT
         click.echo("interrupted: start it again to go on", err=True)
         sys.exit(128 + number)
-    console.print(f"{table}", highlight=False, soft_wrap=True)
     if as_json:
         for row in ours.rows():
-            click.echo(json.dumps(row))
+            click.echo(json.dumps(plain(row)))
     sys.exit(EXIT_FAILED if failed else 0)
 
 

@@ -104,7 +104,8 @@ def own(run: Run, functions: tuple[Function, ...]) -> Metrics:
     """What functions of the user's own say of a run.
 
     Raises:
-        StudyError: one gives what no table can hold, or a column that is the study's own. What they raise themselves is passed on.
+        StudyError: one gives what no table can hold, or a column that is the study's own. What they raise
+            themselves is passed on.
     """
     found: Metrics = {}
     for function in functions:

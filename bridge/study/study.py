@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from bridge.study.case_process import Plan, is_done, read_result
 from bridge.study.cases import Case, cases_of
 from bridge.study.lanes import LOG_FILE, Lanes
 from bridge.study.metrics import load
-from bridge.study.model import StudyFile, read_study
+from bridge.study.model import Function, StudyError, StudyFile, read_study
 from bridge.study.table import TABLE_FILE, write_table
 
 RUNS_FOLDER = "runs"
@@ -57,6 +58,8 @@ class Study:
         self.cases = cases_of(self.content, file.parent.resolve())
         self.directory = (out / self.content.name).resolve()
         self._ardupilot_dir = str(ardupilot_dir.resolve()) if ardupilot_dir else None
+        if self.content.figures and find_spec("pandas") is None:
+            raise StudyError(f"{file}: figures: needs pandas: pip install 'lostlink[pandas]'")
         for function in (*self.content.metrics, *self.content.figures):
             load(function)
 
@@ -101,21 +104,28 @@ class Study:
             rows.append({**case.labels, "id": case.id, **known})
         return rows
 
-    def finish(self) -> Path:
-        """Write the table and have the study's figures drawn; gives the table.
+    def write(self) -> Path:
+        """Write the table; gives its file.
 
         Raises:
-            StudyError, OSError: the table cannot be written. What a figure's function raises is passed on.
+            StudyError, OSError: it cannot be written.
         """
         table = self.directory / TABLE_FILE
         write_table(self.rows(), table)
-        if self.content.figures:
-            import pandas as pd
-
-            frame = pd.read_parquet(table)
-            for function in self.content.figures:
-                load(function)(frame, self.directory)
         return table
+
+    def draw(self) -> Iterator[str]:
+        """Have the study's figures drawn of the table; gives a line for each that cannot be."""
+        for function in self.content.figures:
+            try:
+                self._draw(function)
+            except Exception as error:
+                yield f"{function.file}:{function.name}: {type(error).__name__}: {error}"
+
+    def _draw(self, function: Function) -> None:
+        import pandas as pd
+
+        load(function)(pd.read_parquet(self.directory / TABLE_FILE), self.directory)
 
     def _failure(self, path: Path) -> str:
         result = read_result(path)
