@@ -140,7 +140,7 @@ class Localiser:
             (way_of(sim_time_ns, points), down_m) for _, (_, points, down_m) in sorted(self._plans.items())
         ]
         known = [(way, down_m) for way, down_m in ways if way is not None]
-        own = np.concatenate([each.places_ned_m(self.node) for each in self._estimators[:1]])
+        own = np.concatenate([each.places_ned_m(self.node) for each in self._estimators])
         now = Situation(
             place_m,
             course_rad,

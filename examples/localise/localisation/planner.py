@@ -87,7 +87,7 @@ class Situation(NamedTuple):
         place_m: own north and east, shape (2,).
         course_rad: own, from north over east.
         estimates: of emitters.
-        own_ned_m: where readings were taken, shape (n, 3).
+        own_ned_m: where readings were taken, shape (n, 3); the same place may come more than once.
         companions: their ways, as they told, from now.
         companion_down_m: heights of the companions' ways.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,6 +69,18 @@ def test_readings_in_one_place_count_once() -> None:
     assert not one.measured(2, "beacon", 10**9, place, -61.0)
     assert not one.measured(3, "stranger", 2 * 10**9, (99.0, 20.0, -40.0), -61.0)
     assert one.readings("0") == 1
+
+
+def test_a_plan_knows_where_it_measured_though_the_first_emitter_is_silent() -> None:
+    ways = []
+    for silent in ("a", "z"):
+        one = localiser("0", east_m=(-340.0, 340.0))
+        one = Localiser(
+            "0", replace(one.settings, emitters={"beacon": 20.0, silent: 20.0}), mean_power, SPREAD
+        )
+        measure(one, 25)
+        ways.append(one.plan(0, np.array([-100.0, 180.0]), 0.0).places_m)
+    assert np.array_equal(*ways)
 
 
 @pytest.mark.parametrize("payload", [b"", b"hello", bytes(40)])
