@@ -27,6 +27,7 @@ from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.study.metrics import of_summary, of_tables, own
 from bridge.study.model import Function
+from bridge.study.sources import sources_of
 
 PLAN_FILE = "plan.json"
 RESULT_FILE = "result.json"
@@ -67,7 +68,9 @@ class Plan:
         """What is measured, as a digest: other code measures anew."""
         digest = hashlib.sha256()
         for function in self.metrics:
-            digest.update(function.file.read_bytes() + b"\0" + function.name.encode() + b"\0")
+            for file in sources_of(function.file):
+                digest.update(file.read_bytes() + b"\0")
+            digest.update(function.name.encode() + b"\0")
         return digest.hexdigest()[:16]
 
 

@@ -15,6 +15,7 @@ from bridge.scenario.file import read_scenario
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import MAX, Scenario
 from bridge.study.model import RUNS_MAX, StudyError, StudyFile
+from bridge.study.sources import sources_of
 
 NOT_OF_THE_RESULT = ("ports", "hosts", "speed")
 """Keys of a scenario that change no result."""
@@ -92,12 +93,15 @@ def _scenario_at(place: str, folder: Path) -> str:
 def _id(scenario: Scenario) -> str:
     content = scenario.model_dump(mode="json", by_alias=True, exclude=set(NOT_OF_THE_RESULT))
     digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
-    for file in sorted(
-        {Path(text) for text in _texts(content) if text.endswith((".py", ".yaml", ".yml", ".csv"))}
-    ):
-        if file.is_file():
-            digest.update(file.read_bytes())
+    named = {Path(text) for text in _texts(content) if text.endswith((".py", ".yaml", ".yml", ".csv"))}
+    files = {each for file in named if file.is_file() for each in _with_imports(file)}
+    for file in sorted(files):
+        digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def _with_imports(file: Path) -> list[Path]:
+    return sources_of(file) if file.suffix == ".py" else [file]
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from bridge.study.case_process import Plan
 from bridge.study.cases import cases_of
 from bridge.study.metrics import load, own
 from bridge.study.model import Function, StudyError, read_study
@@ -90,6 +91,32 @@ def test_other_code_of_an_agent_is_another_run(tmp_path):
     assert cases(tmp_path, text)[0].id == before
     agent.write_text(AGENT + "\n# other\n", encoding="utf-8")
     assert cases(tmp_path, text)[0].id != before
+
+
+def test_other_code_of_a_module_that_an_agent_imports_is_another_run(tmp_path):
+    (tmp_path / "mine.py").write_text("import numpy\nfrom parts.way import way\n" + AGENT, encoding="utf-8")
+    (tmp_path / "parts").mkdir()
+    for name in ("parts/__init__.py", "parts/way.py", "parts/law.py", "figures.py"):
+        (tmp_path / name).write_text(
+            "from . import law\n" if name == "parts/way.py" else "", encoding="utf-8"
+        )
+    text = "set: {nodes.0.agent: {type: own, class: mine.py:Mine}}"
+    ids = [cases(tmp_path, text)[0].id]
+    for name in ("figures.py", "parts/law.py", "parts/__init__.py", "parts/way.py"):
+        with (tmp_path / name).open("a", encoding="utf-8") as file:
+            file.write("# other\n")
+        ids.append(cases(tmp_path, text)[0].id)
+    assert ids[1] == ids[0]  # nobody imports it
+    assert len(set(ids)) == 4
+
+
+def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
+    (tmp_path / "own.py").write_text("import law\n\n\ndef measure(run):\n    return {}\n", encoding="utf-8")
+    (tmp_path / "law.py").write_text("", encoding="utf-8")
+    plan = Plan("", (Function(file=tmp_path / "own.py", name="measure"),), "all")
+    before = plan.measures
+    (tmp_path / "law.py").write_text("# other\n", encoding="utf-8")
+    assert plan.measures != before
 
 
 @pytest.mark.parametrize(
