@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -32,33 +33,16 @@ class Lanes(Protocol):
         """Fly the cases of these directories; gives each when it is over, and None now and then in between."""
 
 
-class Local:
-    """So many at a time on this machine, each in a process of its own that ends with this one."""
+class _Flights:
+    """Flies cases, each in a process of its own, until it is told to end them."""
 
-    def __init__(self, lanes: int) -> None:
-        self._pool = ThreadPoolExecutor(lanes, thread_name_prefix="lane")
+    def __init__(self) -> None:
         self._flying: set[subprocess.Popen[bytes]] = set()
         self._lock = threading.Lock()
         self._ended = False
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
-        with self._lock:
-            self._ended = True
-            for process in self._flying:
-                process.send_signal(signal.SIGTERM)
-        self._pool.shutdown(cancel_futures=True)
-
-    def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
-        """Fly the cases; see `Lanes.fly`."""
-        futures = {self._pool.submit(self._one, case): case for case in cases}
-        return _as_completed(futures)
-
-    def _one(self, case: Path) -> None:
+    def fly(self, case: Path) -> None:
+        """Fly a case, and wait for it; once all are ended, no more."""
         with self._lock:
             if self._ended:
                 return
@@ -69,6 +53,35 @@ class Local:
         finally:
             with self._lock:
                 self._flying.discard(process)
+
+    def end(self) -> None:
+        """Ask those that fly to end, and start no others."""
+        with self._lock:
+            self._ended = True
+            for process in self._flying:
+                process.send_signal(signal.SIGTERM)
+
+
+class Local:
+    """So many at a time on this machine, each in a process of its own that ends with this one."""
+
+    def __init__(self, lanes: int) -> None:
+        self._pool = ThreadPoolExecutor(lanes, thread_name_prefix="lane")
+        self._flights = _Flights()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        self._flights.end()
+        self._pool.shutdown(cancel_futures=True)
+
+    def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
+        """Fly the cases; see `Lanes.fly`."""
+        futures = {self._pool.submit(self._flights.fly, case): case for case in cases}
+        return _as_completed(futures)
 
 
 class Dask:
@@ -97,6 +110,10 @@ class Dask:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
     ) -> None:
+        with suppress(
+            OSError, TimeoutError
+        ):  # the scheduler may be gone; a worker that ends takes its flights along
+            self._client.run(end_here, self._client.id)
         self._client.close()
 
     def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
@@ -104,15 +121,24 @@ class Dask:
         futures: dict[Future[Any], Path] = {}
         for case in cases:
             local: Future[Any] = Future()
-            remote = self._client.submit(fly_here, str(case), pure=False, retries=1)
+            remote = self._client.submit(fly_here, self._client.id, str(case), pure=False, retries=1)
             remote.add_done_callback(_passing_to(local))
             futures[local] = case
         return _as_completed(futures)
 
 
-def fly_here(case: str) -> int:
+_here: dict[str, _Flights] = {}
+"""On a worker of a cluster: the flights of each client."""
+
+
+def fly_here(client: str, case: str) -> None:
     """Fly the case of a directory in a process of its own, and wait for it: what a worker of a cluster does."""
-    return _start(Path(case)).wait()
+    _here.setdefault(client, _Flights()).fly(Path(case))
+
+
+def end_here(client: str) -> None:
+    """End what a client has flying on this worker."""
+    _here.setdefault(client, _Flights()).end()
 
 
 def _start(case: Path) -> subprocess.Popen[bytes]:
