@@ -11,10 +11,9 @@ import click
 
 from bridge.cli.exits import fail
 from bridge.flight.exits import UNEXPECTED
-from bridge.record.ending import extent_of
 from bridge.record.expectations.judge import Judgement
 from bridge.record.expectations.judge import judge as judge_run
-from bridge.run.directory import RunDirectory
+from bridge.record.reading.run import load_run
 from bridge.scenario.file import read_scenario
 
 
@@ -45,7 +44,8 @@ def judge(run: Path, scenario: str | None, as_json: bool) -> None:
 
 
 def _judgements(run: Path, scenario: str | None) -> list[Judgement]:
-    flown = RunDirectory(run).scenario
+    recorded = load_run(run)
+    flown = recorded.scenario
     expectations = flown.expectations if scenario is None else read_scenario(scenario).expectations
     missing = {
         node
@@ -58,4 +58,4 @@ def _judgements(run: Path, scenario: str | None) -> list[Judgement]:
         raise ValueError(
             f"{run}: has no node {', '.join(sorted(missing))}, of which {scenario} expects something"
         )
-    return judge_run(run, flown, extent_of(run).ending or "", expectations)
+    return judge_run(run, flown, recorded.ending, expectations)

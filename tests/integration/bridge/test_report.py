@@ -57,8 +57,10 @@ def test_a_killed_run_has_a_report(start_run: StartRun) -> None:
     run = start_run(speed="1")
     run.wait_for("sim time")
     path = run.directory
+    until_s = time.monotonic() + 60.0
     while not load_run(path).columns("deliveries", ["seq"])["seq"].size:
         assert run.process.poll() is None
+        assert time.monotonic() < until_s, "nothing was recorded"
         time.sleep(0.1)  # journals are flushed once a second
     run.stop(signal.SIGKILL)
     content = report_of(path)
