@@ -8,6 +8,7 @@ the columns' order. All numbers are little-endian.
 from __future__ import annotations
 
 import json
+import os
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -140,6 +141,8 @@ def _write_all(file: BinaryIO, data: bytes) -> None:
 def read_rows(path: Path, table: Table, rows: int = READ_ROWS) -> tuple[Labels, Iterator[NDArray[np.void]]]:
     """The names of a journal, and its rows in arrays of up to ``rows``. A tail that was cut off ends it quietly.
 
+    Rows are those that are whole when the first is read: what a writer adds meanwhile is for the next reader.
+
     Raises:
         TableError: it is not the journal of such a table.
         OSError: it cannot be read.
@@ -154,8 +157,10 @@ def read_rows(path: Path, table: Table, rows: int = READ_ROWS) -> tuple[Labels, 
 
 def _rows(path: Path, begin: int, dtype: np.dtype[np.void], rows: int) -> Iterator[NDArray[np.void]]:
     with path.open("rb") as file:
+        left = (file.seek(0, os.SEEK_END) - begin) // dtype.itemsize
         file.seek(begin)
-        while len(found := np.fromfile(file, dtype=dtype, count=rows)):
+        while left and len(found := np.fromfile(file, dtype=dtype, count=min(rows, left))):
+            left -= len(found)
             yield found
 
 

@@ -51,6 +51,19 @@ def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> N
     assert np.isnan(read(tmp_path)["snr_db"][3])
 
 
+def test_a_reader_between_two_halves_of_a_row_takes_whole_rows_only(tmp_path: Path) -> None:
+    writer = DeliveryColumns(tmp_path, ("0", "1"))
+    writer.append(4, **ROW | {"seq": np.arange(4)})
+    writer.close()
+    path = DELIVERIES.journal_path(tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: -DELIVERIES.dtype.itemsize - 5])
+    rows = read_rows(path, DELIVERIES, 3)[1]
+    assert next(rows)["seq"].tolist() == [0, 1]
+    path.write_bytes(whole)
+    assert list(rows) == []
+
+
 @pytest.mark.parametrize("rows", [0, 1, BUFFER_ROWS - 1, BUFFER_ROWS, BUFFER_ROWS + 1, 3 * BUFFER_ROWS + 5])
 def test_any_number_of_rows_at_once(tmp_path: Path, rows: int) -> None:
     writer = DeliveryColumns(tmp_path, ("0", "1"))
