@@ -52,6 +52,8 @@ class UaOfFlight(NodeRecord):
 
         Raises:
             AssertionError: it was not, by ``before_s`` or the end of the flight; the text says how near it came.
+            ValueError: no place was given, or the flight ended without a record that can be read.
+            OSError: likewise.
         """
         place = Place(north_m, east_m, height_m)
         while True:
@@ -60,6 +62,9 @@ class UaOfFlight(NodeRecord):
                 return self.reaches(place, within_m, after_s, before_s)
             except AssertionError:
                 if is_over or recorded_s > before_s:
+                    raise
+            except (OSError, ValueError):  # not begun, or just now becoming Parquet
+                if is_over:
                     raise
             await asyncio.sleep(LOOK_S)
 

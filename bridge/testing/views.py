@@ -19,22 +19,24 @@ _PLACE = ("position_north_m", "position_east_m", "position_down_m")
 
 @dataclass(frozen=True)
 class Place:
-    """Somewhere in the fleet's frame; an axis that is None does not matter."""
+    """Somewhere in the fleet's frame; an axis that is None does not matter.
+
+    Raises:
+        ValueError: no axis matters.
+    """
 
     north_m: float | None = None
     east_m: float | None = None
     height_m: float | None = None
 
-    def distance_m(self, position_ned_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far positions, shape (n, 3), are from it, along the axes that matter.
+    def __post_init__(self) -> None:
+        if self.north_m is self.east_m is self.height_m is None:
+            raise ValueError("a place needs north_m, east_m or height_m")
 
-        Raises:
-            ValueError: no axis matters.
-        """
+    def distance_m(self, position_ned_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far positions, shape (n, 3), are from it, along the axes that matter."""
         down_m = None if self.height_m is None else -self.height_m
         axes = {i: value for i, value in enumerate((self.north_m, self.east_m, down_m)) if value is not None}
-        if not axes:
-            raise ValueError("a place needs north_m, east_m or height_m")
         found: NDArray[np.float64] = np.linalg.norm(
             position_ned_m[:, list(axes)] - np.array(list(axes.values())), axis=1
         )

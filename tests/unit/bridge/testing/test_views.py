@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import numpy as np
 import pytest
 
+from bridge.record.tables.schema import TableError
+from bridge.testing.flight import UaOfFlight
 from bridge.testing.views import LinkRecord, NodeRecord, Place
 
 
@@ -34,6 +38,42 @@ class Made:
         }
 
 
+class Becoming(Made):
+    """That record, which cannot be read the first times: ``troubles`` are raised, one at each look."""
+
+    def __init__(self, *troubles):
+        self.troubles = list(troubles)
+
+    def columns(self, table, columns=None):
+        if self.troubles:
+            raise self.troubles.pop(0)
+        return super().columns(table, columns)
+
+
+class MadeFlight:
+    """A flight of that record, over or not."""
+
+    def __init__(self, record, is_over=False):
+        self.record, self.is_over = record, is_over
+
+    def recorded_s(self):
+        return 0.0
+
+
+def test_a_record_that_cannot_be_read_yet_is_waited_for():
+    record = Becoming(TableError("it has no truth.parquet"), FileNotFoundError("truth.journal"))
+    assert asyncio.run(UaOfFlight(MadeFlight(record), "1").at(north_m=60.0)) == 5.5
+    assert record.troubles == []
+
+
+def test_of_a_flight_that_is_over_no_record_is_waited_for():
+    ua = UaOfFlight(MadeFlight(Becoming(TableError("damaged")), is_over=True), "1")
+    with pytest.raises(TableError, match="damaged"):
+        asyncio.run(ua.at(north_m=60.0))
+    with pytest.raises(ValueError, match="a place needs"):
+        asyncio.run(ua.at())
+
+
 def test_when_a_node_first_is_near_a_place():
     ua = NodeRecord(Made(), "1")
     assert ua.reaches(Place(north_m=60.0, height_m=20.0), within_m=5.0) == 5.5
@@ -50,7 +90,7 @@ def test_a_place_that_is_not_reached_is_told_with_the_nearest():
     with pytest.raises(AssertionError, match="nothing was recorded"):
         ua.reaches(Place(north_m=1.0), after_s=11.0)
     with pytest.raises(ValueError, match="north_m, east_m or height_m"):
-        ua.reaches(Place())
+        Place()
 
 
 def test_where_a_node_was():
