@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
 
+from aps.api.guard import TOKEN_VARIABLE
 from aps.config import DaemonConfig
 from aps.daemon import Daemon
 from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
@@ -38,8 +39,6 @@ then, for one:
 _log = logging.getLogger("aps")
 
 STATISTICS_PERIOD_S = 60.0
-TOKEN_VARIABLE = "LOSTLINK_API_TOKEN"
-"""Not an option: those are shown to every user of the machine."""
 API_STEP = 10
 _HELP = {
     "tcp_server": "serve MAVLink clients there, too (127.0.0.1:6760 + 10 I); :PORT is on loopback, port 0 any free one",

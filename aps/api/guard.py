@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import re
 from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
-__all__ = ["ApiConfig", "Guard", "is_loopback"]
+__all__ = ["TOKEN_VARIABLE", "ApiConfig", "Guard", "is_loopback"]
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -21,7 +22,11 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 MAX_BODY_BYTES: Final = 4 << 20
+TOKEN_VARIABLE: Final = "LOSTLINK_API_TOKEN"
+"""Where programs take the token from: their options are shown to every user of the machine."""
 LEAST_TOKEN_CHARS: Final = 16
+TOKEN_CHARS: Final = re.compile(r"[A-Za-z0-9._~+/-]+=*")
+"""``b64token`` of RFC 6750 (2.1): what a header and a cookie carry as it is."""
 POLICY_VIOLATION: Final = 1008
 """WebSocket close code."""
 
@@ -41,7 +46,7 @@ class ApiConfig:
     """Settings of one API.
 
     Raises:
-        ValueError: it would be open to other machines without a token, or the token is short.
+        ValueError: it would be open to other machines without a token, or the token is short or has characters that a header cannot carry.
     """
 
     host: str = "127.0.0.1"
@@ -50,15 +55,19 @@ class ApiConfig:
     token: str = ""
     """What requests have to carry; needed when it listens beyond loopback."""
     hosts: tuple[str, ...] = ()
-    """Names by which it may be reached, beside addresses and localhost."""
+    """Names by which it may be reached, beside ``host``, addresses and localhost."""
     origins: tuple[str, ...] = ()
     """Web pages that may use it, such as ``https://gcs.example``, beside its own."""
 
     def __post_init__(self) -> None:
         if not self.token and not is_loopback(self.host):
             raise ValueError(f"an API on {self.host} can be reached from other machines: it needs a token")
-        if self.token and (len(self.token) < LEAST_TOKEN_CHARS or not self.token.isascii()):
-            raise ValueError(f"the token must have at least {LEAST_TOKEN_CHARS} ASCII characters")
+        if not self.token:
+            return
+        if len(self.token) < LEAST_TOKEN_CHARS or not TOKEN_CHARS.fullmatch(self.token):
+            raise ValueError(
+                f"the token must have at least {LEAST_TOKEN_CHARS} characters: letters, digits and any of - . _ ~ + /"
+            )
 
 
 class Guard:
@@ -109,7 +118,7 @@ class Guard:
             name = urlsplit(f"//{host}").hostname or ""
         except ValueError:
             return False
-        if name in self._config.hosts or name == "localhost":
+        if name in (self._config.host.lower(), *self._config.hosts, "localhost"):
             return True
         try:
             ipaddress.ip_address(name)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from aps.api.guard import ApiConfig
+from aps.api.guard import TOKEN_VARIABLE, ApiConfig
 from bridge.bus.session import SessionError
 from bridge.cli.viewing import PORT, NoView, check_installed
 from bridge.record.tables.schema import TRUTH
@@ -31,7 +31,13 @@ from bridge.run.directory import RunDirectory, live_runs
     help="TCP port; 0: any free one.",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--token", default="", help="What viewers need; required beyond this machine.")
+@click.option(
+    "--token",
+    default="",
+    envvar=TOKEN_VARIABLE,
+    show_envvar=True,
+    help="What viewers need; required beyond this machine. Other users of this machine can see an option.",
+)
 @click.option("--wait", is_flag=True, hidden=True, help="The run is about to start.")
 def view(run: Path | None, control: bool, port: int, host: str, token: str, wait: bool) -> None:
     """Serve a page that shows RUN (its directory, or its name in runs/; without it the newest that is running).

@@ -59,6 +59,8 @@ class ViewProcess:
             str(run.path),
             "--port",
             str(self.port),
+            "--token",
+            "",  # of this machine alone, whatever the environment has
             "--wait",
         ]
         command += ["--control"] if self._control else []

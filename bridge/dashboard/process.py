@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
+from urllib.parse import quote
 
 import numpy as np
 
@@ -159,7 +160,7 @@ class _Viewers:
 def address_of(config: ApiConfig, port: int) -> str:
     """What a browser is given."""
     host = f"[{config.host}]" if ":" in config.host else config.host
-    return f"http://{host}:{port}/" + (f"?token={config.token}" if config.token else "")
+    return f"http://{host}:{port}/" + (f"?token={quote(config.token, safe='')}" if config.token else "")
 
 
 class Model:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator, MutableMapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from http.cookies import CookieError, SimpleCookie
-from typing import Any, Final, Self
+from typing import Final, Self
 
 import uvicorn
 from fastapi import FastAPI
@@ -16,10 +15,10 @@ from nicegui import ui
 
 from aps.api.guard import ApiConfig, Guard
 from bridge.dashboard.broadcast import Broadcast
+from bridge.dashboard.cookie import App, Message, Receive, Scope, Send, WithCookie
 from bridge.dashboard.page.page import Page, Shown
 from bridge.dashboard.page.scene import FRAMES_PATH
 
-COOKIE: Final = "lostlink_view"
 POLICY: Final = (
     b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
     b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; frame-ancestors 'none'"
@@ -29,11 +28,6 @@ STOP_S: Final = 5.0
 RECONNECT_S: Final = 30.0
 """For so long a page that has lost its connection may come back as it was: a machine can be that busy."""
 MAX_FRAME_BYTES: Final = 1 << 20
-Scope = MutableMapping[str, Any]
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
 class _Server(uvicorn.Server):
@@ -69,7 +63,7 @@ class ViewServer:
         self.port = listening.getsockname()[1]
         self._server = _Server(
             uvicorn.Config(
-                _WithCookie(Guard(_WithPolicy(self._app()), self.config, self._count), self.config.token),
+                WithCookie(Guard(_WithPolicy(self._app()), self.config, self._count), self.config.token),
                 lifespan="on",
                 log_config=None,
                 access_log=False,
@@ -132,36 +126,3 @@ class _WithPolicy:
             await send(message)
 
         await self._app(scope, receive, with_policy)
-
-
-class _WithCookie:
-    """Lets a browser bring the token as a cookie, which it gets for a first request with ``?token=``."""
-
-    def __init__(self, app: App, token: str) -> None:
-        self._app, self._token = app, token
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if not self._token or scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
-            return
-        headers = dict(scope["headers"])
-        brought = _cookie(headers.get(b"cookie", b"").decode("latin-1"))
-        if brought and b"authorization" not in headers:
-            bearer = (b"authorization", f"Bearer {brought}".encode("latin-1"))
-            scope = {**scope, "headers": [*scope["headers"], bearer]}
-
-        async def with_cookie(message: Message) -> None:
-            if message["type"] == "http.response.start" and message["status"] == 200 and not brought:
-                cookie = f"{COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/".encode("ascii")
-                message["headers"] = [*message.get("headers", []), (b"set-cookie", cookie)]
-            await send(message)
-
-        await self._app(scope, receive, with_cookie)
-
-
-def _cookie(header: str) -> str:
-    try:
-        found = SimpleCookie(header).get(COOKIE)
-    except CookieError:
-        return ""
-    return found.value if found else ""

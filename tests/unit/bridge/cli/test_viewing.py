@@ -23,3 +23,10 @@ def test_control_needs_a_view() -> None:
     result = CliRunner().invoke(lostlink, ["run", "--control"])
     assert result.exit_code == 2
     assert "needs --view" in result.stderr
+
+
+def test_the_token_comes_from_the_environment_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOSTLINK_API_TOKEN", "short")
+    result = CliRunner().invoke(lostlink, ["view", "anything"])
+    assert result.exit_code == 2
+    assert "the token must have at least 16 characters" in result.stderr

@@ -1,0 +1,39 @@
+"""Who may come: names by which an API is reached, and what a token may be."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from aps.api.guard import ApiConfig, Guard
+
+TOKEN = "a-token/of+this.test=="
+
+
+def status(config: ApiConfig, host: str, token: str = TOKEN) -> int:
+    sent: list[Any] = []
+
+    async def app(_scope: Any, _receive: Any, send: Any) -> None:
+        await send({"type": "http.response.start", "status": 200})
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    headers = [(b"host", host.encode()), (b"authorization", f"Bearer {token}".encode())]
+    asyncio.run(Guard(app, config, lambda _why: None)({"type": "http", "headers": headers}, None, send))  # type: ignore[arg-type]
+    return int(sent[0]["status"])
+
+
+def test_it_is_reached_by_the_name_at_which_it_listens() -> None:
+    config = ApiConfig(host="Ground.example", token=TOKEN)
+    assert status(config, "ground.example:8080") == 200
+    assert status(config, "ground.example:8080", "another-token-altogether") == 401
+    assert status(config, "rebound.example:8080") == 421
+
+
+@pytest.mark.parametrize("wrong", ["short", "a-token;of this test", "a-token-of-this-test&more", "a=token-of-this-test"])
+def test_a_token_is_long_and_fits_in_a_header(wrong: str) -> None:
+    with pytest.raises(ValueError, match="at least 16 characters"):
+        ApiConfig(token=wrong)
