@@ -114,8 +114,9 @@ class Run:
 
     @property
     def digest(self) -> str:
-        """SHA-256 over all that repeats; "" if the run has no end."""
-        return str(self.summary.get("digest", ""))
+        """SHA-256 over all that repeats; "" if the run has no end, or broke off with nothing that repeats."""
+        has_any = self.summary.get("digests") != {}
+        return str(self.summary.get("digest", "")) if has_any else ""
 
     @cached_property
     def reports(self) -> Reports:

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bridge.cli.compare import compare
+from bridge.record.digests import digest_line
 from bridge.record.reading.run import load_run
 from bridge.report.side_by_side import SETTINGS_MAX, comparison_page, sameness, side_by_side, table_of
 from tests.unit.bridge.replay.flown import flown, scenario_of
@@ -46,6 +47,16 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         made(folder / "c", seed=2, digest="d2"),
         made(folder / "d", nodes=("0", "1", "gcs"), killed=True),
     ]
+
+
+def test_runs_that_recorded_nothing_are_not_called_identical(tmp_path: Path):
+    for name in ("a", "b"):
+        made(tmp_path / name, digest=digest_line({}))
+        file = tmp_path / name / "summary.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"digests": {}}))
+    content = side_by_side([load_run(tmp_path / name) for name in ("a", "b")])
+    assert [column["digest"] for column in content["runs"]] == ["", ""]
+    assert sameness(content) == "No two of these runs have the same digest."
 
 
 def test_what_differs_and_what_does_not(runs: list[Path]):
