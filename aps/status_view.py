@@ -10,12 +10,14 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from http.client import HTTPException
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
 
 from rich.console import Group
 from rich.live import Live
+from rich.markup import escape
 from rich.table import Column, Table
 
 from aps.status import SUFFIX, status_directory
@@ -52,21 +54,33 @@ def _answer_of(path: Path) -> dict[str, Any]:
         connection.settimeout(TIMEOUT_S)
         connection.connect(str(path))
         with connection.makefile("rb") as answer:
-            told: dict[str, Any] = json.loads(answer.readline())
-    return {"name": path.stem, **told}
+            return _named(path.stem, json.loads(answer.readline()))
+
+
+def _named(name: str, told: Any) -> dict[str, Any]:
+    if not isinstance(told, dict):
+        raise ValueError("its answer is not a JSON object")
+    return {"name": name, **told}
 
 
 def ask_over_http(urls: Sequence[str], token: str) -> Iterator[dict[str, Any]]:
-    """What daemons say of themselves at their APIs, in the order of ``urls`` (``http://HOST:PORT``)."""
+    """What daemons say of themselves at their APIs, in the order of ``urls`` (``http://HOST:PORT``).
+
+    Of one that does not answer, or not so, ``error`` says why.
+    """
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     for url in urls:
         whole = url if "://" in url else f"http://{url}"
-        name = urlsplit(whole).netloc or url
-        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        name = url
         try:
+            place = urlsplit(whole)
+            name = place.netloc or url
+            if place.scheme not in ("http", "https"):
+                raise ValueError(f"http:// or https:// is expected, not {place.scheme}:")
+            headers = {"Authorization": f"Bearer {token}"} if token else {}
             request = urllib.request.Request(f"{whole.rstrip('/')}/status", headers=headers)
             with opener.open(request, timeout=HTTP_TIMEOUT_S) as reply:
-                yield {"name": name, **json.load(reply)}
+                yield _named(name, json.load(reply))
         except urllib.error.HTTPError as error:
             wants_token = error.code == 401
             yield {"name": name, "error": "it wants its token" if wants_token else str(error)}
@@ -74,6 +88,8 @@ def ask_over_http(urls: Sequence[str], token: str) -> Iterator[dict[str, Any]]:
             yield {"name": name, "error": str(error.reason)}
         except (OSError, ValueError) as error:
             yield {"name": name, "error": str(error)}
+        except HTTPException as error:
+            yield {"name": name, "error": f"this is not HTTP: {error!r}"}
 
 
 def tables(answers: Sequence[dict[str, Any]]) -> Group | str:
@@ -85,13 +101,23 @@ def tables(answers: Sequence[dict[str, Any]]) -> Group | str:
     )
     links = _table("daemon", "link", "peer", "up", "ms", "in/s", "in", "lost", "out", "troubles")
     for told in answers:
+        name = escape(told["name"])
         if "error" in told:
-            daemons.add_row(told["name"], f"[red]{told['error']}")
+            daemons.add_row(name, f"[red]{escape(str(told['error']))}")
             continue
-        daemons.add_row(*_daemon_row(told))
-        for link in (*told["statistics"]["autopilot_links"], *told["statistics"]["clients"]):
-            links.add_row(told["name"], *_link_row(link))
+        try:
+            row, link_rows = _daemon_row(told), [_link_row(link) for link in _links(told)]
+        except (KeyError, TypeError, ValueError, AttributeError):
+            daemons.add_row(name, "[red]its answer is not that of a daemon of this version")
+            continue
+        daemons.add_row(name, *row)
+        for link_row in link_rows:
+            links.add_row(name, *link_row)
     return Group(daemons, links)
+
+
+def _links(told: dict[str, Any]) -> list[dict[str, Any]]:
+    return [*told["statistics"]["autopilot_links"], *told["statistics"]["clients"]]
 
 
 def _table(*names: str) -> Table:
@@ -106,7 +132,6 @@ def _daemon_row(told: dict[str, Any]) -> list[str]:
     others = ", ".join(map(str, statistics["other_systems"]))
     age_s = state["heartbeat_age_s"]
     return [
-        told["name"],
         f"{told['sysid']} [red](there is {others})" if others else str(told["sysid"]),
         state["mode"] or "-",
         "yes" if state["armed"] else "no",

@@ -1,0 +1,76 @@
+"""`lostlink aps status --url` beside what is no daemon: a line says so, and the others are shown."""
+
+from __future__ import annotations
+
+import io
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from aps.status_view import ask_over_http, tables
+
+
+@contextmanager
+def answering(reply: bytes) -> Iterator[str]:
+    """A server that answers one request with these bytes, and its URL."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.recv(4096)
+                connection.sendall(reply)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield f"http://127.0.0.1:{server.getsockname()[1]}"
+        thread.join()
+
+
+def shown(url: str) -> str:
+    console = Console(width=300, record=True, file=io.StringIO())
+    console.print(tables(list(ask_over_http([url], ""))))
+    return console.export_text()
+
+
+def ok(body: bytes, length: int | None = None) -> bytes:
+    return b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n%s" % (length or len(body), body)
+
+
+@pytest.mark.parametrize(
+    ("reply", "why"),
+    [
+        (b"SSH-2.0-[/b]\r\n", "this is not HTTP: BadStatusLine"),
+        (ok(b"{}", 9), "this is not HTTP: IncompleteRead"),
+        (ok(b"[1]"), "not a JSON object"),
+        (ok(b'{"sysid": 1}'), "not that of a daemon"),
+        (ok(b'{"sysid": 1, "state": {}, "statistics": []}'), "not that of a daemon"),
+    ],
+)
+def test_an_answer_of_something_else_is_told(reply: bytes, why: str) -> None:
+    with answering(reply) as url:
+        assert why in shown(url)
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("http://[::1", "Invalid IPv6 URL"),
+        ("http://a b", "InvalidURL"),
+        ("ftp://127.0.0.1/x", "http:// or https:// is expected, not ftp:"),
+    ],
+)
+def test_a_url_that_is_none_is_told(url: str, why: str) -> None:
+    assert why in shown(url)
+
+
+def test_a_file_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "status").write_text('{"secret": 1}')
+    (told,) = ask_over_http([tmp_path.as_uri()], "")
+    assert "not file:" in told["error"]
+    assert "secret" not in told
