@@ -2,7 +2,7 @@
 
 The payload is a plain number as text, or empty; the answer is JSON: how the clock stands, or an error with ``error``.
 They change how fast sim time goes by wall time, and nothing else: no result depends on it. A record that is played
-takes the same ones (`bridge.replay.playing.controls`).
+takes the same ones and ``seek`` (`bridge.replay.playing.controls`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class ClockMistake(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class ClockCommand:
-    """One command; ``number`` is seconds (step) or a factor (speed), None if there is none."""
+    """One command; ``number`` is seconds (step, seek) or a factor (speed), None if there is none."""
 
     verb: str
     number: float | None = None
@@ -50,12 +50,17 @@ def read_command(verb: str, payload: bytes) -> ClockCommand:
     return ClockCommand(verb, number)
 
 
+def named_speed(speed: float) -> float | str:
+    """A factor as commands and answers have it: ``max`` if it is infinite, which JSON cannot say."""
+    return "max" if math.isinf(speed) else speed
+
+
 def answer(sim_time_ns: int, speed: float, *, paused: bool) -> bytes:
     """What is replied to a command that was taken: how the clock stands now."""
     content = {
         "sim_time_s": sim_time_ns / 1e9,
         "paused": paused,
-        "speed": "max" if math.isinf(speed) else speed,
+        "speed": named_speed(speed),
     }
     return json.dumps(content).encode()
 

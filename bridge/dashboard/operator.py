@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import zenoh
 
+from bridge.bus.clock_commands import named_speed
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
 from bridge.bus.messages import CommandEvent, CommandGoal, DecodeError, decode
@@ -82,7 +83,7 @@ class Operator:
 
     def speed(self, factor: float) -> None:
         """Sim time per wall time; infinite: as fast as possible."""
-        self._ask_clock("speed", str(factor))
+        self._ask_clock("speed", str(named_speed(factor)))
 
     def seek(self, sim_time_s: float) -> None:
         """Raises ValueError: time goes forward only."""

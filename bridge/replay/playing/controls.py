@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from bridge.bus.clock_commands import ClockCommand, named_speed, read_command
 from bridge.replay.moment import Moment
 from bridge.replay.player import Player
 from bridge.replay.playing.pace import NS_PER_S, Pace
@@ -29,13 +30,13 @@ class Controls:
         self.pace = pace
         self.begin_ns = begin_ns
         self.end_ns = end_ns
-        self._verbs: dict[str, Callable[[str, float], Moment | None]] = {
+        self._verbs: dict[str, Callable[[ClockCommand, float], Moment | None]] = {
             "pause": self._pause,
             "resume": self._resume,
             "step": self._step,
             "seek": self._seek,
             "speed": self._speed,
-            "status": lambda _text, _now_s: None,
+            "status": lambda _command, _now_s: None,
         }
 
     def do(self, verb: str, text: str, now_s: float) -> Moment | None:
@@ -43,7 +44,8 @@ class Controls:
 
         Args:
             verb: one of VERBS.
-            text: its argument: seconds of sim time for ``seek``, a real-time factor or ``max`` for ``speed``.
+            text: its argument: seconds of sim time for ``seek`` and, if more than a tick, ``step``; a real-time factor
+                or ``max`` for ``speed``.
             now_s: wall time.
 
         Raises:
@@ -51,7 +53,7 @@ class Controls:
         """
         if verb not in self._verbs:
             raise ValueError(f"{verb!r} is none of {', '.join(VERBS)}")
-        return self._verbs[verb](text.strip(), now_s)
+        return self._verbs[verb](read_command(verb, text.encode()), now_s)
 
     def status(self) -> dict[str, Any]:
         """Where it is, in plain types."""
@@ -61,7 +63,7 @@ class Controls:
             "begin_s": self.begin_ns / NS_PER_S,
             "end_s": self.end_ns / NS_PER_S,
             "paused": self.pace.paused,
-            "speed": "max" if math.isinf(self.pace.speed) else self.pace.speed,
+            "speed": named_speed(self.pace.speed),
         }
 
     def next(self, now_s: float) -> Moment | None:
@@ -90,30 +92,32 @@ class Controls:
         self.pace.move(moment.sim_time_ns, now_s)
         return moment
 
-    def _pause(self, _text: str, _now_s: float) -> None:
+    def _pause(self, _command: ClockCommand, _now_s: float) -> None:
         self.pace.pause()
 
-    def _resume(self, _text: str, now_s: float) -> None:
+    def _resume(self, _command: ClockCommand, now_s: float) -> None:
         self.pace.resume(now_s)
 
-    def _step(self, _text: str, now_s: float) -> Moment | None:
+    def _step(self, command: ClockCommand, now_s: float) -> Moment | None:
+        """Go on by whole ticks, and at least by one."""
         self.pace.pause()
-        return self.next(now_s)
+        now, following_ns = self.player.now, self.player.following_ns
+        if command.number is None or now is None or following_ns is None:
+            return self.next(now_s)
+        until_ns = min(now.sim_time_ns + round(command.number * NS_PER_S), self.end_ns)
+        return self._to(until_ns, now_s) if until_ns > following_ns else self.next(now_s)
 
-    def _seek(self, text: str, now_s: float) -> Moment:
-        seconds = _number(text, "seek: seconds of sim time", 0.0, self.end_ns / NS_PER_S)
+    def _seek(self, command: ClockCommand, now_s: float) -> Moment:
+        seconds = _within(command.number, "seek: seconds of sim time", 0.0, self.end_ns / NS_PER_S)
         return self._to(max(self.begin_ns, round(seconds * NS_PER_S)), now_s)
 
-    def _speed(self, text: str, now_s: float) -> None:
-        speed = math.inf if text == "max" else _number(text, "speed: a factor, or max", SPEED_MIN, SPEED_MAX)
+    def _speed(self, command: ClockCommand, now_s: float) -> None:
+        is_max = command.number == math.inf
+        speed = math.inf if is_max else _within(command.number, "speed: a factor, or max", SPEED_MIN, SPEED_MAX)
         self.pace.set_speed(speed, now_s)
 
 
-def _number(text: str, what: str, least: float, most: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not least <= value <= most:
-        raise ValueError(f"{what}, from {least:g} to {most:g}, not {text[:40]!r}")
-    return value
+def _within(number: float | None, what: str, least: float, most: float) -> float:
+    if number is None or not least <= number <= most:
+        raise ValueError(f"{what}, from {least:g} to {most:g}, not {number}")
+    return number

@@ -53,8 +53,8 @@ def test_seeks_within_what_is_played(run: Path) -> None:
     before = moved.do("seek", "0", 10.0)
     assert before is not None
     assert before.sim_time_ns == 1 * S
-    for wrong in ("4.5", "-1", "nan", "", "soon"):
-        with pytest.raises(ValueError, match="from 0 to 4"):
+    for wrong, why in {"4.5": "from 0 to 4", "-1": "from 0 to 4", "nan": "a number", "": "a number"}.items():
+        with pytest.raises(ValueError, match=why):
             moved.do("seek", wrong, 10.0)
 
 
@@ -78,6 +78,19 @@ def test_steps_while_paused(run: Path) -> None:
     assert moved.do("step", "", 0.0) is None  # there is no more
 
 
+def test_steps_by_seconds_in_whole_ticks_and_not_past_the_end(run: Path) -> None:
+    moved = controls(run)
+    moved.next(0.0)
+    for seconds, reached_s in (("2.01", 2.0), ("0.001", 2.05), ("60", 5.0)):
+        moment = moved.do("step", seconds, 0.0)
+        assert moment is not None
+        assert moment.sim_time_ns == round(reached_s * S)
+    assert moved.do("step", "1", 0.0) is None
+    assert moved.pace.paused
+    with pytest.raises(ValueError, match="above 0"):
+        moved.do("step", "-1", 0.0)
+
+
 def test_changes_its_speed(run: Path) -> None:
     moved = controls(run)
     moved.next(0.0)
@@ -85,8 +98,11 @@ def test_changes_its_speed(run: Path) -> None:
     assert moved.due_s() == pytest.approx(0.01)
     moved.do("speed", "max", 0.0)
     assert moved.status()["speed"] == "max"
-    for wrong in ("0", "-1", "inf", "1e9", "fast"):
-        with pytest.raises(ValueError, match="a factor, or max"):
+    moved.do("speed", "5", 0.0)
+    moved.do("speed", "inf", 0.0)
+    assert moved.status()["speed"] == "max"
+    for wrong, why in {"0": "a factor, or max", "-1": "or max", "1e9": "or max", "fast": "a number"}.items():
+        with pytest.raises(ValueError, match=why):
             moved.do("speed", wrong, 0.0)
     with pytest.raises(ValueError, match="'fly' is none of pause"):
         moved.do("fly", "", 0.0)
