@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from bridge.cli.scenario_options import setting_options
-from bridge.run.directory import SUMMARY_FILE, RunDirectory
+from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.scenario.document.settings import parse_setting
 from bridge.scenario.file import with_changes
@@ -128,8 +128,8 @@ def _write(result: Redecision, out: Path, *, silent: bool) -> dict[str, Any]:
         if not silent and news.is_due():
             click.echo(f"writes {name}: {rows} rows so far", err=True)
 
+    was = RunDirectory(result.run).summary
     directory = write_run(result, out, tell)
-    was = _summary_of(result.run)
     timing = Timing(was.get("sim_duration_s", 0.0), was.get("wall_duration_s", 0.0))
     ending, unfinished = was.get("ending", "interrupted"), was.get("unfinished", [])
     summary = summarise(result.scenario, directory, timing, ending, unfinished, error=was.get("error")) | {
@@ -140,13 +140,6 @@ def _write(result: Redecision, out: Path, *, silent: bool) -> dict[str, Any]:
     radio = None if own else radio_of(result.scenario)
     draw_probability_of_delivery(summary, radio, directory.path / FIGURE_FILE)
     return summary
-
-
-def _summary_of(run: Path) -> dict[str, Any]:
-    """What the run said of itself; nothing if it was killed."""
-    path = run / SUMMARY_FILE
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    return found
 
 
 def _plain(

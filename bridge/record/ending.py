@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from bridge.record.events import KILLED, read_reports
 from bridge.record.tables.parquet import read_table
 from bridge.record.tables.schema import TRUTH
-from bridge.run.directory import SUMMARY_FILE
+from bridge.run.directory import RunDirectory
 
 WHOLE = ("done", "duration")
 """Endings of `summary.json` that the run came to by itself."""
@@ -82,8 +81,7 @@ def last_whole_tick(run: Path) -> int | None:
 
 def _ending(run: Path) -> str | None:
     try:
-        summary = json.loads((run / SUMMARY_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        ending = RunDirectory(run).summary.get("ending")
+    except (OSError, ValueError):
         return None
-    ending = summary.get("ending") if isinstance(summary, dict) else None
     return ending if isinstance(ending, str) else None

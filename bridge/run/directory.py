@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from bridge.bus.identity.guard import Guard
 from bridge.bus.identity.keyring import Credentials, Keyring
@@ -142,6 +143,24 @@ class RunDirectory:
             OSError, ValueError: if the file is not there or not ours.
         """
         return Scenario.from_yaml((self.path / SCENARIO_FILE).read_text(encoding="utf-8"))
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What the run said of itself at its end; empty if it did not come to write it.
+
+        Raises:
+            OSError, ValueError: the file cannot be read or is not ours.
+        """
+        file = self.path / SUMMARY_FILE
+        if not file.exists():
+            return {}
+        try:
+            content = json.loads(file.read_text(encoding="utf-8"))
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"{file}: not a summary: {error}") from error
+        if not isinstance(content, dict):
+            raise ValueError(f"{file}: not a summary: a JSON object is expected")
+        return content
 
 
 def live_runs(parent: Path) -> list[RunInfo]:

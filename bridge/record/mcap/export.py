@@ -17,7 +17,7 @@ from bridge.record.mcap.source import Source
 from bridge.record.mcap.topics import prefixes
 from bridge.record.reading.arrow import columns_of
 from bridge.record.tables.schema import TRUTH
-from bridge.run.directory import SUMMARY_FILE, RunDirectory
+from bridge.run.directory import RunDirectory
 from bridge.scenario.mcap import McapSettings
 from bridge.scenario.model import Scenario
 
@@ -88,8 +88,7 @@ def _about(run: Path, scenario: Scenario, file: McapFile) -> dict[str, str]:
         "scenario": scenario.to_yaml(),
         "left_out": json.dumps(dict(sorted(file.left_out.items()))),
     }
-    summary = run / SUMMARY_FILE
-    if summary.exists():
-        content = json.loads(summary.read_text(encoding="utf-8"))
-        found["summary"] = json.dumps({key: value for key, value in content.items() if key != "bins"})
+    summary = RunDirectory(run).summary
+    if summary:
+        found["summary"] = json.dumps({key: value for key, value in summary.items() if key != "bins"})
     return found

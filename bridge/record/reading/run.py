@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from functools import cached_property
@@ -27,7 +26,7 @@ from bridge.record.reading.rows import link_rows
 from bridge.record.streams import Entry, read_stream, stream_exists
 from bridge.record.tables.schema import DELIVERIES, MEASUREMENTS, STATES, TABLES, TRUTH, Table
 from bridge.run.access import RUNS
-from bridge.run.directory import SCENARIO_FILE, SUMMARY_FILE, RunDirectory
+from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 
 if TYPE_CHECKING:
@@ -92,15 +91,9 @@ class Run:
         """`summary.json`; empty if the run was killed before it was written.
 
         Raises:
-            ValueError: the file is not ours.
+            OSError, ValueError: the file is not ours.
         """
-        file = self.path / SUMMARY_FILE
-        if not file.exists():
-            return {}
-        content = json.loads(file.read_text(encoding="utf-8"))
-        if not isinstance(content, dict):
-            raise ValueError(f"{file}: not a summary: a JSON object is expected")
-        return content
+        return self._directory.summary
 
     @property
     def ending(self) -> str:

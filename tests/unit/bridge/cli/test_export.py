@@ -51,6 +51,16 @@ def test_csv_goes_into_the_run_itself(tmp_path: Path) -> None:
     assert {path.name for path in folder.glob("*.csv")} == {"truth.csv", "deliveries.csv"}
 
 
+@pytest.mark.parametrize("content", ["[]", "{", "[" * 100_000])
+def test_a_summary_that_is_none_is_told(tmp_path: Path, content: str) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    (folder / "summary.json").write_text(content)
+    done = run(folder, "--mcap")
+    assert done.exit_code == 2
+    assert "summary.json: not a summary: " in done.stderr
+
+
 def test_parquet_of_a_killed_run_is_that_of_its_end(tmp_path: Path) -> None:
     ended, killed = make_run(tmp_path / "ended"), make_run(tmp_path / "killed", is_finished=False)
     assert not {"truth", "deliveries"} & digests(killed).keys()

@@ -33,6 +33,15 @@ def test_the_same_radio_and_seed_are_said_to_be_the_same(run: Path) -> None:
     assert result.stdout.splitlines()[-1].startswith(("pass: ", "no verdict: "))
 
 
+def test_a_summary_that_is_none_is_told_before_anything_is_written(tmp_path: Path) -> None:
+    made = flown(tmp_path / "made", scenario_of("moon2020", NODES), 5)
+    (made / "summary.json").write_text("[]")
+    result = redecide(made, "--out", tmp_path / "out")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.splitlines()[-1].endswith("summary.json: not a summary: a JSON object is expected")
+    assert not (tmp_path / "out").exists()
+
+
 def test_fates_that_are_not_what_was_recorded_are_an_error(run: Path, tmp_path: Path) -> None:
     """As if the record were of a lostlink whose channel was another."""
     other = flown(tmp_path / "other", scenario_of("corrected", NODES), 50)
