@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bridge.record.tables.columns import values_of
 from bridge.record.tables.journal import read_rows
+from bridge.record.tables.parquet import read_batches
 from bridge.record.tables.schema import LABEL, Column, Table, TableError
 
 Columns = dict[str, NDArray[Any]]
@@ -79,23 +80,8 @@ def _journal(
 def _parquet(
     path: Path, table: Table, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]
 ) -> Iterator[Columns]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    with path.open("rb") as source:
-        try:
-            file = pq.ParquetFile(source)
-            missing = [column.name for column in columns if column.name not in file.schema_arrow.names]
-            if missing:
-                raise TableError(f"{path}: no such column as in {table.name}: {', '.join(missing)}")
-            names = [column.name for column in columns]
-            for batch in file.iter_batches(BATCH_ROWS, columns=names, use_threads=False):
-                yield {
-                    column.name: _values(path, batch.column(column.name), column, labels)
-                    for column in columns
-                }
-        except (pa.ArrowException, OSError) as error:
-            raise TableError(f"{path}: damaged: {error}") from error
+    for batch in read_batches(path, table, [column.name for column in columns], BATCH_ROWS):
+        yield {column.name: _values(path, batch.column(column.name), column, labels) for column in columns}
 
 
 def _values(path: Path, values: Any, column: Column, labels: Mapping[str, Sequence[str]]) -> NDArray[Any]:

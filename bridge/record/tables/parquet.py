@@ -122,6 +122,17 @@ def read_parquet(path: Path, table: Table, columns: Sequence[str]) -> Iterator[B
         TableError: it is damaged, or not such a table.
         OSError: it cannot be opened.
     """
+    for batch in read_batches(path, table, columns, READ_ROWS):
+        yield {name: _values(batch.column(name)) for name in columns}
+
+
+def read_batches(path: Path, table: Table, columns: Sequence[str], rows: int) -> Iterator[pa.RecordBatch]:
+    """The rows of a table's Parquet file as Arrow, up to ``rows`` at a time: of the table's types, none missing.
+
+    Raises:
+        TableError: it is damaged, or not such a table.
+        OSError: it cannot be opened.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -133,8 +144,11 @@ def read_parquet(path: Path, table: Table, columns: Sequence[str]) -> Iterator[B
             missing = [n for n in columns if n not in schema.names or schema.field(n).type != expected[n]]
             if missing:
                 raise TableError(f"{path}: no such column as in {table.name}: {', '.join(missing)}")
-            for batch in file.iter_batches(READ_ROWS, columns=list(columns), use_threads=False):
-                yield {name: _values(batch.column(name)) for name in columns}
+            for batch in file.iter_batches(rows, columns=list(columns), use_threads=False):
+                gaps = [name for name in columns if batch.column(name).null_count]
+                if gaps:
+                    raise TableError(f"{path}: a row has no value in {', '.join(gaps)}")
+                yield batch
         except (pa.ArrowException, OSError) as error:
             raise TableError(f"{path}: damaged: {error}") from error
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,13 @@ from hypothesis import strategies as st
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
 from bridge.physics.truth_table import TruthColumns
 from bridge.radio.deliveries import FATES, DeliveryColumns
+from bridge.record.reading.coded import coded_columns
 from bridge.record.tables.parquet import GROUP_ROWS, finish_tables
 from bridge.record.tables.schema import DELIVERIES, TRUTH, TableError
 from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
 
 NODES = ("0", "1", "gcs-1")
+NAMES = pa.dictionary(pa.int16(), pa.string())
 
 
 def decimals(low: int, high: int, digits: int) -> st.SearchStrategy[float]:
@@ -223,3 +226,27 @@ def test_a_million_receptions_are_small_and_quickly_written(tmp_path: Path) -> N
     assert DELIVERIES.parquet_path(tmp_path).stat().st_size < 20e6
     assert taken_s / rows < 0.2e-6
     assert_same(read(tmp_path), joined(ticks))
+
+
+@pytest.mark.parametrize(
+    ("column", "made"),
+    [
+        ("tx", lambda values: pa.array([None, *values[1:]]).dictionary_encode().cast(NAMES)),
+        ("tx", pa.array),
+        ("seq", lambda values: pa.array([None, *values[1:]], pa.int64())),
+        ("snr_db", lambda values: pa.array([None, *values[1:]])),
+    ],
+    ids=["no name", "plain names", "no whole number", "no number"],
+)
+def test_a_column_of_foreign_make_is_told(tmp_path: Path, column: str, made: Callable[[Any], Any]) -> None:
+    write_deliveries(tmp_path, list(fleet_columns(3, 2)), 3)
+    finish_tables(tmp_path)
+    path = DELIVERIES.parquet_path(tmp_path)
+    content = pq.read_table(path)
+    values = content.column(column).to_pylist()
+    pq.write_table(content.set_column(content.column_names.index(column), column, made(values)), path)
+    why = f"{path}: (a row has no value in|no such column as in deliveries:) {column}"
+    with pytest.raises(TableError, match=why):
+        read(tmp_path)
+    with pytest.raises(TableError, match=why):
+        coded_columns(tmp_path, DELIVERIES, {"tx": NODES, "rx": NODES, "fate": FATES})
