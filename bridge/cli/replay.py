@@ -66,10 +66,10 @@ def replay(
 ) -> None:
     """Publish the run in directory RUN, finished or killed, with the keys and messages that it had.
 
-    Keys begin with lostlink/replay-<name of RUN>/: truth/<id>, clock, clock/release, node/<id>/state, rx and
-    comm_status, tick/truths, fates, communication, links. What nobody subscribes to is not made. An operator (lostlink
-    token) may query clock/cmd/pause, resume, step, seek (seconds), speed (a factor, or max) and status. The agents'
-    own words (node/<id>/agent) were not recorded.
+    Keys begin with lostlink/replay-<name of RUN>/: truth/<id>, clock, clock/release, node/<id>/state, rx,
+    comm_status, agent and log/<name>, tick/truths, fates, communication, links. What nobody subscribes to is not made.
+    An operator (lostlink token) may query clock/cmd/pause, resume, step and seek (seconds), speed (a factor, or max)
+    and status.
 
     \b
     Examples:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bridge.bus.keys import Keys
-from bridge.bus.messages import DataPackage, DecodeError, Header, Message, decode, encoding_of
-from bridge.bus.session import Session
+from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Header, Message, decode, encoding_of
+from bridge.bus.session import Session, Stamp
+from bridge.record.logged import as_json
 from bridge.replay.moment import Moment, Received
 from bridge.replay.playing.pace import Pace
 from bridge.scenario.model import Scenario
@@ -31,6 +32,8 @@ class MomentPublisher:
         self._wants_state = self._interests(ua, keys.state)
         self._wants_rx = self._interests(nodes, lambda node: keys.rx(node, "*", "*"))
         self._wants_status = self._interests(nodes, keys.comm_status)
+        self._wants_report = self._interests(nodes, keys.agent)
+        self._wants_logged = self._interests(nodes, lambda node: keys.logged(node, "*"))
         records = ("truths", "fates", "communication", "links")
         self._wants_tick = self._interests(records, keys.tick)
 
@@ -54,6 +57,7 @@ class MomentPublisher:
             self._states(moment)
         self._received(moment)
         self._statuses(moment)
+        self._logged(moment)
         header = Header.at(moment.sim_time_ns, "")
         self._session.put(self._keys.clock_release, header, must_arrive=True)
         self._observed(moment, everything=everything)
@@ -114,6 +118,22 @@ class MomentPublisher:
             node = status.header.frame_id
             if self._wants_status[node]():
                 self._session.put(self._keys.comm_status(node), status, must_arrive=True)
+
+    def _logged(self, moment: Moment) -> None:
+        if not any(wants() for each in (self._wants_report, self._wants_logged) for wants in each.values()):
+            return
+        for node, sim_time_ns, item in moment.logged():
+            if isinstance(item, AgentStatus):
+                if self._wants_report[node]():
+                    self._session.put(self._keys.agent(node), item, must_arrive=True)
+            elif self._wants_logged[node]():
+                self._session.put_bytes(
+                    self._keys.logged(node, item.name),
+                    as_json(item.value).encode(),
+                    encoding="application/json",
+                    attachment=Stamp(-1, sim_time_ns).to_bytes(),
+                    must_arrive=self._waits,
+                )
 
     def _observed(self, moment: Moment, *, everything: bool) -> None:
         if self._wants_tick["fates"]() and moment.has_fates:
