@@ -7,7 +7,7 @@ import pytest
 
 from bridge.bus.messages import Header, Links
 from bridge.dashboard import link_history
-from bridge.dashboard.link_history import BIN_WIDTH_M, WINDOW, LinkHistory
+from bridge.dashboard.link_history import BIN_WIDTH_M, FIGURES, WINDOW, LinkHistory
 from tests.unit.bridge.dashboard.fleet import links
 
 
@@ -76,6 +76,16 @@ def test_memory_is_bounded_and_the_whole_run_stays_in_sight(monkeypatch: pytest.
     assert len(series.time_s) <= 64
     assert series.time_s[0] < 20.0
     assert series.time_s[-1] > 190.0
+
+
+def test_memory_of_a_large_fleet_is_bounded_by_its_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link_history, "VALUES_MAX", 10 * LinkHistory(3).latest("per").size * len(FIGURES))
+    history = LinkHistory(3)
+    for number in range(200):
+        history.take(links(0.2 * number, 10.0, 0.0, number, number))
+    series = history.series(0, 1)
+    assert 4 < len(series.time_s) <= 10
+    assert series.time_s[-1] > 30.0
 
 
 def test_a_distance_beyond_all_bins_is_in_the_last() -> None:
