@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
+from pydantic import ValidationError
 
 from bridge.scenario.mcap import TOPICS, McapSettings
 
@@ -71,8 +72,9 @@ def changed(
     content["sizes_bytes"] |= dict(_pair("--size", text, int) for text in sizes)
     try:
         return McapSettings.model_validate(content)
-    except ValueError as error:
-        raise click.UsageError(str(error)) from error
+    except ValidationError as error:
+        wrong = (f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        raise click.UsageError("; ".join(wrong)) from error
 
 
 def _pair(option: str, text: str, number: type[float] | type[int]) -> tuple[str, float]:

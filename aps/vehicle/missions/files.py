@@ -145,9 +145,8 @@ def _items(one: Any, where: str) -> list[MissionItem]:
         inner = _mapping(one, "TransectStyleComplexItem") or one
         if "Items" not in inner:
             raise ValueError(f"{where}: a {one.get('complexItemType', 'complex item')} without its items")
-        return [
-            item for index, part in enumerate(inner["Items"]) for item in _items(part, f"{where}.{index}")
-        ]
+        parts = enumerate(_list(inner, "Items"))
+        return [item for index, part in parts for item in _items(part, f"{where}.{index}")]
     plain = {"command", "params", "frame"}
     try:
         item = {key: one[key] for key in plain}

@@ -102,7 +102,8 @@ def test_what_cannot_be_exported_has_status_2(tmp_path: Path) -> None:
     [
         (("--rate", "truths=5"), "no kind of topic 'truths'; there are clock, truth, pose"),
         (("--rate", "truth=fast"), "'fast' is no number"),
-        (("--rate", "truth=-1"), "greater than or equal to 0"),
+        (("--rate", "truth=-1"), "rates_hz.truth: Input should be greater than or equal to 0\n"),
+        (("--rate", "truth=nan"), "Error: rates_hz.truth: Input should be"),
         (("--size", "packets=0"), "greater than or equal to 1"),
         (("--mavlink", "some"), "'frames', 'messages', 'none'"),
     ],
@@ -112,6 +113,7 @@ def test_mistakes_about_mcap_have_status_2(tmp_path: Path, options: tuple[str, .
     (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
     done = run(folder, "--mcap", *options)
     assert (done.exit_code, text in done.output) == (2, True), done.output
+    assert "https://" not in done.output
     assert not (folder / "run.mcap").exists()
 
 

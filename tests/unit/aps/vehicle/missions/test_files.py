@@ -120,6 +120,15 @@ def test_what_is_no_waypoint_file(text, message):
             lambda plan: plan["mission"]["items"][1].pop("TransectStyleComplexItem"),
             "a survey without its items",
         ),
+        *(
+            (
+                lambda plan, other=other: plan["mission"]["items"][1].update(
+                    TransectStyleComplexItem={"Items": other}
+                ),
+                "'Items' of a plan is a list",
+            )
+            for other in (None, 3)
+        ),
         (lambda plan: plan["rallyPoints"].update(points=[[1, 2]]), "a rally point has 3 numbers"),
         (
             lambda plan: plan["geoFence"].update(circles=[{"circle": {"center": [1, 2]}}]),
