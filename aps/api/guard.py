@@ -46,7 +46,8 @@ class ApiConfig:
     """Settings of one API.
 
     Raises:
-        ValueError: it would be open to other machines without a token, or the token is short or has characters that a header cannot carry.
+        ValueError: it would be open to other machines without a token, or the token is short or has characters that a
+            header cannot carry.
     """
 
     host: str = "127.0.0.1"

@@ -113,7 +113,9 @@ class Controls:
 
     def _speed(self, command: ClockCommand, now_s: float) -> None:
         is_max = command.number == math.inf
-        speed = math.inf if is_max else _within(command.number, "speed: a factor, or max", SPEED_MIN, SPEED_MAX)
+        speed = (
+            math.inf if is_max else _within(command.number, "speed: a factor, or max", SPEED_MIN, SPEED_MAX)
+        )
         self.pace.set_speed(speed, now_s)
 
 

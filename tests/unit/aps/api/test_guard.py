@@ -33,7 +33,9 @@ def test_it_is_reached_by_the_name_at_which_it_listens() -> None:
     assert status(config, "rebound.example:8080") == 421
 
 
-@pytest.mark.parametrize("wrong", ["short", "a-token;of this test", "a-token-of-this-test&more", "a=token-of-this-test"])
+@pytest.mark.parametrize(
+    "wrong", ["short", "a-token;of this test", "a-token-of-this-test&more", "a=token-of-this-test"]
+)
 def test_a_token_is_long_and_fits_in_a_header(wrong: str) -> None:
     with pytest.raises(ValueError, match="at least 16 characters"):
         ApiConfig(token=wrong)
