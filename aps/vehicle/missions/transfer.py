@@ -57,6 +57,7 @@ class _Transfer(Execution):
         self._kind = kind_number(kind)
         self._words = kind
         self._said: list[Any] = []
+        self._said_ns = 0
         self._due_at_ns: int | None = None
         self._tries = 0
         self._now: list[Any] = []
@@ -65,6 +66,7 @@ class _Transfer(Execution):
         """Say something, now and until something else is said."""
         self._said, self._tries = [message], tries + 1
         self._now = [message]
+        self._said_ns = now_ns
         self._due_at_ns = now_ns + round(TRANSFER_TIMEOUTS_S[tries] * NS_PER_S)
 
     def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
@@ -141,6 +143,8 @@ class UploadExecution(_Transfer):
         if not 0 <= seq < len(self._items):
             self.refuse(f"the autopilot asks for item {seq} of {len(self._items)}")
             return
+        if seq > self._sent:  # it asks in order: this is late, of a transfer before
+            return
         first_time = seq >= self._sent
         self._sent = max(self._sent, seq + 1)
         self._say(self._items[seq].to_message(self._sysid, seq, self._kind, current=seq == 0), now_ns)
@@ -153,9 +157,9 @@ class UploadExecution(_Transfer):
         done, total = self._sent - self._first, len(self._items) - self._first
         self.tell("feedback", self._progress(), done=done, total=total)
 
-    def _on_ack(self, result: int, now_ns: int) -> None:  # noqa: ARG002
+    def _on_ack(self, result: int, now_ns: int) -> None:
         if result == _ACCEPTED:
-            if self._sent == len(self._items):
+            if self._sent == len(self._items) and now_ns > self._said_ns:  # else it is late, of one before
                 self.end(Outcome.REACHED, value=len(self._items) - self._first)
         elif result != _SEQUENCE:  # the answer to an item that came twice: it asks again for the one it wants
             self._refused(result)

@@ -67,7 +67,8 @@ def test_mistakes_are_told_before_anything_starts(tmp_path: Path, scenario: dict
 
 def test_ctrl_c_ends_the_run_with_its_record(tmp_path: Path, scenario: dict[str, Any]) -> None:
     script = (
-        "import yaml, sys\nfrom lostlink import fly\n"
+        "import signal, yaml, sys\nfrom lostlink import fly\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # whoever started the tests may ignore it
         "try:\n    fly(yaml.safe_load(sys.argv[1]), speed=1.0, duration_s=100.0, directory=sys.argv[2], quiet=False)\n"
         "except KeyboardInterrupt:\n    print('interrupted', flush=True)\n"
     )

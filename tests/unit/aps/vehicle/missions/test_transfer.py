@@ -5,6 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.vehicle.execution import Outcome
 from aps.vehicle.missions.items import MissionItem
+from aps.wire.framer import Framer
 from tests.unit.aps.vehicle.peer import Bench, KeepingAutopilot
 
 ITEMS = [
@@ -49,6 +50,29 @@ def test_a_clean_transfer_says_nothing_twice():
     bench.run("mission_download")
     assert [message.seq for message in bench.heard("MISSION_REQUEST_INT")] == [0, 1, 2, 3, 4, 5]
     assert len(bench.heard("MISSION_ACK")) == 1
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_what_comes_late_of_the_upload_before_is_no_end_of_this_one(count):
+    """A frame that was cut short keeps those after it back, with the last request and the acknowledgement."""
+    bench = Bench()
+    bench.autopilot.mute = {"MISSION_COUNT"}  # lost on its way
+    results = []
+    items = [MissionItem(5100, (0.0, 0.0, 0.0, 0.0, 47.0, 8.0, 30.0))] * count
+    bench.commands.start("mission_upload", items, kind="rally", on_done=results.append)
+    bench.step()
+    late = (
+        mavlink.MAVLink_mission_request_int_message(7, 191, count - 1, 2),
+        mavlink.MAVLink_mission_ack_message(7, 191, mavlink.MAV_MISSION_ACCEPTED, 2),
+    )
+    for frame in Framer().receive(b"".join(bytes(each.pack(bench.autopilot.mav)) for each in late)):
+        bench.vehicle.receive(frame, bench.now_ns)
+    bench.autopilot.mute = set()
+    while not results:
+        bench.step()
+    # A list of one is asked for by the late request, too: the upload fails then, and says so.
+    assert results[0].outcome is (Outcome.REACHED if count > 1 else Outcome.TIMED_OUT)
+    assert len(bench.autopilot.items[2]) == (count if count > 1 else 0)
 
 
 @pytest.mark.parametrize(("kind", "number"), [("fence", 1), ("rally", 2)])
