@@ -249,6 +249,7 @@ async def test_the_stream_tells_states_messages_texts_progress_and_results(call,
     assert seen["result"]["outcome"] == "reached"
 
 
+@pytest.mark.slow
 async def test_a_listener_that_does_not_read_holds_up_nobody(call, daemon, eventually):
     address = f"ws://127.0.0.1:{call.server.port}/stream?rate_hz=50&messages=HEARTBEAT,ATTITUDE,SYS_STATUS"
     async with open_stream(address, max_queue=1) as stalled, open_stream(address) as reader:

@@ -90,6 +90,7 @@ def test_echo_without_a_run_says_so(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_the_example_client_ends_with_the_run(start_run: StartRun) -> None:
     run = start_run("--speed", "2", duration_s=12.0)
     run.wait_for("sim time")

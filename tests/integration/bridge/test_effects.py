@@ -54,6 +54,7 @@ def rows_of(run: Run) -> list[Row]:
     ]
 
 
+@pytest.mark.slow
 def test_fading_changes_faster_when_the_ua_move(start_run: StartRun) -> None:
     """The oracle is the free-space-like mean power at the written distance: what is left is fading alone."""
     run = start_run(scenario=MOVING, duration_s=60.0)

@@ -59,6 +59,7 @@ def test_autopilots_that_run_already_are_flown_from_the_first_tick(
     assert_flew(run)
 
 
+@pytest.mark.slow
 def test_autopilots_may_come_after_the_run(start_run: StartRun, start_autopilots: StartAutopilots) -> None:
     run = start_run(scenario=EXTERNAL, duration_s=25.0)
     run.wait_for("waits for the autopilots")
@@ -66,6 +67,7 @@ def test_autopilots_may_come_after_the_run(start_run: StartRun, start_autopilots
     assert_flew(run)
 
 
+@pytest.mark.slow
 def test_external_autopilots_repeat_too(start_run: StartRun, start_autopilots: StartAutopilots) -> None:
     digests = []
     for _ in range(2):

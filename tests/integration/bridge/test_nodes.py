@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from bridge.agents import connect_ua
 from bridge.bus.keys import Keys
@@ -71,6 +72,7 @@ def test_a_ground_station_hears_and_sends_to_one(start_run: StartRun, tmp_path: 
     assert (run.directory / "logs" / "host-of-gcs.log").exists()
 
 
+@pytest.mark.slow
 def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
     more = "  - {{id: probe, kind: ground, place: {{north_m: 50}}, agent: {{type: free}}}}\n"
     run = start_run(scenario=STILL.replace("moon2020", "perfect") + more, duration_s=8.0, speed="2")
@@ -94,6 +96,7 @@ def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
     assert any("transmits as node probe" in reason for reason in run.summary["may_not_repeat"])
 
 
+@pytest.mark.slow
 def test_a_station_that_only_listens_and_observers_change_no_fate(start_run: StartRun) -> None:
     scenario = STILL.replace("moon2020", "corrected")
     alone = start_run(scenario=scenario, duration_s=8.0, speed="4")

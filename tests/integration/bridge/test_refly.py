@@ -96,6 +96,7 @@ def altered(run: Run, tmp_path: Path) -> tuple[Path, int]:
     return copy, int(item["tick_ns"])
 
 
+@pytest.mark.slow
 def test_an_input_altered_by_hand_gives_the_first_difference_and_status_1(
     visited: Run, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
@@ -147,6 +148,7 @@ async def test_an_operators_command_is_repeated(
     assert "identical" in done.stdout
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_is_flown_again_to_its_last_whole_tick(
     start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

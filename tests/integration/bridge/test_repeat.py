@@ -50,6 +50,7 @@ def test_every_line_of_the_benchmark_is_identical(
         assert (row["identical"], row["remarks"]) == (1, []), row
 
 
+@pytest.mark.slow
 def test_another_seed_gives_another_record_and_no_other_flight(start_run: StartRun) -> None:
     runs = [start_run(*more, scenario=HOLD, duration_s=8.0) for more in ((), ("--seed", "4"))]
     for run in runs:
@@ -104,6 +105,7 @@ class Slow(Agent):
 """
 
 
+@pytest.mark.slow
 def test_a_slow_agent_makes_the_run_slow_and_not_another(start_run: StartRun, tmp_path: Path) -> None:
     (tmp_path / "slow.py").write_text(SLOW)
     runs = []
@@ -234,6 +236,7 @@ def test_tlogs_udp_outputs_and_the_api_change_nothing_however_much_they_are_used
     assert reasons == []  # a loaded machine may be slow to end, which is no flight of its own
 
 
+@pytest.mark.slow
 def test_two_runs_beside_each_other_are_compared_by_the_command(start_run: StartRun) -> None:
     runs = [start_run(duration_s=2.0, scenario=HOLD) for _ in range(2)]
     for run in runs:

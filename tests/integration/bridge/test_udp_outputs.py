@@ -12,6 +12,7 @@ from bridge.scenario.file import ScenarioError, parse_scenario, read_scenario, w
 from tests.integration.bridge.conftest import StartRun
 
 
+@pytest.mark.slow
 def test_outputs_reach_whoever_listens_and_change_nothing(start_run: StartRun) -> None:
     with socket.socket(type=socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))

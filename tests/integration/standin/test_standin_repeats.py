@@ -142,6 +142,7 @@ class Driver:
         return [m for m in self.heard if m.get_type() == kind]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(240)
 def test_two_flights_are_the_same_in_every_byte_whatever_the_clock_does() -> None:
     generator = np.random.default_rng()
