@@ -117,6 +117,7 @@ def test_a_legacy_peer_needs_no_mavlink(start_run: StartRun) -> None:
     assert run.summary["ending"] == "duration"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(180)
 def test_the_others_fly_without_one_that_does_not_come(

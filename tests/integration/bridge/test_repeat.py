@@ -40,6 +40,7 @@ def test_a_line_of_the_benchmark_is_identical(line: str, free_slot: Callable[[in
     assert (row["identical"], row["remarks"]) == (1, []), row
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_every_line_of_the_benchmark_is_identical(

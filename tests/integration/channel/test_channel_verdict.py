@@ -44,6 +44,7 @@ def wrong_radios():
             yield name, {"noise": {floor: getattr(config.noise, floor) + off}}
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(("name", "wrong"), list(wrong_radios()))

@@ -28,6 +28,8 @@ def late_reports(run: Run) -> tuple[float, set[str]]:
     return len(there) / len(numbers), set(there["by"])
 
 
+@pytest.mark.long
+@pytest.mark.slow
 def test_the_relay_keeps_it_connected_and_it_repeats(fly_mission: FlyMission) -> None:
     first, second = (fly_mission("relay_placement", name, SHORT) for name in ("first", "second"))
     without = fly_mission("relay_placement", "without", SHORT | {"nodes.1.agent.options.relay": "false"})

@@ -182,6 +182,7 @@ def test_the_benchmark_runs(capsys):
     assert out.count("25 m, exact") == 8
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_intervals_of_correlated_logs_hold_the_truth():

@@ -110,6 +110,7 @@ def errors_m(delivery: Callable[[float], float], seed: int) -> list[float]:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_with_sharing_both_know_without_it_the_far_one_does_not() -> None:
     shared, alone = (np.array([errors_m(lambda _, p=p: p, seed) for seed in (1, 2, 3)]) for p in (1.0, 0.0))
