@@ -56,6 +56,7 @@ async def test_client_that_never_reads_costs_only_its_own_frames(daemon, autopil
         )
 
 
+@pytest.mark.slow
 async def test_autopilot_that_does_not_read_costs_bounded_memory(daemon, autopilot, connect, eventually):
     client = await connect(daemon.listen_port)
     autopilot.reading.clear()

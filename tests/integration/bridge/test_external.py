@@ -50,6 +50,7 @@ def assert_flew(run: Run) -> None:
     assert all(link["sent"] == 25 * 20 + 1 for link in summary["links"])
 
 
+@pytest.mark.slow
 def test_autopilots_that_run_already_are_flown_from_the_first_tick(
     start_run: StartRun, start_autopilots: StartAutopilots, free_slot: Callable[[int], int]
 ) -> None:

@@ -154,7 +154,7 @@ def listen(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    "client", [flood, *(pytest.param(other, marks=pytest.mark.slow) for other in (stall, listen))]
+    "client", [pytest.param(client, marks=pytest.mark.slow) for client in (flood, stall, listen)]
 )
 def test_a_client_that_says_nothing_to_the_autopilot_changes_nothing(
     start_run: StartRun, client: Callable[[Run], None]
