@@ -23,6 +23,7 @@ def call(run: Run, method: str, path: str, body: object = None) -> tuple[int, An
         return reply.status, json.loads(reply.read())
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_what_comes_over_the_api_is_an_input_that_can_be_flown_again(
     start_run: StartRun, tmp_path: Path

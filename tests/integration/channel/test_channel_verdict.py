@@ -17,6 +17,7 @@ RUNS = int(os.environ.get("LOSTLINK_VERDICTS", "50"))
 WRONG_RUNS = 10
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", presets.preset_names())
