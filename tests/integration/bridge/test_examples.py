@@ -133,6 +133,7 @@ def test_the_ground_station_keeps_what_it_hears(fly: Fly) -> None:
     assert senders == {"0", "1", "2"}
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_an_acceptance_run_is_accepted_and_a_stricter_one_is_not(fly: Fly, tmp_path: Path) -> None:

@@ -34,7 +34,9 @@ def table(*arguments: str) -> list[dict[str, object]]:
     return rows
 
 
-@pytest.mark.parametrize("line", ["standin loaded", pytest.param("wander", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "line", ["standin loaded", pytest.param("wander", marks=[pytest.mark.slow, pytest.mark.long])]
+)
 def test_a_line_of_the_benchmark_is_identical(line: str, free_slot: Callable[[int], int]) -> None:
     [row] = table("--only", line, "--slot", str(free_slot(4)))
     assert (row["identical"], row["remarks"]) == (1, []), row
@@ -211,6 +213,7 @@ def look_at_everything(run: Run, listener: socket.socket) -> Counter[str]:
     return seen
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_tlogs_udp_outputs_and_the_api_change_nothing_however_much_they_are_used(

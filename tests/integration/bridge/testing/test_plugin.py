@@ -71,6 +71,8 @@ def run_pytest(file: Path, *options: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.long
+@pytest.mark.slow
 def test_the_example():
     done = run_pytest(EXAMPLE)
     assert done.returncode == 0, done.stdout[-3000:]
