@@ -188,6 +188,11 @@ def read_stream(path: Path) -> Iterator[Entry]:
             offset, before_ns = offset + _HEAD.size + length, tick_ns
 
 
+def entries_of(path: Path) -> Iterator[Entry]:
+    """As `read_stream`; no entries if there is no such stream."""
+    return read_stream(path) if stream_exists(path) else iter(())
+
+
 def _has_start(path: Path, start: bytes) -> bool:
     """Whether the file begins as it should; False if it was cut off within its beginning."""
     if start == _START:

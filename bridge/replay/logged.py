@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from bridge.bus.messages import AgentStatus
 from bridge.record import names
 from bridge.record.logged import LoggedValue, decode_logged
-from bridge.record.streams import Entry, read_stream, stream_exists
+from bridge.record.streams import entries_of
 
 
 class NodeLogged:
@@ -24,7 +23,7 @@ class NodeLogged:
         self._begin()
 
     def _begin(self) -> None:
-        self._entries: Iterator[Entry] = read_stream(self._path) if stream_exists(self._path) else iter(())
+        self._entries = entries_of(self._path)
         self._next = next(self._entries, None)
         self._read_ns = -1
 

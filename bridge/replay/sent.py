@@ -14,9 +14,8 @@ from bridge.record.streams import (
     ENTRY_HEAD_BYTES,
     START_BYTES,
     StreamError,
+    entries_of,
     open_stream,
-    read_stream,
-    stream_exists,
 )
 from channel.medium.reception import EVERYBODY
 
@@ -50,7 +49,7 @@ class SentPackets:
         self.channels: list[str] = []
         routes: dict[str, tuple[int, str]] = {}
         offset = START_BYTES
-        for tick_ns, entry in read_stream(self._path) if stream_exists(self._path) else ():
+        for tick_ns, entry in entries_of(self._path):
             offset += ENTRY_HEAD_BYTES
             try:
                 packet = decode_packet(entry)

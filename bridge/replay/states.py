@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from aps.vehicle.telemetry import Telemetry
@@ -11,7 +10,7 @@ from aps.wire.framer import Framer
 from bridge.aircraft.aircraft_bridge import state_message
 from bridge.bus.messages import AircraftState
 from bridge.record.names import from_autopilot
-from bridge.record.streams import Entry, read_stream, stream_exists
+from bridge.record.streams import Entry, entries_of
 
 
 class NodeStates:
@@ -33,7 +32,7 @@ class NodeStates:
         self._telemetry = Telemetry(self._sysid)
         self._telemetry.link_up()
         self._framer = Framer()
-        self._entries: Iterator[Entry] = read_stream(self._path) if stream_exists(self._path) else iter(())
+        self._entries = entries_of(self._path)
         self._next = next(self._entries, None)
         self._heard_ns = 0
 

@@ -63,9 +63,10 @@ def _no_log() -> Iterator[None]:
 def search(machine: type[RuleBasedStateMachine]) -> None:
     """Run a machine once, or again and again until the time is up."""
     until_s = time.process_time() + CPU_S
-    run_state_machine_as_test(machine, settings=SEARCH)
-    while time.process_time() < until_s:
+    while True:
         run_state_machine_as_test(machine, settings=SEARCH)
+        if time.process_time() >= until_s:
+            return
 
 
 class FramerMachine(RuleBasedStateMachine):

@@ -10,48 +10,47 @@ from bridge.bus.messages import AircraftState
 from bridge.dashboard.fleet_view import FleetView
 
 Rows = list[dict[str, Any]]
-FLEET_COLUMNS = [
-    {"name": name, "label": label, "field": name, "align": align, "sortable": True}
-    for name, label, align in (
-        ("node", "node", "left"),
-        ("mode", "mode", "left"),
-        ("north", "north m", "right"),
-        ("east", "east m", "right"),
-        ("height", "height m", "right"),
-        ("speed", "m/s", "right"),
-        ("hears", "hears", "right"),
-        ("heard", "heard by", "right"),
-    )
-]
-AGENT_COLUMNS = [
-    {"name": name, "label": label, "field": name, "align": "left"}
-    for name, label in (("node", "node"), ("activity", "its agent"), ("logged", "values it logged"))
-]
-EMITTER_COLUMNS = [
-    {"name": name, "label": label, "field": name, "align": align}
-    for name, label, align in (
-        ("emitter", "emitter", "left"),
-        ("frequency", "MHz", "right"),
-        ("power", "dBm", "right"),
-        ("north", "north m", "right"),
-        ("east", "east m", "right"),
-        ("height", "height m", "right"),
-    )
-]
-LOGGED_COLUMNS = [
-    {"name": name, "label": label, "field": name, "align": align}
-    for name, label, align in (
-        ("name", "name", "left"),
-        ("time", "sim time s", "right"),
-        ("value", "value", "left"),
-        ("drawn", "drawn as", "left"),
-    )
-]
-LOSS_COLUMNS = [
-    {"name": "cause", "label": "fate", "field": "cause", "align": "left"},
-    {"name": "packets", "label": "packets", "field": "packets", "align": "right"},
-    {"name": "share", "label": "share", "field": "share", "align": "right"},
-]
+
+
+def _columns(*columns: tuple[str, str, str], sortable: bool = False) -> Rows:
+    """Columns as Quasar's table takes them: of each its name, label and side."""
+    more = {"sortable": True} if sortable else {}
+    return [
+        {"name": name, "label": label, "field": name, "align": align} | more for name, label, align in columns
+    ]
+
+
+FLEET_COLUMNS = _columns(
+    ("node", "node", "left"),
+    ("mode", "mode", "left"),
+    ("north", "north m", "right"),
+    ("east", "east m", "right"),
+    ("height", "height m", "right"),
+    ("speed", "m/s", "right"),
+    ("hears", "hears", "right"),
+    ("heard", "heard by", "right"),
+    sortable=True,
+)
+AGENT_COLUMNS = _columns(
+    ("node", "node", "left"), ("activity", "its agent", "left"), ("logged", "values it logged", "left")
+)
+EMITTER_COLUMNS = _columns(
+    ("emitter", "emitter", "left"),
+    ("frequency", "MHz", "right"),
+    ("power", "dBm", "right"),
+    ("north", "north m", "right"),
+    ("east", "east m", "right"),
+    ("height", "height m", "right"),
+)
+LOGGED_COLUMNS = _columns(
+    ("name", "name", "left"),
+    ("time", "sim time s", "right"),
+    ("value", "value", "left"),
+    ("drawn", "drawn as", "left"),
+)
+LOSS_COLUMNS = _columns(
+    ("cause", "fate", "left"), ("packets", "packets", "right"), ("share", "share", "right")
+)
 
 
 def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:

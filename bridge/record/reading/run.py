@@ -23,7 +23,7 @@ from bridge.record.reading.arrow import arrow_of, columns_of
 from bridge.record.reading.frames import frame_of_columns, frame_of_rows, frame_of_table
 from bridge.record.reading.links import link_counts, link_series
 from bridge.record.reading.rows import link_rows
-from bridge.record.streams import Entry, read_stream, stream_exists
+from bridge.record.streams import Entry, entries_of
 from bridge.record.tables.schema import DELIVERIES, MEASUREMENTS, STATES, TABLES, TRUTH, Table
 from bridge.run.access import RUNS
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
@@ -256,9 +256,7 @@ class Run:
             ValueError: the file is damaged, or the id cannot be one.
         """
         path = names.packets(node).path(self.path)
-        return (
-            (decode_packet(entry.payload) for entry in read_stream(path)) if stream_exists(path) else iter(())
-        )
+        return (decode_packet(entry.payload) for entry in entries_of(path))
 
     def logged(self) -> list[tuple[int, str, LoggedValue | AgentStatus]]:
         """What all agents logged and reported, as tick in ns, node and item; by tick, then by node.
@@ -269,8 +267,7 @@ class Run:
         found = []
         for node in self.nodes:
             path = names.logged(node).path(self.path)
-            if stream_exists(path):
-                found += [(e.tick_ns, node, decode_logged(e.payload)) for e in read_stream(path)]
+            found += [(e.tick_ns, node, decode_logged(e.payload)) for e in entries_of(path)]
         return sorted(found, key=lambda each: each[0])
 
     def mavlink(self, node: str, direction: Literal["from_autopilot", "to_autopilot"]) -> Iterator[Entry]:
@@ -280,7 +277,7 @@ class Run:
             ValueError: the file is damaged, or the id cannot be one.
         """
         path = names.Stream(names.Kind(direction), node).path(self.path)
-        return read_stream(path) if stream_exists(path) else iter(())
+        return entries_of(path)
 
     def _timed(self, figures: Callable[[Sequence[LinkTimes]], dict[str, NDArray[Any]]]) -> pd.DataFrame:
         rows = link_rows(self.path, self.scenario.transceiver_ids, NEEDED)
