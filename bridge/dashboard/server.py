@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Final, Self
 
-import uvicorn
 from fastapi import FastAPI
 from nicegui import ui
 
 from aps.api.guard import ApiConfig, Guard
+from aps.api.serving import Serving
 from bridge.dashboard.broadcast import Broadcast
 from bridge.dashboard.cookie import App, Message, Receive, Scope, Send, WithCookie
 from bridge.dashboard.page.page import Page, Shown
@@ -24,18 +21,9 @@ POLICY: Final = (
     b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; frame-ancestors 'none'"
 )
 """The browser itself refuses what would go elsewhere."""
-STOP_S: Final = 5.0
 RECONNECT_S: Final = 30.0
 """For so long a page that has lost its connection may come back as it was: a machine can be that busy."""
 MAX_FRAME_BYTES: Final = 1 << 20
-
-
-class _Server(uvicorn.Server):
-    """uvicorn without its signal handlers: signals are the program's."""
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
 
 
 class ViewServer:
@@ -55,30 +43,19 @@ class ViewServer:
         self.port = 0
         self.refused: Counter[str] = Counter()
         self._shown, self._broadcast = shown, broadcast
-        self._tasks: list[asyncio.Task[None]] = []
 
     async def __aenter__(self) -> Self:
-        family = socket.AF_INET6 if ":" in self.config.host else socket.AF_INET
-        listening = socket.create_server((self.config.host, self.config.port), family=family)
-        self.port = listening.getsockname()[1]
-        self._server = _Server(
-            uvicorn.Config(
-                WithCookie(Guard(_WithPolicy(self._app()), self.config, self._count), self.config.token),
-                lifespan="on",
-                log_config=None,
-                access_log=False,
-                log_level="warning",
-                ws="websockets-sansio",
-                ws_max_size=MAX_FRAME_BYTES,
-                server_header=False,
-                proxy_headers=False,
-                timeout_graceful_shutdown=1,
-            )
+        self._serving = Serving(
+            WithCookie(Guard(_WithPolicy(self._app()), self.config, self._count), self.config.token),
+            self.config.host,
+            self.config.port,
+            "view",
+            lifespan="on",
+            ws_max_size=MAX_FRAME_BYTES,
         )
-        self._tasks = [
-            asyncio.create_task(self._server.serve(sockets=[listening]), name="view"),
-            asyncio.create_task(self._broadcast.run(), name="frames"),
-        ]
+        await self._serving.__aenter__()
+        self.port = self._serving.port
+        self._frames = asyncio.create_task(self._broadcast.run(), name="frames")
         return self
 
     def _app(self) -> FastAPI:
@@ -104,12 +81,9 @@ class ViewServer:
         self.refused[reason] += 1
 
     async def __aexit__(self, *_: object) -> None:
-        self._server.should_exit = True
-        serving, frames = self._tasks
-        frames.cancel()
-        await asyncio.wait({serving}, timeout=STOP_S)
-        serving.cancel()
-        await asyncio.gather(serving, frames, return_exceptions=True)
+        self._frames.cancel()
+        await self._serving.__aexit__()
+        await asyncio.gather(self._frames, return_exceptions=True)
 
 
 class _WithPolicy:
