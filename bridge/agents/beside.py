@@ -15,12 +15,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-
-import zenoh
 
 from bridge.agents.client import OnEvent, UaClient
 from bridge.agents.measurements import measurements_by_node
@@ -40,6 +37,7 @@ from bridge.bus.messages import (
     decode,
 )
 from bridge.bus.reception import Reception
+from bridge.bus.replies import event_of
 from bridge.bus.session import Sample, Session, Stamp
 from bridge.record.logged import LoggedValue
 from bridge.run.access import Access, access_of
@@ -88,7 +86,7 @@ class ZenohOutlet:
         self._session.query(
             self._keys.command(self._node, verb),
             goal,
-            lambda reply: inbox.push(_event_of(reply)),
+            lambda reply: inbox.push(event_of(reply)),
             lambda: inbox.push(None),
             timeout_s=COMMAND_QUERY_S,
         )
@@ -140,16 +138,6 @@ class _Feed:
         sender, channel = str(sample.key_expr).split("/")[-2:]
         reception = Reception.from_sample(sample, self._ua.sim_time_ns)
         self._ua.take_packet(sender, channel, sample.payload.to_bytes(), reception)
-
-
-def _event_of(reply: zenoh.Reply) -> CommandEvent:
-    if reply.ok is None:
-        text = reply.err.payload.to_string() if reply.err is not None else "no reply"
-        return CommandEvent(CommandEvent.RESULT, False, text, math.nan)
-    try:
-        return decode(reply.ok.payload.to_bytes(), CommandEvent)
-    except DecodeError as error:
-        return CommandEvent(CommandEvent.RESULT, False, str(error), math.nan)
 
 
 @asynccontextmanager

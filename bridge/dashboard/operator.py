@@ -7,7 +7,6 @@ no result.
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable
 
 import zenoh
@@ -15,7 +14,8 @@ import zenoh
 from bridge.bus.clock_commands import named_speed
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
-from bridge.bus.messages import CommandEvent, CommandGoal, DecodeError, decode
+from bridge.bus.messages import CommandEvent, CommandGoal
+from bridge.bus.replies import event_of
 from bridge.bus.session import Session
 from bridge.run.access import Access
 from bridge.timeouts import COMMAND_QUERY_S
@@ -55,7 +55,7 @@ class Operator:
         self._session.query(
             self._keys.command(node, verb),
             goal or CommandGoal(),
-            lambda reply: inbox.push(_event_of(reply)),
+            lambda reply: inbox.push(event_of(reply)),
             lambda: None,
             timeout_s=COMMAND_QUERY_S,
         )
@@ -103,13 +103,3 @@ class Operator:
         """Leave."""
         if self._session is not None:
             await asyncio.to_thread(self._session.close)
-
-
-def _event_of(reply: zenoh.Reply) -> CommandEvent:
-    if reply.ok is None:
-        text = reply.err.payload.to_string() if reply.err is not None else "no reply"
-        return CommandEvent(CommandEvent.RESULT, False, text, math.nan)
-    try:
-        return decode(reply.ok.payload.to_bytes(), CommandEvent)
-    except DecodeError as error:
-        return CommandEvent(CommandEvent.RESULT, False, str(error), math.nan)

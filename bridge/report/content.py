@@ -11,6 +11,7 @@ import numpy as np
 
 from bridge.flight.figure import model_curve
 from bridge.record.reading.ages import times_of
+from bridge.record.reading.places import nearest_m, places_of
 from bridge.record.reading.rows import LinkRows, link_rows
 from bridge.record.reading.run import Run
 from bridge.record.tables.schema import DELIVERIES, TRUTH
@@ -19,7 +20,6 @@ from bridge.report.scales import plain
 from bridge.report.tracks import tracks_of
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve_radio import radio_of
-from bridge.study.metrics import separation_min_m
 from channel.checks import ChannelInputError
 from channel.validity import OutsideValidityError
 
@@ -66,8 +66,10 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
 
 def least_separation_m(run: Run) -> float | None:
     """How near two UA came to each other; None of fewer than two."""
-    flying = [ua.node for ua in run.scenario.ua]
-    return separation_min_m(run, flying) if TRUTH.is_in(run.path) else None
+    if not TRUTH.is_in(run.path):
+        return None
+    _, places = places_of(run.path, run.nodes)
+    return nearest_m(places[ua.node] for ua in run.scenario.ua)
 
 
 def rows_of_packets(run: Run) -> LinkRows:

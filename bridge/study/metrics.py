@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Collection, Mapping
-from itertools import combinations
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from bridge.record.reading.ages import NEEDED, link_ages, times_of
 from bridge.record.reading.links import counts_of
+from bridge.record.reading.places import nearest_m, places_of
 from bridge.record.reading.rows import link_rows
 from bridge.record.reading.run import Run
 from bridge.study.model import Function, StudyError
@@ -68,36 +68,13 @@ def of_tables(run: Run) -> Metrics:
         },
         "age_mean_s": _mean(ages["mean_s"]),
         "age_peak_s": float(np.nanmax(ages["peak_s"], initial=0.0)) if len(ages["peak_s"]) else float("nan"),
-        "separation_min_m": separation_min_m(run),
+        "separation_min_m": nearest_m(places_of(run.path, run.nodes)[1].values()),
     }
 
 
 def _mean(values: NDArray[np.float64]) -> float:
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else float("nan")
-
-
-def separation_min_m(run: Run, among: Collection[str] | None = None) -> float:
-    """The least distance of two nodes at any tick, m; nan of fewer than two.
-
-    Args:
-        run: the run.
-        among: ids of the nodes; all unless given.
-    """
-    axes = ("position_north_m", "position_east_m", "position_down_m")
-    truth = run.columns("truth", ("tick_ns", "node", *axes))
-    tracks = {}
-    for node in np.unique(truth["node"].astype(str)).tolist():
-        if among is not None and node not in among:
-            continue
-        own = truth["node"] == node
-        tracks[node] = (truth["tick_ns"][own], np.stack([truth[axis][own] for axis in axes], axis=1))
-    nearest = float("nan")
-    for (ticks_a, a), (ticks_b, b) in combinations(tracks.values(), 2):
-        _, at_a, at_b = np.intersect1d(ticks_a, ticks_b, return_indices=True)
-        if len(at_a):
-            nearest = float(np.fmin(nearest, np.linalg.norm(a[at_a] - b[at_b], axis=1).min()))
-    return nearest
 
 
 def own(run: Run, functions: tuple[Function, ...]) -> Metrics:

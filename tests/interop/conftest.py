@@ -1,15 +1,29 @@
-"""The vehicles that clients are tried on, each behind a daemon of its own."""
+"""The vehicles that clients are tried on, each behind a daemon of its own; and the browser that pages are seen in."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
+from benchmarks.browser import chromium, open_browser
 from tests.interop.builtin_vehicles import COPTER, PLANE, sitl
 from tests.interop.served import Served, serve, standin
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A real browser, or the test is skipped."""
+    if chromium() is None:
+        pytest.skip("no Chromium on this machine: apt-get install chromium")
+    with open_browser() as opened:
+        yield opened
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -12,20 +11,11 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, Page, expect
 
-from benchmarks.browser import chromium, open_browser
 from bridge.record.reading.run import load_run
 from bridge.report.content import content_of
 from bridge.report.page.page import page_of
 from bridge.report.pictures.all import draw_all
 from tests.unit.bridge.replay.flown import flown, scenario_of
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if chromium() is None:
-        pytest.skip("no Chromium on this machine: apt-get install chromium")
-    with open_browser() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, Error, expect
 
-from benchmarks.browser import chromium, open_browser
+from benchmarks.browser import chromium
 from bridge.bus.keys import Keys
 from bridge.record.logged import LoggedValue
 from tests.integration.bridge.conftest import Run, StartRun, start_run  # noqa: F401
@@ -45,14 +45,6 @@ FAST, SLOW = OUT.replace("{mps}", "15"), OUT.replace("{mps}", "1")
 expect.set_options(timeout=120_000)
 BLUE, RED = "#2069b8", "#c62828"
 """Links on which everything arrives, and nothing."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if chromium() is None:
-        pytest.skip("no Chromium on this machine: apt-get install chromium")
-    with open_browser() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.bus.keys import ALL
 from bridge.record.reading.ages import received_ns, sawtooth
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import DELIVERIES
+from bridge.record.reading.rows import LinkRows, link_rows
 from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
 from bridge.scenario.model import Scenario
 
 DECIMALS_S = 9
-COLUMNS = ("sim_time_ns", "tx", "rx", "packets", "distance_m", "fate")
-FATES = ("delivered", "transport")
-"""What is looked for: heard, and lost before the radio."""
-DELIVERED, BY_HOST = range(len(FATES))
+TRANSPORT = "transport"
+"""The fate of packets that were lost before the radio."""
 Mask = NDArray[np.bool_]
 
 
@@ -37,15 +32,8 @@ class PacketFinder:
         self._tick_ns = scenario.tick_period_ns
 
     @cached_property
-    def _rows(self) -> dict[str, NDArray[Any]]:
-        """The table with names as numbers: nodes in their order, then ``all``; fates as in `FATES`, others -1."""
-        names = {"tx": self._nodes, "rx": (*self._nodes, ALL), "fate": FATES}
-        parts: dict[str, list[NDArray[Any]]] = {name: [] for name in COLUMNS}
-        for batch in read_table(self._run, DELIVERIES, COLUMNS):
-            for name in COLUMNS:
-                values = batch[name]
-                parts[name].append(_numbers(values, names[name]) if name in names else values)
-        return {name: np.concatenate(values) if values else np.empty(0) for name, values in parts.items()}
+    def _rows(self) -> LinkRows:
+        return link_rows(self._run, self._nodes, ("sim_time_ns", "distance_m"))
 
     def shares(self, wanted: DeliveryExpectation) -> list[float]:
         """Delivered per sent: of all packets that are meant together, or of each link; nothing if none was sent."""
@@ -61,10 +49,11 @@ class PacketFinder:
         chosen = self._of(tx, rx) & self._between(wanted.between_s)
         if wanted.distance_m is not None:
             low, high = wanted.distance_m
-            chosen &= (self._rows["distance_m"] >= low) & (self._rows["distance_m"] <= high)
-        packets = self._rows["packets"] * self._receivers(rx)
+            distance_m = self._rows.columns["distance_m"]
+            chosen &= (distance_m >= low) & (distance_m <= high)
+        packets = self._rows.columns["packets"]
         sent = packets[chosen].sum()
-        delivered = packets[chosen & (self._rows["fate"] == DELIVERED)].sum()
+        delivered = packets[chosen & self._rows.is_delivered].sum()
         return [float(delivered / sent)] if sent else []
 
     def age_s(self, wanted: AgeExpectation, end_s: float) -> float | None:
@@ -83,46 +72,30 @@ class PacketFinder:
         return max(ages, default=None)
 
     def _greatest_age_s(self, tx: str, rx: str, begin_s: float, until_s: float) -> float:
-        heard = self._of(tx, rx) & (self._rows["fate"] == DELIVERED)
-        generated_ns, came_ns = self._rows["sim_time_ns"][heard], self._received_ns[heard]
+        heard = self._of(tx, rx) & self._rows.is_delivered
+        generated_ns, came_ns = self._rows.columns["sim_time_ns"][heard], self._received_ns[heard]
         age = sawtooth(generated_ns, came_ns, round(begin_s * 1e9), round(until_s * 1e9)).age
         return round(age.peak_s, DECIMALS_S)
 
     @cached_property
     def _received_ns(self) -> NDArray[np.int64]:
-        return received_ns(self._rows["sim_time_ns"].astype(np.int64), self._tick_ns)
+        return received_ns(self._rows.columns["sim_time_ns"], self._tick_ns)
 
     def lost_by_host(self) -> int:
         """Packets that never got to the radio, once per receiver."""
-        lost = self._rows["fate"] == BY_HOST
-        return int((self._rows["packets"] * self._receivers(None))[lost].sum())
+        return int(self._rows.columns["packets"][self._rows.has_fate(TRANSPORT)].sum())
 
     def _of(self, tx: str | None, rx: str | None) -> Mask:
-        """Rows of a sender and receiver; None: any. Those for everybody are for each receiver, too."""
-        rows = self._rows
-        chosen = np.ones(len(rows["tx"]), dtype=np.bool_)
-        if tx is not None:
-            chosen &= rows["tx"] == self._nodes.index(tx)
-        if rx is not None:
-            here = self._nodes.index(rx)
-            chosen &= (rows["rx"] == here) | ((rows["rx"] == len(self._nodes)) & (rows["tx"] != here))
+        """Rows of a sender and receiver; None: any."""
+        columns = self._rows.columns
+        chosen = np.ones(len(columns["tx"]), dtype=np.bool_)
+        for end, node in (("tx", tx), ("rx", rx)):
+            if node is not None:
+                chosen &= columns[end] == self._nodes.index(node)
         return chosen
 
-    def _receivers(self, rx: str | None) -> NDArray[Any]:
-        """How many receivers each row stands for, of those that are meant."""
-        others = len(self._nodes) - 1 if rx is None else 1
-        return np.where(self._rows["rx"] == len(self._nodes), others, 1)
-
     def _between(self, interval_s: tuple[float, float] | None) -> Mask:
-        times_ns = self._rows["sim_time_ns"]
+        times_ns = self._rows.columns["sim_time_ns"]
         if interval_s is None:
             return np.ones(len(times_ns), dtype=np.bool_)
         return (times_ns >= interval_s[0] * 1e9) & (times_ns <= interval_s[1] * 1e9)
-
-
-def _numbers(values: NDArray[Any], names: tuple[str, ...]) -> NDArray[Any]:
-    found, where = np.unique(values.astype(str), return_inverse=True)
-    numbers = np.array(
-        [names.index(name) if name in names else -1 for name in found.tolist()], dtype=np.int64
-    )
-    return numbers[where]

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import TRUTH
+from bridge.record.reading.places import Floats, nearest_m, places_of
 from bridge.scenario.expectations import PositionExpectation, SeparationExpectation
 from bridge.scenario.model import Scenario
-
-NED = ("position_north_m", "position_east_m", "position_down_m")
-COLUMNS = ("tick_ns", "node", *NED)
-Floats = NDArray[np.float64]
 
 
 class PlaceFinder:
@@ -35,20 +27,7 @@ class PlaceFinder:
     @cached_property
     def _tracks(self) -> tuple[Floats, dict[str, Floats]]:
         """Times of the ticks, s, and of each node its places then, shape (ticks, 3), NaN where there is none."""
-        parts: dict[str, list[NDArray[Any]]] = {name: [] for name in COLUMNS}
-        for batch in read_table(self._run, TRUTH, COLUMNS):
-            for name in COLUMNS:
-                parts[name].append(batch[name])
-        rows = {name: np.concatenate(values) if values else np.empty(0) for name, values in parts.items()}
-        ticks_ns, tick = np.unique(rows["tick_ns"], return_inverse=True)
-        places = np.column_stack([rows[name] for name in NED]).astype(np.float64)
-        names = rows["node"].astype(str)
-        tracks = {}
-        for node in self._scenario.stations:
-            own = names == node
-            track = np.full((len(ticks_ns), 3), np.nan)
-            track[tick[own]] = places[own]
-            tracks[node] = track
+        ticks_ns, tracks = places_of(self._run, self._scenario.stations)
         return ticks_ns.astype(np.float64) / 1e9, tracks
 
     @property
@@ -79,8 +58,5 @@ class PlaceFinder:
         nodes: Sequence[str] = wanted.among or [ua.node for ua in self._scenario.ua]
         begin_s, until_s = wanted.between_s or (0.0, np.inf)
         when = (times_s >= begin_s) & (times_s <= until_s)
-        distances = [
-            np.linalg.norm(tracks[a][when] - tracks[b][when], axis=1) for a, b in combinations(nodes, 2)
-        ]
-        known = [each[np.isfinite(each)] for each in distances]
-        return min((float(each.min()) for each in known if len(each)), default=None)
+        nearest = nearest_m(tracks[node][when] for node in nodes)
+        return None if np.isnan(nearest) else nearest

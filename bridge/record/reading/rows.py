@@ -52,8 +52,11 @@ class LinkRows:
     @property
     def is_delivered(self) -> NDArray[np.bool_]:
         """Which rows are of packets that arrived."""
-        place = self.fates.index(DELIVERED) if DELIVERED in self.fates else -1
-        return np.equal(self.columns["fate"], place)
+        return self.has_fate(DELIVERED)
+
+    def has_fate(self, fate: str) -> NDArray[np.bool_]:
+        """Which rows are of packets with a fate."""
+        return np.equal(self.columns["fate"], self.fates.index(fate) if fate in self.fates else -1)
 
     def ends_of(self, links: NDArray[np.int64]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Ids of sender and receiver of links by their numbers."""
