@@ -95,6 +95,7 @@ class FlightDynamics(Part):
             effect one frame later (parallel).
         scheme: what the autopilots speak: ArduPilot's json, or the legacy scheme of external ones.
         legacy_rate_hz: frames per second of sim time in the legacy scheme, which does not tell.
+        standin_rate_hz: frames per second of sim time that the stand-in asks for.
         sensor_noise: errors of the sensors beyond those of the autopilot's simulation.
         placement: whether autopilots and physics share a core at full speed; auto = measured at start.
         stall_timeout_s: wall time after which a UA whose autopilot owes a packet is let go.
@@ -104,6 +105,7 @@ class FlightDynamics(Part):
     coupling: Coupling = "serial"
     scheme: Literal["json", "legacy"] = "json"
     legacy_rate_hz: Annotated[int, Field(strict=True, ge=10, le=65535)] = 400
+    standin_rate_hz: Annotated[int, Field(strict=True, ge=100, le=2000)] = 400
     sensor_noise: SensorNoise = SensorNoise()
     stall_timeout_s: Positive = STALL_S
     placement: Placement = "auto"

@@ -160,11 +160,10 @@ def _flown(plan: Plan, directory: Path) -> Path | None:
     (directory / RUN_FOLDER).unlink(missing_ok=True)
     for old in directory.glob("*/"):
         shutil.rmtree(old, ignore_errors=True)
-    scenario = with_changes(Scenario.from_yaml(plan.scenario), {"figure": False})
-    with at_free_ports(scenario) as placed:
+    with at_free_ports(_for_a_study(Scenario.from_yaml(plan.scenario), plan.keep)) as placed:
         binaries = Path(plan.ardupilot_dir) if plan.ardupilot_dir else None
         preflight(placed, binaries)
-        run = RunDirectory.create(directory, scenario.name)
+        run = RunDirectory.create(directory, placed.name)
         flight = Flight(placed, run, Silent())
         summary = flight.fly(binaries)
     if flight.signal is not None:
@@ -172,6 +171,16 @@ def _flown(plan: Plan, directory: Path) -> Path | None:
     if summary["ending"] != Ending.FAILED:
         (directory / RUN_FOLDER).symlink_to(run.path.name)
     return run.path
+
+
+def _for_a_study(scenario: Scenario, keep: str) -> Scenario:
+    """The same results for less work: a core's worth of processes, and no files that only people look at."""
+    changes: dict[str, Any] = {"figure": False}
+    if scenario.hosts == "auto":
+        changes["hosts"] = 1
+    if keep != "all":
+        changes |= {"mcap.write": False, "mavlink.tlog": False}
+    return with_changes(scenario, changes)
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -63,6 +63,7 @@ def _options(plan: LaunchPlan, *, has_log: bool) -> list[str]:
     """One stand-in's. Whoever is alone in its process needs no log besides that of the process."""
     scenario, ua = plan.scenario, plan.ua
     options = ["--sysid", str(ua.sysid), "--name", f"the stand-in of UA {ua.node}", "--home", plan.home_text]
+    options += ["--rate-hz", str(scenario.fdm.standin_rate_hz)]
     options += ["--fdm-port", str(scenario.fdm_port(ua)), "--mavlink-port", str(scenario.autopilot_port(ua))]
     for name, value in _frame(plan.airframe).items():
         options += ["--parameter", f"{name}={value:g}"]

@@ -21,6 +21,8 @@ from localisation.track import Track
 FINE_CELLS = 1.5
 """A posterior of a larger sigma than so many cells, in every direction, is summed over the grid."""
 STEPS = 25
+CLOSE_M = 0.02
+"""A step that is shorter than this leads nowhere that matters."""
 POINTS = 9
 
 
@@ -148,6 +150,8 @@ class Estimator:
         cost, step, information = self._linear(place)
         for _ in range(STEPS):
             shift = np.linalg.solve(information, step)[:2]
+            if np.hypot(*shift) < CLOSE_M:
+                break
             scale = 1.0
             while scale > 1e-3:
                 trial = place + np.array([*(scale * shift), 0.0])
@@ -158,8 +162,6 @@ class Estimator:
             else:
                 break
             place, cost, step, information = trial, trial_cost, trial_step, trial_information
-            if np.hypot(*shift) * scale < 1e-3:
-                break
         covariance = np.linalg.inv(information)[:2, :2]
         if not self._area.holds(place[0], place[1]) or not np.all(np.isfinite(covariance)):
             return None

@@ -77,6 +77,14 @@ def test_fading_changes_faster_when_the_ua_move(start_run: StartRun) -> None:
     assert moving > 0.6  # a block is an eighth of a second or less
 
 
+@pytest.mark.parametrize("rate_hz", [100, 800])
+def test_the_stand_in_asks_for_as_many_frames_as_the_scenario_says(start_run: StartRun, rate_hz: int) -> None:
+    run = start_run(scenario=f"{STILL}fdm: {{{{standin_rate_hz: {rate_hz}}}}}\n", duration_s=2.0)
+    assert run.finish() == 0, run.output.decode()
+    frames = [run.summary["counters"]["physics"][f"ua {ua} frames"] for ua in (0, 1)]
+    assert frames == [pytest.approx(2.0 * rate_hz, abs=3)] * 2
+
+
 BABBLER = """\
 from bridge.agents import Agent
 

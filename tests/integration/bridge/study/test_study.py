@@ -191,7 +191,21 @@ def test_directories_of_runs_stay_as_asked(make_study, tmp_path, keep, left):
     file, out = make_study(count=2, more=f"keep: {keep}\n"), tmp_path / "out"
     assert fly(file, out).returncode == 0
     assert len(list(out.glob("mine/runs/*/run/summary.json"))) == left
+    assert len(list(out.glob("mine/runs/*/run/run.mcap"))) == left
     assert len(table(out)) == 2
+
+
+def test_runs_that_fail_stay_without_what_only_people_look_at(make_study, tmp_path):
+    out = tmp_path / "out"
+    unmet = "set: {expectations: [{type: ending, ending: done}]}"
+    assert fly(make_study(count=2, more=f"keep: failed\n{unmet}\n"), out).returncode == 0
+    runs = list(out.glob("mine/runs/*/run"))
+    assert len(runs) == 2
+    for run in runs:
+        assert {path.name for path in run.glob("*")} & {"run.mcap", "tlog", "deliveries.parquet"} == {
+            "deliveries.parquet"
+        }
+        assert set(json.loads((run / "run.json").read_text())["hosts"]) == {"host-0"}
 
 
 def test_rows_as_json(make_study, tmp_path):

@@ -77,7 +77,7 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
             "seed: 1",
             "fdm: {wrkers: 2}",
             "fdm.wrkers",
-            "allowed here: workers, coupling, scheme, legacy_rate_hz, sensor_noise",
+            "allowed here: workers, coupling, scheme, legacy_rate_hz, standin_rate_hz, sensor_noise",
         ),
         ("seed: 1", "fdm: {coupling: both}", "fdm.coupling", "'serial' or 'parallel' (got 'both')"),
         (
@@ -89,6 +89,7 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         ("seed: 1", "fdm: {scheme: gazebo}", "fdm.scheme", "'json' or 'legacy' (got 'gazebo')"),
         ("seed: 1", "fdm: {scheme: legacy}", "fdm", "is for autopilot: external; the others speak json only"),
         ("seed: 1", "fdm: {scheme: legacy, legacy_rate_hz: 5}", "fdm.legacy_rate_hz", "10 (got 5)"),
+        ("seed: 1", "fdm: {standin_rate_hz: 50}", "fdm.standin_rate_hz", "100 (got 50)"),
         (
             "seed: 1",
             "fdm: {sensor_noise: {gyro: 1}}",
