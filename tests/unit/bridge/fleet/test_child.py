@@ -5,11 +5,13 @@ from __future__ import annotations
 import ast
 import asyncio
 import os
+import signal
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 
@@ -103,3 +105,17 @@ async def test_a_process_that_says_nothing_is_killed(tmp_path: Path) -> None:
     child = await started(tmp_path)
     assert await end_with_news(child, asyncio.Event(), 0.5) == ["router"]
     assert child.how_it_ended == "was ended by SIGKILL"
+
+
+async def test_the_exit_status_is_the_childs_however_often_it_is_asked_to_end(tmp_path: Path) -> None:
+    """A signal that meets the child's end must not take the status from whoever waits for it."""
+    command = [sys.executable, "-I", "-S", "-c", "import sys; sys.exit(7)"]
+    ends = []
+    for delay_s in np.linspace(0.01, 0.1, 40).tolist():
+        child = await Child.start(ProcessSpec("c", command, tmp_path / "log", stop_signal=signal.SIGCONT))
+        await asyncio.sleep(delay_s)
+        while not child.ended.done():
+            child.ask_to_end()
+            await asyncio.sleep(0.0)
+        ends.append(child.how_it_ended)
+    assert ends == ["ended with status 7"] * 40
