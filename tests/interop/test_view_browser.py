@@ -265,6 +265,10 @@ def test_a_command_is_asked_about_given_and_recorded(browser: Browser, start_run
     page.get_by_role("button", name="Do it").click()
     expect(said).to_contain_text("UA 0: radio: done (radio off)")
     expect(radio).to_be_visible()
+    page.set_viewport_size({"width": 1280, "height": 600})
+    assert said.locator("..").evaluate("box => box.scrollHeight > box.clientHeight")
+    expect(said.get_by_text("UA 0: radio: done (radio off)")).to_be_in_viewport()
+    page.set_viewport_size({"width": 1280, "height": 720})
     expect(page.get_by_role("button", name="Radio on")).to_be_visible()
     assert [node["radio"] for node in seen.words()["nodes"]] == ["off", "on"]
     page.get_by_role("button", name="Pause").click()

@@ -189,12 +189,8 @@ class Page:
                 self._agents = table("Agents", AGENT_COLUMNS, "id")
             with ui.tab_panel("Logged"), ui.element("div").classes("ll-tab"):
                 self._logged = LoggedPanel(self._view, self.refresh)
-        with (
-            ui.element("ol")
-            .classes("ll-said")
-            .props('role="log" aria-label="What nodes and operators said" tabindex="0"') as self._said
-        ):
-            pass
+        with ui.element("div").classes("ll-said").props('tabindex="0"'):
+            self._said = ui.element("ol").props('role="log" aria-label="What nodes and operators said"')
 
     def _build_link(self) -> None:
         names = {number: node.title for number, node in enumerate(self._view.nodes)}

@@ -38,8 +38,10 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
 .ll-tab {{ display:flex; flex-direction:column; gap:8px; width:100%; height:100%; padding:10px; }}
 .ll-panel .q-tab-panels {{ flex:1; min-height:0; background:transparent; color:inherit; }}
 .ll-panel .q-tab-panel {{ padding:0; height:100%; overflow:auto; }}
-.ll-said {{ flex:none; height:22%; min-height:90px; overflow:auto; margin:0; padding:6px 10px; list-style:none;
+.ll-said {{ flex:none; height:22%; min-height:90px; overflow:auto; padding:6px 10px;
+  display:flex; flex-direction:column-reverse; /* stays at its newest line, unless it is scrolled away */
   border-top:1px solid var(--ll-line); font-size:.85rem; }}
+.ll-said ol {{ list-style:none; margin:0 0 auto; padding:0; }}
 .q-table__container {{ background:transparent; color:inherit; }}
 .q-table tbody td {{ font-variant-numeric:tabular-nums; }}
 .q-table--dense th, .q-table--dense td {{ padding:2px 5px !important; }}

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import bench_access, bench_messages, bench_record, bench_recording, bench_replay, bench_router
+from benchmarks import (
+    bench_access,
+    bench_messages,
+    bench_record,
+    bench_recording,
+    bench_replay,
+    bench_router,
+    bench_study,
+)
 from tests.unit.bridge.replay.flown import flown, scenario_of
 
 
@@ -49,6 +57,14 @@ def test_redecision_and_replay_are_measured(tmp_path: Path) -> None:
     found = bench_replay.main(["--run", str(run), "--rounds", "1", "--json"])
     assert (found["fates"], found["is_same"]) == (80, True)
     assert all(0.0 < seconds < 5.0 for seconds in found["seconds"].values())
+
+
+@pytest.mark.slow
+def test_the_speed_of_a_study_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    assert bench_study.main(["--rounds", "1", "--seeds", "1", "--duration", "3", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert list(rows) == ["as shipped", "ticks by default", "ticks and frames by default"]
+    assert all(row["cpu_s"] > 0 and row["per_cpu"] > 0 for row in rows.values())
 
 
 @pytest.mark.slow
