@@ -63,12 +63,19 @@ def _named(name: str, told: Any) -> dict[str, Any]:
     return {"name": name, **told}
 
 
+class _NoRedirects(urllib.request.HTTPRedirectHandler):
+    """The token is for the daemon that was named, and for nobody that it names."""
+
+    def redirect_request(self, *_: Any) -> None:
+        """Follow none: the answer counts as an error."""
+
+
 def ask_over_http(urls: Sequence[str], token: str) -> Iterator[dict[str, Any]]:
     """What daemons say of themselves at their APIs, in the order of ``urls`` (``http://HOST:PORT``).
 
     Of one that does not answer, or not so, ``error`` says why.
     """
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}), _NoRedirects)
     for url in urls:
         whole = url if "://" in url else f"http://{url}"
         name = url

@@ -74,3 +74,14 @@ def test_a_file_is_not_read(tmp_path: Path) -> None:
     (told,) = ask_over_http([tmp_path.as_uri()], "")
     assert "not file:" in told["error"]
     assert "secret" not in told
+
+
+def test_the_token_does_not_follow_a_redirect() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as elsewhere:
+        elsewhere.settimeout(0.0)
+        place = b"http://127.0.0.1:%d/status" % elsewhere.getsockname()[1]
+        with answering(b"HTTP/1.1 302 Found\r\nLocation: %s\r\nContent-Length: 0\r\n\r\n" % place) as url:
+            (told,) = ask_over_http([url], "0123456789abcdef-token")
+        assert told["error"] == "HTTP Error 302: Found"
+        with pytest.raises(BlockingIOError):
+            elsewhere.accept()
