@@ -7,8 +7,8 @@ already (`autopilot: external`) must not fly through a tick that some agent has 
 from __future__ import annotations
 
 import logging
+import queue
 import sys
-import threading
 from collections.abc import Sequence
 
 from bridge.bus.messages import DecodeError, Header, Truths, decode
@@ -58,7 +58,7 @@ class Physics:
         self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in placed]
         self._truths: list[TrueState] = []
         self._flush = Every(FLUSH_PERIOD_S)
-        self._started = threading.Event()
+        self._started: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._stopped = False
         self.exchange = self._open()
         self._held = HeldClock(
@@ -69,7 +69,7 @@ class Physics:
             tick_period_ns=self._scenario.tick_period_ns,
         )
         session.subscribe(self._keys.clock_release, self._on_release)
-        session.subscribe(self._keys.clock_start, lambda _: self._started.set())
+        session.subscribe(self._keys.clock_start, lambda _: self._started.put(None))
 
     def _open(self) -> Exchange | FleetExchange:
         scenario = self._scenario
@@ -104,14 +104,14 @@ class Physics:
 
     def run(self) -> None:
         """Serve autopilots from the supervisor's word on, until `stop`."""
-        self._started.wait()
+        self._started.get()
         if not self._stopped:
             self.exchange.run()
 
     def stop(self) -> None:
-        """End `run`; callable from a signal handler."""
+        """End `run`; callable from a signal handler: the queue takes no lock that `run` may hold."""
         self._stopped = True
-        self._started.set()
+        self._started.put(None)
         self.exchange.stop()
 
     def close(self) -> None:

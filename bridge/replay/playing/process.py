@@ -49,11 +49,11 @@ class ReplayProcess:
         self._keys = keys
         self._on_moment = on_moment
         self._publisher = MomentPublisher(session, keys, controls.player.scenario)
-        self._asked: queue.Queue[Query | None] = queue.Queue()
+        self._asked: queue.SimpleQueue[Query | None] = queue.SimpleQueue()
         session.serve(keys.clock_command("*"), self._take)
 
     def stop(self) -> None:
-        """End `run`; callable from a signal handler."""
+        """End `run`; callable from a signal handler: the queue takes no lock that `run` may hold."""
         self._asked.put(None)
 
     def run(self) -> None:

@@ -46,7 +46,7 @@ def test_what_comes_over_the_api_is_an_input_that_can_be_flown_again(
     assert inputs[2]["arguments"] == {"alt_rel_m": 3.0}
     assert run.summary["may_not_repeat"] == []
     command = [*LOSTLINK, "refly", str(run.directory), "--out", str(tmp_path / "again"), "--speed", "max"]
-    again = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    again = subprocess.run(command, capture_output=True, text=True, timeout=280)
     assert again.returncode == 0, again.stdout + again.stderr
 
 

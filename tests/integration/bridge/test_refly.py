@@ -50,7 +50,7 @@ def refly(run: Path, tmp_path: Path, slot: int, *more: str) -> subprocess.Comple
         "--first-slot",
         str(slot),
     ]
-    return subprocess.run([*command, *more], capture_output=True, text=True, timeout=110)
+    return subprocess.run([*command, *more], capture_output=True, text=True, timeout=280)
 
 
 @pytest.fixture

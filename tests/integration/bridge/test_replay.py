@@ -109,7 +109,7 @@ def is_the_same_again(scenario: str, tmp_path: Path, slot: int) -> None:
         "--quiet",
     )
     command = [*LOSTLINK, "run", scenario, "--out", str(tmp_path / "runs"), *options]
-    assert subprocess.run(command, timeout=110, check=False).returncode == 0
+    assert subprocess.run(command, timeout=280, check=False).returncode == 0
     (run,) = (tmp_path / "runs").iterdir()
     assert decided_again(run, tmp_path / "again") == DELIVERIES.parquet_path(run).read_bytes()
     assert redecide(run).comparison.fates > 1000

@@ -199,6 +199,30 @@ def test_an_operator_moves_it_and_an_observer_does_not(played: Any) -> None:
         assert ask(operator, keys, "status") == status | {"sim_time_s": 1.3}
 
 
+SIGNALLED = """
+import signal
+from types import SimpleNamespace
+from bridge.replay.playing import process
+
+process.MomentPublisher = lambda *_: None
+served = SimpleNamespace(serve=lambda *_: None)
+played = SimpleNamespace(player=SimpleNamespace(scenario=None))
+replay = process.ReplayProcess(served, SimpleNamespace(clock_command=str), played)
+replay._patience_s, replay._play = lambda: 0.0, lambda: True  # always about to look whether somebody asked
+signal.signal(signal.SIGALRM, lambda *_: replay.stop())
+for number in range(2000):
+    signal.setitimer(signal.ITIMER_REAL, 1e-4 + 1e-6 * (number % 97))
+    replay.run()
+print("ended each time")
+"""
+
+
+def test_a_signal_may_come_at_any_moment() -> None:
+    """Also while the thread that is to be told holds what it waits with."""
+    done = subprocess.run([sys.executable, "-c", SIGNALLED], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "ended each time\n", done.stderr
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_and_leaves_nothing_behind(played: Any, number: signal.Signals) -> None:
     replay = played("--loop", "--speed", "50")

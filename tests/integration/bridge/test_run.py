@@ -106,7 +106,7 @@ def test_same_seed_same_record_byte_for_byte_at_any_speed_and_another_seed_diffe
 
 def test_default_scenario_agrees_with_the_model(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     more = ("--out", str(tmp_path), "--first-slot", str(free_slot(2)), "--zenoh-port", "0", "--json")
-    done = subprocess.run([*LOSTLINK, "run", *more], capture_output=True, text=True, timeout=110)
+    done = subprocess.run([*LOSTLINK, "run", *more], capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert (summary["ending"], summary["unfinished"], summary["refused"]) == ("done", [], {})
