@@ -216,7 +216,9 @@ class Flight:
             radio = None if own else radio_of(self.scenario)  # one curve is not that of several radios
             draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
         if self.scenario.mcap.write:
+            self._watcher.on_phase("writes run.mcap")
             self._write_mcap()
+        self._watcher.on_phase("packs its streams")
         self._pack_streams()
         return summary
 
