@@ -89,14 +89,20 @@ def ask_over_http(urls: Sequence[str], token: str) -> Iterator[dict[str, Any]]:
             with opener.open(request, timeout=HTTP_TIMEOUT_S) as reply:
                 yield _named(name, json.load(reply))
         except urllib.error.HTTPError as error:
-            wants_token = error.code == 401
-            yield {"name": name, "error": "it wants its token" if wants_token else str(error)}
+            yield {"name": name, "error": _refusal(error)}
         except urllib.error.URLError as error:
             yield {"name": name, "error": str(error.reason)}
         except (OSError, ValueError) as error:
             yield {"name": name, "error": str(error)}
         except HTTPException as error:
             yield {"name": name, "error": f"this is not HTTP: {error!r}"}
+
+
+def _refusal(error: urllib.error.HTTPError) -> str:
+    if error.code == 401:
+        return "it wants its token"
+    elsewhere = error.headers.get("Location") if 300 <= error.code < 400 else None
+    return f"it sends elsewhere, which is not followed: {elsewhere}" if elsewhere else str(error)
 
 
 def tables(answers: Sequence[dict[str, Any]]) -> Group | str:

@@ -70,7 +70,7 @@ def study(
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        console.print(f"{file}: looks at each of its runs", highlight=False, soft_wrap=True)
+        console.print(f"{file}: reads the scenario of each run", highlight=False, soft_wrap=True)
         ours = Study(file, out, ardupilot_dir)
         left = ours.left()
         console.print(

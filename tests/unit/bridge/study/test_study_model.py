@@ -65,6 +65,22 @@ def test_runs_are_flown_as_fast_as_possible_unless_the_study_says_otherwise(tmp_
     assert cases(tmp_path, "set: {speed: 2}")[0].scenario.speed == 2
 
 
+def test_runs_write_what_the_study_keeps_unless_it_says_otherwise(tmp_path):
+    def written(text):
+        (run,) = cases(tmp_path, text)
+        scenario = run.scenario
+        return run.id, (scenario.hosts, scenario.figure, scenario.mcap.write, scenario.mavlink.tlog)
+
+    kept = written("keep: all\n")
+    failed = written("keep: failed\n")
+    said = written(
+        "keep: failed\nset: {hosts: auto, mcap.write: true, mavlink: {tlog: true}, figure: true}\n"
+    )
+    assert (kept[1], failed[1]) == ((1, False, True, True), (1, False, False, False))
+    assert said[1] == ("auto", True, True, True)
+    assert kept[0] == failed[0] == said[0]  # the same run
+
+
 def test_seeds_in_a_row(tmp_path):
     assert [run.scenario.seed for run in cases(tmp_path, "seeds: {first: 7, count: 3}")] == [7, 8, 9]
 
