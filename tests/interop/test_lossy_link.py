@@ -67,7 +67,9 @@ class LossyClient:
             answer = await self.next(("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"))
             if answer is not None and answer.get_type() == "MISSION_ACK":
                 if answer.type == mavlink.MAV_MISSION_ERROR and said is messages[-1]:
-                    return mavlink.MAV_MISSION_ACCEPTED  # it expects no more items: its acknowledgement was lost
+                    return (
+                        mavlink.MAV_MISSION_ACCEPTED
+                    )  # it expects no more items: its acknowledgement was lost
                 if answer.type != mavlink.MAV_MISSION_INVALID_SEQUENCE:
                     return answer.type
             elif answer is not None:

@@ -85,6 +85,20 @@ def test_the_stand_in_asks_for_as_many_frames_as_the_scenario_says(start_run: St
     assert frames == [pytest.approx(2.0 * rate_hz, abs=3)] * 2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("rate_hz", [100, 2000])
+def test_the_stand_in_holds_its_height_at_any_rate_of_frames(start_run: StartRun, rate_hz: int) -> None:
+    hovering = STILL.replace("type: still", "type: hold, altitude_m: 20")
+    run = start_run(scenario=f"{hovering}fdm: {{{{standin_rate_hz: {rate_hz}}}}}\n", duration_s=25.0)
+    assert run.finish() == 0, run.output.decode()
+    rows = pq.read_table(run.directory / "truth.parquet").to_pandas()
+    late = rows[rows["tick_ns"] > 20e9]
+    assert len(late) == 2 * 100
+    assert late["position_down_m"].to_numpy() == pytest.approx(-20.0, abs=0.5)
+    rates = late[[f"body_rate_{axis}_radps" for axis in ("forward", "right", "down")]].to_numpy()
+    assert np.abs(rates).max() < 0.05
+
+
 BABBLER = """\
 from bridge.agents import Agent
 

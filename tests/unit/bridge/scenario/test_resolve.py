@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from bridge.scenario.file import SCENARIOS, parse_scenario
+from bridge.scenario.model import FlightDynamics
 from bridge.scenario.resolve import disturb_of, legacy_of
+from bridge.standin.cli import RATE_HZ_MAX, RATE_HZ_MIN
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
 EXACT = (0.0,) * 16
@@ -36,3 +38,8 @@ def test_the_legacy_scheme_has_the_papers_ports() -> None:
     peers = [legacy_of(scenario, ua) for ua in scenario.ua]
     assert [(peer.state_port, peer.rate_hz) for peer in peers] == [(5501, 250), (5504, 250)]
     assert legacy_of(scenario_with("{}"), scenario.ua[0]) is None
+
+
+def test_a_scenario_may_ask_for_the_rates_that_the_stand_in_takes() -> None:
+    limits = FlightDynamics.model_json_schema()["properties"]["standin_rate_hz"]
+    assert (limits["minimum"], limits["maximum"]) == (RATE_HZ_MIN, RATE_HZ_MAX)
