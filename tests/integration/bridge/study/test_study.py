@@ -86,6 +86,7 @@ def kill_after(process: subprocess.Popen[str], done: int) -> None:
     children = psutil.Process(process.pid).children(recursive=True)
     process.kill()
     process.wait()
+    process.stdout.close()
     assert not psutil.wait_procs(children, timeout=20)[1]  # the kernel ends what a killed study has started
 
 
