@@ -17,7 +17,7 @@ from bridge.cli.flight import ShownFlight
 from bridge.cli.scenario_options import scenario_with, setting_options
 from bridge.cli.viewing import PORT, NoView, ViewProcess
 from bridge.fleet.supervisor import FleetError, preflight
-from bridge.flight.summary import expectation_lines
+from bridge.flight.summary import expectation_lines, last_line
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from fdm.exchange.settings import Coupling
@@ -186,7 +186,7 @@ def _tell(
     if as_json:
         click.echo(json.dumps(summary))
     elif quiet:
-        click.echo(summary["verdict"])
+        click.echo(last_line(summary))
     else:
         if summary["bins"]:
             flight.console.print(bins_table(summary))
@@ -196,6 +196,6 @@ def _tell(
         flight.console.print(f"{flight.directory.path}", highlight=False, soft_wrap=True)
         for reason in summary["may_not_repeat"]:
             flight.console.print(f"may not repeat: {reason}", highlight=False, soft_wrap=True)
-        flight.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
+        flight.console.print(last_line(summary), highlight=False, soft_wrap=True, style="bold")
     if digest:
         click.echo(summary["digest"])

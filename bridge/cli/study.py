@@ -74,7 +74,7 @@ def study(
         ours = Study(file, out, ardupilot_dir)
         left = ours.left()
         console.print(
-            f"{ours.directory}: {len(ours.cases)} runs, {len(left)} to fly", highlight=False, soft_wrap=True
+            f"{ours.directory}: runs: {len(ours.cases)}, to fly: {len(left)}", highlight=False, soft_wrap=True
         )
         if dry_run:
             _tell_plan(ours, console)
@@ -84,6 +84,7 @@ def study(
             with _lanes(lanes, scheduler) as where:
                 failed = _show(ours.fly(where), console)
         console.print(f"{ours.write()}", highlight=False, soft_wrap=True)
+        _tell_not_passed(ours, console)
         for mistake in ours.draw():
             tell(mistake)
             failed += 1
@@ -98,6 +99,14 @@ def study(
         for row in ours.rows():
             click.echo(json.dumps(plain(row)))
     sys.exit(EXIT_FAILED if failed else 0)
+
+
+def _tell_not_passed(ours: Study, console: Console) -> None:
+    rows = ours.rows()
+    count = sum(not row["failure"] and not row["passed"] for row in rows)
+    if count:
+        text = f"{count} of {len(rows)} runs did not pass: see the columns passed and verdict"
+        console.print(text, highlight=False, soft_wrap=True)
 
 
 def _interrupt(number: int, _: Any) -> None:

@@ -123,7 +123,10 @@ class Progress:
 
     def _waiting(self, now_s: float) -> str:
         if self._phase == "flies":
-            return f"{self._time()}; no tick for {now_s - self._tick_s:.0f} s"
+            silent_s = now_s - self._tick_s
+            return (
+                f"{self._time()}; no tick for {silent_s:.0f} s" if silent_s >= LINE_PERIOD_S else self._time()
+            )
         return f"{self._phase} ({now_s - self._phase_s:.0f} s so far)"
 
     def _line(self) -> str:
@@ -166,7 +169,9 @@ def _ua_text(node: str, state: AircraftState) -> str:
 
 
 def _link_text(link: LinkNow) -> str:
+    is_drawn = not math.isnan(link.received_power_dbm)
+    power = f"{link.received_power_dbm:.0f} dBm" if is_drawn else "hopeless"
     return (
-        f"{link.name}: {link.distance_m:.0f} m, {link.received_power_dbm:.0f} dBm, "
+        f"{link.name}: {link.distance_m:.0f} m, {power}, "
         f"{link.delivered_lately}/{link.sent_lately} in the last second, {link.delivered}/{link.sent} delivered"
     )

@@ -97,6 +97,12 @@ def _missed(judgements: Sequence[Judgement]) -> str:
     return f"; {len(judgements)} expectations met" if judgements else ""
 
 
+def last_line(summary: dict[str, Any]) -> str:
+    """The verdict for people: the first word does not say that all is well if it is not."""
+    is_met = all(row["passed"] for row in summary["expectations"])
+    return summary["verdict"] if is_met else f"expectations failed; {summary['verdict']}"
+
+
 def expectation_lines(summary: dict[str, Any]) -> list[str]:
     """A line for people per expectation of the run."""
     return [str(Judgement(**row)) for row in summary["expectations"]]
@@ -130,7 +136,8 @@ def verdict_text(checks: Sequence[dict[str, Any]], links: Sequence[dict[str, Any
 
 
 def _remark(unfinished: Sequence[str]) -> str:
-    return f"; node {', '.join(unfinished)} had not finished" if unfinished else ""
+    noun = "node" if len(unfinished) == 1 else "nodes"
+    return f"; {noun} {', '.join(unfinished)} had not finished" if unfinished else ""
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

@@ -84,7 +84,7 @@ def _cases(study: StudyFile, folder: Path) -> Iterator[Case]:
 
 
 def _case(place: str, labels: dict[str, str | int], values: dict[str, Any], folder: Path) -> Case:
-    settings = [Setting(key, value, f"{_told(labels)}: {key}", folder) for key, value in values.items()]
+    settings = [Setting(key, value, _told(labels), folder) for key, value in values.items()]
     try:
         scenario = read_scenario(place, settings)
     except ScenarioError as error:

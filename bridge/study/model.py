@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from bridge.scenario.document.written import plain
 from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
+from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.parts import Slug
 
 RUNS_MAX = 100_000
@@ -127,7 +128,8 @@ def read_study(path: Path) -> StudyFile:
         StudyError: it cannot be read, or something in it is not allowed; a line per mistake.
     """
     try:
-        content = plain(read_yaml(path.read_text(encoding="utf-8"), str(path), path.parent, "study"))
+        root = read_yaml(path.read_text(encoding="utf-8"), str(path), path.parent, "study")
+        content = plain(root)
     except ScenarioError as error:
         raise StudyError(str(error)) from error
     except (OSError, UnicodeDecodeError) as error:
@@ -138,7 +140,7 @@ def read_study(path: Path) -> StudyFile:
     try:
         return StudyFile.model_validate(content)
     except ValidationError as error:
-        raise StudyError("\n".join(_mistakes(path, error))) from error
+        raise StudyError("\n".join(explained(root, error, StudyFile))) from error
 
 
 def _by_label(key: str, choices: list[Any]) -> dict[str, Any]:
@@ -162,7 +164,3 @@ def _functions(path: Path, key: str, value: Any) -> list[dict[str, Any]]:
             )
         functions.append({"file": path.parent.resolve() / file, "name": name})
     return functions
-
-
-def _mistakes(path: Path, error: ValidationError) -> list[str]:
-    return [f"{path}: {'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]

@@ -199,7 +199,9 @@ def test_directories_of_runs_stay_as_asked(make_study, tmp_path, keep, left):
 def test_runs_that_fail_stay_without_what_only_people_look_at(make_study, tmp_path):
     out = tmp_path / "out"
     unmet = "set: {expectations: [{type: ending, ending: done}]}"
-    assert fly(make_study(count=2, more=f"keep: failed\n{unmet}\n"), out).returncode == 0
+    flown = fly(make_study(count=2, more=f"keep: failed\n{unmet}\n"), out)
+    assert flown.returncode == 0
+    assert "2 of 2 runs did not pass" in flown.stdout
     runs = list(out.glob("mine/runs/*/run"))
     assert len(runs) == 2
     for run in runs:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from bridge.flight.figure import draw_probability_of_delivery
-from bridge.flight.summary import Timing, summarise
+from bridge.flight.summary import Timing, last_line, summarise
 from bridge.radio.deliveries import LEDGER
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
@@ -89,3 +89,13 @@ def test_verdict_says_who_had_not_finished(tmp_path: Path) -> None:
     summary = summarise(SCENARIO, RunDirectory(tmp_path), Timing(12.0, 1.0), "duration", ["1"])
     assert summary["verdict"].endswith("; node 1 had not finished")
     assert summary["unfinished"] == ["1"]
+
+
+@pytest.mark.parametrize(
+    ("passed", "begins"), [((True, True), "pass: 3"), ((True, False), "expectations failed; pass: 3")]
+)
+def test_the_last_line_does_not_begin_well_if_an_expectation_failed(
+    passed: tuple[bool, ...], begins: str
+) -> None:
+    summary = {"verdict": "pass: 3 checks", "expectations": [{"passed": each} for each in passed]}
+    assert last_line(summary).startswith(begins)

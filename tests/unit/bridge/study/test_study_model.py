@@ -138,13 +138,13 @@ def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("sedes: 3\n", "sedes: Extra inputs"),
+        ("sedes: 3\n", "yaml:4: sedes: unknown key; did you mean seeds\\?"),
         ("seeds: []\n", "seeds: .*at least one"),
         ("seeds: [1, 1]\n", "seeds: .*each once"),
         ("vary: {radio: []}\n", "radio has no values"),
         ("metrics: mine.py\n", "metrics: has to be FILE.py:FUNCTION"),
         ("metrics: nothing.py:f\n", "there is no file .*nothing.py"),
-        ("keep: some\n", "keep: "),
+        ("keep: some\n", "yaml:4: keep: has to be 'all', 'failed' or 'none' \\(got 'some'\\)"),
         ("set: {a: 2020-13-45}\n", "not valid YAML: month must be in 1..12"),
         ("seeds: 3\nseeds: 4\n", "yaml:5: seeds: given twice, before on line 4"),
         ("vary: {x: [1, '1']}\n", "vary: .*x has the value 1 more than once"),
@@ -176,7 +176,10 @@ def test_a_whole_file_that_is_no_study_is_refused(tmp_path, text, says):
     ("text", "says"),
     [
         ("vary: {radio: [moon2021]}\n", "radio moon2021, seed 1: radio.*did you mean moon2020"),
-        ("set: {duration: 3}\n", "duration"),
+        (
+            "set: {duration: 3}\n",
+            "^scenario separation, seed 1: duration: unknown key; did you mean duration_s",
+        ),
         ("vary: {hosts: [1, 2]}\n", "are the same run"),
     ],
 )
