@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -22,6 +21,8 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import yaml
+
+from benchmarks.bench_recording import cpu_s
 
 STUDY = Path(__file__).parents[1] / "examples" / "localise" / "study.yaml"
 WHOLE = {"hosts": "auto", "mcap.write": True, "mavlink.tlog": True}
@@ -65,19 +66,14 @@ def flown(changes: Mapping[str, Any], seeds: int, duration_s: float | None) -> d
             "--lanes",
             "1",
         ]
-        before_s, begin_s = _of_children_s(), time.perf_counter()
+        before_s, begin_s = cpu_s(), time.perf_counter()
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-        wall_s, cpu_s = time.perf_counter() - begin_s, _of_children_s() - before_s
+        wall_s, spent_s = time.perf_counter() - begin_s, cpu_s() - before_s
         if done.returncode:
             raise RuntimeError(f"{done.stdout}{done.stderr}")
         table = pq.read_table(Path(scratch) / "localise" / "metrics.parquet")
     sim_s = float(sum(table["sim_duration_s"].to_pylist()))
-    return {"per_cpu": sim_s / cpu_s, "per_wall": sim_s / wall_s, "cpu_s": cpu_s / seeds}
-
-
-def _of_children_s() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+    return {"per_cpu": sim_s / spent_s, "per_wall": sim_s / wall_s, "cpu_s": spent_s / seeds}
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -56,10 +56,11 @@ def errors(run: Run) -> dict[str, Any]:
 def _told(run: Run) -> float:
     """The share of the mission's own messages that arrived: data packages are not of it."""
     arrived: list[bool] = []
+    packets = run.packets
     for node in map(str, (each.id for each in run.scenario.ua)):
         numbers = {packet.seq for packet in run.transmitted(node) if packet.channel.endswith(f"/{CHANNEL}")}
-        packets = run.packets[run.packets["tx"] == node]
-        arrived += (packets["fate"][packets["seq"].isin(numbers)] == "delivered").tolist()
+        own = packets[(packets["tx"] == node) & packets["seq"].isin(numbers)]
+        arrived += (own["fate"] == "delivered").tolist()
     return float(np.mean(arrived)) if arrived else float("nan")
 
 
