@@ -113,7 +113,7 @@ def _standin() -> Iterator[Source]:
     with process("fdm", "--home", HOME, "--port=0", "--speed=1", first=True) as fdm:
         fdm_port = _port_of(fdm, r"UDP 127\.0\.0\.1:(\d+)")
         arguments = ("--sysid", str(SYSID), "--fdm-port", str(fdm_port), "--mavlink-port=0", "--home", HOME)
-        with process("bridge.standin", *arguments, first=True) as standin:
+        with process("standin", *arguments, first=True) as standin:
             yield Source(_port_of(standin, r"tcp:127\.0\.0\.1:(\d+)"), None, _ATTITUDE)
 
 

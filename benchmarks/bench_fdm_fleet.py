@@ -68,7 +68,7 @@ def standin_commands(instances: Sequence[int], processes: int) -> list[list[str]
         options: list[str] = []
         for instance in instances[first::processes]:
             options += [*(["+"] if options else []), *standin_options(instance)]
-        commands.append([sys.executable, "-m", "bridge.standin", *options])
+        commands.append([sys.executable, "-m", "standin", *options])
     return commands
 
 

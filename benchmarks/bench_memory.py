@@ -78,7 +78,7 @@ def measure(content: Mapping[str, Any], hovers_from_s: float) -> tuple[float, di
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / "scenario.yaml"
         file.write_text(yaml.safe_dump(dict(content)), encoding="utf-8")
-        command = [sys.executable, "-u", "-m", "bridge.cli.main", "run", str(file), "--out", scratch]
+        command = [sys.executable, "-u", "-m", "lostlink.cli.main", "run", str(file), "--out", scratch]
         start_s = time.monotonic()
         with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as run:
             assert run.stdout is not None

@@ -24,9 +24,9 @@ from typing import Any
 
 import yaml
 
-from bridge.flight.flight import Flight, Silent
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
+from lostlink.flight.flight import Flight, Silent
 
 ROOT = Path(__file__).parents[1]
 SLOT = 140

@@ -13,9 +13,9 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
-from bridge.replay.anew.redecide import redecide
-from bridge.replay.player import Player
 from lostlink import fly
+from lostlink.redecision.redecide import redecide
+from lostlink.replay.player import Player
 
 RADIOS = ("moon2020", "wifi-2.4", "lte-like")
 

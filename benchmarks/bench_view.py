@@ -78,11 +78,11 @@ async def serve() -> None:
     import numpy as np
 
     from aps.api.guard import ApiConfig
-    from bridge.dashboard.broadcast import Broadcast
-    from bridge.dashboard.frames import Frames
-    from bridge.dashboard.page.charts import ModelCurve
-    from bridge.dashboard.page.page import Shown
-    from bridge.dashboard.server import ViewServer
+    from lostlink.view.broadcast import Broadcast
+    from lostlink.view.page.charts import ModelCurve
+    from lostlink.view.page.page import Shown
+    from lostlink.view.picture.frames import Frames
+    from lostlink.view.server import ViewServer
 
     view = fifty()
     ours, theirs = mp.Pipe(duplex=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bridge.bus.messages import Clock, Fates, Header, Links, Message, Quaternion, Truth, Truths, Vector3
-from bridge.dashboard.fleet_view import FleetView, NodeInfo
+from lostlink.view.picture.fleet_view import FleetView, NodeInfo
 
 NODES = 50
 TICK_NS = 100_000_000

@@ -25,9 +25,9 @@ from typing import Any
 
 import yaml
 
-from bridge.record.compare import compare
 from bridge.record.ending import WHOLE
 from bridge.scenario.file import SCENARIOS
+from lostlink.compare.compare import compare
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -114,7 +114,7 @@ def fly(line: Line, changes: Mapping[str, Any], out: Path, slot: int) -> tuple[P
             ua["agent"]["class"] = str(line.scenario.parent / ua["agent"]["class"])
     out.mkdir(parents=True, exist_ok=True)
     (out / "scenario.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-    command = [sys.executable, "-m", "bridge.cli.main", "run", str(out / "scenario.yaml"), "--json"]
+    command = [sys.executable, "-m", "lostlink.cli.main", "run", str(out / "scenario.yaml"), "--json"]
     done = subprocess.run(
         [*command, "--out", str(out / "runs")], capture_output=True, text=True, cwd=ROOT, check=False
     )

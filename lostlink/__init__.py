@@ -1,13 +1,20 @@
-"""What programs of one's own import: fly a run, read one back, write agents, join a run that goes on."""
+"""What programs of one's own import: fly a run, read one back, write agents, join a running simulation.
 
-from bridge.agents.agent import Agent
-from bridge.agents.beside import connect_ua
-from bridge.agents.client import UaClient
-from bridge.fleet.supervisor import FleetError
-from bridge.flight.scripted import RunResult, fly
-from bridge.record.reading.run import NoRun, Run, load_run
-from bridge.replay.anew.redecide import Redecision, redecide
-from bridge.scenario.file import ScenarioError
+Each name is imported when it is first used: an agent that needs `Agent` alone does not load what flies runs.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bridge.agents.agent import Agent
+    from bridge.agents.beside import connect_ua
+    from bridge.agents.client import UaClient
+    from bridge.fleet.supervisor import FleetError
+    from bridge.scenario.file import ScenarioError
+    from lostlink.flight.scripted import RunResult, fly
+    from lostlink.reading.run import NoRun, Run, load_run
+    from lostlink.redecision.redecide import Redecision, redecide
 
 __all__ = [
     "Agent",
@@ -23,3 +30,31 @@ __all__ = [
     "load_run",
     "redecide",
 ]
+
+_PLACES = {
+    "Agent": "bridge.agents.agent",
+    "FleetError": "bridge.fleet.supervisor",
+    "NoRun": "lostlink.reading.run",
+    "Redecision": "lostlink.redecision.redecide",
+    "Run": "lostlink.reading.run",
+    "RunResult": "lostlink.flight.scripted",
+    "ScenarioError": "bridge.scenario.file",
+    "UaClient": "bridge.agents.client",
+    "connect_ua": "bridge.agents.beside",
+    "fly": "lostlink.flight.scripted",
+    "load_run": "lostlink.reading.run",
+    "redecide": "lostlink.redecision.redecide",
+}
+
+
+def __getattr__(name: str) -> object:
+    place = _PLACES.get(name)
+    if place is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found: object = getattr(import_module(place), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -7,11 +7,11 @@ from bridge.agents.agent import Agent
 from bridge.agents.beside import connect_ua
 from bridge.agents.client import UaClient
 from bridge.agents.commands import CommandFailed, CommandInterrupted, CommandRefused, CommandTimedOut
-from bridge.agents.hold import Hold
 from bridge.agents.measurements import Measurement
-from bridge.agents.out_and_back import OutAndBack
 from bridge.agents.own import AgentError, load_class
-from bridge.agents.still import Still
+from bridge.agents.shipped.hold import Hold
+from bridge.agents.shipped.out_and_back import OutAndBack
+from bridge.agents.shipped.still import Still
 from bridge.bus.reception import Reception
 from bridge.scenario.agents import AgentConfig, OwnAgent
 

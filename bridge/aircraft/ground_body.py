@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from aps.inputs import Input
 from bridge.aircraft.body import OnEvent
 from bridge.bus.messages import AircraftState, CommandEvent, CommandGoal, Header, Vector3
-from bridge.scenario.ground_track import GroundTrack
+from bridge.scenario.resolve.ground_track import GroundTrack
 
 
 class GroundBody:

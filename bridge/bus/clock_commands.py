@@ -2,7 +2,7 @@
 
 The payload is a plain number as text, or empty; the answer is JSON: how the clock stands, or an error with ``error``.
 They change how fast sim time goes by wall time, and nothing else: no result depends on it. A record that is played
-takes the same ones and ``seek`` (`bridge.replay.playing.controls`).
+takes the same ones and ``seek`` (`lostlink.replay.playing.controls`).
 """
 
 from __future__ import annotations

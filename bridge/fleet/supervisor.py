@@ -30,8 +30,8 @@ from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import SECRETS_FOLDER, RunDirectory
 from bridge.scenario.agents import FreeAgent, OwnAgent
 from bridge.scenario.model import Scenario
-from bridge.scenario.named_files import named_files
-from bridge.scenario.resolve import airframe_of, home_of, wind_of
+from bridge.scenario.resolve.flight import airframe_of, home_of, wind_of
+from bridge.scenario.resolve.named_files import named_files
 from bridge.timeouts import (
     AGENT_GRACE_S,
     FAILURE_GRACE_S,

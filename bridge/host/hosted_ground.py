@@ -7,8 +7,8 @@ from bridge.bus.session import Session
 from bridge.host.hosted_node import HostedNode
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import RunDirectory
-from bridge.scenario.ground_track import GroundTrack
 from bridge.scenario.nodes import GroundNode
+from bridge.scenario.resolve.ground_track import GroundTrack
 
 
 class HostedGround(HostedNode):

@@ -111,7 +111,7 @@ class HostedNode:
         """What the agent knows of its node's RF sensor."""
         if self._config.sensor is None:
             return None
-        from bridge.scenario.resolve_sensing import sensor_of  # few nodes have one, and it takes its time
+        from bridge.scenario.resolve.sensing import sensor_of  # few nodes have one, and it takes its time
         from channel.sensing.sensor import Sensor
 
         return Sensor(sensor_of(self._config.sensor, self._scenario.origin))

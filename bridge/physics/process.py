@@ -20,10 +20,10 @@ from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, log_clock, on_stop_signal, parse_arguments
-from bridge.scenario.ground_track import GroundTrack
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Emitter, GroundNode
-from bridge.scenario.resolve import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
+from bridge.scenario.resolve.flight import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
+from bridge.scenario.resolve.ground_track import GroundTrack
 from bridge.timeouts import FLUSH_PERIOD_S, START_S
 from fdm.air.weather import in_weather
 from fdm.clock.events import EventKind, UaEvent

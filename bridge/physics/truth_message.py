@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bridge.bus import messages
 from bridge.bus.messages import Header, Quaternion, Vector3
-from bridge.scenario.ground_track import GroundPlaceAt
+from bridge.scenario.resolve.ground_track import GroundPlaceAt
 from fdm.clock.fleet_clock import ClockStatus
 from fdm.model.geodesy import GeodeticPosition, ned_from_geodetic
 from fdm.model.truth import TrueState

@@ -37,8 +37,8 @@ from bridge.record.streams import StreamWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, log_clock, on_stop_signal, parse_arguments
-from bridge.scenario.resolve_radio import radios_of
-from bridge.scenario.resolve_sensing import emitters_of, sensors_of
+from bridge.scenario.resolve.radio import radios_of
+from bridge.scenario.resolve.sensing import emitters_of, sensors_of
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.medium.medium import Medium
 from channel.medium.verdict import Judge

@@ -1,4 +1,4 @@
-"""What a run is expected to show: it fails if it does not. `bridge.record.expectations` finds out."""
+"""What a run is expected to show: it fails if it does not. `lostlink.expectations` finds out."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from agent import CHANNEL, mean_power_of, spread_of
 from localisation.estimator import bound_m2
 from localisation.model import Floats
 
-from bridge.scenario.resolve_sensing import sensors_of
+from bridge.scenario.resolve.sensing import sensors_of
 from channel.sensing.sensor import Sensor
 from lostlink import Run
 

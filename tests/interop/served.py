@@ -112,7 +112,7 @@ async def standin(speed: float) -> AsyncIterator[int]:
     async with program("-m", "fdm", "--home", HOME, "--port=0", f"--speed={speed}") as physics:
         fdm_port = (await physics.says(r"UDP 127\.0\.0\.1:(\d+)"))[1]
         options = (f"--sysid={SYSID}", f"--fdm-port={fdm_port}", "--mavlink-port=0", f"--home={HOME}")
-        async with program("-m", "bridge.standin", *options) as autopilot:
+        async with program("-m", "standin", *options) as autopilot:
             yield int((await autopilot.says(r"tcp:127\.0\.0\.1:(\d+)"))[1])
 
 

@@ -44,7 +44,7 @@ LAST_LINE = {
 @contextlib.contextmanager
 def running(slot: int, udp_port: int, directory: Path) -> Iterator[None]:
     (scenario,) = re.findall(r"^    lostlink run (\S+)$", PAGE, re.MULTILINE)
-    command = [sys.executable, "-m", "bridge.cli.main", "run", str(ROOT / scenario), "--speed", "3"]
+    command = [sys.executable, "-m", "lostlink.cli.main", "run", str(ROOT / scenario), "--speed", "3"]
     command += ["--first-slot", str(slot), "--zenoh-port", "0", "--out", str(directory)]
     command += ["--udp-out", f"127.0.0.1:{udp_port}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:

@@ -47,7 +47,7 @@ def test_set_then_reboot_keeps_the_parameter(
     arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
     slot = free_slot(2)
-    command = [sys.executable, "-m", "bridge.cli.main", "run", "--speed", "1", "--out", str(tmp_path)]
+    command = [sys.executable, "-m", "lostlink.cli.main", "run", "--speed", "1", "--out", str(tmp_path)]
     command += [
         "--autopilot",
         "ardupilot",

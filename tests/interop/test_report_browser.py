@@ -11,11 +11,11 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, Page, expect
 
-from bridge.record.reading.run import load_run
-from bridge.report.content import content_of
-from bridge.report.page.page import page_of
-from bridge.report.pictures.all import draw_all
-from tests.unit.bridge.replay.flown import flown, scenario_of
+from lostlink.reading.run import load_run
+from lostlink.report.content import content_of
+from lostlink.report.page.page import page_of
+from lostlink.report.pictures.all import draw_all
+from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ def test_mavsdk_finds_ua_0_and_its_position(
 ) -> None:
     slot = free_slot(2)
     assert slot >= 10, "else the UDP port is another one"
-    command = [sys.executable, "-m", "bridge.cli.main", "run", "--speed", "1", "--out", str(tmp_path)]
+    command = [sys.executable, "-m", "lostlink.cli.main", "run", "--speed", "1", "--out", str(tmp_path)]
     command += ["--first-slot", str(slot), "--zenoh-port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
         assert run.stdout is not None

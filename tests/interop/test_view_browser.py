@@ -25,7 +25,7 @@ from tests.integration.bridge.conftest import Run, StartRun, start_run  # noqa: 
 from tests.integration.bridge.test_view import address_of
 from tests.integration.bridge.view import serving
 from tests.interop.view_page import ViewPage
-from tests.unit.bridge.replay.flown import Said, flown, rails, scenario_of
+from tests.unit.lostlink.replay.flown import Said, flown, rails, scenario_of
 
 OUT = """\
 schema: 1

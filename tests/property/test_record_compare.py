@@ -8,9 +8,9 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bridge.record.compare import compare
-from bridge.record.explain import describe, explain
 from bridge.record.names import Kind
+from lostlink.compare.compare import compare
+from lostlink.compare.explain import describe, explain
 from tests.unit.bridge.record.runs import RunContent, content, make_run
 
 PAYLOADS = [entry.payload for entries in content(2).streams.values() for entry in entries]

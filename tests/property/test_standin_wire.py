@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.autopilot import Autopilot
-from bridge.standin.control.mixer import QUAD_X
-from bridge.standin.vehicle.location import Location
-from bridge.standin.vehicle.parameters import Parameters
-from bridge.standin.wire.mavlink_codec import MavlinkCodec
-from bridge.standin.wire.sensors import parse_sensor_frame
+from standin.autopilot import Autopilot
+from standin.control.mixer import QUAD_X
+from standin.vehicle.location import Location
+from standin.vehicle.parameters import Parameters
+from standin.wire.mavlink_codec import MavlinkCodec
+from standin.wire.sensors import parse_sensor_frame
 
 HOME = Location(45.0, 10.0, 100.0)
 any_float = st.floats(allow_nan=True, allow_infinity=True, width=32)

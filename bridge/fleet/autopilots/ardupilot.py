@@ -15,7 +15,7 @@ from bridge.fleet.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, ardupilot_origin
 from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
-from bridge.scenario.resolve import airframe_of
+from bridge.scenario.resolve.flight import airframe_of
 
 HOME_VARIABLE = "ARDUPILOT_HOME"
 PARAMETERS = resources.files("sitl_configs") / "params"

@@ -11,9 +11,9 @@ from bridge.fleet.hosts import standin_groups
 from bridge.record.provenance import AutopilotOrigin, standin_origin
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft
-from bridge.scenario.resolve import airframe_of
-from bridge.standin.control.mixer import MotorFrame, UnknownFrameError, motor_frame
+from bridge.scenario.resolve.flight import airframe_of
 from fdm.model.airframe import Airframe
+from standin.control.mixer import MotorFrame, UnknownFrameError, motor_frame
 
 FRAME_PARAMETERS = ("FRAME_CLASS", "FRAME_TYPE")
 """What the stand-in takes of an airframe's parameters for ArduPilot: its gains are its own."""
@@ -53,7 +53,7 @@ class StandIn(Launcher):
             group = [by_node[node] for node in nodes]
             alone = len(group) == 1
             name = group[0].name if alone else f"autopilots-{index}"
-            command = [sys.executable, "-m", "bridge.standin", *_options(group[0], has_log=not alone)]
+            command = [sys.executable, "-m", "standin", *_options(group[0], has_log=not alone)]
             for plan in group[1:]:
                 command += ["+", *_options(plan, has_log=True)]
             yield ProcessSpec(name, command, run.log_path(name))

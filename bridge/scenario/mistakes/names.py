@@ -16,9 +16,9 @@ from bridge.scenario.mistakes.near import near_miss
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft, Emitter, NodeConfig
 from bridge.scenario.own_class import clash_of, mistake_in
-from bridge.scenario.resolve import airframe_of, wind_of
-from bridge.scenario.resolve_radio import radio_from
-from bridge.scenario.resolve_sensing import check_antenna
+from bridge.scenario.resolve.flight import airframe_of, wind_of
+from bridge.scenario.resolve.radio import radio_from
+from bridge.scenario.resolve.sensing import check_antenna
 from channel.presets import PresetError, seen_from
 from fdm.air.wind import WindConfig
 from fdm.errors import AirframeError, WindError

@@ -22,7 +22,7 @@ async def test_standin_killed_ten_times(processes, connect):
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
     arguments = (
-        "bridge.standin",
+        "standin",
         "--sysid=2",
         f"--fdm-port={fdm_port}",
         f"--mavlink-port={port}",

@@ -59,7 +59,7 @@ async def processes():
 async def daemon(processes):
     fdm_port = await processes.start("fdm", "--home", HOME, "--port=0", "--speed=max", port_in=FDM_PORT)
     port = await processes.start(
-        "bridge.standin",
+        "standin",
         "--sysid=2",
         f"--fdm-port={fdm_port}",
         "--mavlink-port=0",

@@ -21,7 +21,7 @@ import pytest
 from bridge.bus.session import Session
 from bridge.run.access import access_of
 
-LOSTLINK = [sys.executable, "-m", "bridge.cli.main"]
+LOSTLINK = [sys.executable, "-m", "lostlink.cli.main"]
 STILL = """\
 schema: 1
 name: still

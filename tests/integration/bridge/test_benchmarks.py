@@ -15,7 +15,7 @@ from benchmarks import (
     bench_router,
     bench_study,
 )
-from tests.unit.bridge.replay.flown import flown, scenario_of
+from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 
 def test_messages_are_coded_beside_rosbags(capsys: pytest.CaptureFixture[str]) -> None:

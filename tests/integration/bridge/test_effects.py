@@ -146,7 +146,7 @@ def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repea
     scenario = STILL.replace("radio:", "hosts: per-ua\nfdm: {{stall_timeout_s: 1}}\nradio:")
     run = start_run(scenario=scenario, duration_s=25.0, speed="2")
     run.wait_for("sim time")
-    autopilot = run.child("bridge.standin --sysid 2")
+    autopilot = run.child("standin --sysid 2")
     autopilot.send_signal(signal.SIGSTOP)
     run.wait_for("stalled: UA 1")
     autopilot.send_signal(signal.SIGCONT)

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bridge.cli.check import check
 from bridge.record.tables.parquet import read_table
 from bridge.record.tables.schema import DELIVERIES, TRUTH
 from bridge.scenario.file import SCENARIOS
+from lostlink.cli.flying.check import check
 from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

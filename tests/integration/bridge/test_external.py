@@ -28,7 +28,7 @@ def start_autopilots() -> Iterator[StartAutopilots]:
 
     def start(slot: int) -> list[subprocess.Popen[bytes]]:
         for index, home in enumerate(HOME):
-            command = [sys.executable, "-m", "bridge.standin", "--sysid", str(index + 1), "--home", home]
+            command = [sys.executable, "-m", "standin", "--sysid", str(index + 1), "--home", home]
             command += ["--fdm-port", str(9002 + 10 * (slot + index))]
             command += ["--mavlink-port", str(5760 + 10 * (slot + index))]
             command += ["--parameter", "FRAME_CLASS=1", "--parameter", "FRAME_TYPE=1"]

@@ -19,8 +19,8 @@ from bridge.bus.identity.keyring import Credentials
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, Header
 from bridge.bus.session import SessionError, Stamp, open_client
-from bridge.cli.main import lostlink
 from bridge.run.access import NoAccess, access_of
+from lostlink.cli.main import lostlink
 from tests.integration.bridge.conftest import Run, StartRun
 from tests.integration.bridge.guarded import plain_config
 

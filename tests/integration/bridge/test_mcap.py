@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 
 from lostlink import RunResult, fly
 from tests.integration.bridge.conftest import LOSTLINK, STILL
-from tests.unit.bridge.record.mcap.files import Read, read_mcap
+from tests.unit.lostlink.export.mcap.files import Read, read_mcap
 
 AGENT = """\
 import math
@@ -211,7 +211,7 @@ def _digests_do_not_depend_on_it(tmp_path: Path, scenario: dict[str, Any], resul
 def test_a_killed_run_is_there_up_to_its_last_second(tmp_path: Path, scenario: dict[str, Any]) -> None:
     """What is left after SIGKILL of everything: journals and streams, which `lostlink export --mcap` reads."""
     script = (
-        "import os, signal, sys, threading, yaml\nfrom bridge.flight.progress import Progress\n"
+        "import os, signal, sys, threading, yaml\nfrom lostlink.flight.progress import Progress\n"
         "from lostlink import fly\n"
         "def message(self, m):\n"
         "    from bridge.bus.messages import Clock\n"

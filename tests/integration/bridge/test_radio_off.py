@@ -14,10 +14,10 @@ from bridge.bus.messages import CommandEvent, Links, decode
 from bridge.bus.radio_command import radio_goal
 from bridge.bus.session import Session
 from bridge.record.tables.schema import DELIVERIES
-from bridge.replay.anew.redecide import redecide
-from bridge.replay.anew.rewrite import write_deliveries
-from bridge.replay.player import Player
 from lostlink import connect_ua, load_run
+from lostlink.redecision.redecide import redecide
+from lostlink.redecision.rewrite import write_deliveries
+from lostlink.replay.player import Player
 from tests.integration.bridge.conftest import STILL, Run, StartRun
 from tests.integration.bridge.test_refly import refly
 

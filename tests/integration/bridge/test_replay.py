@@ -15,9 +15,9 @@ from bridge.bus.keys import Keys
 from bridge.bus.messages import encode
 from bridge.bus.session import Sample, open_client
 from bridge.record.tables.schema import DELIVERIES
-from bridge.replay.anew.redecide import redecide
-from bridge.replay.anew.rewrite import write_deliveries
-from bridge.replay.player import Player
+from lostlink.redecision.redecide import redecide
+from lostlink.redecision.rewrite import write_deliveries
+from lostlink.replay.player import Player
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
 FLYING = STILL.replace(

@@ -23,13 +23,13 @@ from bridge.bus.identity.roster import OPERATOR
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header, decode, encode
 from bridge.bus.session import Sample, Session, Stamp, free_port, open_client, open_router
-from bridge.cli.main import lostlink
-from bridge.replay.player import Player
-from bridge.replay.playing.controls import Controls
-from bridge.replay.playing.pace import Pace
-from bridge.replay.playing.process import ReplayProcess
 from bridge.run.access import access_of
-from tests.unit.bridge.replay.flown import TICK_NS, Sent, flown, scenario_of
+from lostlink.cli.main import lostlink
+from lostlink.replay.player import Player
+from lostlink.replay.playing.controls import Controls
+from lostlink.replay.playing.pace import Pace
+from lostlink.replay.playing.process import ReplayProcess
+from tests.unit.lostlink.replay.flown import TICK_NS, Sent, flown, scenario_of
 
 NODES = ("0", "1", "gcs")
 TICKS = 41
@@ -45,7 +45,7 @@ class Played:
     """A `lostlink replay` in the background."""
 
     def __init__(self, record: Path, out: Path, *options: str) -> None:
-        command = [sys.executable, "-m", "bridge.cli.main", "replay", str(record), "--out", str(out)]
+        command = [sys.executable, "-m", "lostlink.cli.main", "replay", str(record), "--out", str(out)]
         self.out = out
         self.process = subprocess.Popen(
             [*command, "--zenoh-port", "0", *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT
@@ -202,7 +202,7 @@ def test_an_operator_moves_it_and_an_observer_does_not(played: Any) -> None:
 SIGNALLED = """
 import signal
 from types import SimpleNamespace
-from bridge.replay.playing import process
+from lostlink.replay.playing import process
 
 process.MomentPublisher = lambda *_: None
 served = SimpleNamespace(serve=lambda *_: None)

@@ -157,8 +157,8 @@ def test_signal_ends_everything_within_5_s(start_run: StartRun, number: signal.S
 @pytest.mark.parametrize(
     ("victim", "name", "hosts"),
     [
-        ("bridge.standin --sysid 2", "autopilot-1", "per-ua"),
-        ("bridge.standin --sysid 1", "autopilots-0", "1"),
+        ("standin --sysid 2", "autopilot-1", "per-ua"),
+        ("standin --sysid 1", "autopilots-0", "1"),
         ("bridge.radio.process", "router", "auto"),
         ("bridge.host.process", "host-0", "auto"),
     ],

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from bridge.agents import connect_ua
-from bridge.record.reading.run import load_run
 from bridge.record.tables.parquet import read_table
 from bridge.record.tables.schema import MEASUREMENTS, TRUTH, Table
-from bridge.replay.player import Player
+from lostlink.reading.run import load_run
+from lostlink.replay.player import Player
 from tests.integration.bridge.conftest import Run, StartRun
 
 Floats = NDArray[np.float64]

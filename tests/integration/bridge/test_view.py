@@ -19,10 +19,10 @@ from websockets.sync.client import connect
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, decode
 from bridge.bus.session import Sample
-from bridge.dashboard.whole import UNKNOWN
+from lostlink.view.picture.whole import UNKNOWN
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 from tests.integration.bridge.view import View, serving
-from tests.unit.bridge.replay.flown import flown, scenario_of
+from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 LOGGER = """\
 import math

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.fit_coverage import SETS, synthetic_log
-from bridge.cli.main import lostlink
+from lostlink.cli.main import lostlink
 from tests.unit.bridge.record.tables.rows import fleet_columns, write_deliveries
 
 COMMANDS = ("link", "radios", "figures", "laws", "fit")

@@ -9,11 +9,11 @@ import yaml
 from click.testing import CliRunner
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from bridge.cli.main import lostlink
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
-from bridge.scenario.resolve_radio import radio_of
+from bridge.scenario.resolve.radio import radio_of
 from channel import presets
 from channel.link.radio import Radio
+from lostlink.cli.main import lostlink
 
 TRUTH = {
     "propagation": {"exponent": 2.9},

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bridge.record.reading.run import Run, load_run
+from lostlink.reading.run import Run, load_run
 
 ROOT = Path(__file__).parents[3]
 FlyMission = Callable[..., Run]
@@ -22,7 +22,7 @@ def fly_mission(tmp_path: Path, free_slot: Callable[[int], int]) -> FlyMission:
     def fly(mission: str, name: str, settings: dict[str, object]) -> Run:
         file = ROOT / "examples" / mission / f"{mission}.yaml"
         ports = {"ports.zenoh": 0, "ports.first_slot": free_slot(5)}
-        command = [sys.executable, "-m", "bridge.cli.main", "run", str(file), "--out", str(tmp_path / name)]
+        command = [sys.executable, "-m", "lostlink.cli.main", "run", str(file), "--out", str(tmp_path / name)]
         for key, value in (settings | ports).items():
             command += ["--set", f"{key}={value}"]
         done = subprocess.run([*command, "--quiet"], capture_output=True, text=True, timeout=400, check=False)

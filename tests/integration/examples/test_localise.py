@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from bridge.record.reading.run import Run, load_run
+from lostlink.reading.run import Run, load_run
 
 ROOT = Path(__file__).parents[3]
 SCENARIO = ROOT / "sitl_configs" / "scenarios" / "localise.yaml"
@@ -38,7 +38,7 @@ def flown(folder: Path, slot: int) -> Run:
     command = [
         sys.executable,
         "-m",
-        "bridge.cli.main",
+        "lostlink.cli.main",
         "run",
         str(folder / "mission.yaml"),
         "--out",

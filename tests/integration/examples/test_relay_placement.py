@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bridge.record.reading.run import Run
+from lostlink.reading.run import Run
 from tests.integration.examples.conftest import FlyMission
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]

@@ -14,11 +14,6 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin import sockets
-from bridge.standin.autopilot import Autopilot
-from bridge.standin.process import Process
-from bridge.standin.vehicle.location import Location
-from bridge.standin.vehicle.parameters import Parameters
 from fdm.air.wind import load_wind
 from fdm.exchange.exchange import AircraftSpec, Exchange
 from fdm.exchange.hosted_aircraft import Disturb
@@ -27,6 +22,11 @@ from fdm.model.airframe import Airframe, load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.jsbsim_model import JsbsimModel
 from fdm.model.truth import TrueState
+from standin import sockets
+from standin.autopilot import Autopilot
+from standin.process import Process
+from standin.vehicle.location import Location
+from standin.vehicle.parameters import Parameters
 
 HEADING_DEG = 120.0
 HOME_TEXT = f"45,10,100,{HEADING_DEG}"
@@ -167,7 +167,7 @@ class Flight:
 
 
 def start(fdm_port: int, *more: str) -> "subprocess.Popen[str]":
-    command = [sys.executable, "-m", "bridge.standin", "--sysid", str(SYSID), "--home", HOME_TEXT]
+    command = [sys.executable, "-m", "standin", "--sysid", str(SYSID), "--home", HOME_TEXT]
     command += ["--fdm-port", str(fdm_port), "--mavlink-port", "0", *more]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
@@ -575,7 +575,7 @@ def test_it_can_be_stopped_while_a_client_holds_it_back(monkeypatch: pytest.Monk
 
 def test_ends_on_sigterm_and_tells_mistakes_in_one_line() -> None:
     with physics() as udp, autopilot(udp.getsockname()[1]) as (child, port):
-        taken = [sys.executable, "-m", "bridge.standin", "--home", HOME_TEXT]
+        taken = [sys.executable, "-m", "standin", "--home", HOME_TEXT]
         result = subprocess.run(
             [*taken, "--mavlink-port", str(port)], capture_output=True, text=True, timeout=20, check=False
         )
@@ -657,7 +657,7 @@ def test_two_in_one_process_are_apart() -> None:
 
 ONE_FAILS = """\
 import sys
-from bridge.standin import autopilot, cli
+from standin import autopilot, cli
 
 def step(self):
     if self.vehicle.parameters["MAV_SYSID"] == 9 and self.vehicle.sim_time_ns > 20_000_000:

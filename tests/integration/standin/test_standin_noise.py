@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridge.standin.autopilot import Autopilot
-from bridge.standin.vehicle.location import Location
-from bridge.standin.vehicle.parameters import Parameters
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.jsbsim_model import JsbsimModel
 from fdm.model.sensor_noise import SensorNoise
 from fdm.wire.sensor_frame import make_encoder
 from fdm.wire.servo_packet import unpack_servo_packet
+from standin.autopilot import Autopilot
+from standin.vehicle.location import Location
+from standin.vehicle.parameters import Parameters
 
 RATE_HZ = 400
 COMMANDS = {4: [(176, 1.0, 4.0), (400, 1.0)], 5: [(22, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0)]}

@@ -89,7 +89,7 @@ class Driver:
             options = ["--home", "45,10,100,120", "--mavlink-port", "0", "--rate-hz", str(RATE_HZ)]
             options += ["--fdm-port", str(udp.getsockname()[1])]
             with subprocess.Popen(
-                [sys.executable, "-m", "bridge.standin", *options], stdout=subprocess.PIPE, text=True
+                [sys.executable, "-m", "standin", *options], stdout=subprocess.PIPE, text=True
             ) as child:
                 try:
                     assert child.stdout is not None

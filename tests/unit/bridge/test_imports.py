@@ -21,12 +21,12 @@ import pytest
             "bridge.physics.process",
             "scipy asyncio matplotlib channel.link.radio bridge.scenario.file rosbags pyarrow",
         ),
-        ("bridge.cli.main", "pydantic asyncio numpy rich"),
-        ("bridge.cli.run", "scipy matplotlib pymavlink jsbsim psutil"),
+        ("lostlink.cli.main", "pydantic asyncio numpy rich"),
+        ("lostlink.cli.flying.run", "scipy matplotlib pymavlink jsbsim psutil"),
         ("bridge.record.streams", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.events", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.inputs", "pymavlink pydantic zenoh"),
-        ("bridge.standin.cli", "numpy scipy pydantic bridge.scenario.model"),
+        ("standin.cli", "numpy scipy pydantic bridge.scenario.model"),
     ],
 )
 def test_process_imports_no_more_than_it_needs(module: str, not_needed: str) -> None:

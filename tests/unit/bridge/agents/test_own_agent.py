@@ -46,7 +46,7 @@ def test_agent_in_a_file_may_import_what_lies_beside_it(agent_file: Path) -> Non
 
 
 def test_agent_in_a_module() -> None:
-    assert load_class("bridge.agents.still", "Still").__name__ == "Still"
+    assert load_class("bridge.agents.shipped.still", "Still").__name__ == "Still"
 
 
 @pytest.mark.parametrize(

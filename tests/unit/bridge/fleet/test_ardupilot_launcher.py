@@ -11,7 +11,7 @@ from bridge.fleet.autopilots.launcher import LaunchPlan
 from bridge.fleet.child import ProcessSpec
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
-from bridge.scenario.resolve import airframe_of, home_of
+from bridge.scenario.resolve.flight import airframe_of, home_of
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
 WITH_PARAMETERS = TEXT.replace(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from bridge.scenario.file import SCENARIOS, read_scenario
-from bridge.scenario.named_files import named_files
-from bridge.scenario.resolve import wind_of
+from bridge.scenario.resolve.flight import wind_of
+from bridge.scenario.resolve.named_files import named_files
 
 SITL = Path(str(SCENARIOS)).parent
 SCENARIO = """\

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from bridge.scenario.file import ScenarioError, parse_scenario
-from bridge.scenario.ground_track import GroundTrack
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve_radio import radios_of
+from bridge.scenario.resolve.ground_track import GroundTrack
+from bridge.scenario.resolve.radio import radios_of
 
 HEAD = """schema: 1
 name: small

@@ -15,8 +15,8 @@ from bridge.scenario.file import (
     scenario_names,
     with_changes,
 )
-from bridge.scenario.resolve import airframe_of, wind_of
-from bridge.scenario.resolve_radio import radio_of
+from bridge.scenario.resolve.flight import airframe_of, wind_of
+from bridge.scenario.resolve.radio import radio_of
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
 

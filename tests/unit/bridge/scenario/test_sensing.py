@@ -8,11 +8,11 @@ import pytest
 
 from bridge.fleet.hosts import host_groups
 from bridge.scenario.file import ScenarioError, parse_scenario
-from bridge.scenario.ground_track import GroundTrack
 from bridge.scenario.model import Scenario
-from bridge.scenario.named_files import named_files
-from bridge.scenario.resolve_radio import radios_of
-from bridge.scenario.resolve_sensing import emitters_of, sensors_of
+from bridge.scenario.resolve.ground_track import GroundTrack
+from bridge.scenario.resolve.named_files import named_files
+from bridge.scenario.resolve.radio import radios_of
+from bridge.scenario.resolve.sensing import emitters_of, sensors_of
 
 BEACON = "{id: beacon, kind: emitter, place: {north_m: 7}, frequency_hz: 433.92e+6, power_dbm: 20}"
 HEAD = """schema: 1

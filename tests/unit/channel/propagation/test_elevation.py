@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from bridge.scenario.file import parse_scenario
-from bridge.scenario.resolve_radio import radio_of
+from bridge.scenario.resolve.radio import radio_of
 from channel.link.radio import Radio
 from channel.presets import PresetError, at_origin, load_radio, radio_from_mapping, radio_to_yaml, seen_from
 from channel.propagation.path_loss import friis_loss_db

@@ -10,10 +10,10 @@ import pytest
 
 from bridge.aircraft.state_table import BUFFER_ROWS, StateRows
 from bridge.bus.messages import AircraftState, Header, Vector3
-from bridge.record.reading.arrow import arrow_of
 from bridge.record.tables import journals
 from bridge.record.tables.parquet import finish_tables, read_table
 from bridge.record.tables.schema import AGES, STATES, TableError
+from lostlink.reading.arrow import arrow_of
 
 NODES = ("2", "10", "gcs")
 

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
 from bridge.physics.truth_table import TruthColumns
 from bridge.radio.deliveries import FATES, DeliveryColumns
-from bridge.record.reading.coded import coded_columns
 from bridge.record.tables.parquet import GROUP_ROWS, finish_tables
 from bridge.record.tables.schema import DELIVERIES, TRUTH, TableError
+from lostlink.reading.coded import coded_columns
 from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
 
 NODES = ("0", "1", "gcs-1")

@@ -8,7 +8,7 @@ import pytest
 
 from bridge.scenario.agents import HoldAgent, OutAndBackAgent, StillAgent
 from bridge.scenario.file import ScenarioError, read_scenario
-from bridge.scenario.resolve import wind_of
+from bridge.scenario.resolve.flight import wind_of
 
 BASE = """\
 schema: 1

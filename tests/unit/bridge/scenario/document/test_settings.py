@@ -11,8 +11,8 @@ from bridge.bus.keys import ALL
 from bridge.scenario.document.settings import Setting, parse_setting
 from bridge.scenario.file import ScenarioError, parse_scenario, read_scenario
 from bridge.scenario.model import RESERVED_ID
-from bridge.scenario.resolve import wind_of
-from bridge.scenario.resolve_radio import radio_of
+from bridge.scenario.resolve.flight import wind_of
+from bridge.scenario.resolve.radio import radio_of
 
 TEXT = """\
 schema: 1

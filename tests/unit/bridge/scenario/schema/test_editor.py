@@ -11,8 +11,8 @@ import yaml
 from click.testing import CliRunner
 from jsonschema import Draft7Validator
 
-from bridge.cli.schema import schema as schema_command
 from bridge.scenario.schema.editor import FILE_NAME
+from lostlink.cli.flying.schema import schema as schema_command
 
 ROOT = Path(__file__).parents[5] / "sitl_configs"
 SHIPPED = json.loads((ROOT / FILE_NAME).read_text(encoding="utf-8"))

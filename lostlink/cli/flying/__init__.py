@@ -1,0 +1,1 @@
+"""Commands that fly, or look at what would be flown."""

@@ -1,0 +1,147 @@
+"""`lostlink refly`: fly a recorded run again, and see whether it comes out the same."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+from bridge.fleet.supervisor import FleetError, preflight
+from bridge.run.directory import RunDirectory
+from lostlink.cli.flying.run import SpeedType
+from lostlink.compare.difference import seconds
+from lostlink.compare.told import CompareProgress, as_plain, as_text
+
+if TYPE_CHECKING:
+    from lostlink.refly.reflight import Fly, Outcome, Plan
+
+EXIT_DIFFERENT = 1
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130
+
+
+@click.command(short_help="Fly a recorded run again and compare.")
+@click.argument("run", type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("runs"),
+    help="Where runs are kept.",
+)
+@click.option(
+    "--ardupilot-dir",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
+)
+@click.option(
+    "--speed",
+    type=SpeedType(),
+    default="max",
+    show_default=True,
+    help="Real-time factor, or max: as fast as this machine can. The result does not depend on it.",
+)
+@click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
+@click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+@click.option("--quiet", is_flag=True, help="Print the result only.")
+def refly(
+    run: Path,
+    out: Path,
+    ardupilot_dir: Path | None,
+    speed: float | str,
+    first_slot: int | None,
+    zenoh_port: int | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Fly the scenario of the run in directory RUN again, with the inputs that it recorded, and compare the two.
+
+    RUN/inputs/ has what a ground station or an operator sent, and when; edit a copy of RUN to see what another
+    input would have done. A run that was interrupted is flown up to its last whole tick. The new run goes to
+    OUT/<time>-<scenario>/. Ends with status 0 if the two are identical, 1 if they or their endings differ (one broke
+    off and the other did not, say), 2 if RUN cannot be flown.
+
+    \b
+    Examples:
+      lostlink refly runs/20261121T120000Z-separation
+      lostlink refly runs/A --ardupilot-dir ~/ardupilot --first-slot 20 --zenoh-port 0
+      lostlink refly runs/A --json | jq .difference
+    """
+    from lostlink.refly.reflight import Interrupted, fly_again, plan
+
+    changes = {"speed": speed, "ports.first_slot": first_slot, "ports.zenoh": zenoh_port}
+    silent = quiet or as_json
+    try:
+        planned = plan(run, {k: v for k, v in changes.items() if v is not None})
+        preflight(planned.scenario, ardupilot_dir)
+        directory = RunDirectory.create(out, planned.scenario.name)
+    except (ValueError, OSError, FleetError) as error:
+        _fail(str(error))
+    _tell_before(planned, directory, silent=silent)
+    try:
+        outcome = fly_again(
+            planned,
+            directory,
+            _flight(),
+            ardupilot_dir=ardupilot_dir,
+            quiet=silent,
+            on_progress=None if silent else CompareProgress(),
+        )
+    except Interrupted:
+        click.echo(f"lostlink: interrupted; nothing was compared; the new run is {directory.path}", err=True)
+        sys.exit(EXIT_INTERRUPTED)
+    except (ValueError, OSError, FleetError) as error:
+        _fail(str(error))
+    _report(planned, outcome, as_json=as_json)
+
+
+def _flight() -> Fly:
+    from lostlink.cli.shown_flight import fly
+
+    return fly
+
+
+def _fail(text: str) -> NoReturn:
+    click.echo(f"lostlink: {text}", err=True)
+    sys.exit(EXIT_USAGE)
+
+
+def _tell_before(planned: Plan, directory: RunDirectory, *, silent: bool) -> None:
+    for remark in planned.remarks:
+        click.echo(f"lostlink: {remark}", err=True)
+    if not silent:
+        until = _until(planned)
+        click.echo(f"flies {planned.run} again{until}, into {directory.path}")
+
+
+def _until(planned: Plan) -> str:
+    stop_ns = planned.extent.stop_ns
+    return "" if stop_ns is None else f" up to its last whole tick, {seconds(stop_ns)}"
+
+
+def _report(planned: Plan, outcome: Outcome, *, as_json: bool) -> NoReturn:
+    for remark in outcome.remarks:
+        click.echo(f"lostlink: {remark}", err=True)
+    is_different = outcome.comparison.difference is not None or bool(outcome.other_ending)
+    if as_json:
+        click.echo(json.dumps(_plain(planned, outcome)))
+    else:
+        until = "" if outcome.comparison.difference is not None else _until(planned)
+        click.echo(as_text(outcome.comparison, planned.run, outcome.directory.path) + until)
+        if outcome.other_ending:
+            click.echo(outcome.other_ending)
+    sys.exit(EXIT_DIFFERENT if is_different else 0)
+
+
+def _plain(planned: Plan, outcome: Outcome) -> dict[str, Any]:
+    return as_plain(outcome.comparison) | {
+        "run": str(planned.run),
+        "reflown": str(outcome.directory.path),
+        "other_ending": outcome.other_ending or None,
+        "compared_until_ns": planned.extent.stop_ns,
+        "remarks": [*planned.remarks, *outcome.remarks],
+        "summary": outcome.summary,
+    }

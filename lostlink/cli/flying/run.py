@@ -1,0 +1,201 @@
+"""`lostlink run`: fly a scenario."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+from rich.console import Console
+
+from bridge.fleet.supervisor import FleetError, preflight
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
+from fdm.exchange.settings import Coupling
+from lostlink.cli.exits import fail, tell
+from lostlink.cli.scenario_options import scenario_with, setting_options
+from lostlink.cli.shown_flight import ShownFlight
+from lostlink.flight.bins_table import bins_table
+from lostlink.flight.summary import expectation_lines, last_line
+from lostlink.view.beside import PORT, NoView, ViewProcess
+
+
+class SpeedType(click.ParamType[float | str]):
+    """A real-time factor, or max."""
+
+    name = "X|max"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Leave the range to the scenario, which knows it."""
+        try:
+            return value if value == "max" else float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor 'max'", param, ctx)
+
+
+@click.command(short_help="Fly a scenario and record what its radio delivered.")
+@click.argument("scenario", default=DEFAULT_SCENARIO)
+@click.option("--autopilot", type=click.Choice(["standin", "ardupilot", "external"]), help="Who flies.")
+@click.option(
+    "--ardupilot-dir",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
+)
+@click.option("--speed", type=SpeedType(), help="Real-time factor, or max: as fast as this machine can.")
+@click.option(
+    "--coupling",
+    type=click.Choice(get_args(Coupling)),
+    help="Autopilot and physics compute alternately, or at the same time: faster with few UA, servos one frame later.",
+)
+@click.option("--duration", type=float, metavar="SECONDS", help="Longest sim time.")
+@click.option("--seed", type=int, help="Seed of all random draws: channel, wind, sensor noise, agents.")
+@setting_options
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("runs"),
+    help="Where runs are kept.",
+)
+@click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
+@click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
+@click.option("--api", is_flag=True, default=None, help="Serve each UA's HTTP API, from port 8760 on.")
+@click.option(
+    "--mcap/--no-mcap",
+    default=None,
+    help="Whether to write run.mcap at the end; it does by default.",
+)
+@click.option(
+    "--figure/--no-figure",
+    default=None,
+    help="Whether to draw the probability of delivery at the end; it is by default.",
+)
+@click.option(
+    "--udp-out",
+    multiple=True,
+    metavar="HOST:PORT|none",
+    help="Send every UA's MAVLink there, too. Repeatable. Without it 127.0.0.1:14550 and 14540 + I at --speed 1.",
+)
+@click.option(
+    "--view", is_flag=True, help=f"Serve a page that shows the run, on port {PORT} of this machine."
+)
+@click.option("--control", is_flag=True, help="With --view: viewers may command aircraft.")
+@click.option(
+    "--view-port", type=click.IntRange(0, 65535), default=PORT, show_default=True, help="0: any free one."
+)
+@click.option(
+    "--digest",
+    is_flag=True,
+    help="Print one line last: the digest of all that repeats. Not with --json, which has it under digest.",
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print summary.json instead of text: nothing else is on stdout."
+)
+@click.option("--quiet", is_flag=True, help="Print the verdict only.")
+def run(
+    scenario: str,
+    autopilot: str | None,
+    ardupilot_dir: Path | None,
+    speed: float | str | None,
+    coupling: Coupling | None,
+    duration: float | None,
+    seed: int | None,
+    radio: str | None,
+    settings: tuple[str, ...],
+    out: Path,
+    first_slot: int | None,
+    zenoh_port: int | None,
+    api: bool | None,
+    mcap: bool | None,
+    figure: bool | None,
+    udp_out: tuple[str, ...],
+    view: bool,
+    control: bool,
+    view_port: int,
+    digest: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
+
+    Writes OUT/<time>-<scenario>/ with summary.json, deliveries.parquet, truth.parquet, a figure, the scenario as
+    resolved, what happened at each tick (streams/, inputs/) and a log per process.
+
+    \b
+    Ends with status
+      0  the measured deliveries agree with the channel's model, and all expectations of the scenario are met
+         (also when --duration ends the run before its tasks: summary.json names the unfinished ones)
+      1  they disagree with the model, or the run broke off
+      2  it could not start
+      3  they agree with the model, but an expectation of the scenario failed
+      128 + signal if it was interrupted
+
+    \b
+    Examples:
+      lostlink run
+      lostlink run --autopilot ardupilot --ardupilot-dir ~/ardupilot
+      lostlink run my.yaml --speed 1 --seed 7
+      lostlink run --radio wifi-2.4 --set nodes.1.home.north_m=100 --set radio.base_loss=0.1
+      lostlink run --duration 60 --json | jq .verdict
+      lostlink run --speed 1 --view
+      lostlink run --quiet --digest                  run it twice: the digest is the same
+    """
+    if as_json and digest:
+        raise click.UsageError(
+            "--digest and --json: choose one; the JSON has the digest under its key digest"
+        )
+    if control and not view:
+        raise click.UsageError("--control is what viewers may do: it needs --view")
+    changes: dict[str, Any] = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
+    changes |= {"api": api, "radio": radio, "mcap.write": mcap, "figure": figure}
+    changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
+    changes["mavlink.udp_out"] = [place for place in udp_out if place != "none"] if udp_out else None
+    try:
+        resolved = scenario_with(scenario, changes, settings)
+        preflight(resolved, ardupilot_dir)
+        viewing = ViewProcess(view_port, control=control) if view else None
+        directory = RunDirectory.create(out, resolved.name)
+    except (ScenarioError, FleetError, NoView) as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{out}: cannot make a directory for the run there: {error}")
+    if resolved.autopilot == "standin" and (resolved.parameters or any(ua.parameters for ua in resolved.ua)):
+        tell("the stand-in autopilot does not take the scenario's parameters")
+    console = Console(stderr=as_json or quiet)
+    flight = ShownFlight(resolved, directory, console, quiet=as_json or quiet)
+    with ExitStack() as beside:
+        if viewing is not None:
+            beside.enter_context(viewing).start(directory)
+            click.echo(f"view: {viewing.address}", err=as_json or quiet)
+        summary = flight.fly_and_tell(ardupilot_dir)
+        _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
+        if viewing is not None and viewing.is_open and flight.signal is None:
+            click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
+            viewing.wait()
+    sys.exit(flight.exit_status(summary))
+
+
+def _tell(
+    flight: ShownFlight, summary: dict[str, Any] | None, *, as_json: bool, quiet: bool, digest: bool
+) -> None:
+    """Print what came of the run."""
+    if summary is None:
+        return
+    if as_json:
+        click.echo(json.dumps(summary))
+    elif quiet:
+        click.echo(last_line(summary))
+    else:
+        if summary["bins"]:
+            flight.console.print(bins_table(summary))
+        for line in expectation_lines(summary):
+            style = "red" if line.startswith("FAILED") else ""
+            flight.console.print(line, highlight=False, soft_wrap=True, markup=False, style=style)
+        flight.console.print(f"{flight.directory.path}", highlight=False, soft_wrap=True)
+        for reason in summary["may_not_repeat"]:
+            flight.console.print(f"may not repeat: {reason}", highlight=False, soft_wrap=True)
+        flight.console.print(last_line(summary), highlight=False, soft_wrap=True, style="bold")
+    if digest:
+        click.echo(summary["digest"])

@@ -1,0 +1,159 @@
+"""`lostlink study`: fly many runs, and measure them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from bridge.fleet.slots import NoSlot
+from lostlink.cli.exits import tell
+from lostlink.report.scales import plain
+from lostlink.study.lanes import Dask, Lanes, Local
+from lostlink.study.model import StudyError
+from lostlink.study.study import Standing, Study
+
+EXIT_FAILED, EXIT_USAGE = 1, 2
+
+
+@click.command(short_help="Fly many runs: seeds, settings, scenarios; one table at the end.")
+@click.argument("file", type=click.Path(path_type=Path, dir_okay=False, exists=True))
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), default=Path("studies"), show_default=True
+)
+@click.option(
+    "--lanes",
+    type=click.IntRange(1, 64),
+    help="Runs at a time on this machine. [default: one per core, at most 8]",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Fly on the workers of this Dask scheduler instead.")
+@click.option("--ardupilot-dir", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.option("--dry-run", is_flag=True, help="Only say which runs there are, and which are done.")
+@click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print the table's rows as JSON lines (nan as null), and nothing else on stdout.",
+)
+def study(
+    file: Path,
+    out: Path,
+    lanes: int | None,
+    scheduler: str | None,
+    ardupilot_dir: Path | None,
+    dry_run: bool,
+    as_json: bool,
+) -> None:
+    """Fly the runs of the study in FILE, and write OUT/<name>/metrics.parquet: a row per run.
+
+    A study that was ended goes on when it is started again: runs that are done are not flown again. Runs whose scenario
+    or agent (with what its file imports from its folder) changed are other runs. Ends with status 0 if all runs came to
+    their end and were measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
+
+    \b
+    Examples:
+      lostlink study range.yaml
+      lostlink study range.yaml --dry-run
+      lostlink study range.yaml --lanes 4 --out ~/studies
+      lostlink study range.yaml --scheduler tcp://10.0.0.1:8786
+    """
+    console = Console(stderr=as_json)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        console.print(f"{file}: reads the scenario of each run", highlight=False, soft_wrap=True)
+        ours = Study(file, out, ardupilot_dir)
+        left = ours.left()
+        console.print(
+            f"{ours.directory}: runs: {len(ours.cases)}, to fly: {len(left)}", highlight=False, soft_wrap=True
+        )
+        if dry_run:
+            _tell_plan(ours, console)
+            return
+        failed = 0
+        if left:
+            with _lanes(lanes, scheduler) as where:
+                failed = _show(ours.fly(where), console)
+        console.print(f"{ours.write()}", highlight=False, soft_wrap=True)
+        _tell_not_passed(ours, console)
+        for mistake in ours.draw():
+            tell(mistake)
+            failed += 1
+    except (StudyError, NoSlot, OSError) as error:
+        click.echo(f"lostlink: {error}", err=True)
+        sys.exit(EXIT_USAGE)
+    except KeyboardInterrupt as error:
+        number = error.args[0] if error.args else signal.SIGINT
+        click.echo("interrupted: start it again to go on", err=True)
+        sys.exit(128 + number)
+    if as_json:
+        for row in ours.rows():
+            click.echo(json.dumps(plain(row)))
+    sys.exit(EXIT_FAILED if failed else 0)
+
+
+def _tell_not_passed(ours: Study, console: Console) -> None:
+    rows = ours.rows()
+    count = sum(not row["failure"] and not row["passed"] for row in rows)
+    if count:
+        text = f"{count} of {len(rows)} runs did not pass: see the columns passed and verdict"
+        console.print(text, highlight=False, soft_wrap=True)
+
+
+def _interrupt(number: int, _: Any) -> None:
+    raise KeyboardInterrupt(number)
+
+
+def _lanes(lanes: int | None, scheduler: str | None) -> Lanes:
+    if scheduler is not None:
+        return Dask(scheduler)
+    return Local(lanes or min(8, len(os.sched_getaffinity(0))))
+
+
+def _tell_plan(ours: Study, console: Console) -> None:
+    left = {case.id for case in ours.left()}
+    for case in ours.cases:
+        labels = ", ".join(f"{key} {value}" for key, value in case.labels.items())
+        console.print(
+            f"{'to fly' if case.id in left else 'done  '}  {case.id}  {labels}",
+            highlight=False,
+            soft_wrap=True,
+        )
+
+
+def _show(news: Iterator[Standing], console: Console) -> int:
+    """Show how far the study is; gives how many runs failed."""
+    begin = monotonic()
+    flown, failed, ready_at = 0, 0, 0.0
+    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=None)
+        for standing in news:
+            failed = standing.failed
+            if standing.case is not None:
+                flown += 1
+                ready_at = monotonic() + (monotonic() - begin) / flown * (standing.count - standing.done)
+            bar.update(task, completed=standing.done, total=standing.count)
+            if standing.failure and standing.case is not None:
+                labels = ", ".join(f"{key} {value}" for key, value in standing.case.labels.items())
+                console.print(f"failed: {labels}: {standing.failure}", highlight=False, soft_wrap=True)
+            elif not console.is_terminal:
+                console.print(_line(standing, ready_at), highlight=False, soft_wrap=True)
+    return failed
+
+
+def _line(standing: Standing, ready_at: float) -> str:
+    line = f"{standing.done} of {standing.count} runs"
+    if not ready_at:
+        return line
+    remaining_s = max(0.0, ready_at - monotonic())
+    return f"{line}, about {remaining_s // 60:.0f} min {remaining_s % 60:.0f} s remain"

@@ -1,0 +1,85 @@
+"""The command `lostlink`."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module, metadata
+
+import click
+
+COMMANDS = {
+    "run": "lostlink.cli.flying.run",
+    "schema": "lostlink.cli.flying.schema",
+    "refly": "lostlink.cli.flying.refly",
+    "check": "lostlink.cli.flying.check",
+    "compare": "lostlink.cli.records.compare",
+    "judge": "lostlink.cli.records.judge",
+    "redecide": "lostlink.cli.records.redecide",
+    "replay": "lostlink.cli.records.replay",
+    "report": "lostlink.cli.records.report",
+    "export": "lostlink.cli.records.export",
+    "aps": "lostlink.cli.live.aps",
+    "doctor": "lostlink.cli.live.doctor",
+    "echo": "lostlink.cli.live.echo",
+    "token": "lostlink.cli.live.token",
+    "study": "lostlink.cli.flying.study",
+    "view": "lostlink.cli.live.view",
+    "link": "channel.cli.commands",
+    "radios": "channel.cli.commands",
+    "figures": "channel.cli.commands",
+    "laws": "channel.cli.commands",
+    "fit": "lostlink.cli.records.fit",
+}
+"""The module of each command, which has its name there too. Only that of the command given is imported."""
+
+
+class Commands(click.Group):
+    """A group whose commands are imported when they are asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """The names, as in the help."""
+        return sorted(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """The command of a name; None if there is none."""
+        if cmd_name not in COMMANDS:
+            return None
+        command = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
+        return command if isinstance(command, click.Command) else None
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(metadata.version("lostlink"), prog_name="lostlink")
+def lostlink() -> None:
+    """Fly real ArduPilot stacks on JSBSim airframes; drop packets between them as a channel model predicts.
+
+    \b
+    Examples:
+      lostlink run                                 two copters, one radio: where does the link break?
+      lostlink run my.yaml --speed 1               your scenario, in real time
+      lostlink link --radio moon2020 --distance 400
+      lostlink echo 'lostlink/**/node/*/rx/**'       what the radio delivers, during a run
+      lostlink doctor                              what is installed, found and free
+    """
+
+
+def main() -> None:
+    """Entry point: errors of use end with status 2, a broken pipe quietly."""
+    try:
+        sys.exit(lostlink(prog_name="lostlink", standalone_mode=False))
+    except click.UsageError as error:
+        usage = "" if error.ctx is None else f"\n{error.ctx.get_usage()}"
+        click.echo(f"lostlink: {error.format_message()}{usage}", err=True)
+        sys.exit(error.exit_code)
+    except click.ClickException as error:
+        click.echo(f"lostlink: {error.format_message()}", err=True)
+        sys.exit(error.exit_code)
+    except click.Abort:
+        sys.exit(1)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(141)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""`lostlink compare`: are two runs the same, and if not, where do they begin to differ? Several runs side by side."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lostlink.cli.exits import fail
+from lostlink.compare.told import CompareProgress, as_plain, as_text
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+EXIT_DIFFERENT = 1
+RUN_PATH = click.Path(path_type=Path)
+WIDE = 1000
+"""Columns, where no terminal says how many there are: nothing is folded."""
+
+
+@click.command(short_help="Find the first difference between two runs, or put runs side by side.")
+@click.argument("runs", type=RUN_PATH, nargs=-1, required=True)
+@click.option("--metrics", is_flag=True, help="Also put two runs side by side, or one alone.")
+@click.option(
+    "--html", type=click.Path(path_type=Path, dir_okay=False), help="Write the table as a page there."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def compare(runs: tuple[Path, ...], metrics: bool, html: Path | None, as_json: bool) -> None:
+    """Compare the runs in the directories RUNS.
+
+    Of two runs: true states, MAVLink, packets and deliveries. Prints `identical` and what was compared, or the first
+    difference in sim time with both values. Ends with status 0 if the runs are identical, 1 if not, 2 if one cannot be
+    read.
+
+    Of three or more, or with --metrics or --html: a table of settings that differ, verdict, delivery per link, ages
+    of information, least distance of two UA, and which digests are equal. Ends with status 0, or 2 if a run cannot be
+    read.
+
+    \b
+    Examples:
+      lostlink compare runs/20261121T120000Z-separation runs/20261121T121500Z-separation
+      lostlink compare runs/A runs/B --json | jq .difference.stream
+      lostlink compare runs/A runs/B runs/C --html compared.html
+    """
+    if len(runs) == 2 and not metrics and html is None:
+        _identity(runs[0], runs[1], as_json=as_json)
+    if len(runs) == 1 and not metrics and html is None:
+        raise click.UsageError("one run alone: give another one to compare it with, or --metrics")
+    _table(runs, html, as_json=as_json)
+
+
+def _identity(run_a: Path, run_b: Path, *, as_json: bool) -> None:
+    from lostlink.compare.compare import examine
+
+    try:
+        comparison = examine(run_a, run_b, on_progress=CompareProgress())
+    except (OSError, ValueError) as error:
+        fail(error)
+    click.echo(json.dumps(as_plain(comparison)) if as_json else as_text(comparison, run_a, run_b))
+    sys.exit(0 if comparison.difference is None else EXIT_DIFFERENT)
+
+
+def _table(runs: tuple[Path, ...], html: Path | None, *, as_json: bool) -> None:
+    from lostlink.cli.records.report import Teller
+    from lostlink.reading.run import load_run
+    from lostlink.report.side_by_side import comparison_page, sameness, side_by_side
+
+    try:
+        content = side_by_side([load_run(run) for run in runs], Teller())
+        if html is not None:
+            html.write_text(comparison_page(content), encoding="utf-8")
+    except (OSError, ValueError) as error:
+        fail(error)
+    if as_json:
+        click.echo(json.dumps(content, allow_nan=False))
+        return
+    _print(_rich_table(content))
+    click.echo(sameness(content))
+    if html is not None:
+        click.echo(html)
+
+
+def _rich_table(content: dict[str, Any]) -> Table:
+    from rich.table import Table
+
+    from lostlink.report.side_by_side import table_of
+
+    table = Table()
+    table.add_column("")
+    for run in content["runs"]:
+        table.add_column(run["name"], justify="right", overflow="fold")
+    for name, cells, differs in table_of(content):
+        table.add_row(name, *cells, style="bold" if differs else "dim")
+    return table
+
+
+def _print(table: Table) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=WIDE)
+    console.print(table)

@@ -1,0 +1,81 @@
+"""`lostlink export`: the record of a run for other programs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from bridge.run.directory import RunDirectory
+from lostlink.cli.records.mcap_options import changed, mcap_options
+
+EXIT_UNREADABLE = 2
+
+
+@click.command(short_help="Write a run as MCAP or CSV, or the tables of a killed run as Parquet.")
+@click.argument("run", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.option("--csv", "as_csv", is_flag=True, help="Write truth.csv, states.csv and deliveries.csv.")
+@click.option(
+    "--parquet",
+    "as_parquet",
+    is_flag=True,
+    help="Turn what a killed run left into Parquet, as its end would have.",
+)
+@click.option("--mcap", "as_mcap", is_flag=True, help="Write run.mcap, for viewers and ROS 2.")
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), help="Where CSV and MCAP go; RUN unless given."
+)
+@mcap_options
+def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path | None, **mcap: Any) -> None:
+    """Write the record of the run in directory RUN for other programs.
+
+    Every run that came to an end has Parquet tables and, unless its scenario says otherwise, run.mcap already. CSV and
+    MCAP can be written of a run at any time, also while it goes on or after it was killed.
+
+    \b
+    Examples:
+      lostlink export runs/20261121T120000Z-separation --csv
+      lostlink export runs/20261121T120000Z-separation --csv --out /tmp
+      lostlink export runs/KILLED --parquet --mcap
+      lostlink export runs/20261121T120000Z-separation --mcap --payloads --mavlink messages --rate truth=20
+    """
+    if not (as_csv or as_parquet or as_mcap):
+        raise click.UsageError("one of --csv, --parquet and --mcap is needed")
+    if not as_mcap and any(mcap.values()):
+        raise click.UsageError("--payloads, --mavlink, --compression, --rate and --size go with --mcap")
+    from bridge.record.tables.parquet import finish_tables
+    from lostlink.export.csv_files import export_csv
+
+    folder = out or run
+    try:
+        if as_parquet:
+            _check_over(run)
+            finish_tables(run)
+        folder.mkdir(parents=True, exist_ok=True)
+        if as_csv:
+            for path in export_csv(run, folder):
+                click.echo(path)
+        if as_mcap:
+            click.echo(_write_mcap(run, folder, mcap))
+    except (OSError, ValueError) as error:
+        click.echo(f"lostlink: {error}", err=True)
+        sys.exit(EXIT_UNREADABLE)
+
+
+def _write_mcap(run: Path, folder: Path, options: dict[str, Any]) -> Path:
+    from lostlink.export.mcap.export import MCAP_FILE, write_mcap
+
+    settings = changed(RunDirectory(run).scenario.mcap, **options)
+    write_mcap(run, folder / MCAP_FILE, settings)
+    return folder / MCAP_FILE
+
+
+def _check_over(run: Path) -> None:
+    try:
+        is_live = RunDirectory(run).info.is_live
+    except (OSError, ValueError):
+        return
+    if is_live:
+        raise ValueError(f"{run}: this run has not ended yet; --csv and --mcap write what there is so far")

@@ -1,0 +1,173 @@
+"""`lostlink redecide`: what another radio, or another seed, makes of the transmissions of a recorded run."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
+from bridge.scenario.document.settings import parse_setting
+from bridge.scenario.file import with_changes
+from bridge.scenario.model import Scenario
+from bridge.timeouts import NEWS_PERIOD_S
+from lostlink.cli.scenario_options import setting_options
+
+if TYPE_CHECKING:
+    from lostlink.redecision.redecide import Redecision
+
+SCHEMA = 1
+EXIT_DIFFERENT = 1
+EXIT_USAGE = 2
+
+
+@click.command(short_help="Decide a run's transmissions anew, by another radio, and compare.")
+@click.argument("run", type=click.Path(path_type=Path))
+@click.option("--seed", type=int, help="Seed of all draws; the run's own unless given.")
+@setting_options
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Write a run directory there, with the new deliveries.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+@click.option("--quiet", is_flag=True, help="Print the result only.")
+def redecide(
+    run: Path,
+    seed: int | None,
+    radio: str | None,
+    settings: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Decide every transmission of the run in directory RUN anew, without flying, and compare with what was.
+
+    Flight and transmissions stay as recorded: what a node would have done had it heard more or less is not in the
+    result. Without --radio, --seed and --set all fates come out as they were, and the status is 1 if not; else it is 0,
+    or 1 if the new fates disagree with the radio's model. 2: RUN cannot be read, or there is no such radio.
+
+    \b
+    Examples:
+      lostlink redecide runs/A --radio wifi-2.4
+      lostlink redecide runs/A --seed 7 --out runs/A-seed-7
+      lostlink redecide runs/A --set radio.transmit_power_dbm=17 --json | jq .links
+      lostlink redecide runs/A                        the same radio and seed: the same fates, all of them
+    """
+    from channel.checks import ChannelInputError
+    from channel.validity import OutsideValidityError
+    from lostlink.redecision.redecide import decide
+
+    silent = quiet or as_json
+    try:
+        scenario = _scenario(run, radio, seed, settings)
+        result = decide(run, scenario, _Progress(silent=silent))
+        verdict = _verdict(result)
+        summary = None if out is None else _write(result, out, silent=silent)
+    except (OSError, ValueError, ChannelInputError, OutsideValidityError) as error:
+        _fail(str(error))
+    if as_json:
+        click.echo(json.dumps(_plain(result, verdict, summary, out)))
+    else:
+        _tell(result, verdict, out, quiet=quiet)
+    is_same_radio = radio is None and seed is None and not settings
+    differs = is_same_radio and bool(result.comparison.changed)
+    sys.exit(EXIT_DIFFERENT if differs or verdict.startswith("fail") else 0)
+
+
+def _scenario(run: Path, radio: str | None, seed: int | None, settings: tuple[str, ...]) -> Scenario:
+    """The run's scenario as the options change it."""
+    from lostlink.redecision.redecide import as_seen_from_here
+
+    changes: dict[str, Any] = {} if seed is None else {"seed": seed}
+    changes |= {} if radio is None else {"radio": as_seen_from_here(radio)}
+    given = [parse_setting(text) for text in settings]
+    return with_changes(RunDirectory(run).scenario, changes | {each.key: each.value for each in given})
+
+
+class _Progress:
+    """A line every two seconds."""
+
+    def __init__(self, *, silent: bool) -> None:
+        self._silent = silent
+        self._news = Every(NEWS_PERIOD_S)
+
+    def __call__(self, done: float) -> None:
+        if not self._silent and self._news.is_due():
+            click.echo(f"decided {100 * done:.0f} % of the packets", err=True)
+
+
+def _fail(text: str) -> NoReturn:
+    click.echo(f"lostlink: {text}", err=True)
+    sys.exit(EXIT_USAGE)
+
+
+def _verdict(result: Redecision) -> str:
+    from lostlink.flight.summary import verdict_text
+
+    checks = [check._asdict() | {"passed": check.passed} for check in result.checks]
+    accounts = result.ledger.links.values()
+    return verdict_text(checks, [{"sent": a.sent, "delivered": a.delivered} for a in accounts], "done")
+
+
+def _write(result: Redecision, out: Path, *, silent: bool) -> dict[str, Any]:
+    """Write a run directory, with a summary and a figure as a run has."""
+    from bridge.scenario.resolve.radio import radio_of
+    from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
+    from lostlink.flight.summary import Timing, summarise, write_summary
+    from lostlink.redecision.rewrite import write_run
+
+    news = Every(NEWS_PERIOD_S)
+
+    def tell(name: str, rows: int) -> None:
+        if not silent and news.is_due():
+            click.echo(f"writes {name}: {rows} rows so far", err=True)
+
+    was = RunDirectory(result.run).summary
+    directory = write_run(result, out, tell)
+    timing = Timing(was.get("sim_duration_s", 0.0), was.get("wall_duration_s", 0.0))
+    ending, unfinished = was.get("ending", "interrupted"), was.get("unfinished", [])
+    summary = summarise(result.scenario, directory, timing, ending, unfinished, error=was.get("error")) | {
+        "redecided_from": str(result.run.resolve())
+    }
+    write_summary(summary, directory)
+    own = any(node.radio is not None for node in result.scenario.transceivers)
+    radio = None if own else radio_of(result.scenario)
+    draw_probability_of_delivery(summary, radio, directory.path / FIGURE_FILE)
+    return summary
+
+
+def _plain(
+    result: Redecision, verdict: str, summary: dict[str, Any] | None, out: Path | None
+) -> dict[str, Any]:
+    written = {} if summary is None else {"directory": str(out), "digest": summary["digest"]}
+    return (
+        {
+            "schema": SCHEMA,
+            "run": str(result.run),
+            "radio": result.scenario.radio,
+            "seed": result.scenario.seed,
+        }
+        | result.comparison.as_plain()
+        | {
+            "checks": [check._asdict() | {"passed": check.passed} for check in result.checks],
+            "verdict": verdict,
+        }
+        | written
+    )
+
+
+def _tell(result: Redecision, verdict: str, out: Path | None, *, quiet: bool) -> None:
+    from lostlink.redecision.told import print_tables, sentence
+
+    if not quiet:
+        print_tables(result.comparison)
+        if out is not None:
+            click.echo(out)
+    click.echo(sentence(result.comparison))
+    click.echo(verdict)

@@ -1,0 +1,78 @@
+"""`lostlink report`: a run as one page, and as numbers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from bridge.run.every import Every
+from bridge.timeouts import NEWS_PERIOD_S
+from lostlink.cli.exits import fail
+
+REPORT_FILE = "report.html"
+
+
+@click.command(short_help="Write what a run shows as one page, or as JSON.")
+@click.argument("run", type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="The page; RUN/report.html unless given.",
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the page's numbers as JSON; with --out, write it, too."
+)
+def report(run: Path, out: Path | None, as_json: bool) -> None:
+    """Write a page about the run in directory RUN (or of that name in runs/), finished, killed or still going on.
+
+    The page is one file that asks for nothing: what ran, where the nodes were, delivery and power over distance, links,
+    causes of loss, ages and latency, checks, events. Ends with status 0, or 2 if the run cannot be read.
+
+    \b
+    Examples:
+      lostlink report runs/20261121T120000Z-separation
+      lostlink report runs/A --out /tmp/a.html
+      lostlink report runs/A --json | jq .totals
+    """
+    from lostlink.reading.run import load_run
+    from lostlink.report.content import content_of
+
+    tell = Teller()
+    try:
+        found = load_run(run)
+        content = content_of(found, tell)
+        if out is not None or not as_json:
+            path = out or found.path / REPORT_FILE
+            write_report(content, path, tell)
+            click.echo(path, err=as_json)
+    except (OSError, ValueError) as error:
+        fail(error)
+    if as_json:
+        click.echo(json.dumps(content, allow_nan=False))
+
+
+def write_report(content: dict[str, object], path: Path, tell: Teller) -> None:
+    """Write the page of a report's numbers.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    from lostlink.report.page.page import page_of
+    from lostlink.report.pictures.all import draw_all
+
+    path.write_text(page_of(content, draw_all(content, tell)), encoding="utf-8")
+
+
+class Teller:
+    """A line on stderr when two seconds have passed without one."""
+
+    def __init__(self) -> None:
+        self._news = Every(NEWS_PERIOD_S)
+
+    def __call__(self, step: str) -> None:
+        """Take what is done next."""
+        if self._news.is_due():
+            click.echo(f"report: {step}", err=True)

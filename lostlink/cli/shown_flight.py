@@ -1,0 +1,61 @@
+"""A flight as commands show it: progress on the terminal, and errors as they print them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+
+from bridge.run.directory import RunDirectory
+from bridge.scenario.model import Scenario
+from lostlink.flight.flight import Flight
+from lostlink.flight.progress import Progress
+
+
+class ShownFlight(Flight):
+    """One run, shown on ``console``; not if ``quiet``."""
+
+    def __init__(
+        self, scenario: Scenario, directory: RunDirectory, console: Console, *, quiet: bool = False
+    ) -> None:
+        super().__init__(scenario, directory, Progress(console, quiet=quiet))
+        self.console = console
+        self.quiet = quiet
+
+    def fly_and_tell(
+        self, ardupilot_dir: Path | None = None, replay: Path | None = None
+    ) -> dict[str, Any] | None:
+        """As `Flight.fly`; None if not even a summary could be written (the error was told)."""
+        if not self.quiet:
+            self.console.print(f"run {self.directory.path}", highlight=False, soft_wrap=True)
+        try:
+            return self.fly(ardupilot_dir, replay)
+        except (OSError, ValueError) as error:
+            click.echo(f"lostlink: {error}", err=True)
+            return None
+
+
+def fly(
+    scenario: Scenario,
+    directory: RunDirectory,
+    *,
+    ardupilot_dir: Path | None,
+    replay: Path | None,
+    stop_ns: int | None,
+    quiet: bool,
+) -> dict[str, Any]:
+    """Fly for another command (`lostlink.refly.reflight.Fly`); a scenario may be cut short at the tick ``stop_ns``.
+
+    Raises:
+        ValueError: there is no summary.
+    """
+    if stop_ns is not None:
+        scenario = scenario.model_copy(update={"duration_s": stop_ns / 1e9})
+    summary = ShownFlight(scenario, directory, Console(stderr=quiet), quiet=quiet).fly_and_tell(
+        ardupilot_dir, replay
+    )
+    if summary is None:
+        raise ValueError(f"{directory.path}: the run left no summary")
+    return summary

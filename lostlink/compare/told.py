@@ -1,0 +1,57 @@
+"""What `lostlink compare` and `lostlink refly` say of two runs, as text and as JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import click
+
+from bridge.record.tables.schema import TABLES
+from lostlink.compare.difference import Comparison, Difference, seconds
+
+SCHEMA = 1
+PROGRESS_PERIOD_S = 2.0
+
+
+def as_text(comparison: Comparison, run_a: Path, run_b: Path) -> str:
+    """One line if the runs are identical, else the first difference with both values."""
+    if comparison.difference is not None:
+        return _difference_text(comparison.difference, run_a, run_b)
+    tables = [table.name for table in TABLES if table.name in comparison.streams]
+    streams = len(comparison.streams) - len(tables)
+    parts = [*tables, *([f"{streams} streams"] if streams else [])]
+    return f"identical: {', '.join(parts)}; {comparison.entries} entries, {comparison.ticks} ticks"
+
+
+def _difference_text(found: Difference, run_a: Path, run_b: Path) -> str:
+    node = f"node {found.node}, " if found.node else ""
+    where = f"first difference at {seconds(found.tick_ns)} of sim time: {node}{found.stream}, {found.what}"
+    return f"{where}\n  {run_a}: {found.a}\n  {run_b}: {found.b}"
+
+
+def as_plain(comparison: Comparison) -> dict[str, Any]:
+    """In plain types, for --json."""
+    found = comparison.difference
+    return {
+        "schema": SCHEMA,
+        "identical": found is None,
+        "difference": None if found is None else found.as_dict(),
+        "streams": list(comparison.streams),
+        "entries": comparison.entries,
+        "ticks": comparison.ticks,
+    }
+
+
+class CompareProgress:
+    """A line on stderr every two seconds, so that a long comparison is seen to go on."""
+
+    def __init__(self) -> None:
+        self._next_line = monotonic() + PROGRESS_PERIOD_S
+
+    def __call__(self, stream: str, entries: int) -> None:
+        """Take how far the comparison is."""
+        if monotonic() >= self._next_line:
+            self._next_line = monotonic() + PROGRESS_PERIOD_S
+            click.echo(f"comparing {stream}: {entries} entries so far", err=True)

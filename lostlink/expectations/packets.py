@@ -1,0 +1,101 @@
+"""What the deliveries of a run show: shares, ages, losses."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
+from bridge.scenario.model import Scenario
+from lostlink.reading.ages import received_ns, sawtooth
+from lostlink.reading.rows import LinkRows, link_rows
+
+DECIMALS_S = 9
+TRANSPORT = "transport"
+"""The fate of packets that were lost before the radio."""
+Mask = NDArray[np.bool_]
+
+
+class PacketFinder:
+    """Looks into `deliveries` of a run, which are read when they are first asked for.
+
+    Args:
+        run: its directory.
+        scenario: what was flown.
+    """
+
+    def __init__(self, run: Path, scenario: Scenario) -> None:
+        self._run, self._nodes = run, scenario.transceiver_ids
+        self._tick_ns = scenario.tick_period_ns
+
+    @cached_property
+    def _rows(self) -> LinkRows:
+        return link_rows(self._run, self._nodes, ("sim_time_ns", "distance_m"))
+
+    def shares(self, wanted: DeliveryExpectation) -> list[float]:
+        """Delivered per sent: of all packets that are meant together, or of each link; nothing if none was sent."""
+        if not wanted.each_link:
+            return self._share(wanted, wanted.from_, wanted.to)
+        senders = self._nodes if wanted.from_ is None else (wanted.from_,)
+        receivers = self._nodes if wanted.to is None else (wanted.to,)
+        return [
+            share for tx in senders for rx in receivers if tx != rx for share in self._share(wanted, tx, rx)
+        ]
+
+    def _share(self, wanted: DeliveryExpectation, tx: str | None, rx: str | None) -> list[float]:
+        chosen = self._of(tx, rx) & self._between(wanted.between_s)
+        if wanted.distance_m is not None:
+            low, high = wanted.distance_m
+            distance_m = self._rows.columns["distance_m"]
+            chosen &= (distance_m >= low) & (distance_m <= high)
+        packets = self._rows.columns["packets"]
+        sent = packets[chosen].sum()
+        delivered = packets[chosen & self._rows.is_delivered].sum()
+        return [float(delivered / sent)] if sent else []
+
+    def age_s(self, wanted: AgeExpectation, end_s: float) -> float | None:
+        """The greatest age of information (`lostlink.reading.ages`); from the interval's begin if none came.
+
+        Args:
+            wanted: of what.
+            end_s: sim time at which the run ended.
+        """
+        begin_s, until_s = wanted.between_s or (0.0, end_s)
+        until_s = min(until_s, end_s)
+        if until_s <= begin_s:
+            return None
+        senders = [wanted.from_] if wanted.from_ else [node for node in self._nodes if node != wanted.node]
+        ages = [self._greatest_age_s(tx, wanted.node, begin_s, until_s) for tx in senders if tx is not None]
+        return max(ages, default=None)
+
+    def _greatest_age_s(self, tx: str, rx: str, begin_s: float, until_s: float) -> float:
+        heard = self._of(tx, rx) & self._rows.is_delivered
+        generated_ns, came_ns = self._rows.columns["sim_time_ns"][heard], self._received_ns[heard]
+        age = sawtooth(generated_ns, came_ns, round(begin_s * 1e9), round(until_s * 1e9)).age
+        return round(age.peak_s, DECIMALS_S)
+
+    @cached_property
+    def _received_ns(self) -> NDArray[np.int64]:
+        return received_ns(self._rows.columns["sim_time_ns"], self._tick_ns)
+
+    def lost_by_host(self) -> int:
+        """Packets that never got to the radio, once per receiver."""
+        return int(self._rows.columns["packets"][self._rows.has_fate(TRANSPORT)].sum())
+
+    def _of(self, tx: str | None, rx: str | None) -> Mask:
+        """Rows of a sender and receiver; None: any."""
+        columns = self._rows.columns
+        chosen = np.ones(len(columns["tx"]), dtype=np.bool_)
+        for end, node in (("tx", tx), ("rx", rx)):
+            if node is not None:
+                chosen &= columns[end] == self._nodes.index(node)
+        return chosen
+
+    def _between(self, interval_s: tuple[float, float] | None) -> Mask:
+        times_ns = self._rows.columns["sim_time_ns"]
+        if interval_s is None:
+            return np.ones(len(times_ns), dtype=np.bool_)
+        return (times_ns >= interval_s[0] * 1e9) & (times_ns <= interval_s[1] * 1e9)

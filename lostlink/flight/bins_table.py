@@ -1,0 +1,43 @@
+"""The table of distance bins that `lostlink run` prints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich import box
+from rich.table import Table
+
+from channel.intervals import binomial_interval
+from lostlink.flight.summary import BIN_SENT_MIN, is_outside
+
+
+def bins_table(summary: dict[str, Any]) -> Table:
+    """The table for people: a row per distance bin, all directed links taken together.
+
+    A bin of a link that lies outside its own interval is marked in the last column.
+    """
+    table = Table(
+        box=box.SIMPLE_HEAD, title="Probability of delivery by distance, all links", title_justify="left"
+    )
+    for name in ("distance, m", "sent", "delivered", "measured", "predicted", "99 % interval"):
+        table.add_column(name, justify="right", no_wrap=True)
+    if any(is_outside(row) for row in summary["bins"]):
+        table.add_column("outside", overflow="fold")
+    starts = sorted({row["distance_min_m"] for row in summary["bins"]})
+    for start_m in starts:
+        rows = [row for row in summary["bins"] if row["distance_min_m"] == start_m]
+        sent, delivered = (sum(row[key] for row in rows) for key in ("sent", "delivered"))
+        predicted = min(1.0, sum(row["predicted"] * row["sent"] for row in rows) / sent)
+        low, high = binomial_interval(sent, predicted)
+        outside = [f"{row['tx']} -> {row['rx']}" for row in rows if is_outside(row)]
+        table.add_row(
+            f"{start_m:.0f}-{rows[0]['distance_max_m']:.0f}",
+            str(sent),
+            str(delivered),
+            f"{delivered / sent:.3f}",
+            f"{predicted:.3f}",
+            f"{low:.3f}-{high:.3f}",
+            *([", ".join(outside)] if outside else []),
+            style="red" if outside else ("" if sent >= BIN_SENT_MIN else "dim"),
+        )
+    return table

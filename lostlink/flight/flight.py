@@ -1,0 +1,245 @@
+"""One run as whoever flies it sees it: progress, interruption, summary."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+import threading
+from pathlib import Path
+from time import monotonic
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+from bridge.bus.messages import Clock, Message
+from bridge.fleet.glance import Glance
+from bridge.fleet.supervisor import Ending, Fleet, FleetError, Observer
+from bridge.record.pack import pack_streams
+from bridge.record.tables.parquet import finish_tables
+from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
+from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.radio import radio_of
+from bridge.timeouts import NEWS_PERIOD_S
+from lostlink.flight.exits import status_of
+from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
+from lostlink.flight.summary import UNJUDGED, Timing, summarise, write_summary
+
+
+class Watcher(Protocol):
+    """Who is told of a run while it goes on; entered when it begins to fly, left when its summary is there.
+
+    Attributes:
+        glance: where states and link reports are to be kept; None: not wanted.
+    """
+
+    glance: Glance | None
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None: ...
+
+    def on_phase(self, phase: str) -> None:
+        """What the supervisor does now, in words."""
+
+    def on_message(self, message: Message) -> None:
+        """A message of the run."""
+
+    def on_error(self, text: str) -> None:
+        """Something went wrong."""
+
+    def on_news(self, text: str) -> None:
+        """How far the end of the record is."""
+
+
+class Silent:
+    """A watcher that shows nothing."""
+
+    glance: Glance | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        return None
+
+    def on_phase(self, phase: str) -> None:
+        """Pass over it."""
+
+    def on_message(self, message: Message) -> None:
+        """Pass over it."""
+
+    def on_error(self, text: str) -> None:
+        """Pass over it: the summary has it."""
+
+    def on_news(self, text: str) -> None:
+        """Pass over it."""
+
+
+class Flight:
+    """One run, from the first process to its summary.
+
+    Args:
+        scenario: what to fly.
+        directory: where to, already there.
+        watcher: who is told of it.
+    """
+
+    def __init__(self, scenario: Scenario, directory: RunDirectory, watcher: Watcher) -> None:
+        self.scenario = scenario
+        self.directory = directory
+        self.signal: signal.Signals | None = None
+        self._watcher = watcher
+        self._lock = threading.Lock()
+        self._interrupted = False
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._fleet: Fleet | None = None
+        self._first_tick: float | None = None
+        self._last_tick = 0.0
+        self._unfinished: list[str] = []
+        self._error: str | None = None
+
+    def fly(
+        self, ardupilot_dir: Path | None = None, replay: Path | None = None, *, takes_signals: bool = True
+    ) -> dict[str, Any]:
+        """Fly, and return the summary.
+
+        Args:
+            ardupilot_dir: where real binaries are, if that was said.
+            replay: directory of a run whose inputs from outside are repeated.
+            takes_signals: SIGINT and SIGTERM end the flight in order, and from then on the process; for the main
+                thread of a program of ours. Otherwise `interrupt` does it.
+
+        Raises:
+            OSError, ValueError: the record cannot be read or written.
+        """
+        with self._watcher:
+            ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
+            if takes_signals:
+                for number in (signal.SIGINT, signal.SIGTERM):
+                    signal.signal(number, lambda n, _: sys.exit(128 + n))
+            return self._report(ending, sim_time_ns)
+
+    def interrupt(self) -> None:
+        """End the flight now; from any thread."""
+        with self._lock:
+            self._interrupted = True
+            if self._loop is not None and self._fleet is not None:
+                self._loop.call_soon_threadsafe(self._fleet.interrupt)
+
+    def exit_status(self, summary: dict[str, Any] | None) -> int:
+        """What a command ends with."""
+        if self.signal is not None:
+            return 128 + self.signal
+        return status_of(summary)
+
+    async def _fly(
+        self, ardupilot_dir: Path | None, replay: Path | None, *, takes_signals: bool
+    ) -> tuple[Ending, int]:
+        def on_message(message: Message) -> None:
+            if isinstance(message, Clock):
+                self._last_tick = monotonic()
+                self._first_tick = self._first_tick or self._last_tick
+            self._watcher.on_message(message)
+
+        observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance)
+        fleet = Fleet(self.scenario, self.directory, observer, ardupilot_dir, replay)
+        if takes_signals:
+            self._take_signals(fleet)
+        self._take_charge(fleet)
+        try:
+            ending = await fleet.fly()
+        except FleetError as error:
+            ending = self._break_off(str(error))
+        finally:
+            with self._lock:
+                self._loop = None
+        for name in fleet.killed:
+            text = f"{name} did not end in time and was killed; its log is {self.directory.log_path(name)}"
+            if name == "router":
+                ending = self._break_off(f"{text}; without its last part the record is not complete")
+            else:
+                self._watcher.on_error(text)
+        self._unfinished = sorted(fleet.not_done)
+        return ending, fleet.sim_time_ns
+
+    def _take_charge(self, fleet: Fleet) -> None:
+        """From here on `interrupt` reaches the fleet."""
+        with self._lock:
+            self._loop, self._fleet = asyncio.get_running_loop(), fleet
+            if self._interrupted:
+                fleet.interrupt()
+
+    def _take_signals(self, fleet: Fleet) -> None:
+        def interrupt(number: signal.Signals) -> None:
+            self.signal = number
+            fleet.interrupt()
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
+
+    def _break_off(self, error: str) -> Ending:
+        """Tell what ended the run; the first such error is its cause."""
+        self._watcher.on_error(error)
+        self._error = self._error or error
+        return Ending.FAILED
+
+    def _finish_tables(self) -> None:
+        news = Every(NEWS_PERIOD_S)
+
+        def tell(table: str, rows: int) -> None:
+            if news.is_due():
+                self._watcher.on_news(f"writes {table}.parquet: {rows} rows so far")
+
+        finish_tables(self.directory.path, tell)
+
+    def _report(self, ending: Ending, sim_time_ns: int) -> dict[str, Any]:
+        wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
+        timing = Timing(sim_time_ns / 1e9, wall_s)
+        self._watcher.on_phase("writes its tables")
+        try:
+            self._finish_tables()
+        except (OSError, ValueError) as error:
+            ending = self._break_off(f"its tables could not be written as Parquet: {error}")
+        self._watcher.on_phase("sums up")
+        summary = summarise(
+            self.scenario, self.directory, timing, ending.value, self._unfinished, error=self._error
+        )
+        write_summary(summary, self.directory)
+        if self.scenario.figure and ending not in UNJUDGED:
+            own = any(node.radio is not None for node in self.scenario.transceivers)
+            self._watcher.on_phase("draws the figure")
+            radio = None if own else radio_of(self.scenario)  # one curve is not that of several radios
+            draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
+        if self.scenario.mcap.write:
+            self._watcher.on_phase("writes run.mcap")
+            self._write_mcap()
+        self._watcher.on_phase("packs its streams")
+        self._pack_streams()
+        return summary
+
+    def _pack_streams(self) -> None:
+        """Make the streams small; those that cannot be stay as they are, and are read so, too."""
+        try:
+            pack_streams(self.directory.path)
+        except (OSError, ValueError) as error:
+            self._watcher.on_error(f"streams could not be packed: {error}")
+
+    def _write_mcap(self) -> None:
+        """Write run.mcap; the run is none the worse if it cannot be: `lostlink export` may do it later."""
+        from lostlink.export.mcap.export import MCAP_FILE, write_mcap  # not every command needs it
+
+        news = Every(NEWS_PERIOD_S)
+
+        def tell(share: float) -> None:
+            if news.is_due():
+                self._watcher.on_news(f"writes {MCAP_FILE}: {100 * share:.0f} %")
+
+        try:
+            write_mcap(self.directory.path, self.directory.path / MCAP_FILE, self.scenario.mcap, tell)
+        except (OSError, ValueError) as error:
+            self._watcher.on_error(f"{MCAP_FILE} could not be written: {error}")

@@ -1,0 +1,146 @@
+"""`fly`: a run from a script, a notebook or a test, as `lostlink run` flies it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from rich.console import Console
+
+from bridge.fleet.supervisor import preflight
+from bridge.run.access import RUNS
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import parse_scenario, read_scenario, with_changes
+from bridge.scenario.model import Scenario
+from lostlink.flight.exits import WELL, status_of
+from lostlink.flight.flight import Flight, Silent, Watcher
+from lostlink.flight.progress import Progress
+from lostlink.reading.run import Run, load_run
+
+Autopilot = Literal["standin", "ardupilot", "external"]
+ScenarioLike = str | Path | Mapping[str, Any] | Scenario
+"""A shipped scenario's name, a YAML file, its content as a mapping, or one that was read already."""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What came of a run.
+
+    Attributes:
+        path: its directory.
+        summary: the content of `summary.json` (docs/run-output.md).
+    """
+
+    path: Path
+    summary: dict[str, Any]
+
+    @property
+    def ending(self) -> str:
+        """``done``, ``duration``, ``interrupted`` or ``failed``."""
+        return str(self.summary["ending"])
+
+    @property
+    def verdict(self) -> str:
+        """Whether what was measured agrees with the model, in words."""
+        return str(self.summary["verdict"])
+
+    @property
+    def error(self) -> str | None:
+        """What ended the run, if it failed."""
+        return None if self.summary["error"] is None else str(self.summary["error"])
+
+    @property
+    def ok(self) -> bool:
+        """Whether `lostlink run` would end with status 0: it came to an end, and agrees with model and expectations."""
+        return status_of(self.summary) == WELL
+
+    @cached_property
+    def run(self) -> Run:
+        """The record."""
+        return load_run(self.path)
+
+
+def fly(
+    scenario: ScenarioLike = "separation",
+    *,
+    seed: int | None = None,
+    speed: float | Literal["max"] | None = "max",
+    duration_s: float | None = None,
+    autopilot: Autopilot | None = None,
+    changes: Mapping[str, Any] | None = None,
+    directory: str | Path | None = None,
+    ardupilot_dir: str | Path | None = None,
+    quiet: bool = True,
+) -> RunResult:
+    """Fly a scenario to its end, as `lostlink run` does, and return what came of it.
+
+    May be called in any thread, also where an event loop runs (a notebook); it blocks until the run is over. On Ctrl-C
+    the run is ended in order, with its record, and KeyboardInterrupt goes on. No process of it is left behind, whatever
+    ends this one.
+
+    Args:
+        scenario: a shipped scenario's name, the path of a YAML file, the content of such a file as a mapping, or a
+            `Scenario`. Files that a mapping names are as seen from the working directory.
+        seed: in place of the scenario's, as are the next four; None: as the scenario has it.
+        speed: real-time factor, or ``max``: as fast as this machine can.
+        duration_s: longest sim time.
+        autopilot: ``standin``, ``ardupilot`` or ``external``.
+        changes: further keys of the scenario, dotted: ``{"ports.first_slot": 3, "fdm.coupling": "parallel"}``.
+        directory: where runs are kept; the run makes its own in there. ``runs/`` unless given.
+        ardupilot_dir: where real binaries are; else ARDUPILOT_HOME, else PATH.
+        quiet: show no progress.
+
+    Raises:
+        ScenarioError: the scenario cannot be used; a line per mistake, each with its place.
+        FleetError: the run could not start: a port is taken, or an autopilot is missing.
+        OSError, ValueError: its directory or its record cannot be written.
+    """
+    given = {"seed": seed, "speed": speed, "duration_s": duration_s, "autopilot": autopilot}
+    asked = {key: value for key, value in given.items() if value is not None} | dict(changes or {})
+    resolved = read_like(scenario, asked)
+    binaries = None if ardupilot_dir is None else Path(ardupilot_dir)
+    preflight(resolved, binaries)
+    run = RunDirectory.create(RUNS if directory is None else Path(directory), resolved.name)
+    watcher: Watcher = Silent() if quiet else Progress(Console())
+    return RunResult(run.path, _in_a_thread(Flight(resolved, run, watcher), binaries))
+
+
+def read_like(scenario: ScenarioLike, overrides: Mapping[str, Any]) -> Scenario:
+    """The scenario that a script names, with values by dotted key in place of its own.
+
+    Raises:
+        ScenarioError: it cannot be used.
+    """
+    if isinstance(scenario, Scenario):
+        return with_changes(scenario, overrides)
+    if isinstance(scenario, Mapping):
+        text = yaml.safe_dump(dict(scenario), sort_keys=False)
+        return parse_scenario(text, "scenario", Path.cwd(), overrides)
+    return read_scenario(scenario, overrides)
+
+
+def _in_a_thread(flight: Flight, ardupilot_dir: Path | None) -> dict[str, Any]:
+    """Fly in a thread, which has no event loop yet and no signals; whatever ends the wait ends the flight first."""
+    outcome: Future[dict[str, Any]] = Future()
+
+    def work() -> None:
+        try:
+            outcome.set_result(flight.fly(ardupilot_dir, takes_signals=False))
+        except BaseException as error:
+            outcome.set_exception(error)
+
+    thread = threading.Thread(target=work, name=f"fly {flight.directory.path.name}")
+    thread.start()
+    try:
+        return outcome.result()
+    except BaseException:
+        flight.interrupt()
+        raise
+    finally:
+        thread.join()

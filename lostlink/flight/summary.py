@@ -1,0 +1,155 @@
+"""What a run has to say in the end: `summary.json`, and one line of verdict."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from bridge.radio.deliveries import LEDGER
+from bridge.record.digests import digest_line, digests
+from bridge.record.events import read_reports
+from bridge.record.tables.schema import TableError
+from bridge.run.directory import SUMMARY_FILE, RunDirectory
+from bridge.scenario.model import Scenario
+from lostlink.expectations.judge import Judgement, judge, unjudged
+
+SCHEMA = 2
+BIN_SENT_MIN = 50
+"""Bins with fewer packets are shown, but not held against their interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How long a run took, from the first tick of sim time on."""
+
+    sim_duration_s: float
+    wall_duration_s: float
+
+    @property
+    def real_time_factor(self) -> float:
+        """Sim time per wall time."""
+        return self.sim_duration_s / self.wall_duration_s if self.wall_duration_s > 0 else 0.0
+
+
+def summarise(
+    scenario: Scenario,
+    run: RunDirectory,
+    timing: Timing,
+    ending: str,
+    unfinished: Sequence[str] = (),
+    *,
+    error: str | None = None,
+) -> dict[str, Any]:
+    """The content of `summary.json`; docs/run-output.md describes it.
+
+    Raises:
+        OSError, ValueError: if the router's ledger cannot be read.
+    """
+    ledger = _read_ledger(run, ending)
+    judged = [row for row in ledger["bins"] if is_judged(row)]
+    within = sum(not is_outside(row) for row in judged)
+    found, reports = digests(run.path), read_reports(run.path)
+    judgements = _judgements(scenario, run, ending)
+    return {
+        "schema": SCHEMA,
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "autopilot": scenario.autopilot,
+        "radio": scenario.radio,
+        "speed": scenario.speed,
+        "ending": ending,
+        "error": error,
+        "unfinished": list(unfinished),
+        "sim_duration_s": timing.sim_duration_s,
+        "wall_duration_s": timing.wall_duration_s,
+        "real_time_factor": timing.real_time_factor,
+        "links": ledger["links"],
+        "bins": ledger["bins"],
+        "refused": ledger["refused"],
+        "digest": digest_line(found),
+        "digests": found,
+        "may_not_repeat": list(reports.may_not_repeat),
+        "events": [asdict(event) for event in reports.events],
+        "counters": reports.counters,
+        "bins_judged": len(judged),
+        "bins_within": within,
+        "checks": ledger["checks"],
+        "expectations": [asdict(judgement) for judgement in judgements],
+        "verdict": verdict_text(ledger["checks"], ledger["links"], ending)
+        + _remark(unfinished)
+        + _missed(judgements),
+    }
+
+
+def _judgements(scenario: Scenario, run: RunDirectory, ending: str) -> list[Judgement]:
+    try:
+        return judge(run.path, scenario, ending)
+    except (OSError, TableError):
+        return unjudged(scenario)  # a run that broke off has told why already
+
+
+def _missed(judgements: Sequence[Judgement]) -> str:
+    failed = [judgement.name for judgement in judgements if not judgement.passed]
+    if failed:
+        return f"; {len(failed)} of {len(judgements)} expectations failed: {', '.join(failed)}"
+    return f"; {len(judgements)} expectations met" if judgements else ""
+
+
+def last_line(summary: dict[str, Any]) -> str:
+    """The verdict for people: the first word does not say that all is well if it is not."""
+    is_met = all(row["passed"] for row in summary["expectations"])
+    return summary["verdict"] if is_met else f"expectations failed; {summary['verdict']}"
+
+
+def expectation_lines(summary: dict[str, Any]) -> list[str]:
+    """A line for people per expectation of the run."""
+    return [str(Judgement(**row)) for row in summary["expectations"]]
+
+
+UNJUDGED = {"interrupted": "interrupted", "failed": "broke off"}
+"""Endings after which nothing is judged, and how the verdict begins."""
+
+
+def _read_ledger(run: RunDirectory, ending: str) -> dict[str, Any]:
+    """What the router left; nothing if the run broke off before it could."""
+    file = run.path / LEDGER
+    if ending in UNJUDGED and not file.exists():
+        return {"links": [], "bins": [], "refused": {}, "checks": []}
+    ledger: dict[str, Any] = json.loads(file.read_text(encoding="ascii"))
+    return ledger
+
+
+def verdict_text(checks: Sequence[dict[str, Any]], links: Sequence[dict[str, Any]], ending: str) -> str:
+    """One line: whether the packets are what the radio says."""
+    sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
+    counts = f"{delivered} of {sent} packets delivered"
+    if ending in UNJUDGED:
+        return f"{UNJUDGED[ending]}: {counts if links else 'no link was recorded'}"
+    if not checks:
+        return f"no verdict: {counts}; nothing was drawn"
+    failed = [f"{check['name']} (chance {check['chance']:.2g})" for check in checks if not check["passed"]]
+    if failed:
+        return f"fail: {len(failed)} of {len(checks)} checks against the model: {', '.join(failed)}; {counts}"
+    return f"pass: {len(checks)} checks of draws and powers against the model; {counts}"
+
+
+def _remark(unfinished: Sequence[str]) -> str:
+    noun = "node" if len(unfinished) == 1 else "nodes"
+    return f"; {noun} {', '.join(unfinished)} had not finished" if unfinished else ""
+
+
+def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:
+    """Write `summary.json`."""
+    (run.path / SUMMARY_FILE).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+
+
+def is_judged(row: dict[str, Any]) -> bool:
+    """Whether a bin has packets enough to be held against its interval."""
+    return bool(row["sent"] >= BIN_SENT_MIN)
+
+
+def is_outside(row: dict[str, Any]) -> bool:
+    """Whether a bin that is judged lies outside its interval."""
+    return is_judged(row) and not row["ci99"][0] <= row["measured"] <= row["ci99"][1]

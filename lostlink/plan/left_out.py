@@ -1,0 +1,63 @@
+"""What a run of a scenario does not model: what its numbers say nothing of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from bridge.scenario.agents import FreeAgent
+from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.sensing import emitters_of
+from channel.link.radio import Radio
+from fdm.air.wind import WindConfig
+from fdm.model.sensor_noise import SensorNoise
+
+ALWAYS = (
+    "airtime: a packet takes no time on the air and is delivered at the next tick, whatever its length",
+    "collisions: packets of the fleet do not disturb each other, however many there are at once",
+    "medium access: no carrier sense, waiting, queues, acknowledgements or retries; a node sends and receives at once",
+    "frequency selectivity, Doppler shift within a packet, several antennas",
+)
+"""Of every radio."""
+
+
+def left_out(scenario: Scenario, radio: Radio, wind: WindConfig) -> list[str]:
+    """A line for each thing that is not modelled in this scenario.
+
+    Args:
+        scenario: what is to be flown.
+        radio: that of all nodes.
+        wind: the wind that is flown in.
+    """
+    return [*ALWAYS, *_of_radio(radio), *_of_others(scenario, radio), *_of_flight(scenario, wind)]
+
+
+def _of_radio(radio: Radio) -> Iterator[str]:
+    config = radio.config
+    for name, what in (
+        ("shadowing", "shadowing: every place at one distance is alike"),
+        ("fading", "fading: the received power does not vary from packet to packet"),
+        ("atmosphere", "gases and rain"),
+    ):
+        if getattr(getattr(config, name), "model", "") == "none":
+            yield what
+    if config.propagation.model not in {"terrain", "gain-map"}:
+        yield "terrain and buildings: nothing stands between the nodes but the horizon"
+    if getattr(config.length, "model", "") == "fixed":
+        yield f"the packets' own lengths: all count as {int(radio.length_bytes(0))} bytes"
+
+
+def _of_others(scenario: Scenario, radio: Radio) -> Iterator[str]:
+    if not radio.config.interference.interferers and not emitters_of(scenario):
+        yield "interference by others"
+
+
+def _of_flight(scenario: Scenario, wind: WindConfig) -> Iterator[str]:
+    if wind.model_dump(exclude_defaults=True, exclude={"description"}) == {}:
+        yield "wind: the air is still"
+    if scenario.autopilot == "standin":
+        yield "ArduPilot: a stand-in flies (docs/standin.md); --autopilot ardupilot flies the real one"
+    noisy = any(ua.sensor_noise for ua in scenario.ua) or scenario.fdm.sensor_noise != SensorNoise()
+    if not noisy:
+        yield "errors of sensors beyond those of the autopilot's simulation"
+    if any(isinstance(node.agent, FreeAgent) for node in scenario.transceivers):
+        yield "the time that programs beside the run take: the clock does not wait for them"

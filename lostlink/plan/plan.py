@@ -1,0 +1,156 @@
+"""The plan of a run: everything that is decided before it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from bridge.fleet.hosts import host_groups, standin_groups
+from bridge.fleet.ports import ports_of
+from bridge.scenario.agents import OwnAgent
+from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Aircraft, Emitter, GroundNode, Transceiver
+from bridge.scenario.resolve.flight import airframe_of, wind_of
+from bridge.scenario.resolve.radio import radio_of, radios_of
+from channel.link.radio import Radio
+from lostlink.plan.left_out import left_out
+from lostlink.plan.load import OfferedLoad, offered_load
+from lostlink.plan.reach import Reach, reach_of
+
+AIRTIME_MAX = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class NodePlan:
+    """A node: its id, kind, place (north, east, up, m), airframe and vehicle if it flies, agent, own radio."""
+
+    id: str
+    kind: str
+    place_m: tuple[float, float, float]
+    airframe: str | None
+    vehicle: str | None
+    agent: str | None
+    radio: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class RadioPlan:
+    """The radio of all nodes, and how far it gets a data package."""
+
+    name: str
+    frequency_hz: float
+    bit_rate_bps: float
+    reach: Reach
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A run to be.
+
+    Attributes:
+        scenario, description, seed, autopilot, speed, duration_s, tick_rate_hz, wind: as in the scenario.
+        nodes: all of them.
+        hosts: nodes of each process for daemons and agents; stand-in autopilots of each process of theirs.
+        ports: that the run listens on.
+        radio: of all nodes.
+        load: what they offer to it.
+        expectations: names and bounds.
+        warnings: what is likely not meant.
+        not_modelled: what the run says nothing of.
+    """
+
+    scenario: str
+    description: str
+    seed: int
+    autopilot: str
+    speed: float | str
+    duration_s: float
+    tick_rate_hz: int
+    wind: str | dict[str, Any]
+    nodes: tuple[NodePlan, ...]
+    hosts: dict[str, tuple[str, ...]]
+    ports: tuple[str, ...]
+    radio: RadioPlan
+    load: OfferedLoad
+    expectations: tuple[str, ...]
+    warnings: tuple[str, ...]
+    not_modelled: tuple[str, ...]
+
+
+def plan_of(scenario: Scenario) -> Plan:
+    """The plan of a scenario, whose names are known to be right."""
+    common, radios = radio_of(scenario), radios_of(scenario)
+    load = offered_load(scenario, radios)
+    payload = max((node.payload_bytes for node in load.nodes if node.payload_bytes), default=0)
+    config = common.config
+    return Plan(
+        scenario.name,
+        scenario.description,
+        scenario.seed,
+        scenario.autopilot,
+        scenario.speed,
+        scenario.duration_s,
+        scenario.tick_rate_hz,
+        scenario.wind,
+        tuple(_node(node, radios) for node in scenario.nodes),
+        _hosts(scenario),
+        tuple(str(use) for use in ports_of(scenario)),
+        RadioPlan(config.name, config.frequency_hz, config.bit_rate_bps, reach_of(common, payload)),
+        load,
+        tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),
+        (*_warnings(load, radios), *_late_outages(scenario)),
+        tuple(left_out(scenario, common, wind_of(scenario))),
+    )
+
+
+def _node(node: Transceiver | Emitter, radios: dict[str, Radio]) -> NodePlan:
+    if isinstance(node, Emitter):
+        return NodePlan(node.node, node.kind, _place_of(node), None, None, None, None)
+    agent = node.agent.class_ if isinstance(node.agent, OwnAgent) else node.agent.type
+    radio = None if node.radio is None else radios[node.node].config.name
+    if isinstance(node, Aircraft):
+        airframe = airframe_of(node)
+        place = (node.home.north_m, node.home.east_m, 0.0)
+        return NodePlan(node.node, node.kind, place, airframe.name, airframe.vehicle, agent, radio)
+    return NodePlan(node.node, node.kind, _place_of(node), None, None, agent, radio)
+
+
+def _place_of(node: GroundNode | Emitter) -> tuple[float, float, float]:
+    first = node.track[0] if node.track else node.place
+    return (first.north_m, first.east_m, first.height_m) if first is not None else (0.0, 0.0, 2.0)
+
+
+def _hosts(scenario: Scenario) -> dict[str, tuple[str, ...]]:
+    groups = dict(host_groups(scenario))
+    if scenario.autopilot == "standin":
+        groups |= {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
+    return groups
+
+
+def _late_outages(scenario: Scenario) -> Iterator[str]:
+    for node in scenario.transceivers:
+        for outage in node.radio_off:
+            if outage.from_s >= scenario.duration_s:
+                yield (
+                    f"node {node.node}: its radio goes off at {outage.from_s:g} s, and the run ends at duration_s, "
+                    f"{scenario.duration_s:g} s"
+                )
+
+
+def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
+    lines: list[str] = []
+    if load.airtime_share > AIRTIME_MAX:
+        lines.append(
+            f"the nodes offer {load.on_air_bits_per_s:.4g} bit/s, {load.airtime_share:.3g} times what the radio's bit "
+            "rate carries: a real channel would lose most of it, and this one, which has no airtime, does not; raise "
+            "transmit.every_ticks, or take a faster radio"
+        )
+    for node in load.nodes:
+        mtu = radios[node.node].config.mtu_bytes
+        if node.payload_bytes is not None and node.payload_bytes > mtu:
+            lines.append(
+                f"node {node.node}: its data package has {node.payload_bytes} bytes, more than mtu_bytes of its radio, "
+                f"{mtu}: none would be delivered"
+            )
+    return lines

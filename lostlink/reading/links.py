@@ -1,0 +1,70 @@
+"""What became of each link's packets: counts over a run, and over its time. Computed from the table of deliveries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostlink.reading.rows import DELIVERED, Columns, LinkRows, link_rows
+
+_FIGURES: Final = ("distance_m", "received_power_dbm", "snr_db", "per")
+
+
+def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
+    """A row per directed link that had a packet: ``tx``, ``rx``, ``sent``, ``delivered`` and a column per cause.
+
+    Args:
+        run: the run directory.
+        nodes: ids of all its nodes, which is the order of rows.
+
+    Raises:
+        TableError, OSError: the deliveries cannot be read.
+    """
+    return counts_of(link_rows(run, nodes, ()))
+
+
+def counts_of(rows: LinkRows) -> Columns:
+    """As `link_counts`, of rows that were read."""
+    counts = rows.counts(rows.place, len(rows.links))
+    lost = {fate: counts[:, i] for i, fate in enumerate(rows.fates) if fate != DELIVERED}
+    tx, rx = rows.ends_of(rows.links)
+    return {"tx": tx, "rx": rx, "sent": counts.sum(axis=1), "delivered": rows.delivered(counts), **lost}
+
+
+def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
+    """A row per period of sim time and directed link with packets in it, by time, then sender, then receiver.
+
+    ``sim_time_ns`` is the period's begin. ``distance_m``, ``received_power_dbm``, ``snr_db`` and ``per`` are means over
+    the packets for which the channel computed them (of decibels: the mean of decibels); nan if there are none.
+
+    Raises:
+        ValueError: the period is not above 0.
+        TableError, OSError: the deliveries cannot be read.
+    """
+    if period_ns <= 0:
+        raise ValueError(f"a period of {period_ns} ns; it has to be above 0")
+    rows = link_rows(run, nodes, ("sim_time_ns", *_FIGURES))
+    columns, squared = rows.columns, len(nodes) ** 2
+    bins, place = np.unique(columns["sim_time_ns"] // period_ns * squared + rows.link, return_inverse=True)
+    counts = rows.counts(place, len(bins))
+    tx, rx = rows.ends_of(bins % squared)
+    return {
+        "sim_time_ns": bins // squared * period_ns,
+        "tx": tx,
+        "rx": rx,
+        "sent": counts.sum(axis=1),
+        "delivered": rows.delivered(counts),
+        **{name: _means(columns[name], place, len(bins)) for name in _FIGURES},
+    }
+
+
+def _means(values: NDArray[np.float64], place: NDArray[np.intp], groups: int) -> NDArray[np.float64]:
+    known = np.isfinite(values)
+    total = np.bincount(place[known], values[known], groups)
+    count = np.bincount(place[known], minlength=groups)
+    means = np.full(groups, np.nan)
+    np.divide(total, count, out=means, where=count > 0)
+    return means

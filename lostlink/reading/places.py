@@ -1,0 +1,50 @@
+"""Where the nodes of a run truly were at each tick, and how near they came to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.record.tables.schema import NED, TRUTH
+from lostlink.reading.coded import coded_columns
+
+PLACE: Final = tuple(f"position_{axis}_m" for axis in NED)
+Floats = NDArray[np.float64]
+
+
+def places_of(run: Path, nodes: Sequence[str]) -> tuple[NDArray[np.int64], dict[str, Floats]]:
+    """The ticks of a run, and each node's places then.
+
+    Args:
+        run: the run directory.
+        nodes: ids of all its stations.
+
+    Returns:
+        Sim times of the ticks, ns, rising, shape (ticks,), and by node its north-east-down place in the fleet's frame,
+        m, shape (ticks, 3), NaN where it has none.
+
+    Raises:
+        TableError, OSError: the true states are missing or damaged, or cannot be read.
+    """
+    columns = coded_columns(run, TRUTH, {"node": tuple(nodes)}, ("tick_ns", "node", *PLACE))
+    ticks_ns, tick = np.unique(columns["tick_ns"], return_inverse=True)
+    places = np.full((len(nodes), len(ticks_ns), 3), np.nan)
+    places[columns["node"], tick] = np.stack([columns[name] for name in PLACE], axis=-1)
+    return ticks_ns, dict(zip(nodes, places, strict=True))
+
+
+def nearest_m(tracks: Iterable[Floats]) -> float:
+    """The least distance of two tracks at one tick, m; nan if no two of them were anywhere at once.
+
+    Args:
+        tracks: as `places_of` gives them.
+    """
+    nearest = float("nan")
+    for a, b in combinations(tracks, 2):
+        nearest = float(np.fmin.reduce(np.linalg.norm(a - b, axis=1), initial=nearest))
+    return nearest

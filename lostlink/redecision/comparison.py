@@ -1,0 +1,181 @@
+"""What two radios made of the same transmissions: per link, by cause, by distance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.radio.deliveries import FATES
+from channel.medium.ledger import BIN_WIDTH_M, BinSummary
+from channel.medium.reception import DELIVERED
+from lostlink.reading.decisions import Decisions
+
+_FIGURES = ("distance_m", "received_power_dbm", "snr_db", "per")
+
+
+@dataclass(frozen=True, slots=True)
+class LinkChange:
+    """One directed link; ``lost`` has a count for each cause that occurred."""
+
+    tx: str
+    rx: str
+    sent: int
+    delivered_before: int
+    delivered_after: int
+    lost_before: dict[str, int]
+    lost_after: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class BinChange:
+    """A distance bin of a directed link: shares of what the channel had to decide there.
+
+    Attributes:
+        measured_before: as recorded.
+        measured_after: as decided anew.
+        predicted_after: the new radio's mean probability of delivery over the true geometries.
+    """
+
+    tx: str
+    rx: str
+    distance_min_m: float
+    distance_max_m: float
+    sent_before: int
+    sent_after: int
+    measured_before: float | None
+    measured_after: float | None
+    predicted_after: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two radios side by side.
+
+    Attributes:
+        fates: how many there are in both.
+        changed: how many of them differ.
+        changes: from what to what, ``[{"before": cause, "after": cause, "packets": count}]``.
+        is_same: whether fates, powers and error rates are the same, bit by bit, and nothing is missing.
+        not_compared: fates that only one side has: a killed run's files end at different ticks.
+        links: per directed link.
+        bins: per directed link and distance.
+    """
+
+    fates: int
+    changed: int
+    changes: tuple[dict[str, Any], ...]
+    is_same: bool
+    not_compared: int
+    links: tuple[LinkChange, ...]
+    bins: tuple[BinChange, ...]
+
+    def as_plain(self) -> dict[str, Any]:
+        """In plain types."""
+        return asdict(self)
+
+
+def compare_decisions(before: Decisions, after: Decisions, bins: Sequence[BinSummary]) -> Comparison:
+    """Compare what was with what is decided anew.
+
+    Args:
+        before: what was recorded.
+        after: of the same packets.
+        bins: of the ledger of ``after``.
+    """
+    one, other = before.each(), after.each()
+    in_one, in_other = np.isin(one.keys(), other.keys()), np.isin(other.keys(), one.keys())
+    missing = int(np.sum(one.columns["packets"][~in_one]) + np.sum(other.columns["packets"][~in_other]))
+    one, other = one.at(in_one).sorted(), other.at(in_other).sorted()
+    fates = [side.columns["fate"] for side in (one, other)]
+    pairs = np.zeros((len(FATES), len(FATES)), dtype=np.int64)
+    np.add.at(pairs, tuple(fates), one.columns["packets"])
+    changed = pairs.copy()
+    np.fill_diagonal(changed, 0)
+    return Comparison(
+        int(pairs.sum()),
+        int(changed.sum()),
+        _changes(changed),
+        not missing
+        and not changed.any()
+        and all(_same_bits(one.columns[f], other.columns[f]) for f in _FIGURES),
+        missing,
+        _links(one, other),
+        _bins(before, bins),
+    )
+
+
+def _changes(changed: NDArray[np.int64]) -> tuple[dict[str, Any], ...]:
+    places = np.argwhere(changed).tolist()
+    return tuple({"before": FATES[b], "after": FATES[a], "packets": int(changed[b, a])} for b, a in places)
+
+
+def _same_bits(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """Whether doubles are the same; NaN is NaN, whatever its bits."""
+    one, other = (np.where(np.isnan(side), np.nan, side).view(np.int64) for side in (a, b))
+    return bool(np.array_equal(one, other))
+
+
+def _links(one: Decisions, other: Decisions) -> tuple[LinkChange, ...]:
+    counts = [side.counts() for side in (one, other)]
+    found = []
+    for tx, rx in np.argwhere(counts[0].any(axis=-1)).tolist():
+        was, is_now = (each[tx, rx] for each in counts)
+        found.append(
+            LinkChange(
+                one.nodes[tx],
+                one.nodes[rx],
+                int(was.sum()),
+                int(was[DELIVERED]),
+                int(is_now[DELIVERED]),
+                _lost(was),
+                _lost(is_now),
+            )
+        )
+    return tuple(sorted(found, key=lambda link: (link.tx, link.rx)))
+
+
+def _lost(counts: NDArray[np.int64]) -> dict[str, int]:
+    return {
+        cause: int(n) for i, (cause, n) in enumerate(zip(FATES, counts, strict=True)) if n and i != DELIVERED
+    }
+
+
+def _bins(before: Decisions, after: Sequence[BinSummary]) -> tuple[BinChange, ...]:
+    was = _measured(before)
+    is_now = {(b.tx, b.rx, b.distance_min_m): b for b in after}
+    found = []
+    for key in sorted(was.keys() | is_now.keys()):
+        sent, delivered = was.get(key, (0, 0))
+        new = is_now.get(key)
+        found.append(
+            BinChange(
+                *key,
+                key[2] + BIN_WIDTH_M,
+                sent,
+                0 if new is None else new.sent,
+                delivered / sent if sent else None,
+                None if new is None else new.measured,
+                None if new is None else new.predicted,
+            )
+        )
+    return tuple(found)
+
+
+def _measured(decided: Decisions) -> dict[tuple[str, str, float], tuple[int, int]]:
+    """Packets and delivered ones by link and distance."""
+    c = decided.columns
+    placed = np.flatnonzero(~np.isnan(c["distance_m"]))
+    number = np.floor_divide(c["distance_m"][placed], BIN_WIDTH_M).astype(np.int64)
+    rows = np.stack((c["tx"][placed], c["rx"][placed], number), axis=-1)
+    bins, which = np.unique(rows, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    sent = np.bincount(which, minlength=len(bins)).tolist()
+    delivered = (
+        np.bincount(which, c["fate"][placed] == DELIVERED, minlength=len(bins)).astype(np.int64).tolist()
+    )
+    names = [(decided.nodes[tx], decided.nodes[rx], n * BIN_WIDTH_M) for tx, rx, n in bins.tolist()]
+    return dict(zip(names, zip(sent, delivered, strict=True), strict=True))

@@ -1,0 +1,232 @@
+"""The fates of all recorded transmissions, decided anew: by another radio, another seed, or the same, without flying.
+
+    result = redecide("runs/20261121T120000Z-separation", radio="wifi-2.4", seed=7)
+    result.table                # pyarrow: the rows of deliveries.parquet as that radio has them
+    result.comparison.links     # per link: delivered before and after, by cause
+
+What the nodes transmitted, where they were, and when their radios were off, stay as recorded: what another radio would
+have let them hear changes no flight. Packets that never came to the radio (`transport`) stay lost; the longest that a
+radio takes is its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.bus.keys import ALL
+from bridge.radio.deliveries import FATES
+from bridge.radio.senders import Cause
+from bridge.record.ending import was_cut
+from bridge.record.radio_switches import switches_of
+from bridge.record.tables.columns import numbers, texts
+from bridge.record.tables.schema import DELIVERIES, LABEL
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import with_changes
+from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.radio import radios_of
+from bridge.scenario.resolve.sensing import emitters_of
+from channel.link.radio import Radio
+from channel.medium.ledger import Ledger
+from channel.medium.medium import Medium
+from channel.medium.reception import EVERYBODY, Packets, Receptions
+from channel.medium.verdict import Check, Judge
+from lostlink.reading.coded import Columns, joined
+from lostlink.reading.decisions import TOO_LONG, TRANSPORT, Decisions, tick_of
+from lostlink.reading.positions import Positions
+from lostlink.reading.sent import SentPackets
+from lostlink.redecision.comparison import Comparison, compare_decisions
+from lostlink.redecision.settling import settle
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+OnProgress = Callable[[float], object]
+
+
+@dataclass(frozen=True)
+class Redecision:
+    """What a radio makes of recorded transmissions.
+
+    Attributes:
+        run: directory of the run.
+        scenario: as decided: with the radio and the seed asked for.
+        before: what was recorded.
+        after: what is decided anew.
+        ledger: the books of ``after``.
+        checks: what the verdict rests on, as in a run.
+    """
+
+    run: Path
+    scenario: Scenario
+    before: Decisions
+    after: Decisions
+    ledger: Ledger
+    checks: tuple[Check, ...]
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """Before and after, side by side."""
+        return compare_decisions(self.before, self.after, self.ledger.bins())
+
+    @property
+    def table(self) -> pa.Table:
+        """The rows of `deliveries.parquet` as this radio has them (docs/run-output.md)."""
+        import pyarrow as pa
+
+        names = {"tx": self.after.nodes, "rx": (*self.after.nodes, ALL), "fate": FATES}
+        columns: dict[str, Any] = {}
+        for column in DELIVERIES.columns:
+            values = self.after.columns[column.name]
+            if column.dtype == LABEL:
+                codes = numbers(values.astype(np.int16))
+                columns[column.name] = pa.DictionaryArray.from_arrays(codes, texts(names[column.name]))
+            else:
+                columns[column.name] = numbers(values)
+        return pa.table(columns)
+
+
+def redecide(
+    run: Path | str,
+    *,
+    radio: str | dict[str, Any] | None = None,
+    seed: int | None = None,
+    on_progress: OnProgress = lambda _done: None,
+) -> Redecision:
+    """Decide every recorded transmission of a run anew, from the recorded positions.
+
+    Args:
+        run: directory of a run, finished or killed.
+        radio: a preset's name, a file or a mapping, as in a scenario; the run's own unless given. A node that has a
+            radio of its own keeps it.
+        seed: of all draws; the run's own unless given.
+        on_progress: told now and then which share is done.
+
+    Raises:
+        ValueError: it is no run, its record is damaged or lacks what is needed, or there is no such radio.
+        OSError: a file cannot be read.
+    """
+    asked: dict[str, Any] = {} if seed is None else {"seed": seed}
+    asked |= {} if radio is None else {"radio": as_seen_from_here(radio)}
+    scenario = with_changes(RunDirectory(Path(run)).scenario, asked)
+    return decide(Path(run), scenario, on_progress)
+
+
+def as_seen_from_here(radio: str | dict[str, Any]) -> str | dict[str, Any]:
+    """A radio's file with its whole path; a preset's name, or a mapping, as it is."""
+    is_file = isinstance(radio, str) and Path(radio).suffix in (".yaml", ".yml")
+    return str(Path(str(radio)).absolute()) if is_file else radio
+
+
+def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done: None) -> Redecision:
+    """As `redecide`, by the radios and the seed of a scenario that has the run's nodes.
+
+    Raises:
+        ValueError, OSError: as `redecide`.
+    """
+    nodes, period_ns = scenario.transceiver_ids, scenario.tick_period_ns
+    emitters = emitters_of(scenario)
+    radios = radios_of(scenario, emitters)
+    before = Decisions.read(run, nodes, period_ns)
+    positions = Positions.read(run, scenario.stations, only_places=True).without_nonsense()
+    if not positions.ticks_ns.size:
+        raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
+    packets = _transmitted(run, before)
+    if was_cut(run):
+        packets = packets.at(packets.sim_time_ns <= positions.last_whole_ns)
+    packets, too_long = _split(packets, [radios[node] for node in nodes])
+    judge = Judge(len(nodes))
+    names = [emitter.name for emitter in emitters]
+    switches = switches_of(scenario, run)
+    medium = Medium(radios, seed=scenario.seed, nodes=nodes, judge=judge, emitters=names, switches=switches)
+    ledger = Ledger(nodes, causes=tuple(Cause))
+    ledger.send(packets)
+    done, parts = 0, [_too_long_rows(too_long, len(nodes)), _missed(before)]
+    for part in parts:
+        _book(ledger, part)
+    for receptions in settle(medium, positions, packets, tick_of(packets.sim_time_ns, period_ns)):
+        ledger.settle(receptions)
+        parts.append(_rows(receptions, medium.counted_bytes(receptions.packets)))
+        done += receptions.packets.size
+        on_progress(done / max(1, packets.size))
+    ledger.check(in_flight=0)
+    after = Decisions.of(nodes, joined(DELIVERIES, parts), period_ns, order_of=before)
+    return Redecision(run, scenario, before, after, ledger, judge.verdict().checks)
+
+
+def _transmitted(run: Path, before: Decisions) -> Packets:
+    """All that the nodes transmitted and the router got, in the order in which a radio settles it.
+
+    What was longer than the run's own radio takes is not in the streams; its row says how long it was.
+    """
+    places = {node: place for place, node in enumerate(before.nodes)}
+    parts = []
+    for tx, node in enumerate(before.nodes):
+        sent = SentPackets(run, node, places)
+        parts.append(Packets(sent.sim_time_ns, np.full(len(sent), tx), sent.seq, sent.length_bytes, sent.to))
+    rows = before.at(before.columns["fate"] == TOO_LONG).columns
+    to = np.where(rows["rx"] == len(before.nodes), EVERYBODY, rows["rx"])
+    parts.append(
+        Packets(rows["sim_time_ns"], rows["tx"], rows["seq"], rows["length_bytes"].astype(np.int64), to)
+    )
+    return Packets.joined(parts).in_order()
+
+
+def _split(packets: Packets, radios: list[Radio]) -> tuple[Packets, Packets]:
+    """Packets that their senders' radios take, and those that are too long for them."""
+    mtu_bytes = np.array([radio.config.mtu_bytes for radio in radios])
+    fits = packets.length_bytes <= mtu_bytes[packets.tx]
+    return packets.at(fits), packets.at(~fits)
+
+
+def _rows(receptions: Receptions, counted_bytes: NDArray[np.int64]) -> Columns:
+    r, p = receptions, receptions.packets
+    return {
+        "sim_time_ns": p.sim_time_ns[r.packet],
+        "tx": p.tx[r.packet],
+        "rx": r.rx,
+        "seq": p.seq[r.packet],
+        "packets": np.ones(r.size, dtype=np.int32),
+        "length_bytes": counted_bytes[r.packet].astype(np.int32),
+        "distance_m": r.distance_m,
+        "received_power_dbm": r.received_power_dbm,
+        "snr_db": r.snr_db,
+        "per": r.per,
+        "fate": r.fate.astype(np.intp),
+    }
+
+
+def _too_long_rows(packets: Packets, everybody: int) -> Columns:
+    nan = np.full(packets.size, math.nan)
+    return {
+        "sim_time_ns": packets.sim_time_ns,
+        "tx": packets.tx,
+        "rx": np.where(packets.to == EVERYBODY, everybody, packets.to),
+        "seq": packets.seq,
+        "packets": np.ones(packets.size, dtype=np.int32),
+        "length_bytes": packets.length_bytes.astype(np.int32),
+        "distance_m": nan,
+        "received_power_dbm": nan,
+        "snr_db": nan,
+        "per": nan,
+        "fate": np.full(packets.size, TOO_LONG),
+    }
+
+
+def _missed(before: Decisions) -> Columns:
+    """What never came to the radio, as recorded."""
+    return before.at(before.columns["fate"] == TRANSPORT).columns
+
+
+def _book(ledger: Ledger, rows: Columns) -> None:
+    """Book out, and lost at once, what no channel had to do with."""
+    names = (*ledger.nodes, None)
+    for tx, rx, fate, count in zip(*(rows[n].tolist() for n in ("tx", "rx", "fate", "packets")), strict=True):
+        ledger.lose(ledger.nodes[tx], FATES[fate], count, names[rx])

@@ -1,0 +1,73 @@
+"""What was decided anew as a run directory: for `compare`, plots, studies, and whatever else reads runs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
+from bridge.record.names import INPUT_FOLDER, PROVENANCE_FILE, REPORT_FOLDER, STREAM_FOLDER
+from bridge.record.tables.parquet import finish_tables
+from bridge.record.tables.schema import TRUTH
+from bridge.run.directory import RunDirectory
+from lostlink.redecision.redecide import Redecision
+
+ROWS_AT_ONCE = 1 << 13
+OnProgress = Callable[[str, int], object]
+_KEPT_FOLDERS = (STREAM_FOLDER, INPUT_FOLDER, REPORT_FOLDER)
+
+
+def write_run(
+    result: Redecision, directory: Path, on_progress: OnProgress = lambda _name, _rows: None
+) -> RunDirectory:
+    """Write ``directory``: the new deliveries and ledger, the scenario as decided, and copies of what stays as it was.
+
+    Args:
+        result: what was decided.
+        directory: not there yet, or empty.
+        on_progress: told now and then what is written and how far that is.
+
+    Raises:
+        OSError: it is there already, or cannot be written.
+        ValueError: the run's tables cannot be read.
+    """
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        raise FileExistsError(f"{directory}: it is there already, and not empty")
+    directory.mkdir(parents=True, exist_ok=True)
+    made = RunDirectory(directory.resolve())
+    made.write(result.scenario, "")
+    for name in _KEPT_FOLDERS:
+        if (result.run / name).is_dir():
+            on_progress(name, 0)
+            shutil.copytree(result.run / name, directory / name)
+    for path in (
+        TRUTH.parquet_path(result.run),
+        TRUTH.journal_path(result.run),
+        result.run / PROVENANCE_FILE,
+    ):
+        if path.exists():
+            shutil.copyfile(path, directory / path.name)
+    write_ledger(directory / LEDGER, result.ledger, {}, checks=result.checks)
+    write_deliveries(result, directory, on_progress)
+    return made
+
+
+def write_deliveries(
+    result: Redecision, directory: Path, on_progress: OnProgress = lambda _name, _rows: None
+) -> None:
+    """Write the table of deliveries alone, as a run with these fates would have: byte for byte.
+
+    Raises:
+        OSError: it cannot be written.
+        ValueError: a journal that lies there cannot be read.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    writer = DeliveryColumns(directory, result.after.nodes)
+    try:
+        for begin in range(0, len(result.after), ROWS_AT_ONCE):
+            part = result.after.at(slice(begin, begin + ROWS_AT_ONCE))
+            writer.append(len(part), **part.columns)
+    finally:
+        writer.close()
+    finish_tables(directory, on_progress)

@@ -1,0 +1,102 @@
+"""What `lostlink redecide` shows: tables by link and by distance, and one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from lostlink.redecision.comparison import BinChange, Comparison, LinkChange
+
+LINKS_SHOWN_MAX = 12
+
+
+def print_tables(comparison: Comparison) -> None:
+    """Print them to stdout."""
+    console = Console()
+    console.print(_links_table(comparison.links))
+    if comparison.bins:
+        console.print(_bins_table(comparison.bins))
+
+
+def sentence(comparison: Comparison) -> str:
+    """How much is other than it was."""
+    if comparison.changed:
+        changes = sorted(comparison.changes, key=lambda c: -c["packets"])
+        parts = [f"{c['packets']} {_words(c['before'])} -> {_words(c['after'])}" for c in changes]
+        text = f"{comparison.changed} of {comparison.fates} fates are other: {', '.join(parts)}"
+    elif comparison.is_same:
+        text = f"all {comparison.fates} fates are the same, with their powers and error rates"
+    else:
+        text = f"all {comparison.fates} fates are the same"
+    missing = comparison.not_compared
+    return text + (f"; {missing} are on one side only: the record was cut" if missing else "")
+
+
+def _words(cause: str) -> str:
+    return cause.replace("_", " ")
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
+    for name in columns:
+        table.add_column(name, justify="right")
+    return table
+
+
+def _links_table(links: Sequence[LinkChange]) -> Table:
+    table = _table(
+        "Delivered, before and after", "link", "sent", "before", "after", "lost before", "lost after"
+    )
+    for link in links[:LINKS_SHOWN_MAX]:
+        table.add_row(*_link_row(f"{link.tx} -> {link.rx}", [link]))
+    if len(links) > LINKS_SHOWN_MAX:
+        table.add_row(*_link_row(f"{len(links) - LINKS_SHOWN_MAX} more", links[LINKS_SHOWN_MAX:]))
+    if len(links) > 1:
+        table.add_row(*_link_row("all", links), style="bold")
+    return table
+
+
+def _link_row(name: str, links: Sequence[LinkChange]) -> tuple[str, ...]:
+    sent = sum(link.sent for link in links)
+    before, after = (
+        sum(counts) for counts in zip(*((k.delivered_before, k.delivered_after) for k in links), strict=True)
+    )
+    lost = _lost(link.lost_before for link in links), _lost(link.lost_after for link in links)
+    return name, str(sent), str(before), str(after), *lost
+
+
+def _lost(counts: Iterable[dict[str, int]]) -> str:
+    total: dict[str, int] = {}
+    for each in counts:
+        for cause, number in each.items():
+            total[cause] = total.get(cause, 0) + number
+    return ", ".join(f"{number} {_words(cause)}" for cause, number in sorted(total.items()))
+
+
+def _bins_table(bins: Sequence[BinChange]) -> Table:
+    """All links together, by distance."""
+    table = _table(
+        "Probability of delivery by distance, all links",
+        "distance, m",
+        "packets",
+        "before",
+        "after",
+        "predicted",
+    )
+    for start_m in sorted({each.distance_min_m for each in bins}):
+        rows = [each for each in bins if each.distance_min_m == start_m]
+        before = [(row.sent_before, row.measured_before) for row in rows]
+        after = [(row.sent_after, row.measured_after) for row in rows]
+        predicted = [(row.sent_after, row.predicted_after) for row in rows]
+        sent = sum(row.sent_after for row in rows)
+        shares = (_mean(before), _mean(after), _mean(predicted))
+        table.add_row(f"{start_m:.0f}-{rows[0].distance_max_m:.0f}", str(sent), *shares)
+    return table
+
+
+def _mean(rows: Sequence[tuple[int, float | None]]) -> str:
+    sent = sum(count for count, share in rows if share is not None)
+    return f"{sum(count * share for count, share in rows if share is not None) / sent:.3f}" if sent else "-"

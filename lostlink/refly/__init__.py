@@ -1,0 +1,1 @@
+"""A recorded run flown again, with its inputs or with others."""

@@ -1,0 +1,177 @@
+"""Flies a recorded run again with its recorded inputs, and compares. `lostlink.cli.flying.refly` is the command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from bridge.record.ending import Extent, extent_of
+from bridge.record.events import read_reports
+from bridge.record.inputs import all_inputs
+from bridge.record.names import streams_of
+from bridge.record.provenance import differences, read_provenance
+from bridge.record.tables.schema import DELIVERIES
+from bridge.run.directory import SCENARIO_FILE, RunDirectory
+from bridge.scenario.file import read_scenario, with_changes
+from bridge.scenario.model import Scenario
+from lostlink.compare.compare import OnProgress, examine
+from lostlink.compare.difference import Comparison
+
+FROM_THERE = "a difference may come from there"
+
+
+class Fly(Protocol):
+    """Flies a scenario into a run directory that is there and empty, and returns its summary."""
+
+    def __call__(
+        self,
+        scenario: Scenario,
+        directory: RunDirectory,
+        *,
+        ardupilot_dir: Path | None,
+        replay: Path | None,
+        stop_ns: int | None,
+        quiet: bool,
+    ) -> dict[str, Any]:
+        """Fly.
+
+        Args:
+            scenario: what to fly.
+            directory: where the run goes.
+            ardupilot_dir: where real ArduPilot binaries are.
+            replay: a run directory whose inputs take the place of all from outside.
+            stop_ns: the run ends when the tick at this sim time is closed; None: as the scenario says.
+            quiet: show nothing.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A recorded run that can be flown again.
+
+    Attributes:
+        run: its directory.
+        scenario: what to fly.
+        extent: how much of it there is.
+        remarks: why it may come out differently, as far as that is known before.
+    """
+
+    run: Path
+    scenario: Scenario
+    extent: Extent
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The run that was flown again.
+
+    Attributes:
+        directory: where it is.
+        summary: what it gave.
+        comparison: how the two compare.
+        other_ending: how their endings differ, in words; "" if they do not.
+        remarks: what else is other.
+    """
+
+    directory: RunDirectory
+    summary: dict[str, Any]
+    comparison: Comparison
+    other_ending: str
+    remarks: tuple[str, ...]
+
+
+class Interrupted(Exception):
+    """The new flight was interrupted: there is nothing to compare."""
+
+
+def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
+    """See that the run in ``run`` can be flown again.
+
+    Args:
+        run: a run directory.
+        changes: to its scenario, by dotted key: what has no effect on the result, such as speed and ports.
+
+    Raises:
+        ValueError: it cannot; the text says why.
+        OSError: a file cannot be read.
+    """
+    if not run.is_dir():
+        raise ValueError(f"{run}: no such directory")
+    if not (run / SCENARIO_FILE).is_file():
+        raise ValueError(f"{run}: not the directory of a run: it has no {SCENARIO_FILE}")
+    if _is_live(run):
+        raise ValueError(f"{run}: this run has not ended yet")
+    has_streams = bool(streams_of(run))
+    if not has_streams and not DELIVERIES.is_in(run):
+        raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
+    scenario = with_changes(read_scenario(str(run / SCENARIO_FILE)), changes)
+    all_inputs(run)
+    remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
+    if not has_streams:
+        remarks.append(f"note: {run} has no streams/: only its tables can be compared")
+    return Plan(run, scenario, extent_of(run), tuple(remarks))
+
+
+def _is_live(run: Path) -> bool:
+    try:
+        return RunDirectory(run).info.is_live
+    except (OSError, ValueError):
+        return False
+
+
+def fly_again(
+    planned: Plan,
+    directory: RunDirectory,
+    fly: Fly,
+    *,
+    ardupilot_dir: Path | None = None,
+    quiet: bool = True,
+    on_progress: OnProgress | None = None,
+) -> Outcome:
+    """Fly the plan into ``directory`` and compare the two runs.
+
+    Raises:
+        Interrupted: the new flight was.
+        ValueError, OSError: it could not be flown, or a record cannot be read.
+    """
+    summary = fly(
+        planned.scenario,
+        directory,
+        ardupilot_dir=ardupilot_dir,
+        replay=planned.run,
+        stop_ns=planned.extent.stop_ns,
+        quiet=quiet,
+    )
+    if summary.get("ending") == "interrupted":
+        raise Interrupted
+    remarks = (*_what_is_other(planned.run, directory.path), *_what_went_wrong(directory.path, summary))
+    extent = planned.extent
+    comparison = examine(
+        planned.run, directory.path, extent.stop_ns, a_was_cut=extent.was_cut, on_progress=on_progress
+    )
+    return Outcome(directory, summary, comparison, _other_ending(extent, summary), remarks)
+
+
+def _other_ending(extent: Extent, summary: Mapping[str, Any]) -> str:
+    now = str(summary.get("ending"))
+    if not extent.other_ending(now):
+        return ""
+    before = f"ended as {extent.ending!r}" if extent.ending else "has no ending in its summary"
+    return f"the endings differ: the recorded run {before}, the new one as {now!r}"
+
+
+def _what_is_other(run: Path, reflown: Path) -> list[str]:
+    old, new = read_provenance(run), read_provenance(reflown)
+    if old is None or new is None:
+        return [f"note: {run if old is None else reflown} does not say what it was made with"]
+    return [f"{line}; {FROM_THERE}" for line in differences(old, new)]
+
+
+def _what_went_wrong(reflown: Path, summary: Mapping[str, Any]) -> list[str]:
+    remarks = [f"warning: the new run may not repeat: {r}" for r in read_reports(reflown).may_not_repeat]
+    if summary.get("ending") == "failed":
+        remarks.append(f"warning: the new run broke off: {summary.get('error')}")
+    return remarks

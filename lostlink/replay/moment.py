@@ -1,0 +1,192 @@
+"""One tick of a record: the messages that the run published at it, made when they are asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bridge.bus.messages import (
+    AgentStatus,
+    AircraftState,
+    Clock,
+    CommunicationMatrix,
+    CommunicationStatus,
+    Fates,
+    Header,
+    Links,
+    Truth,
+    Truths,
+)
+from bridge.bus.reception import attachment
+from bridge.bus.session import Stamp
+from bridge.radio.picture import Row, fates_message
+from bridge.record.events import RunEvent
+from bridge.record.logged import LoggedValue
+from channel.medium.reception import DELIVERED
+from lostlink.reading.decisions import Decisions
+
+if TYPE_CHECKING:
+    from lostlink.replay.player import Player
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A packet that arrived.
+
+    Attributes:
+        rx: id of the node that got it.
+        tx: id of its sender.
+        channel: last part of its key.
+        rssi_dbm: power in which it arrived.
+        snr_db: the same over the noise.
+    """
+
+    rx: str
+    tx: str
+    channel: str
+    payload: bytes
+    seq: int
+    sim_time_ns: int
+    rssi_dbm: float
+    snr_db: float
+
+    @property
+    def attachment(self) -> bytes:
+        """What it had beside it on Zenoh."""
+        return attachment(Stamp(self.seq, self.sim_time_ns).to_bytes(), self.rssi_dbm, self.snr_db)
+
+
+class Moment:
+    """A view of the player at one tick: it is good until the player plays another.
+
+    Args:
+        player: who plays.
+        tick: number of the tick.
+        decided: what it settled.
+        changed: whose communication status it changed.
+
+    Attributes:
+        decided: as above.
+        sim_time_ns: the tick.
+        is_last: whether the record ends with it.
+        links_are_due: whether the run published link reports at it.
+        states_are_due: whether the run published the states of UA at it.
+    """
+
+    def __init__(self, player: Player, tick: int, decided: Decisions, changed: Sequence[Row]) -> None:
+        self._player = player
+        self._tick = tick
+        self._rows = player.positions.rows_of(tick)
+        self._changed = changed
+        self.decided = decided
+        self.sim_time_ns = int(player.ticks_ns[tick])
+        self.is_last = tick == player.ticks_ns.size - 1
+        self.links_are_due = bool(player.links_due[tick])
+        self.states_are_due = bool(player.states_due[tick])
+
+    @property
+    def _at(self) -> Player:
+        """The player, while this is its moment."""
+        if self._player.now is not self:
+            raise RuntimeError(f"the moment at {self.sim_time_ns} ns is over: the player has played on")
+        return self._player
+
+    def clock(self, speed: float = 1.0, real_time_factor: float = math.nan, *, paused: bool = False) -> Clock:
+        """Fleet time; how fast it goes is how fast the record is played."""
+        return Clock(Header.at(self.sim_time_ns, ""), speed, real_time_factor, paused)
+
+    def truth(self) -> dict[str, Truth]:
+        """The true state of each node."""
+        messages = (self._at.positions.message(row) for row in self._rows)
+        return {message.header.frame_id: message for message in messages}
+
+    def truths(self) -> Truths:
+        """The true states of all nodes."""
+        return Truths(Header.at(self.sim_time_ns, ""), tuple(self.truth().values()))
+
+    @property
+    def has_fates(self) -> bool:
+        """Whether the tick settled anything at all."""
+        return bool(np.count_nonzero(~self.decided.is_gap))
+
+    def fates(self) -> Fates:
+        """What the tick settled."""
+        receptions = self.decided.receptions()
+        counted = receptions.packets.length_bytes
+        return fates_message(self._at.nodes, self.sim_time_ns, receptions, counted)
+
+    def links(self) -> Links:
+        """All links that carried a packet: the latest figures, and counts from the run's beginning on."""
+        at = self._at
+        return at.picture.links(self.sim_time_ns, at.ledger, at.radios.off_at(self.sim_time_ns))
+
+    def communication(self) -> CommunicationMatrix:
+        """Whose latest packets reached whom."""
+        return self._at.picture.matrix(self.sim_time_ns)
+
+    def statuses(self) -> list[CommunicationStatus]:
+        """The communication status of each node that got, or missed, a packet at this tick."""
+        return [self._at.picture.status(row, self.sim_time_ns) for row in self._changed]
+
+    def received(self, wanted: Sequence[str] | None = None) -> list[Received]:
+        """What arrived at this tick, in the order in which the radio settled it.
+
+        Args:
+            wanted: ids of receivers; all of them unless given.
+
+        Raises:
+            StreamError, OSError: the packets of a node are damaged or cannot be read.
+        """
+        columns, nodes = self.decided.columns, self._at.nodes
+        receivers = range(len(nodes)) if wanted is None else [nodes.index(node) for node in wanted]
+        arrived = (columns["fate"] == DELIVERED) & np.isin(columns["rx"], list(receivers))
+        rows = [
+            columns[name][arrived].tolist() for name in ("tx", "rx", "seq", "received_power_dbm", "snr_db")
+        ]
+        found = (self._received(*row) for row in zip(*rows, strict=True))
+        return [each for each in found if each is not None]
+
+    def _received(self, tx: int, rx: int, seq: int, *signal: float) -> Received | None:
+        sent, nodes = self._at.sent[tx], self._at.nodes
+        row = sent.row_of(seq)
+        if row is None:  # the record of what was sent ends before that of what became of it: it was killed
+            return None
+        sim_time_ns, payload = int(sent.sim_time_ns[row]), sent.payload(row)
+        return Received(nodes[rx], nodes[tx], sent.channels[row], payload, seq, sim_time_ns, *signal)
+
+    def states(self, wanted: Sequence[str] | None = None) -> dict[str, AircraftState]:
+        """The state of each UA as its autopilot reported it: made from the MAVLink bytes that were recorded.
+
+        Args:
+            wanted: ids of UA; all of them unless given.
+
+        Raises:
+            StreamError, OSError: the record of a node's MAVLink is damaged or cannot be read.
+        """
+        states = self._at.states
+        return {node: states[node].at(self.sim_time_ns) for node in (states if wanted is None else wanted)}
+
+    def events(self) -> list[RunEvent]:
+        """What the run's processes reported between the tick before and this one."""
+        return [e for e in self._at.events if self._before_ns < e.sim_time_ns <= self.sim_time_ns]
+
+    def logged(self) -> list[tuple[str, int, LoggedValue | AgentStatus]]:
+        """What agents logged and said of their work since the tick before: node, sim time in ns, and what.
+
+        Raises:
+            ValueError, OSError: what an agent logged is damaged or cannot be read.
+        """
+        return [
+            (node, *item)
+            for node, logged in self._at.logged.items()
+            for item in logged.between(self._before_ns, self.sim_time_ns)
+        ]
+
+    @property
+    def _before_ns(self) -> int:
+        """The tick before."""
+        return int(self._at.ticks_ns[self._tick - 1]) if self._tick else -1

@@ -1,0 +1,182 @@
+"""A record tick by tick, as the run went: no I/O but the record's files, no clock, no Zenoh.
+
+player = Player.open(run)
+player.seek(30_000_000_000)
+while (moment := player.step()) is not None:
+    show(moment.truths(), moment.fates())
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.aircraft.body import StatePace
+from bridge.radio.picture import LINK_PERIOD_NS, Picture
+from bridge.radio.senders import Cause
+from bridge.record.events import RunEvent, read_reports
+from bridge.record.radio_switches import switches_of
+from bridge.record.tables.schema import TRUTH
+from bridge.run.directory import RunDirectory
+from channel.medium.ledger import Ledger
+from lostlink.reading.decisions import Decisions
+from lostlink.reading.positions import Positions
+from lostlink.reading.sent import SentPackets
+from lostlink.replay.logged import NodeLogged
+from lostlink.replay.moment import Moment
+from lostlink.replay.states import NodeStates
+
+
+class Player:
+    """Plays one record. For one thread at a time.
+
+    Args:
+        run: directory of a run, finished or killed.
+
+    Attributes:
+        scenario: as flown.
+        nodes: ids of the nodes that exchange packets.
+        ticks_ns: all ticks, rising.
+        radios: when each node's radio was off.
+        now: the moment that was played last; None before the first.
+
+    Raises:
+        ValueError: it is no run, or nothing of it was recorded.
+        OSError: it cannot be read.
+    """
+
+    def __init__(self, run: Path) -> None:
+        self.run = run
+        self.scenario = RunDirectory(run).scenario
+        self.nodes = self.scenario.transceiver_ids
+        if not TRUTH.is_in(run):
+            raise ValueError(
+                f"{run}: nothing to play: it has no {TRUTH.parquet_path(run).name}, nor a journal of it"
+            )
+        self.positions = Positions.read(run, self.scenario.stations)
+        self.ticks_ns = self.positions.ticks_ns
+        if not self.ticks_ns.size:
+            raise ValueError(f"{run}: nothing to play: the run ended before its first tick was written down")
+        self.decisions = Decisions.read(run, self.nodes, self.scenario.tick_period_ns)
+        self.radios = switches_of(self.scenario, run)
+        self.now: Moment | None = None
+        self._next = 0
+        self._begin()
+
+    @classmethod
+    def open(cls, run: Path) -> Player:
+        """As the constructor."""
+        return cls(run)
+
+    def _begin(self) -> None:
+        self.picture = Picture(self.nodes)
+        self.ledger = Ledger(self.nodes, causes=tuple(Cause))
+
+    # Which ticks there are.
+
+    @property
+    def begin_ns(self) -> int:
+        """The first tick."""
+        return int(self.ticks_ns[0])
+
+    @property
+    def end_ns(self) -> int:
+        """The last tick."""
+        return int(self.ticks_ns[-1])
+
+    @cached_property
+    def _rows_until(self) -> NDArray[np.intp]:
+        """How many rows of the decisions were settled by each tick; the last tick has what came after it, too."""
+        until = np.searchsorted(self.decisions.settled_ns, self.ticks_ns, side="right")
+        until[-1] = len(self.decisions)
+        return until
+
+    @cached_property
+    def links_due(self) -> NDArray[np.bool_]:
+        """Ticks at which a run publishes link reports."""
+        due, reported_ns = np.zeros(self.ticks_ns.size, dtype=bool), -LINK_PERIOD_NS
+        for tick, sim_time_ns in enumerate(self.ticks_ns.tolist()):
+            if sim_time_ns - reported_ns >= LINK_PERIOD_NS:
+                due[tick], reported_ns = True, sim_time_ns
+        due[-1] = True
+        return due
+
+    @cached_property
+    def states_due(self) -> NDArray[np.bool_]:
+        """Ticks at which a run publishes the states of UA."""
+        pace = StatePace()
+        return np.array([pace.is_due(sim_time_ns) for sim_time_ns in self.ticks_ns.tolist()])
+
+    @property
+    def following_ns(self) -> int | None:
+        """The tick that `step` plays; None at the end."""
+        return int(self.ticks_ns[self._next]) if self._next < self.ticks_ns.size else None
+
+    # Playing.
+
+    def step(self) -> Moment | None:
+        """Play the next tick; None when there is none."""
+        if self._next >= self.ticks_ns.size:
+            return None
+        begin = int(self._rows_until[self._next - 1]) if self._next else 0
+        return self._play(begin)
+
+    def moments(self) -> Iterator[Moment]:
+        """Play from the next tick to the end."""
+        while (moment := self.step()) is not None:
+            yield moment
+
+    def seek(self, sim_time_ns: int) -> Moment:
+        """Play the last tick at or before an instant, or the first: as if all ticks before it had been played."""
+        tick = max(0, int(np.searchsorted(self.ticks_ns, sim_time_ns, side="right")) - 1)
+        begin = int(self._rows_until[self._next - 1]) if self._next else 0
+        if tick < self._next:
+            begin = 0
+            self._begin()
+        before = int(self._rows_until[tick - 1]) if tick else 0
+        self._take(slice(begin, before))
+        self.picture.changed()  # those of ticks that are passed over
+        self._next = tick
+        return self._play(before)
+
+    def _play(self, begin: int) -> Moment:
+        tick, self._next = self._next, self._next + 1
+        rows = slice(begin, int(self._rows_until[tick]))
+        self._take(rows)
+        self.now = Moment(self, tick, self.decisions.at(rows), self.picture.changed())
+        return self.now
+
+    def _take(self, rows: slice) -> None:
+        """Take rows into the picture of all links, and into their counts."""
+        decided = self.decisions.at(rows)
+        counts = decided.counts()
+        self.ledger.sent += counts.sum(axis=-1)
+        self.ledger.settled += counts
+        self.picture.take(decided.receptions())
+
+    # What is read when it is asked for.
+
+    @cached_property
+    def sent(self) -> list[SentPackets]:
+        """What each node transmitted."""
+        places = {node: place for place, node in enumerate(self.nodes)}
+        return [SentPackets(self.run, node, places) for node in self.nodes]
+
+    @cached_property
+    def states(self) -> dict[str, NodeStates]:
+        """The states of each UA."""
+        return {ua.node: NodeStates(self.run, ua.node, ua.sysid) for ua in self.scenario.ua}
+
+    @cached_property
+    def logged(self) -> dict[str, NodeLogged]:
+        """What the agent of each node logged."""
+        return {node: NodeLogged(self.run, node) for node in self.nodes}
+
+    @cached_property
+    def events(self) -> tuple[RunEvent, ...]:
+        """What the processes of the run reported, by sim time."""
+        return read_reports(self.run).events

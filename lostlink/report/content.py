@@ -1,0 +1,153 @@
+"""The numbers of a report: what its page shows and its JSON has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.radio import radio_of
+from channel.checks import ChannelInputError
+from channel.validity import OutsideValidityError
+from lostlink.flight.figure import model_curve
+from lostlink.reading.ages import times_of
+from lostlink.reading.places import nearest_m, places_of
+from lostlink.reading.rows import LinkRows, link_rows
+from lostlink.reading.run import Run
+from lostlink.report import packets
+from lostlink.report.scales import plain
+from lostlink.report.tracks import tracks_of
+
+SCHEMA = 1
+Content = dict[str, Any]
+"""In JSON's types; docs/report.md has the keys."""
+Tell = Callable[[str], object]
+KILLED = "killed"
+"""The ending of a run that has none."""
+
+
+def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
+    """All numbers of a report on a run, finished or killed.
+
+    Args:
+        run: the run.
+        tell: is told what is done next.
+
+    Raises:
+        TableError, OSError, ValueError: a file of the run is damaged, or cannot be read.
+    """
+    tell("reads the deliveries")
+    rows, end_ns = rows_of_packets(run), run.end_ns
+    tell("counts packets")
+    times = times_of(rows, run.scenario.tick_period_ns)
+    links = packets.links_of(rows, times, end_ns)
+    found = {
+        "schema": SCHEMA,
+        "run": _run(run),
+        "provenance": asdict(run.provenance) if run.provenance else None,
+    }
+    found |= {"totals": packets.totals_of(links), "links": links, "losses": packets.losses_of(rows, end_ns)}
+    tell("follows the ages of packets")
+    found["ages"] = packets.ages_of(times, rows.nodes, end_ns)
+    tell("sorts powers by distance")
+    found["powers"] = packets.powers_of(rows)
+    bins = run.summary.get("bins") or packets.bins_of(rows)
+    found |= {"bins": bins, "model": _model(run.scenario, bins)}
+    tell("reads the true states")
+    found |= tracks_of(run) | {"separation_min_m": least_separation_m(run)}
+    result: Content = plain(found | _host(run, rows) | _judgements(run))
+    return result
+
+
+def least_separation_m(run: Run) -> float | None:
+    """How near two UA came to each other; None of fewer than two."""
+    if not TRUTH.is_in(run.path):
+        return None
+    _, places = places_of(run.path, run.nodes)
+    return nearest_m(places[ua.node] for ua in run.scenario.ua)
+
+
+def rows_of_packets(run: Run) -> LinkRows:
+    """The deliveries of a run; no rows if it broke off before there were any."""
+    if DELIVERIES.is_in(run.path):
+        return link_rows(run.path, run.scenario.transceiver_ids, packets.COLUMNS)
+    empty = {name: np.empty(0, dtype=np.int64) for name in ("tx", "rx", "packets", "fate", "sim_time_ns")}
+    return LinkRows(
+        run.scenario.transceiver_ids,
+        (),
+        empty | {name: np.empty(0) for name in ("distance_m", "received_power_dbm")},
+    )
+
+
+def _run(run: Run) -> Content:
+    scenario, summary = run.scenario, run.summary
+    return {
+        "name": run.path.name,
+        "scenario": scenario.name,
+        "description": scenario.description,
+        "seed": scenario.seed,
+        "autopilot": scenario.autopilot,
+        "radio": radio_name(scenario),
+        "speed": scenario.speed,
+        "tick_rate_hz": scenario.tick_rate_hz,
+        "ending": run.ending or KILLED,
+        "error": summary.get("error"),
+        "unfinished": summary.get("unfinished", []),
+        "verdict": run.verdict,
+        "digest": run.digest,
+        "redecided_from": summary.get("redecided_from"),
+        "sim_duration_s": summary.get("sim_duration_s", run.end_ns / 1e9),
+        "wall_duration_s": summary.get("wall_duration_s"),
+        "real_time_factor": summary.get("real_time_factor"),
+    }
+
+
+def radio_name(scenario: Scenario) -> str:
+    """What a scenario's radio is called in a line."""
+    radio = scenario.radio
+    name = radio if isinstance(radio, str) else f"{radio.get('preset', 'own radio')}, altered"
+    own = [node.node for node in scenario.nodes if getattr(node, "radio", None) is not None]
+    return f"{name}; node {', '.join(own)} with its own" if own else name
+
+
+def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
+    """The model's curve over distance, if all nodes have one radio and it can be had here; else None."""
+    if not bins or any(getattr(node, "radio", None) is not None for node in scenario.nodes):
+        return None
+    farthest_m = max(row["distance_max_m"] for row in bins)
+    with suppress(ValueError, OSError, ChannelInputError, OutsideValidityError):
+        distance_m, probability = model_curve(bins, radio_of(scenario), farthest_m)
+        return {"distance_m": np.asarray(distance_m), "probability_of_delivery": np.asarray(probability)}
+    return None
+
+
+def _host(run: Run, rows: LinkRows) -> Content:
+    """What the machine did to the run: packets it lost, by sender, and what was not accepted."""
+    lost = {}
+    if "transport" in rows.fates:
+        mine = rows.columns["fate"] == rows.fates.index("transport")
+        counts = np.bincount(rows.columns["tx"][mine], rows.columns["packets"][mine], len(rows.nodes))
+        lost = {node: int(count) for node, count in zip(rows.nodes, counts.tolist(), strict=True) if count}
+    reports = run.reports
+    return {
+        "host": {
+            "lost": lost,
+            "refused": _not_zero(run.summary.get("refused", {})),
+            "counters": reports.counters,
+        },
+        "events": [asdict(event) for event in reports.events],
+        "may_not_repeat": list(reports.may_not_repeat),
+    }
+
+
+def _not_zero(counts: Mapping[str, int]) -> dict[str, int]:
+    return {name: count for name, count in counts.items() if count}
+
+
+def _judgements(run: Run) -> Content:
+    return {name: run.summary.get(name) or [] for name in ("checks", "expectations")}

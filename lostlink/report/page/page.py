@@ -1,0 +1,215 @@
+"""The page of a report, from its numbers and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from lostlink.report.page.words import count, num, share
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+LINKS_MAX = 100
+EVENTS_MAX = 200
+SECTIONS = (
+    ("ran", "What ran"),
+    ("judged", "Verdict"),
+    ("flown", "Where they were"),
+    ("delivery", "Delivery and power"),
+    ("links", "Links"),
+    ("losses", "Losses"),
+    ("ages", "Ages and latency"),
+    ("machine", "Machine"),
+    ("events", "Events"),
+)
+Row = list[Any]
+
+
+@cache
+def environment() -> Environment:
+    """Templates of this folder; what they are given is escaped, and a name that is missing is an error."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("lostlink.report", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {"num": num, "share": share, "count": count}
+    return made
+
+
+def render(template: str, pictures: Mapping[str, str], **values: Any) -> str:
+    """A page of a template; pictures and style sheet are taken as they are."""
+    from markupsafe import Markup
+
+    made = environment()
+    assert made.loader is not None
+    style = Markup(made.loader.get_source(made, "style.css")[0])
+    drawn = {name: Markup(picture) for name, picture in pictures.items()}
+    return made.get_template(template).render(pictures=drawn, style=style, **values)
+
+
+def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
+    """The whole page: one file that asks for nothing."""
+    verdict = content["run"]["verdict"]
+    failed = verdict.startswith(("fail", "broke off")) or any(
+        not e["passed"] for e in content["expectations"]
+    )
+    return render(
+        "report.html.j2",
+        pictures,
+        c=content,
+        status="fail" if failed else "pass" if verdict.startswith("pass") else "",
+        sections=SECTIONS,
+        facts=_facts(content["run"]),
+        versions=_versions(content["provenance"]),
+        expectations=[_expectation(each) for each in content["expectations"]],
+        checks=[
+            [c["name"], count(c["size"]), num(c["found"]), num(c["chance"]), _passed(c["passed"])]
+            for c in content["checks"]
+        ],
+        nodes=[_node(node) for node in content["nodes"]],
+        powers=[_power(box) for box in content["powers"]["boxes"]],
+        links=[_link(link) for link in _worst(content["links"])],
+        links_caption=_links_caption(len(content["links"])),
+        causes=_causes(content["totals"]),
+        timed=_timed(content["totals"]),
+        machine=_machine(content),
+        counters=[
+            [reporter, name, count(number)]
+            for reporter, counters in content["host"]["counters"].items()
+            for name, number in counters.items()
+        ],
+        events=[
+            [num(e["sim_time_ns"] / 1e9), e["node"], e["kind"], e["text"]]
+            for e in content["events"][:EVENTS_MAX]
+        ],
+        events_caption=_events_caption(len(content["events"])),
+    )
+
+
+def _facts(run: dict[str, Any]) -> list[Row]:
+    rows: list[Row] = [
+        ["scenario", run["scenario"]],
+        ["radio", run["radio"]],
+        ["autopilot", run["autopilot"]],
+        ["seed", run["seed"]],
+        ["speed asked for", run["speed"]],
+        ["ticks", f"{run['tick_rate_hz']} per second of sim time"],
+        ["ending", run["ending"]],
+        ["digest", run["digest"] or "none: the run has no end"],
+    ]
+    if run["unfinished"]:
+        rows.append(["not finished", ", ".join(run["unfinished"])])
+    if run["redecided_from"]:
+        rows.append(["decided anew from", run["redecided_from"]])
+    return rows
+
+
+def _versions(provenance: dict[str, Any] | None) -> list[Row]:
+    if provenance is None:
+        return []
+    rows: list[Row] = []
+    for name, value in provenance.items():
+        if isinstance(value, dict):
+            rows += [[f"{name}: {key}", _flat(each)] for key, each in value.items()]
+        elif value:
+            rows.append([name, _flat(value)])
+    return rows
+
+
+def _flat(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_flat(each)}" for key, each in value.items() if each)
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _expectation(each: dict[str, Any]) -> Row:
+    found = "nothing of the kind" if each["found"] is None else f"{num(each['found'])} {each['unit']}".strip()
+    return [each["name"], each["wanted"], found, _passed(each["passed"])]
+
+
+def _passed(is_passed: bool) -> Any:
+    return environment().get_template("parts.html.j2").make_module().passed(is_passed)  # type: ignore[attr-defined]
+
+
+def _node(node: dict[str, Any]) -> Row:
+    numbers = ("height_min_m", "height_max_m", "farthest_m", "way_m", "speed_max_mps")
+    return [node["title"], node["kind"], *(f"{node[name]:.1f}" for name in numbers)]
+
+
+def _power(box: dict[str, Any]) -> Row:
+    numbers = [num(box[name], 1) for name in ("low", "q1", "median", "q3", "high")]
+    distance = f"{box['distance_min_m']:g} to {box['distance_max_m']:g}"
+    return [distance, count(box["packets"]), count(box["without_power"]), *numbers]
+
+
+def _worst(links: Sequence[dict[str, Any]]) -> Sequence[dict[str, Any]]:
+    """All of a few links; of many those that lose most."""
+    if len(links) <= LINKS_MAX:
+        return links
+    return sorted(links, key=lambda link: link["delivery"] if link["delivery"] is not None else 2.0)[
+        :LINKS_MAX
+    ]
+
+
+def _links_caption(links: int) -> str:
+    if links <= LINKS_MAX:
+        return "Each directed link"
+    return f"The {LINKS_MAX} directed links of {links} that lose most; all are in the JSON"
+
+
+def _link(link: dict[str, Any]) -> Row:
+    lost = ", ".join(f"{cause.replace('_', ' ')} {count(number)}" for cause, number in link["lost"].items())
+    ages = [num(link[name]) for name in ("age_mean_s", "age_p95_s", "age_peak_s")]
+    late = [num(link[name]) for name in ("latency_mean_s", "latency_max_s")]
+    head = [
+        f"{link['tx']} to {link['rx']}",
+        count(link["sent"]),
+        count(link["delivered"]),
+        share(link["delivery"]),
+    ]
+    return [*head, *ages, *late, lost]
+
+
+def _causes(totals: dict[str, Any]) -> list[Row]:
+    return [
+        [cause.replace("_", " "), count(number), share(number / totals["sent"])]
+        for cause, number in totals["lost"].items()
+    ]
+
+
+def _timed(totals: dict[str, Any]) -> list[Row]:
+    return [
+        ["age, mean over time and links", num(totals["age_mean_s"])],
+        ["age that the worst link does not exceed for 95 % of the time", num(totals["age_p95_s"])],
+        ["greatest age of any link", num(totals["age_peak_s"])],
+        ["latency, mean of the links", num(totals["latency_mean_s"])],
+        ["greatest latency of any packet", num(totals["latency_max_s"])],
+    ]
+
+
+def _machine(content: dict[str, Any]) -> list[Row]:
+    run, host = content["run"], content["host"]
+    lost = ", ".join(f"node {node}: {count(number)}" for node, number in host["lost"].items())
+    refused = ", ".join(
+        f"{reason.replace('_', ' ')}: {count(number)}" for reason, number in host["refused"].items()
+    )
+    return [
+        ["sim time", f"{num(run['sim_duration_s'])} s"],
+        ["wall time", f"{num(run['wall_duration_s'])} s"],
+        ["real-time factor", num(run["real_time_factor"])],
+        ["packets lost by the host before the radio", lost or "none"],
+        ["not accepted by the radio", refused or "nothing"],
+    ]
+
+
+def _events_caption(events: int) -> str:
+    return "What the run's processes reported" + (
+        f"; the first {EVENTS_MAX} of {events}" if events > EVENTS_MAX else ""
+    )

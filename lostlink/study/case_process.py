@@ -1,0 +1,183 @@
+"""One run of a study, in a process of its own: ``python -m lostlink.study.case_process DIRECTORY``.
+
+The directory has `plan.json` (`Plan`). What came of it goes to `result.json`, written as a whole when the run is over
+and measured, so that whoever finds one need not fly again. An interrupted run leaves none.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+import sys
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bridge.fleet.slots import at_free_ports
+from bridge.fleet.supervisor import Ending, preflight
+from bridge.run.directory import RunDirectory
+from bridge.scenario.model import Scenario
+from lostlink.flight.flight import Flight, Silent
+from lostlink.reading.run import load_run
+from lostlink.study.metrics import of_summary, of_tables, own
+from lostlink.study.model import Function
+from lostlink.study.sources import sources_of
+
+PLAN_FILE = "plan.json"
+RESULT_FILE = "result.json"
+RUN_FOLDER = "run"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a case's process is to do.
+
+    Attributes:
+        scenario: as resolved, YAML.
+        metrics: functions of the user's own.
+        keep: which runs' directories stay: ``all``, ``failed`` or ``none``.
+        ardupilot_dir: where real binaries are, if that was said.
+    """
+
+    scenario: str
+    metrics: tuple[Function, ...]
+    keep: str
+    ardupilot_dir: str | None = None
+
+    def write(self, directory: Path) -> None:
+        """Put it where the process looks for it."""
+        functions = [[str(one.file), one.name] for one in self.metrics]
+        content = {"scenario": self.scenario, "metrics": functions, "keep": self.keep}
+        write_whole(directory / PLAN_FILE, {**content, "ardupilot_dir": self.ardupilot_dir})
+
+    @classmethod
+    def read(cls, directory: Path) -> Plan:
+        """What was put there."""
+        content = json.loads((directory / PLAN_FILE).read_text(encoding="utf-8"))
+        functions = tuple(Function(file=Path(file), name=name) for file, name in content["metrics"])
+        return cls(content["scenario"], functions, content["keep"], content["ardupilot_dir"])
+
+    @property
+    def measures(self) -> str:
+        """What is measured, as a digest: other code measures anew."""
+        digest = hashlib.sha256()
+        for function in self.metrics:
+            for file in sources_of(function.file):
+                digest.update(file.read_bytes() + b"\0")
+            digest.update(function.name.encode() + b"\0")
+        return digest.hexdigest()[:16]
+
+
+def read_result(directory: Path) -> dict[str, Any] | None:
+    """The result of a case; None if it has none yet."""
+    try:
+        content = json.loads((directory / RESULT_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def is_done(directory: Path, plan: Plan) -> bool:
+    """Whether the case was flown to its end and measured by the code that there is now."""
+    result = read_result(directory)
+    return result is not None and not result["failure"] and result["measures"] == plan.measures
+
+
+def write_whole(path: Path, content: object) -> None:
+    """A JSON file that is there as a whole or not at all, whatever ends this process."""
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(content), encoding="utf-8")
+    part.replace(path)
+
+
+def fly_case(directory: Path) -> int:
+    """Fly and measure the case of a directory, unless that was done; gives the process's status.
+
+    A second process for the same case waits for the first.
+    """
+    with (directory / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        plan = Plan.read(directory)
+        if is_done(directory, plan):
+            return 0
+        (directory / RESULT_FILE).unlink(missing_ok=True)
+        try:
+            run = _recorded(directory) or _flown(plan, directory)
+        except Exception as error:
+            traceback.print_exc()
+            write_whole(directory / RESULT_FILE, _result(plan, {}, {}, _told(error)))
+            return 1
+        if run is None:
+            return 1  # interrupted
+        result = _measured(run, plan)
+        if plan.keep == "none" or (
+            plan.keep == "failed" and not result["failure"] and result["metrics"]["passed"]
+        ):
+            (directory / RUN_FOLDER).unlink(missing_ok=True)
+            shutil.rmtree(run, ignore_errors=True)
+        write_whole(directory / RESULT_FILE, result)
+        return 1 if result["failure"] else 0
+
+
+def _measured(path: Path, plan: Plan) -> dict[str, Any]:
+    metrics: dict[str, Any] = {}
+    try:
+        run = load_run(path)
+        metrics = of_summary(run)
+        metrics |= of_tables(run)
+        timing = {key: run.summary[key] for key in ("wall_duration_s", "real_time_factor")}
+        return _result(plan, metrics | own(run, plan.metrics), timing, metrics["error"])
+    except Exception as error:
+        traceback.print_exc()
+        return _result(plan, metrics, {}, metrics.get("error") or _told(error))
+
+
+def _result(plan: Plan, metrics: dict[str, Any], timing: dict[str, float], failure: str) -> dict[str, Any]:
+    return {"failure": failure, "measures": plan.measures, "metrics": metrics, "timing": timing}
+
+
+def _told(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+def _recorded(directory: Path) -> Path | None:
+    """The run that is there already and came to an end, if there is one: it needs only be measured."""
+    link = directory / RUN_FOLDER
+    return link.resolve() if link.is_symlink() and link.is_dir() else None
+
+
+def _flown(plan: Plan, directory: Path) -> Path | None:
+    """Fly where no other run's ports are; None if that was interrupted.
+
+    The link `RUN_FOLDER` leads to the run if it came to an end.
+    """
+    (directory / RUN_FOLDER).unlink(missing_ok=True)
+    for old in directory.glob("*/"):
+        shutil.rmtree(old, ignore_errors=True)
+    with at_free_ports(Scenario.from_yaml(plan.scenario)) as placed:
+        binaries = Path(plan.ardupilot_dir) if plan.ardupilot_dir else None
+        preflight(placed, binaries)
+        run = RunDirectory.create(directory, placed.name)
+        flight = Flight(placed, run, Silent())
+        summary = flight.fly(binaries)
+    if flight.signal is not None:
+        return None
+    if summary["ending"] != Ending.FAILED:
+        (directory / RUN_FOLDER).symlink_to(run.path.name)
+    return run.path
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Fly the case of the directory that is named."""
+    (directory,) = arguments
+    os.chdir(directory)  # nothing that a run leaves where it is started lands beside the study
+    return fly_case(Path(directory))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

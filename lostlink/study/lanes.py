@@ -1,0 +1,174 @@
+"""Where the runs of a study are flown: several at a time on this machine, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+from bridge.fleet.child import on_a_leash
+from bridge.timeouts import NEWS_PERIOD_S
+from lostlink.study.model import StudyError
+
+LOG_FILE = "log.txt"
+
+
+class Lanes(Protocol):
+    """Flies cases; left, it ends those that still fly."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None: ...
+
+    def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
+        """Fly the cases of these directories; gives each when it is over, and None now and then in between."""
+
+
+class _Flights:
+    """Flies cases, each in a process of its own, until it is told to end them."""
+
+    def __init__(self) -> None:
+        self._flying: set[subprocess.Popen[bytes]] = set()
+        self._lock = threading.Lock()
+        self._ended = False
+
+    def fly(self, case: Path) -> None:
+        """Fly a case, and wait for it; once all are ended, no more."""
+        with self._lock:
+            if self._ended:
+                return
+            process = _start(case)
+            self._flying.add(process)
+        try:
+            process.wait()
+        finally:
+            with self._lock:
+                self._flying.discard(process)
+
+    def end(self) -> None:
+        """Ask those that fly to end, and start no others."""
+        with self._lock:
+            self._ended = True
+            for process in self._flying:
+                process.send_signal(signal.SIGTERM)
+
+
+class Local:
+    """So many at a time on this machine, each in a process of its own that ends with this one."""
+
+    def __init__(self, lanes: int) -> None:
+        self._pool = ThreadPoolExecutor(lanes, thread_name_prefix="lane")
+        self._flights = _Flights()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        self._flights.end()
+        self._pool.shutdown(cancel_futures=True)
+
+    def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
+        """Fly the cases; see `Lanes.fly`."""
+        futures = {self._pool.submit(self._flights.fly, case): case for case in cases}
+        return _as_completed(futures)
+
+
+class Dask:
+    """On the workers of a Dask cluster, which see the study's directory under the same path.
+
+    Args:
+        scheduler: its address, as ``tcp://10.0.0.1:8786``.
+
+    Raises:
+        StudyError: Dask is not installed, or the scheduler does not answer.
+    """
+
+    def __init__(self, scheduler: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise StudyError("--scheduler needs Dask: pip install 'lostlink[dask]'") from error
+        try:
+            self._client: Any = Client(scheduler, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise StudyError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        with suppress(
+            OSError, TimeoutError
+        ):  # the scheduler may be gone; a worker that ends takes its flights along
+            self._client.run(end_here, self._client.id)
+        self._client.close()
+
+    def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
+        """Fly the cases; see `Lanes.fly`."""
+        futures: dict[Future[Any], Path] = {}
+        for case in cases:
+            local: Future[Any] = Future()
+            remote = self._client.submit(fly_here, self._client.id, str(case), pure=False, retries=1)
+            remote.add_done_callback(_passing_to(local))
+            futures[local] = case
+        return _as_completed(futures)
+
+
+_here: dict[str, _Flights] = {}
+"""On a worker of a cluster: the flights of each client."""
+
+
+def fly_here(client: str, case: str) -> None:
+    """Fly the case of a directory in a process of its own, and wait for it: what a worker of a cluster does."""
+    _here.setdefault(client, _Flights()).fly(Path(case))
+
+
+def end_here(client: str) -> None:
+    """End what a client has flying on this worker."""
+    _here.setdefault(client, _Flights()).end()
+
+
+def _start(case: Path) -> subprocess.Popen[bytes]:
+    with (case / LOG_FILE).open("ab") as log:
+        return subprocess.Popen(
+            on_a_leash([sys.executable, "-m", "lostlink.study.case_process", str(case)]),
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,  # Ctrl-C reaches the study only, which ends the others in order
+        )
+
+
+def _passing_to(local: Future[Any]) -> Callable[[Any], None]:
+    def done(remote: Any) -> None:
+        error = remote.exception() if remote.status == "error" else None
+        if error is None:
+            local.set_result(None)
+        else:
+            local.set_exception(error)
+
+    return done
+
+
+def _as_completed(futures: dict[Future[Any], Path]) -> Iterator[Path | None]:
+    open_ = set(futures)
+    while open_:
+        done, open_ = wait(open_, timeout=NEWS_PERIOD_S, return_when=FIRST_COMPLETED)
+        for future in done:
+            future.result()
+            yield futures[future]
+        if not done:
+            yield None

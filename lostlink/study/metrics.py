@@ -1,0 +1,136 @@
+"""What every study measures of a run; functions of the user's own add to it."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostlink.reading.ages import NEEDED, link_ages, times_of
+from lostlink.reading.links import counts_of
+from lostlink.reading.places import nearest_m, places_of
+from lostlink.reading.rows import link_rows
+from lostlink.reading.run import Run
+from lostlink.study.model import Function, StudyError
+
+Metrics = dict[str, Any]
+"""By column: a number, a text, a truth value, or a list of numbers."""
+
+
+OF_THE_STUDY = ("scenario", "case", "seed", "id", "failure")
+"""Columns that say which run a row is of, and why it failed."""
+
+
+def of_summary(run: Run) -> Metrics:
+    """What the summary says and the machine does not change; there of a run that failed, too.
+
+    ``ending``, ``verdict``, ``error``, ``passed`` (no verdict against it, no failed expectation), ``digest``,
+    ``sim_duration_s``.
+    """
+    summary = run.summary
+    return {
+        "ending": summary["ending"],
+        "error": summary["error"] or "",
+        "verdict": summary["verdict"],
+        "passed": not summary["verdict"].startswith("fail")
+        and all(one.get("passed", True) for one in summary.get("expectations", ())),
+        "digest": summary["digest"],
+        "sim_duration_s": summary["sim_duration_s"],
+    }
+
+
+def of_tables(run: Run) -> Metrics:
+    """What the tables say; the machine does not change it.
+
+    ``sent``, ``delivered`` and ``delivery`` (their quotient) of all links, and
+    ``delivery_<tx>_<rx>`` of each; ``age_mean_s``, the mean over the links of the time average of the age of
+    information, and ``age_peak_s``, the greatest of any link (`Run.ages`); ``separation_min_m``, the least distance of
+    two nodes at any tick.
+
+    Raises:
+        TableError, OSError: a table is not there, or damaged.
+    """
+    rows = link_rows(run.path, run.scenario.transceiver_ids, NEEDED)
+    links, ages = counts_of(rows), link_ages(times_of(rows, run.scenario.tick_period_ns), run.end_ns)
+    sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
+    return {
+        "sent": sent,
+        "delivered": delivered,
+        "delivery": delivered / sent if sent else float("nan"),
+        **{
+            f"delivery_{tx}_{rx}": float(d / s) if s else float("nan")
+            for tx, rx, s, d in zip(links["tx"], links["rx"], links["sent"], links["delivered"], strict=True)
+        },
+        "age_mean_s": _mean(ages["mean_s"]),
+        "age_peak_s": float(np.nanmax(ages["peak_s"], initial=0.0)) if len(ages["peak_s"]) else float("nan"),
+        "separation_min_m": nearest_m(places_of(run.path, run.nodes)[1].values()),
+    }
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def own(run: Run, functions: tuple[Function, ...]) -> Metrics:
+    """What functions of the user's own say of a run.
+
+    Raises:
+        StudyError: one gives what no table can hold, or a column that is the study's own. What they raise
+            themselves is passed on.
+    """
+    found: Metrics = {}
+    for function in functions:
+        result = load(function)(run)
+        if not isinstance(result, Mapping):
+            raise StudyError(
+                f"{_told(function)}: has to give a mapping of columns (got {type(result).__name__})"
+            )
+        if taken := [name for name in result if name in OF_THE_STUDY]:
+            raise StudyError(
+                f"{_told(function)}: {taken[0]}: is a column of the study's own: give it another name"
+            )
+        found |= {str(name): _plain(value, f"{_told(function)}: {name}") for name, value in result.items()}
+    return found
+
+
+def load(function: Function) -> Callable[..., Any]:
+    """The function itself.
+
+    Raises:
+        StudyError: it is not there. What the file raises is passed on.
+    """
+    found = getattr(_module(function.file), function.name, None)
+    if not callable(found):
+        raise StudyError(f"{_told(function)}: there is no such function")
+    return found  # type: ignore[no-any-return]
+
+
+def _module(file: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"study_{file.stem}", file)
+    assert spec is not None, "its name ends in .py"
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _plain(value: Any, told: str) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, list | tuple) and all(isinstance(part, int | float) for part in value):
+        return [float(part) for part in value]
+    raise StudyError(
+        f"{told}: has to be a number, text, truth value or list of numbers (got {type(value).__name__})"
+    )
+
+
+def _told(function: Function) -> str:
+    return f"{function.file}:{function.name}"

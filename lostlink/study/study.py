@@ -1,0 +1,139 @@
+"""A study from its file to its table, going on where an earlier one was ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from lostlink.study.case_process import Plan, is_done, read_result
+from lostlink.study.cases import Case, cases_of
+from lostlink.study.lanes import LOG_FILE, Lanes
+from lostlink.study.metrics import load
+from lostlink.study.model import Function, StudyError, StudyFile, read_study
+from lostlink.study.table import TABLE_FILE, write_table
+
+RUNS_FOLDER = "runs"
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How far a study is.
+
+    Attributes:
+        done: runs that are over and measured.
+        failed: those of them that failed: they are flown again when the study goes on.
+        count: all of its runs.
+        case: the run that was over just now; None: none.
+        failure: why it failed; "" if it did not.
+    """
+
+    done: int
+    failed: int
+    count: int
+    case: Case | None = None
+    failure: str = ""
+
+
+class Study:
+    """A study and its directory.
+
+    Args:
+        file: the study's file.
+        out: where directories of studies are kept; this one's has the study's name.
+        ardupilot_dir: where real binaries are, if that was said.
+
+    Attributes:
+        cases: all of its runs.
+        directory: its own directory.
+
+    Raises:
+        StudyError: the study cannot be flown.
+    """
+
+    def __init__(self, file: Path, out: Path, ardupilot_dir: Path | None = None) -> None:
+        self.content: StudyFile = read_study(file)
+        self.cases = cases_of(self.content, file.parent.resolve())
+        self.directory = (out / self.content.name).resolve()
+        self._ardupilot_dir = str(ardupilot_dir.resolve()) if ardupilot_dir else None
+        if self.content.figures and find_spec("pandas") is None:
+            raise StudyError(f"{file}: figures: needs pandas: pip install 'lostlink[pandas]'")
+        for function in (*self.content.metrics, *self.content.figures):
+            load(function)
+
+    def left(self) -> list[Case]:
+        """The runs that are still to be flown or measured."""
+        return [case for case in self.cases if not is_done(self.path(case), self._plan(case))]
+
+    def path(self, case: Case) -> Path:
+        """The directory of a run of the study."""
+        return self.directory / RUNS_FOLDER / case.id
+
+    def fly(self, lanes: Lanes) -> Iterator[Standing]:
+        """Fly what is left; gives how far it is after each run, and now and then in between.
+
+        Raises:
+            OSError: the directory cannot be written.
+        """
+        left = {self.path(case): case for case in self.left()}
+        for path, case in left.items():
+            path.mkdir(parents=True, exist_ok=True)
+            self._plan(case).write(path)
+        done, failed = len(self.cases) - len(left), 0
+        yield Standing(done, failed, len(self.cases))
+        for over in lanes.fly(list(left)):
+            if over is None:
+                yield Standing(done, failed, len(self.cases))
+                continue
+            failure = self._failure(over)
+            done, failed = done + 1, failed + bool(failure)
+            yield Standing(done, failed, len(self.cases), left[over], failure)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row per run: its labels, its id, why it failed ("" if it did not), and what was measured."""
+        rows = []
+        for case in self.cases:
+            result = read_result(self.path(case))
+            known = (
+                {"failure": "not flown"}
+                if result is None
+                else {"failure": result["failure"], **result["metrics"]}
+            )
+            rows.append({**case.labels, "id": case.id, **known})
+        return rows
+
+    def write(self) -> Path:
+        """Write the table; gives its file.
+
+        Raises:
+            StudyError, OSError: it cannot be written.
+        """
+        table = self.directory / TABLE_FILE
+        write_table(self.rows(), table)
+        return table
+
+    def draw(self) -> Iterator[str]:
+        """Have the study's figures drawn of the table; gives a line for each that cannot be."""
+        for function in self.content.figures:
+            try:
+                self._draw(function)
+            except Exception as error:
+                yield f"{function.file}:{function.name}: {type(error).__name__}: {error}"
+
+    def _draw(self, function: Function) -> None:
+        import pandas as pd
+
+        load(function)(pd.read_parquet(self.directory / TABLE_FILE), self.directory)
+
+    def _failure(self, path: Path) -> str:
+        result = read_result(path)
+        return (
+            f"its process ended without a result; see {path / LOG_FILE}"
+            if result is None
+            else result["failure"]
+        )
+
+    def _plan(self, case: Case) -> Plan:
+        return Plan(case.scenario.to_yaml(), self.content.metrics, self.content.keep, self._ardupilot_dir)

@@ -1,0 +1,43 @@
+"""The table of a study: a row per run, with its labels and what was measured of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from lostlink.study.model import StudyError
+
+TABLE_FILE = "metrics.parquet"
+
+
+def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Write rows in their order; columns in the order in which they first appear, empty where a row has none.
+
+    Raises:
+        StudyError: a column has values of several kinds.
+        OSError: the file cannot be written.
+    """
+    names = dict.fromkeys(name for row in rows for name in row)
+    columns = {}
+    for name in names:
+        values = [row.get(name) for row in rows]
+        try:
+            columns[name] = pa.array(_of_one_kind(values))
+        except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
+            raise StudyError(f"column {name} has values of several kinds: {error}") from error
+    part = path.with_suffix(".part")
+    pq.write_table(pa.table(columns), part, compression="zstd")
+    part.replace(path)
+
+
+def _of_one_kind(values: Sequence[Any]) -> Sequence[Any]:
+    """Whole numbers as doubles, if the column has those too."""
+    if not any(isinstance(value, float) for value in values):
+        return values
+    return [
+        float(value) if isinstance(value, int) and not isinstance(value, bool) else value for value in values
+    ]

@@ -1,0 +1,256 @@
+"""A flight in the background of a test."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import threading
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from bridge.fleet.slots import at_free_ports
+from bridge.fleet.supervisor import preflight
+from bridge.record.tables.schema import DELIVERIES, TRUTH, Table
+from bridge.run.directory import RunDirectory
+from lostlink.flight.flight import Flight, Silent
+from lostlink.flight.scripted import RunResult, ScenarioLike, read_like
+from lostlink.reading.run import Run, load_run
+from lostlink.testing.views import NS_PER_S, LinkRecord, NodeRecord, Place
+
+LOOK_S = 0.1
+"""How often the record is looked at while a test waits, wall time. It decides when a test goes on, and no answer."""
+
+
+class UaOfFlight(NodeRecord):
+    """A node of a flight that may go on: what `NodeRecord` says, and waiting for it."""
+
+    def __init__(self, flight: FleetFlight, node: str) -> None:
+        super().__init__(flight.record, node)
+        self._flight = flight
+
+    async def at(
+        self,
+        *,
+        north_m: float | None = None,
+        east_m: float | None = None,
+        height_m: float | None = None,
+        within_m: float = 5.0,
+        after_s: float = 0.0,
+        before_s: float = math.inf,
+    ) -> float:
+        """Wait until it is within ``within_m`` of a place; gives when that first was, in s of sim time.
+
+        Args:
+            north_m: the place, from the fleet's origin; an axis that is not given does not matter.
+            east_m: likewise.
+            height_m: likewise.
+            within_m: so near.
+            after_s: not before this.
+            before_s: not after this.
+
+        Raises:
+            AssertionError: it was not, by ``before_s`` or the end of the flight; the text says how near it came.
+            ValueError: no place was given, or the flight ended without a record that can be read.
+            OSError: likewise.
+        """
+        place = Place(north_m, east_m, height_m)
+        while True:
+            is_over, recorded_s = self._flight.is_over, self._flight.recorded_s()
+            try:
+                return self.reaches(place, within_m, after_s, before_s)
+            except AssertionError:
+                if is_over or recorded_s > before_s:
+                    raise
+            except (OSError, ValueError):  # not begun, or just now becoming Parquet
+                if is_over:
+                    raise
+            await asyncio.sleep(LOOK_S)
+
+
+class FleetFlight:
+    """A flight that a test has started. Its answers come from the record, and so are the same for the same flight.
+
+    Attributes:
+        path: its run directory.
+    """
+
+    def __init__(self, flight: Flight, ardupilot_dir: Path | None, held: ExitStack) -> None:
+        self.path = flight.directory.path
+        self._flight, self._held = flight, held
+        self._summary: dict[str, Any] | None = None
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._fly, args=(ardupilot_dir,), name=f"fly {self.path.name}")
+        self._thread.start()
+
+    def _fly(self, ardupilot_dir: Path | None) -> None:
+        try:
+            self._summary = self._flight.fly(ardupilot_dir, takes_signals=False)
+        except BaseException as error:
+            self._error = error
+        finally:
+            self._held.close()
+
+    @property
+    def record(self) -> Run:
+        """The record as it is now.
+
+        Raises:
+            NoRun: nothing was recorded yet.
+        """
+        return load_run(self.path)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has ended, and its record is complete."""
+        return not self._thread.is_alive()
+
+    def recorded_s(self) -> float:
+        """Sim time up to which there is a whole record, s; below 0 before the first tick.
+
+        While it flies, that is where the packets of all its nodes are recorded, too: of a flight without any, nothing
+        is told before its end.
+        """
+        tables = (TRUTH,) if self.is_over else (TRUTH, DELIVERIES)
+        return min(self._last_s(table) for table in tables)
+
+    def _last_s(self, table: Table) -> float:
+        try:
+            times_ns = self.record.columns(table.name, (table.tick,))[table.tick]
+        except (OSError, ValueError):  # not begun, or just now becoming Parquet
+            return -1.0
+        return float(times_ns[-1]) / NS_PER_S if len(times_ns) else -1.0
+
+    async def at(self, sim_time_s: float) -> None:
+        """Wait until the flight has been recorded up to ``sim_time_s``.
+
+        Raises:
+            AssertionError: it ended before that; the text says how.
+        """
+        while True:
+            is_over = self.is_over
+            if self.recorded_s() >= sim_time_s:
+                return
+            if is_over:
+                raise AssertionError(
+                    f"the flight ended at {self.recorded_s():.2f} s, before {sim_time_s} s: {self._told()}"
+                )
+            await asyncio.sleep(LOOK_S)
+
+    def ua(self, node: int | str) -> UaOfFlight:
+        """One of its nodes.
+
+        Raises:
+            ValueError: there is none of that id.
+        """
+        return UaOfFlight(self, str(node))
+
+    def link(self, tx: int | str, rx: int | str) -> LinkRecord:
+        """The link from one node to another, as recorded so far.
+
+        Raises:
+            ValueError: there is no such node.
+        """
+        return LinkRecord(self.record, str(tx), str(rx))
+
+    async def end(self) -> RunResult:
+        """Wait for its end; gives what came of it."""
+        await asyncio.to_thread(self._thread.join)
+        return self.result()
+
+    def result(self) -> RunResult:
+        """What came of it, once it is over; waits for that.
+
+        Raises:
+            OSError, ValueError: its record could not be written.
+        """
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+        assert self._summary is not None
+        return RunResult(self.path, self._summary)
+
+    def stop(self) -> None:
+        """End it now, in order, and wait for that."""
+        self._flight.interrupt()
+        self._thread.join()
+
+    def _told(self) -> str:
+        if self._summary is None:
+            return str(self._error)
+        return f"{self._summary['ending']}; {self._summary['error'] or self._summary['verdict']}"
+
+
+class Flights:
+    """What the fixture `fleet` is: starts flights, and ends them with the test.
+
+    Args:
+        directory: where their runs are kept.
+        ardupilot_dir: where real binaries are, if that was said.
+    """
+
+    def __init__(self, directory: Path, ardupilot_dir: Path | None = None) -> None:
+        self._directory, self._ardupilot_dir = directory, ardupilot_dir
+        self._flights: list[FleetFlight] = []
+
+    async def __call__(
+        self,
+        scenario: ScenarioLike,
+        *,
+        seed: int | None = None,
+        duration_s: float | None = None,
+        autopilot: str | None = None,
+        changes: Mapping[str, Any] | None = None,
+    ) -> FleetFlight:
+        """Start a flight, as fast as the machine can, and wait until it is in the air's first tick.
+
+        Args:
+            scenario: a shipped scenario's name, a YAML file, its content as a mapping, or a `Scenario`.
+            seed: in place of the scenario's, as are the next two.
+            duration_s: longest sim time.
+            autopilot: who flies.
+            changes: further keys, dotted.
+
+        Raises:
+            ScenarioError: the scenario cannot be used.
+            FleetError: the run could not start.
+            AssertionError: it ended at once; the text says why.
+        """
+        flight = await asyncio.to_thread(
+            self.start, scenario, seed=seed, duration_s=duration_s, autopilot=autopilot, changes=changes
+        )
+        await flight.at(0.0)
+        return flight
+
+    def fly(self, scenario: ScenarioLike, **given: Any) -> FleetFlight:
+        """Fly a scenario to its end, for a test that is not async; arguments as of a call."""
+        flight = self.start(scenario, **given)
+        flight.result()
+        return flight
+
+    def start(
+        self,
+        scenario: ScenarioLike,
+        *,
+        seed: int | None = None,
+        duration_s: float | None = None,
+        autopilot: str | None = None,
+        changes: Mapping[str, Any] | None = None,
+    ) -> FleetFlight:
+        """Start a flight, and go on at once; arguments and errors as of a call."""
+        given = {"seed": seed, "duration_s": duration_s, "autopilot": autopilot, "speed": "max"}
+        asked = {key: value for key, value in given.items() if value is not None} | dict(changes or {})
+        resolved = read_like(scenario, {"figure": False} | asked)
+        with ExitStack() as held:
+            placed = held.enter_context(at_free_ports(resolved))
+            preflight(placed, self._ardupilot_dir)
+            run = RunDirectory.create(self._directory, placed.name)
+            flight = FleetFlight(Flight(placed, run, Silent()), self._ardupilot_dir, held.pop_all())
+        self._flights.append(flight)
+        return flight
+
+    def stop(self) -> None:
+        """End all that still fly."""
+        for flight in self._flights:
+            flight.stop()

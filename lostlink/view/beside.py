@@ -1,0 +1,108 @@
+"""The live view beside a command that flies: a process of its own, which no result depends on."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from importlib.util import find_spec
+from types import TracebackType
+from typing import Self
+
+from bridge.bus.session import free_port
+from bridge.fleet.child import on_a_leash
+from bridge.fleet.ports import HOST, PortUse, conflicts
+from bridge.run.directory import RunDirectory
+
+PORT = 8080
+END_S = 5.0
+"""For the view to end after it was asked to."""
+
+
+class NoView(RuntimeError):
+    """The view cannot be served; the text says why, and what to do."""
+
+
+class ViewProcess:
+    """The view of a run; a context manager that ends it for sure.
+
+    Args:
+        port: to serve at; 0: any free one.
+        control: whether viewers may command.
+
+    Raises:
+        NoView: a package is missing, or the port is taken.
+    """
+
+    def __init__(self, port: int, *, control: bool) -> None:
+        check_installed()
+        if port:
+            taken = conflicts([PortUse(port, "TCP", "live view", "--view-port")])
+            if taken:
+                raise NoView("\n".join(taken))
+        self.port, self._control = port or free_port(HOST), control
+        self._process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def address(self) -> str:
+        """What a browser is given."""
+        return f"http://{HOST}:{self.port}/"
+
+    def start(self, run: RunDirectory) -> None:
+        """Serve the view of a run that is about to start; its output goes to a log of the run."""
+        command = [
+            sys.executable,
+            "-m",
+            "lostlink.cli.main",
+            "view",
+            str(run.path),
+            "--port",
+            str(self.port),
+            "--token",
+            "",  # of this machine alone, whatever the environment has
+            "--wait",
+        ]
+        command += ["--control"] if self._control else []
+        with run.log_path("view").open("wb") as log:
+            self._process = subprocess.Popen(
+                on_a_leash(command),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it serves still."""
+        return self._process is not None and self._process.poll() is None
+
+    def wait(self) -> None:
+        """Wait until nobody looks any more: once the run is over the view ends by itself then."""
+        if self._process is not None:
+            self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        if self._process is None or not self.is_open:
+            return
+        self._process.send_signal(signal.SIGTERM)
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_S)
+        self._process.kill()
+        self._process.wait()
+
+
+def check_installed() -> None:
+    """See that what the view needs is there.
+
+    Raises:
+        NoView: it is not.
+    """
+    if find_spec("nicegui") is None:
+        raise NoView("the live view needs NiceGUI: pip install 'lostlink[view]'")

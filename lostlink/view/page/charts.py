@@ -1,0 +1,250 @@
+"""Charts as options of ECharts, from what the view knows: plain functions, no browser."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from channel.intervals import proportion_interval
+from lostlink.view.picture.link_history import DistanceBins, LinkSeries
+
+POINTS_MAX = 400
+Options = dict[str, Any]
+SERIES_COLOURS = ("#2b7bba", "#d95f02", "#5a9e6f", "#8e6bbf", "#b5893a", "#c2497c")
+CAUSE_COLOURS = {
+    "channel_erasure": "#d95f02",
+    "out_of_range": "#7570b3",
+    "base_loss": "#b5893a",
+    "burst": "#c2497c",
+    "no_position": "#888888",
+    "radio_off": "#4d4d4d",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Colours of a theme."""
+
+    ink: str
+    faint: str
+
+
+LIGHT, DARK = Look("#1c2733", "#d5dce3"), Look("#e4e9ee", "#3a444e")
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCurve:
+    """The model's probability of delivery by distance, shape (D,) each; empty if a distance alone says too little."""
+
+    distance_m: NDArray[np.float64]
+    probability: NDArray[np.float64]
+
+
+def link_chart(series: LinkSeries, look: Look) -> Options:
+    """Power, SNR and delivery of one link over sim time."""
+    thin = thinned(len(series.time_s))
+    time_s = series.time_s[thin]
+    rows = (
+        ("received power, dBm", [("received power", series.received_power_dbm)]),
+        ("SNR, dB", [("SNR", series.snr_db)]),
+        ("delivery", [("measured", series.measured), ("model (1 - PER)", series.probability)]),
+    )
+    options = frame(look)
+    options["legend"]["data"] = ["measured", "model (1 - PER)"]
+    options |= {"grid": [], "xAxis": [], "yAxis": [], "series": []}
+    for row, (name, lines) in enumerate(rows):
+        options["grid"].append({"left": 62, "right": 16, "top": f"{8 + 31 * row}%", "height": "21%"})
+        options["xAxis"].append(axis("", look) | {"gridIndex": row, "min": "dataMin", "max": "dataMax"})
+        options["yAxis"].append(
+            axis(name, look) | {"gridIndex": row, "scale": row < 2, **_unit_range(row == 2)}
+        )
+        for number, (label, values) in enumerate(lines):
+            options["series"].append(
+                {
+                    "name": label,
+                    "type": "line",
+                    "showSymbol": False,
+                    "xAxisIndex": row,
+                    "yAxisIndex": row,
+                    "data": points(time_s, values[thin]),
+                    "color": SERIES_COLOURS[number],
+                    "lineStyle": {"width": 2, "type": "dashed" if number else "solid"},
+                }
+            )
+    options["xAxis"][-1]["name"] = "sim time, s"
+    return options
+
+
+def delivery_chart(bins: DistanceBins, model: ModelCurve, look: Look) -> Options:
+    """Probability of delivery against distance, measured and by the model: Moon et al. 2020, Fig. 6, as it grows."""
+    measured = bins.delivered / np.maximum(bins.sent, 1)
+    low, high = proportion_interval(bins.delivered, bins.sent) if bins.sent.size else (measured, measured)
+    options = frame(look)
+    options |= {
+        "grid": {"left": 62, "right": 16, "top": 40, "bottom": 48},
+        "xAxis": axis("distance, m", look) | {"min": 0},
+        "yAxis": axis("probability of delivery", look) | _unit_range(True),
+        "series": [
+            {
+                "name": "measured",
+                "type": "scatter",
+                "symbolSize": 7,
+                "color": SERIES_COLOURS[0],
+                "data": points(bins.distance_m, measured),
+            },
+            _whiskers(bins.distance_m, np.asarray(low), np.asarray(high)),
+            {
+                "name": "model",
+                "type": "line",
+                "showSymbol": False,
+                "color": SERIES_COLOURS[1],
+                "lineStyle": {"type": "dashed", "width": 2},
+                "data": points(model.distance_m, model.probability),
+            },
+        ],
+    }
+    return options
+
+
+def _whiskers(at: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> Options:
+    """Vertical lines as one broken line: a gap after each."""
+    data: list[list[float | None] | str] = []
+    for x, bottom, top in zip(at.tolist(), low.tolist(), high.tolist(), strict=True):
+        data += [[x, _short(bottom)], [x, _short(top)], "-"]
+    return {
+        "name": "99 % interval",
+        "type": "line",
+        "showSymbol": False,
+        "color": SERIES_COLOURS[0],
+        "lineStyle": {"width": 1},
+        "data": data,
+    }
+
+
+def losses_chart(time_s: NDArray[Any], shares: dict[str, NDArray[Any]], look: Look) -> Options:
+    """Share of packets that were lost to each cause, over sim time."""
+    thin = thinned(len(time_s))
+    options = frame(look)
+    options |= {
+        "grid": {"left": 62, "right": 16, "top": 40, "bottom": 48},
+        "xAxis": axis("sim time, s", look) | {"min": "dataMin", "max": "dataMax"},
+        "yAxis": axis("share lost", look) | _unit_range(True),
+        "series": [
+            {
+                "name": cause.replace("_", " "),
+                "type": "line",
+                "stack": "lost",
+                "areaStyle": {"opacity": 0.5},
+                "showSymbol": False,
+                "color": CAUSE_COLOURS.get(cause, "#888888"),
+                "data": points(time_s[thin], share[thin]),
+            }
+            for cause, share in sorted(shares.items())
+        ],
+    }
+    return options
+
+
+def matrix_chart(nodes: list[str], share: NDArray[Any], look: Look) -> Options:
+    """Share of packets that arrived, from each node (column) to each (row)."""
+    data = [
+        [tx, rx, _short(share[tx, rx])]
+        for tx in range(len(nodes))
+        for rx in range(len(nodes))
+        if np.isfinite(share[tx, rx])
+    ]
+    options = frame(look, legend=False)
+    names = {
+        "type": "category",
+        "data": nodes,
+        "axisLabel": {"color": look.ink},
+        "splitArea": {"show": False},
+    }
+    options |= {
+        "grid": {"left": 62, "right": 16, "top": 16, "bottom": 92},
+        "xAxis": names
+        | {"name": "from", "nameLocation": "middle", "nameGap": 26, "nameTextStyle": {"color": look.ink}},
+        "yAxis": names
+        | {
+            "name": "to",
+            "nameLocation": "middle",
+            "nameGap": 40,
+            "nameTextStyle": {"color": look.ink},
+            "inverse": True,
+        },
+        "visualMap": {
+            "min": 0,
+            "max": 1,
+            "calculable": False,
+            "orient": "horizontal",
+            "left": "center",
+            "bottom": 8,
+            "text": ["all arrive", "none"],
+            "textStyle": {"color": look.ink},
+            "inRange": {"color": STEPS},
+        },
+        "series": [
+            {
+                "name": "delivered",
+                "type": "heatmap",
+                "data": data,
+                "label": {"show": len(nodes) <= 8, "formatter": "{@[2]}"},
+            }
+        ],
+    }
+    return options
+
+
+STEPS = [
+    *("#c62828", "#cf4a1f", "#d66616", "#db800f", "#dd9810", "#c7a329"),
+    *("#9aa14f", "#6f9b72", "#488f92", "#2f80ac", "#2069b8"),
+]
+"""From nothing arrives to everything does: red, amber, blue, told apart by the colour-blind, too."""
+
+
+def frame(look: Look, *, legend: bool = True) -> Options:
+    """What all charts have in common."""
+    return {
+        "animation": False,
+        "aria": {"enabled": False},  # it would put its own name in place of the page's
+        "backgroundColor": "transparent",
+        "textStyle": {"color": look.ink},
+        "tooltip": {"trigger": "item"},
+        "legend": {"show": legend, "top": 0, "textStyle": {"color": look.ink}},
+    }
+
+
+def axis(name: str, look: Look) -> Options:
+    """An axis with numbers."""
+    return {
+        "type": "value",
+        "name": name,
+        "nameLocation": "middle",
+        "nameGap": 40 if name and not name.startswith(("sim", "dist")) else 24,
+        "nameTextStyle": {"color": look.ink},
+        "axisLabel": {"color": look.ink},
+        "axisLine": {"lineStyle": {"color": look.faint}},
+        "splitLine": {"lineStyle": {"color": look.faint}},
+    }
+
+
+def _unit_range(is_share: bool) -> Options:
+    return {"min": 0, "max": 1} if is_share else {}
+
+
+def thinned(length: int) -> NDArray[np.intp]:
+    """Places of at most POINTS_MAX points, evenly; the newest is one of them."""
+    step = -(-length // POINTS_MAX) if length else 1
+    return np.arange(length - 1, -1, -step)[::-1]
+
+
+def points(x: NDArray[Any], y: NDArray[Any]) -> list[list[float | None]]:
+    """Pairs; None for what is not finite."""
+    return [[_short(a), _short(b)] for a, b in zip(x.tolist(), y.tolist(), strict=True)]
+
+
+def _short(value: float) -> float | None:
+    return round(float(value), 3) if np.isfinite(value) else None

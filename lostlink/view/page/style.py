@@ -1,0 +1,52 @@
+"""Colours and places of the page, for light and dark; prefers-color-scheme decides unless the viewer does."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from lostlink.view.page.charts import SERIES_COLOURS, STEPS
+
+_LIGHT: Final = (
+    "--ll-ink:#1c2733;--ll-faint:#dde3e9;--ll-accent:#2b7bba;--ll-loss:#b3001b;--ll-ground:#fbfcfd;"
+    "--ll-panel:#ffffff;--ll-page:#eef1f4;--ll-line:#c5ced7;--ll-bar:#22384d;"
+)
+_DARK: Final = (
+    "--ll-ink:#e4e9ee;--ll-faint:#2b343d;--ll-accent:#6fb3e8;--ll-loss:#ff6b7d;--ll-ground:#12171c;"
+    "--ll-panel:#1a2027;--ll-page:#0d1115;--ll-line:#3a444e;--ll-bar:#16222e;"
+)
+CSS: Final = f"""
+body {{ {_LIGHT} --ll-steps:{",".join(STEPS)}; --ll-nodes:{",".join(SERIES_COLOURS)};
+  background:var(--ll-page); color:var(--ll-ink); }}
+body.body--dark {{ {_DARK} background:var(--ll-page); }}
+.nicegui-content {{ padding:0; gap:0; }}
+.ll-bar {{ background:var(--ll-bar); color:#fff; padding:6px 14px; gap:16px; align-items:center; flex-wrap:wrap; }}
+.ll-bar h1 {{ font-size:1rem; line-height:1.4; margin:0; font-weight:600; }}
+.ll-time {{ font-variant-numeric:tabular-nums; }}
+.ll-main {{ display:grid; grid-template-columns:minmax(0,3fr) minmax(0,2fr); gap:8px; padding:8px; width:100%;
+  height:calc(100vh - 46px); min-height:520px; }}
+.ll-panel {{ background:var(--ll-panel); border:1px solid var(--ll-line); border-radius:6px; display:flex;
+  flex-direction:column; min-height:0; min-width:0; overflow:hidden; }}
+.ll-tools {{ display:flex; flex-wrap:wrap; gap:4px 10px; padding:6px 10px; align-items:center;
+  border-bottom:1px solid var(--ll-line); }}
+.ll-scene {{ flex:1; min-height:0; }}
+.ll-scene > * {{ width:100%; height:100%; }}
+.ll-place {{ flex:1; min-width:120px; accent-color:var(--ll-accent); }}
+.ll-scale {{ display:inline-flex; gap:8px; align-items:center; }}
+.ll-legend {{ display:inline-block; width:120px; height:10px; border-radius:3px;
+  background:linear-gradient(90deg,{",".join(STEPS)}); }}
+.ll-chart {{ flex:1; min-height:260px; width:100%; }}
+.ll-tab {{ display:flex; flex-direction:column; gap:8px; width:100%; height:100%; padding:10px; }}
+.ll-panel .q-tab-panels {{ flex:1; min-height:0; background:transparent; color:inherit; }}
+.ll-panel .q-tab-panel {{ padding:0; height:100%; overflow:auto; }}
+.ll-said {{ flex:none; height:22%; min-height:90px; overflow:auto; padding:6px 10px;
+  display:flex; flex-direction:column-reverse; /* stays at its newest line, unless it is scrolled away */
+  border-top:1px solid var(--ll-line); font-size:.85rem; }}
+.ll-said ol {{ list-style:none; margin:0 0 auto; padding:0; }}
+.q-table__container {{ background:transparent; color:inherit; }}
+.q-table tbody td {{ font-variant-numeric:tabular-nums; }}
+.q-table--dense th, .q-table--dense td {{ padding:2px 5px !important; }}
+.ll-tab .nicegui-table {{ width:100%; max-height:100%; }}
+.ll-words {{ font-size:.9rem; }}
+*:focus-visible {{ outline:2px solid var(--ll-accent); outline-offset:1px; }}
+@media (max-width: 900px) {{ .ll-main {{ grid-template-columns:1fr; height:auto; }} .ll-scene {{ min-height:420px; }} }}
+"""

@@ -1,0 +1,159 @@
+"""The fleet in words: what the map, the matrix and the log say, for tables and screen readers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from bridge.bus.messages import AircraftState
+from lostlink.view.picture.fleet_view import FleetView
+
+Rows = list[dict[str, Any]]
+
+
+def _columns(*columns: tuple[str, str, str], sortable: bool = False) -> Rows:
+    """Columns as Quasar's table takes them: of each its name, label and side."""
+    more = {"sortable": True} if sortable else {}
+    return [
+        {"name": name, "label": label, "field": name, "align": align} | more for name, label, align in columns
+    ]
+
+
+FLEET_COLUMNS = _columns(
+    ("node", "node", "left"),
+    ("mode", "mode", "left"),
+    ("north", "north m", "right"),
+    ("east", "east m", "right"),
+    ("height", "height m", "right"),
+    ("speed", "m/s", "right"),
+    ("hears", "hears", "right"),
+    ("heard", "heard by", "right"),
+    sortable=True,
+)
+AGENT_COLUMNS = _columns(
+    ("node", "node", "left"), ("activity", "its agent", "left"), ("logged", "values it logged", "left")
+)
+EMITTER_COLUMNS = _columns(
+    ("emitter", "emitter", "left"),
+    ("frequency", "MHz", "right"),
+    ("power", "dBm", "right"),
+    ("north", "north m", "right"),
+    ("east", "east m", "right"),
+    ("height", "height m", "right"),
+)
+LOGGED_COLUMNS = _columns(
+    ("name", "name", "left"),
+    ("time", "sim time s", "right"),
+    ("value", "value", "left"),
+    ("drawn", "drawn as", "left"),
+)
+LOSS_COLUMNS = _columns(
+    ("cause", "fate", "left"), ("packets", "packets", "right"), ("share", "share", "right")
+)
+
+
+def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
+    """A row per node: where it is, and who hears whom."""
+    hears, heard = view.losses.heard.sum(axis=1), view.losses.heard.sum(axis=0)
+    rows: Rows = []
+    for number, node in enumerate(view.nodes):
+        north, east, down = view.position_ned_m[number].tolist()
+        state = view.news[node.id].state
+        rows.append(
+            {
+                "id": number,
+                "node": node.title,
+                "chosen": number == chosen,
+                "mode": _mode_words(state, is_off=number in view.radios_off),
+                "north": _number(north),
+                "east": _number(east),
+                "height": _number(-down),
+                "speed": _number(float(np.linalg.norm(view.velocity_ned_mps[number]))),
+                "hears": f"{int(hears[number])}/{int(view.losses.known[number].sum())}",
+                "heard": f"{int(heard[number])}/{int(view.losses.known[:, number].sum())}",
+            }
+        )
+    return rows
+
+
+def _mode_words(state: AircraftState | None, *, is_off: bool) -> str:
+    words = [] if state is None else [state.mode] if state.armed else [state.mode, "disarmed"]
+    words += ["radio off"] if is_off else []
+    return ", ".join(words) or "-"
+
+
+def emitter_rows(view: FleetView) -> Rows:
+    """A row per RF emitter: what it radiates, and where it is."""
+    rows: Rows = []
+    for emitter, place in zip(view.emitters, view.emitter_position_ned_m.tolist(), strict=True):
+        north, east, down = place
+        rows.append(
+            {
+                "emitter": emitter.id,
+                "frequency": f"{emitter.frequency_hz / 1e6:.6g}",
+                "power": _number(emitter.power_dbm),
+                "north": _number(north),
+                "east": _number(east),
+                "height": _number(-down),
+            }
+        )
+    return rows
+
+
+def agent_rows(view: FleetView) -> Rows:
+    """A row per node: what its agent reports, and how many values it logs."""
+    return [
+        {
+            "id": node.id,
+            "node": node.title,
+            "activity": agent.activity if (agent := view.news[node.id].agent) else "-",
+            "logged": len(view.logged.latest[node.id]),
+        }
+        for node in view.nodes
+    ]
+
+
+def logged_rows(view: FleetView, node: str) -> Rows:
+    """A row per name under which a node's agent logged: the newest value."""
+    return [
+        {
+            "name": name,
+            "time": f"{latest.sim_time_ns / 1e9:.2f}",
+            "value": latest.text,
+            "drawn": str(latest.shape or "-"),
+        }
+        for name, latest in sorted(view.logged.latest[node].items())
+    ]
+
+
+def loss_rows(view: FleetView) -> Rows:
+    """A row per fate."""
+    total = max(1, view.losses.total.total())
+    return [
+        {"cause": cause.replace("_", " "), "packets": count, "share": f"{100 * count / total:.1f} %"}
+        for cause, count in view.losses.total.most_common()
+    ]
+
+
+def link_words(view: FleetView, tx: int, rx: int) -> str:
+    """One link in a sentence."""
+    distance_m, power_dbm, snr_db, sent, delivered = (
+        float(view.links.latest(name)[tx, rx])
+        for name in ("distance_m", "received_power_dbm", "snr_db", "sent", "delivered")
+    )
+    names = f"{view.nodes[tx].title} to {view.nodes[rx].title}"
+    if not np.isfinite(sent):
+        return f"{names}: no packet yet"
+    silent = [view.nodes[end].title for end in (tx, rx) if end in view.radios_off]
+    if silent:
+        off = f"radio of {' and of '.join(silent)} off"
+        return f"{names}: {off}; {delivered:.0f} of {sent:.0f} packets delivered"
+    return (
+        f"{names}: {distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
+        f"{view.links.probability[tx, rx]:.2f}; {delivered:.0f} of {sent:.0f} packets delivered"
+    )
+
+
+def _number(value: float) -> str:
+    return f"{round(value, 1) + 0.0:.1f}" if np.isfinite(value) else "-"

@@ -1,0 +1,83 @@
+"""Time on the page: how far the run is and, for who may, pause, step, speed and any instant of a record."""
+
+from __future__ import annotations
+
+import math
+
+from nicegui import ui
+
+from lostlink.view.picture.fleet_view import FleetView
+from lostlink.view.sources.time_control import TimeControl
+
+SPEEDS = {0.2: "0.2 x", 0.5: "0.5 x", 1.0: "1 x", 2.0: "2 x", 5.0: "5 x", 10.0: "10 x", math.inf: "max"}
+STEP_S = 0.05
+"""Of the slider's keys."""
+
+
+class Timeline:
+    """The bar below the map.
+
+    Args:
+        view: the picture.
+        time_control: of time; None: it is only shown.
+    """
+
+    def __init__(self, view: FleetView, time_control: TimeControl | None) -> None:
+        self._view, self._time_control = view, time_control
+        self._is_dragged = False
+        with ui.element("div").classes("ll-tools").props('role="group" aria-label="Time"'):
+            if time_control is not None:
+                self._build_controls(time_control)
+            self._place = self._build_place(time_control)
+            self._words = ui.label().classes("ll-time")
+
+    def _build_place(self, time_control: TimeControl | None) -> ui.element:
+        """The browser's own elements: keys and screen readers know them."""
+        longest_s = max(1.0, self._view.duration_s)
+        if time_control is None or not time_control.can_seek:
+            bar = ui.element("progress").props(f'max={longest_s} value=0 aria-label="Sim time in seconds"')
+            return bar.classes("ll-place")
+        slider = ui.element("input").classes("ll-place")
+        slider.props(
+            f'type=range min=0 max={longest_s} step={STEP_S} value=0 aria-label="Sim time in seconds"'
+        )
+        slider.on("input", self._dragged, js_handler="() => emit()")
+        slider.on(
+            "change",
+            lambda event: self._seek(time_control, float(event.args)),
+            js_handler="(event) => emit(Number(event.target.value))",
+        )
+        return slider
+
+    def _build_controls(self, time_control: TimeControl) -> None:
+        def toggle() -> None:
+            if self._view.clock.paused:
+                time_control.resume()
+            else:
+                time_control.pause()
+
+        self._toggle = ui.button("Pause", on_click=toggle).props("dense no-caps flat")
+        ui.button("Step", on_click=time_control.step).props(
+            'dense no-caps flat aria-label="One tick further"'
+        )
+        now = self._view.clock.speed
+        ui.select(
+            SPEEDS, value=now if now in SPEEDS else None, on_change=lambda e: time_control.speed(e.value)
+        ).props('dense options-dense borderless aria-label="Speed"')
+
+    def _dragged(self) -> None:
+        self._is_dragged = True
+
+    def _seek(self, time_control: TimeControl, sim_time_s: float) -> None:
+        self._is_dragged = False
+        time_control.seek(sim_time_s)
+
+    def refresh(self) -> None:
+        """Show how far it is."""
+        seconds = self._view.sim_time_ns / 1e9
+        if not self._is_dragged:
+            self._place.props["value"] = round(seconds, 2)
+            self._place.update()
+        self._words.set_text(f"{seconds:.1f} / {self._view.duration_s:.0f} s")
+        if self._time_control is not None:
+            self._toggle.set_text("Go on" if self._view.clock.paused else "Pause")

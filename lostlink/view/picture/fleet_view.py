@@ -1,0 +1,219 @@
+"""What the live view knows of a run: a plain class that is fed with messages. No I/O, no clock.
+
+It is an observer's picture: what was published before somebody looked is not in it, unless messages carry totals.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.bus.messages import AgentStatus, AircraftState, Clock, Fates, Links, Message, Truth, Truths
+from bridge.scenario.model import Scenario
+from lostlink.view.picture.link_history import LinkHistory
+from lostlink.view.picture.logged import Logged
+from lostlink.view.picture.losses import Losses
+
+TRAIL_PERIOD_NS = 500_000_000
+"""Between two points of a trail, sim time."""
+TRAIL_POINTS = 240
+NEWS_KEPT = 200
+"""Lines of what agents and operators said."""
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class NodeInfo:
+    """A node as the scenario has it."""
+
+    id: str
+    kind: Literal["ua", "ground"]
+    title: str
+    detail: str = ""
+    takes_commands: bool = True
+    """Whether a host of the run has it; a ground node without an agent of ours has none."""
+
+
+@dataclass(frozen=True, slots=True)
+class EmitterInfo:
+    """An RF emitter as the scenario has it."""
+
+    id: str
+    frequency_hz: float
+    power_dbm: float
+
+
+@dataclass(slots=True)
+class NodeNews:
+    """What a node told last.
+
+    Attributes:
+        state: of its autopilot; None before the first.
+        agent: what its agent said of itself.
+    """
+
+    state: AircraftState | None = None
+    agent: AgentStatus | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NewsLine:
+    """Something that somebody said: at when, who, what."""
+
+    sim_time_ns: int
+    node: str
+    text: str
+
+
+class FleetView:
+    """The picture of one run.
+
+    Args:
+        nodes: all nodes, in the order of their indices.
+        duration_s: sim time at which the run ends at the latest.
+        emitters: of the scenario.
+    """
+
+    def __init__(
+        self, nodes: Sequence[NodeInfo], duration_s: float, emitters: Sequence[EmitterInfo] = ()
+    ) -> None:
+        self.nodes = tuple(nodes)
+        self.emitters = tuple(emitters)
+        self.duration_s = duration_s
+        self.index = {node.id: number for number, node in enumerate(self.nodes)}
+        self._emitter_index = {emitter.id: number for number, emitter in enumerate(self.emitters)}
+        self.times_forgotten = 0
+        """How often all was forgotten: whoever shows what is new begins anew then."""
+        self._begin()
+
+    def _begin(self) -> None:
+        self.clock = Clock()
+        self.is_over = False
+        self.links = LinkHistory(len(self.nodes))
+        self.losses = Losses(len(self.nodes))
+        self.logged = Logged(tuple(self.index))
+        self.news = {node.id: NodeNews() for node in self.nodes}
+        self.lines: deque[NewsLine] = deque(maxlen=NEWS_KEPT)
+        self.lines_told = 0
+        """How many lines there have been; the newest are in `lines`."""
+        self.radios_off: frozenset[int] = frozenset()
+        """Nodes whose radios are off, by the newest report of links."""
+        shape = (len(self.nodes), 3)
+        self.position_ned_m: Floats = np.full(shape, np.nan)
+        self.velocity_ned_mps: Floats = np.full(shape, np.nan)
+        self.wind_ned_mps: Floats = np.full(shape, np.nan)
+        self.heading_rad: Floats = np.full(len(self.nodes), np.nan)
+        self.emitter_position_ned_m: Floats = np.full((len(self.emitters), 3), np.nan)
+        self.trail: deque[Floats] = deque(maxlen=TRAIL_POINTS)
+        """Positions of all nodes, every TRAIL_PERIOD_NS."""
+        self.trail_points = 0
+        """How many points the trail has had."""
+        self._trail_ns = -TRAIL_PERIOD_NS
+        self._handlers: dict[type[Message], Callable[[Any], None]] = {
+            Clock: self._take_clock,
+            Truths: self._take_truths,
+            Links: self._take_links,
+            Fates: self.losses.take,
+            AgentStatus: self._take_agent,
+            AircraftState: self._take_state,
+        }
+
+    def forget(self) -> None:
+        """Be as at first."""
+        self._begin()
+        self.times_forgotten += 1
+
+    @property
+    def sim_time_ns(self) -> int:
+        """Sim time of the newest tick."""
+        return self.clock.header.stamp.ns
+
+    def take(self, message: Message, node: str = "") -> None:
+        """Take a message; ``node`` is whose it is, by its key. What is of unknown kinds or nodes is ignored."""
+        if isinstance(message, AgentStatus | AircraftState):
+            if node in self.news:
+                self._handlers[type(message)]((node, message))
+        elif type(message) in self._handlers:
+            self._handlers[type(message)](message)
+
+    def tell(self, node: str, text: str) -> None:
+        """Add a line to what was said."""
+        self.lines.append(NewsLine(self.sim_time_ns, node, text))
+        self.lines_told += 1
+
+    def end(self) -> None:
+        """The run is over: the picture stays as it is."""
+        if not self.is_over:
+            self.is_over = True
+            self.tell("", "the run is over")
+
+    def cut_trail(self) -> None:
+        """Forget the trail: what came between was not seen."""
+        self.trail.clear()
+        self._trail_ns = -TRAIL_PERIOD_NS
+
+    def _take_clock(self, clock: Clock) -> None:
+        if clock.header.stamp.ns < self.sim_time_ns:  # the pace changed a tick ago
+            clock = replace(clock, header=self.clock.header)
+        self.clock = clock
+
+    def _take_links(self, links: Links) -> None:
+        if len(links.node) == len(self.nodes):
+            self.links.take(links)
+            before, self.radios_off = self.radios_off, frozenset(map(int, links.radio_off))
+            for number in sorted(before ^ self.radios_off):
+                self.tell(self.nodes[number].id, f"radio {'off' if number in self.radios_off else 'on'}")
+
+    def _take_truths(self, truths: Truths) -> None:
+        for truth in truths.truth:
+            number = self.index.get(truth.header.frame_id)
+            emitter = self._emitter_index.get(truth.header.frame_id)
+            if number is not None:
+                self._take_truth(number, truth)
+            elif emitter is not None:
+                self.emitter_position_ned_m[emitter] = truth.position_ned_m.xyz
+        now_ns = truths.header.stamp.ns
+        if now_ns - self._trail_ns >= TRAIL_PERIOD_NS:
+            self._trail_ns = now_ns
+            self.trail.append(self.position_ned_m.copy())
+            self.trail_points += 1
+
+    def _take_truth(self, number: int, truth: Truth) -> None:
+        self.position_ned_m[number] = truth.position_ned_m.xyz
+        self.velocity_ned_mps[number] = truth.velocity_ned_mps.xyz
+        self.wind_ned_mps[number] = truth.wind_ned_mps.xyz
+        q = truth.attitude
+        self.heading_rad[number] = np.arctan2(
+            2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
+        )
+
+    def _take_agent(self, item: tuple[str, AgentStatus]) -> None:
+        node, status = item
+        before = self.news[node].agent
+        self.news[node].agent = status
+        if before is None or before.activity != status.activity:
+            self.tell(node, status.activity)
+
+    def _take_state(self, item: tuple[str, AircraftState]) -> None:
+        node, state = item
+        before = self.news[node].state
+        self.news[node].state = state
+        if before is not None and before.mode != state.mode:
+            self.tell(node, f"mode {state.mode}")
+
+
+def view_of(scenario: Scenario) -> FleetView:
+    """The empty picture of a run of ``scenario``."""
+    nodes = [NodeInfo(ua.node, "ua", scenario.title(ua.node), ua.airframe) for ua in scenario.ua]
+    nodes += [
+        NodeInfo(node.node, "ground", scenario.title(node.node), takes_commands=node.has_agent)
+        for node in scenario.ground
+    ]
+    order = {node: number for number, node in enumerate(scenario.stations)}
+    emitters = [EmitterInfo(each.node, each.frequency_hz, each.power_dbm) for each in scenario.emitters]
+    return FleetView(sorted(nodes, key=lambda node: order[node.id]), scenario.duration_s, emitters)

@@ -1,0 +1,195 @@
+"""The view of a run as a program: joins it, serves the page, ends when the run is over and nobody looks."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from time import monotonic
+from urllib.parse import quote
+
+import numpy as np
+
+from aps.api.guard import ApiConfig
+from bridge.bus.identity.keyring import OBSERVERS
+from bridge.bus.identity.roster import OPERATOR
+from bridge.run.access import Access, access_of
+from bridge.run.directory import RunDirectory
+from bridge.scenario.model import Scenario
+from bridge.timeouts import START_S
+from lostlink.replay.player import Player
+from lostlink.view.broadcast import Broadcast
+from lostlink.view.page.charts import ModelCurve
+from lostlink.view.page.page import Shown
+from lostlink.view.picture.fleet_view import view_of
+from lostlink.view.picture.frames import Frames
+from lostlink.view.server import ViewServer
+from lostlink.view.sources.live import LiveSource
+from lostlink.view.sources.operator import Operator
+from lostlink.view.sources.record import RecordSource
+
+MODEL_STEP_M = 200.0
+"""The model's curve is made anew when the fleet spreads by so much."""
+MODEL_POINTS = 200
+LOOK_AGAIN_S = 0.1
+LINGER_S = 3.0
+"""Nobody looks for so long after the end: nobody wants to."""
+log = logging.getLogger("view")
+
+
+@dataclass(frozen=True, slots=True)
+class ViewSettings:
+    """Where the view is served, and what it may.
+
+    Attributes:
+        server: where, and who may come.
+        control: whether viewers may command.
+        announce: told the address when it is served.
+    """
+
+    server: ApiConfig
+    control: bool
+    announce: Callable[[str], object]
+
+
+async def wait_for_start(run: RunDirectory, stop: asyncio.Event) -> None:
+    """Wait until the run has written what it takes to join it, and its router listens; for at most START_S."""
+    deadline = asyncio.get_running_loop().time() + START_S
+    while not stop.is_set() and asyncio.get_running_loop().time() < deadline:
+        with suppress(OSError, ValueError):
+            if await asyncio.to_thread(_answers, run.info.endpoint):
+                return
+        await asyncio.sleep(LOOK_AGAIN_S)
+
+
+def _answers(endpoint: str) -> bool:
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    with socket.create_connection((host.strip("[]"), int(port)), timeout=1.0):
+        return True
+
+
+async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Event) -> None:
+    """Show a running simulation until ``stop``, or until it is over and nobody looks any more.
+
+    Raises:
+        SessionError: it is over, or does not let us in.
+        OSError: the port is taken.
+    """
+    view = view_of(run.scenario)
+    source = LiveSource(Access(run.info.run, run.info.endpoint, OBSERVERS), view)
+    operator = Operator(access_of(run.path, OPERATOR), view.tell) if settings.control else None
+    viewers = _Viewers(source)
+    broadcast = Broadcast(Frames(view), viewers.changed)
+    shown = Shown(run.info.run, view, Model(run.scenario).curve, operator, operator)
+    try:
+        await source.open()
+        if operator is not None:
+            await operator.open()
+        async with ViewServer(shown, broadcast, settings.server) as server:
+            settings.announce(address_of(settings.server, server.port))
+            await _until_nobody_cares(source, viewers, stop)
+    finally:
+        await source.close()
+        if operator is not None:
+            await operator.close()
+
+
+async def view_record(run: RunDirectory, settings: ViewSettings, stop: asyncio.Event) -> None:
+    """Show a record until ``stop``.
+
+    Raises:
+        ValueError: it is none.
+        OSError: it cannot be read, or the port is taken.
+    """
+    player = await asyncio.to_thread(Player.open, run.path)
+    view = view_of(player.scenario)
+    view.duration_s = player.end_ns / 1e9
+    source = RecordSource(player, view, monotonic)
+    broadcast = Broadcast(Frames(view), lambda _: None)
+    shown = Shown(run.path.name, view, Model(player.scenario).curve, source)
+    playing = asyncio.create_task(source.run(), name="record")
+    try:
+        async with ViewServer(shown, broadcast, settings.server) as server:
+            settings.announce(address_of(settings.server, server.port))
+            stopped = asyncio.create_task(stop.wait())
+            await asyncio.wait({stopped, playing}, return_when=asyncio.FIRST_COMPLETED)
+            stopped.cancel()
+            if playing.done():
+                await playing
+    finally:
+        playing.cancel()
+
+
+async def _until_nobody_cares(source: LiveSource, viewers: _Viewers, stop: asyncio.Event) -> None:
+    stopped, over = asyncio.create_task(stop.wait()), asyncio.create_task(source.over.wait())
+    await asyncio.wait({stopped, over}, return_when=asyncio.FIRST_COMPLETED)
+    while not stop.is_set() and viewers.number:
+        with suppress(TimeoutError):
+            await asyncio.wait_for(stop.wait(), LINGER_S)
+    for task in (stopped, over):
+        task.cancel()
+
+
+class _Viewers:
+    """How many look; the source takes no more than they see."""
+
+    def __init__(self, source: LiveSource) -> None:
+        self._source = source
+        self.number = 0
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def changed(self, number: int) -> None:
+        """Take the number of viewers."""
+        self.number = number
+        task = asyncio.create_task(self._look())
+        self._tasks.add(task)
+        task.add_done_callback(self._done)
+
+    async def _look(self) -> None:
+        await self._source.look(closely=self.number > 0)
+
+    def _done(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and task.exception() is not None:
+            log.warning("the run cannot be looked at closely: %s", task.exception())
+
+
+def address_of(config: ApiConfig, port: int) -> str:
+    """What a browser is given."""
+    host = f"[{config.host}]" if ":" in config.host else config.host
+    return f"http://{host}:{port}/" + (f"?token={quote(config.token, safe='')}" if config.token else "")
+
+
+class Model:
+    """The model's probability of delivery by distance, if all nodes have one radio and a distance is enough.
+
+    Args:
+        scenario: of the run.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._farthest_m = 0.0
+        self._curve = ModelCurve(np.empty(0), np.empty(0))
+
+    def curve(self, farthest_m: float) -> ModelCurve:
+        """The curve up to a distance at least."""
+        if farthest_m > self._farthest_m:
+            self._farthest_m = MODEL_STEP_M * (farthest_m // MODEL_STEP_M + 1)
+            self._curve = self._make()
+        return self._curve
+
+    def _make(self) -> ModelCurve:
+        from bridge.scenario.resolve.radio import radio_of  # scipy takes its time, and few look at this chart
+        from channel.validity import OutsideValidityError
+
+        distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
+        if not any(node.radio is not None for node in self._scenario.transceivers):
+            radio = radio_of(self._scenario)
+            with suppress(OutsideValidityError):
+                if not getattr(radio.config.propagation, "needs_places", False):
+                    return ModelCurve(distance_m, radio.probability_of_delivery(distance_m))
+        return ModelCurve(np.empty(0), np.empty(0))

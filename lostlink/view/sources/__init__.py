@@ -1,0 +1,1 @@
+"""Where the live view has a run from: a running simulation or a record."""

@@ -1,0 +1,189 @@
+"""A record as the view's source: played by wall time at any speed, held, or brought to any instant.
+
+To go to an instant is to play up to it in a hurry, so that charts and counts are what they would be after watching.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+
+from bridge.bus.messages import AgentStatus
+from lostlink.replay.moment import Moment
+from lostlink.replay.player import Player
+from lostlink.view.picture.fleet_view import TRAIL_PERIOD_NS, FleetView
+
+SLICE_S = 0.03
+"""Longest that is played at once: viewers are served in between."""
+REST_S = 0.02
+STATES_PERIOD_S = 0.25
+"""How often the states of autopilots are looked up: each is made from its MAVLink."""
+CLOCK_PERIOD_S = 0.25
+"""How often the clock is told while it stands."""
+
+
+class RecordSource:
+    """Plays a record into a view (a `TimeControl`).
+
+    Args:
+        player: of the record.
+        view: what is fed.
+        clock: wall time in seconds, from anywhere.
+    """
+
+    can_seek = True
+
+    def __init__(self, player: Player, view: FleetView, clock: Callable[[], float]) -> None:
+        self._player, self._view, self._clock = player, view, clock
+        self._speed = 1.0
+        self._paused = False
+        self._goal_ns: int | None = None
+        self._from_ns, self._from_s = player.begin_ns, clock()
+        self._trail_ns = -TRAIL_PERIOD_NS
+        self._states_due_s = 0.0
+        self._states_are_lost = self._logged_is_lost = False
+
+    # What viewers do.
+
+    def pause(self) -> None:
+        """Hold."""
+        self._paused = True
+        self._tell_clock()
+
+    def resume(self) -> None:
+        """Go on; from the beginning if this is the end."""
+        self._paused = False
+        if self._now_ns >= self._player.end_ns:
+            self.seek(self._player.begin_ns / 1e9)
+        self._count_from_here()
+        self._tell_clock()
+
+    def step(self) -> None:
+        """Play one tick, and hold."""
+        self._paused = True
+        self._play_next(in_a_hurry=False)
+
+    def speed(self, factor: float) -> None:
+        """Play so fast."""
+        self._speed = factor
+        self._count_from_here()
+
+    def seek(self, sim_time_s: float) -> None:
+        """Go to an instant, or to the end nearest to it."""
+        self._goal_ns = min(max(round(sim_time_s * 1e9), self._player.begin_ns), self._player.end_ns)
+        if self._goal_ns < self._now_ns:
+            self._view.forget()
+            self._trail_ns = -TRAIL_PERIOD_NS
+            self._take(self._player.seek(self._player.begin_ns), in_a_hurry=True)
+
+    # Playing.
+
+    async def run(self) -> None:
+        """Play until cancelled."""
+        told_s = self._clock()
+        while True:
+            self.play()
+            if self._clock() - told_s >= CLOCK_PERIOD_S:
+                told_s = self._clock()
+                self._tell_clock()
+            await asyncio.sleep(0 if self._goal_ns is not None else REST_S)
+
+    def play(self) -> None:
+        """Play what is due by now, as far as it goes in one slice."""
+        until_s = self._clock() + SLICE_S
+        if self._goal_ns is not None:
+            while self._now_ns < self._goal_ns and self._clock() < until_s:
+                self._play_next(in_a_hurry=True)
+            if self._now_ns >= self._goal_ns:
+                self._arrive()
+            return
+        while not self._paused and self._next_is_due() and self._clock() < until_s:
+            self._play_next(in_a_hurry=False)
+        if math.isfinite(self._speed) and self._is_behind:
+            self._count_from_here()
+
+    def _arrive(self) -> None:
+        """Show all of the instant that was sought, and go on from there."""
+        self._goal_ns = None
+        if self._player.now is not None:
+            self._take(self._player.now, in_a_hurry=False, again=True)
+        self._count_from_here()
+
+    @property
+    def _now_ns(self) -> int:
+        return self._player.now.sim_time_ns if self._player.now is not None else -1
+
+    def _next_is_due(self) -> bool:
+        if self._now_ns >= self._player.end_ns:
+            self.pause()
+            return False
+        return self._now_ns < self._due_ns
+
+    @property
+    def _due_ns(self) -> float:
+        if math.isinf(self._speed):
+            return math.inf
+        return self._from_ns + (self._clock() - self._from_s) * self._speed * 1e9
+
+    @property
+    def _is_behind(self) -> bool:
+        """Whether this machine cannot play so fast: then it plays as fast as it can, without a debt."""
+        return not self._paused and self._due_ns - self._now_ns > max(1.0, self._speed) * 1e9
+
+    def _count_from_here(self) -> None:
+        self._from_ns, self._from_s = max(self._now_ns, self._player.begin_ns), self._clock()
+
+    def _play_next(self, *, in_a_hurry: bool) -> None:
+        moment = self._player.step()
+        if moment is not None:
+            self._take(moment, in_a_hurry=in_a_hurry)
+
+    def _take(self, moment: Moment, *, in_a_hurry: bool, again: bool = False) -> None:
+        """Give a moment to the view; ``again``: what is counted was taken already."""
+        view = self._view
+        if not again:
+            view.take(moment.fates())
+            if moment.links_are_due:
+                view.take(moment.links())
+            for event in moment.events():
+                view.tell(event.node, event.text)
+            self._take_logged(moment)
+        if not in_a_hurry or moment.sim_time_ns - self._trail_ns >= TRAIL_PERIOD_NS:
+            self._trail_ns = moment.sim_time_ns
+            view.take(moment.truths())
+        if not in_a_hurry and (again or self._clock() >= self._states_due_s):
+            self._states_due_s = self._clock() + STATES_PERIOD_S
+            self._take_states(moment, quietly=again)
+        self._tell_clock()
+
+    def _take_states(self, moment: Moment, *, quietly: bool) -> None:
+        """``quietly``: what has changed since the states that were taken last did so nobody knows when."""
+        if self._states_are_lost:
+            return
+        try:
+            for node, state in moment.states().items():
+                if quietly:
+                    self._view.news[node].state = None
+                self._view.take(state, node)
+        except (OSError, ValueError) as error:
+            self._states_are_lost = True
+            self._view.tell("", f"the states of autopilots cannot be read: {error}")
+
+    def _take_logged(self, moment: Moment) -> None:
+        if self._logged_is_lost:
+            return
+        try:
+            for node, sim_time_ns, item in moment.logged():
+                if isinstance(item, AgentStatus):
+                    self._view.take(item, node)
+                else:
+                    self._view.logged.take(node, item.name, sim_time_ns, item.value)
+        except (OSError, ValueError) as error:
+            self._logged_is_lost = True
+            self._view.tell("", f"what agents logged cannot be read: {error}")
+
+    def _tell_clock(self) -> None:
+        moment = self._player.now
+        if moment is not None:
+            self._view.take(moment.clock(self._speed, self._speed, paused=self._paused))

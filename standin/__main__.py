@@ -1,0 +1,5 @@
+"""``python -m standin``."""
+
+from standin.cli import main
+
+raise SystemExit(main())

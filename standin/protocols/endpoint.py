@@ -1,0 +1,162 @@
+"""The MAVLink side without I/O: a client's bytes and the simulation time in, bytes out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from standin.protocols import absent
+from standin.protocols.commands import Commands, request_from
+from standin.protocols.mission_protocol import MissionProtocol
+from standin.protocols.parameter_protocol import ParameterProtocol
+from standin.protocols.streams import Streams
+from standin.protocols.targets import fly_global_target, fly_local_target
+from standin.protocols.telemetry import Telemetry
+from standin.vehicle.events import Event, HomeChanged, ItemReached, ModeChanged, StatusText
+from standin.vehicle.vehicle import Vehicle
+from standin.wire.mavlink_codec import COMPONENT, MavlinkCodec, Message
+
+SLOW_STEP_NS = 10_000_000
+STATUS_TEXT_BYTES = 50
+
+
+class MavlinkEndpoint:
+    """Speaks MAVLink for one vehicle with one client at a time."""
+
+    def __init__(self, vehicle: Vehicle, boot_unix_us: int) -> None:
+        self._vehicle = vehicle
+        self._codec = MavlinkCodec(round(vehicle.parameters["MAV_SYSID"]))
+        self._telemetry = Telemetry(vehicle, boot_unix_us)
+        self.streams = Streams()
+        self._commands = Commands(vehicle, self._telemetry, self.streams)
+        self._missions = MissionProtocol(vehicle, self._telemetry, self._send)
+        self._parameters = ParameterProtocol(vehicle.parameters, self._send)
+        self._handlers: dict[str, Callable[[Message], None]] = {
+            "COMMAND_LONG": self._run_command,
+            "COMMAND_INT": self._run_command,
+            **self._missions.handlers,
+            **self._parameters.handlers,
+            **absent.handlers(self._send),
+            "SET_MODE": self._set_mode,
+            "SET_POSITION_TARGET_LOCAL_NED": lambda message: fly_local_target(vehicle, message),
+            "SET_POSITION_TARGET_GLOBAL_INT": lambda message: fly_global_target(vehicle, message),
+            "REQUEST_DATA_STREAM": self._stream_group,
+            "TIMESYNC": self._answer_timesync,
+        }
+        self._inbox: list[Message] = []
+        self._out = bytearray()
+        self._connected = False
+        self._slow_due_ns = 0
+        self.ignored: Counter[str] = Counter()
+        """Messages that were understood but not used, by type or reason."""
+
+    def connect(self) -> None:
+        """A client is there: what streams was asked for before goes on."""
+        self._connected = True
+        self._codec.reset()
+        self._out.clear()
+
+    def disconnect(self) -> None:
+        """The client is gone."""
+        self._connected = False
+        self._out.clear()
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the client; they take effect at ``obey``."""
+        self._inbox += self._codec.receive(data)
+
+    def obey(self) -> None:
+        """Do what the client has asked for; answers wait in ``data_to_send``."""
+        if not self._inbox:
+            return
+        inbox, self._inbox = self._inbox, []
+        for message in inbox:
+            self._handle(message)
+            self._flush_events()
+
+    def report(self) -> None:
+        """Tell what is due at the vehicle's time: events, streams, lists under way."""
+        now_ns = self._vehicle.sim_time_ns
+        if self._vehicle.has_events:
+            self._flush_events()
+        if now_ns >= self._slow_due_ns:
+            self._slow_due_ns = now_ns + SLOW_STEP_NS
+            self._missions.step()
+            self._parameters.step()
+        if now_ns >= self.streams.next_due_ns:
+            for message_id in self.streams.take_due(now_ns):
+                self._send_by_id(message_id)
+
+    def data_to_send(self) -> bytes:
+        """Return and forget the bytes for the client."""
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    @property
+    def has_data(self) -> bool:
+        """Whether ``data_to_send`` would return any."""
+        return bool(self._out)
+
+    # --- out
+
+    def _send(self, message: Message) -> None:
+        if self._connected:
+            self._out += self._codec.pack(message)
+
+    def _send_by_id(self, message_id: int) -> None:
+        message = self._telemetry.builders[message_id]() if self._connected else None
+        if message is not None:
+            self._send(message)
+
+    def _flush_events(self) -> None:
+        for event in self._vehicle.take_events():
+            self._tell(event)
+
+    def _tell(self, event: Event) -> None:
+        if isinstance(event, StatusText):
+            text = event.text.encode("ascii", "replace")[:STATUS_TEXT_BYTES]
+            self._send(dialect.MAVLink_statustext_message(int(event.severity), text))
+        elif isinstance(event, ItemReached):
+            self._send(dialect.MAVLink_mission_item_reached_message(event.seq))
+        elif isinstance(event, HomeChanged):
+            self._send_by_id(dialect.MAVLINK_MSG_ID_HOME_POSITION)
+        elif isinstance(event, ModeChanged):
+            self.streams.hasten(dialect.MAVLINK_MSG_ID_HEARTBEAT, self._vehicle.sim_time_ns)
+
+    # --- in
+
+    def _handle(self, message: Message) -> None:
+        handler = self._handlers.get(message.get_type())
+        if not self._for_us(message):
+            self.ignored["other_target"] += 1
+        elif handler is None:
+            self.ignored[message.get_type()] += 1
+        else:
+            handler(message)
+
+    def _for_us(self, message: Message) -> bool:
+        system = getattr(message, "target_system", 0)
+        component = getattr(message, "target_component", 0)
+        return system in (0, self._codec.system) and component in (0, COMPONENT)
+
+    def _run_command(self, message: Message) -> None:
+        request = request_from(message)
+        result = int(self._commands.run(request))
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        self._send(dialect.MAVLink_command_ack_message(request.command, result, 0, 0, *sender))
+        for requested in self._commands.take_requested():
+            self._send(requested)
+
+    def _set_mode(self, message: Message) -> None:
+        self._vehicle.set_mode(message.custom_mode)  # no acknowledgement, as in ArduPilot
+
+    def _stream_group(self, message: Message) -> None:
+        rate_hz = message.req_message_rate if message.start_stop else 0
+        self.streams.set_group(message.req_stream_id, rate_hz, self._vehicle.sim_time_ns)
+
+    def _answer_timesync(self, message: Message) -> None:
+        if message.tc1 == 0:
+            self._send(dialect.MAVLink_timesync_message(self._vehicle.sim_time_ns, message.ts1))

@@ -1,0 +1,146 @@
+"""AUTO: fly the mission's items one after the other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from standin.vehicle.events import ItemReached, Severity
+from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
+from standin.vehicle.mission import Command, MissionItem
+from standin.vehicle.modes import FlightMode, ModeNumber
+
+if TYPE_CHECKING:
+    from standin.vehicle.vehicle import Vehicle
+
+HEIGHT_REACHED_M = 1.0
+
+
+class Auto(FlightMode):
+    """Runs the mission from its current item."""
+
+    number = ModeNumber.AUTO
+    armable = False
+    needs_mission = True
+
+    def __init__(self) -> None:
+        self.started = False
+        """A vehicle on the ground waits for MAV_CMD_MISSION_START."""
+        self._item: MissionItem | None = None
+        self._revision = -1
+        self._held_s = 0.0
+        self._arrived = False
+        self._takeoff: Takeoff | None = None
+        self._return: ReturnSequence | None = None
+
+    def update(self, vehicle: Vehicle, step_s: float) -> None:
+        """Go on with the item."""
+        if vehicle.landed and not self.started:
+            vehicle.drive = Drive.IDLE
+            return
+        self.started = True
+        if self._revision != vehicle.mission.revision:
+            self._revision = vehicle.mission.revision
+            first = 1 if vehicle.mission.complete else max(vehicle.mission.current, 1)
+            vehicle.mission.complete = False
+            self._start_item(vehicle, first)
+        item = self._item
+        if item is not None and self._fly(vehicle, item, step_s):
+            vehicle.tell(ItemReached(item.seq))
+            self._start_item(vehicle, item.seq + 1)
+
+    def touched_ground(self, vehicle: Vehicle) -> None:
+        """Disarm after a landing that the mission asked for."""
+        item = self._item
+        if item is not None and item.command in (Command.LAND, Command.RETURN_TO_LAUNCH):
+            vehicle.tell(ItemReached(item.seq))
+            self._item = None
+            vehicle.mission.complete = vehicle.mission.item(item.seq + 1) is None
+            vehicle.disarm(force=False)
+
+    def _start_item(self, vehicle: Vehicle, seq: int) -> None:
+        """Begin an item; run those that only set something, up to one that is flown (a mission may end with them)."""
+        while (item := vehicle.mission.item(seq)) is not None:
+            vehicle.mission.current = seq
+            vehicle.say(Severity.INFO, f"Mission: {seq} {_NAMES[item.command]}")
+            if item.command != Command.DO_CHANGE_SPEED:
+                self._begin(vehicle, item)
+                return
+            if item.param2 > 0:
+                vehicle.speed_override_mps = item.param2
+            vehicle.tell(ItemReached(seq))
+            seq += 1
+        self._end(vehicle)
+
+    def _end(self, vehicle: Vehicle) -> None:
+        """The mission is complete: hold here (in the air), or disarm (on the ground)."""
+        self._item = None
+        vehicle.mission.complete = len(vehicle.mission) > 1
+        if vehicle.landed:
+            vehicle.disarm(force=False)
+        else:
+            vehicle.navigator.stop()
+
+    def _begin(self, vehicle: Vehicle, item: MissionItem) -> None:
+        self._item = item
+        self._held_s = 0.0
+        self._arrived = False
+        self._takeoff = self._return = None
+        if item.command == Command.TAKEOFF:
+            alt_amsl_m = item.location(vehicle.home_or_origin, vehicle.location).alt_amsl_m
+            self._takeoff = Takeoff(vehicle, vehicle.depth_of(alt_amsl_m))
+        elif not vehicle.landed:  # nothing but a takeoff leaves the ground
+            vehicle.drive = Drive.FOLLOW
+            if item.command == Command.RETURN_TO_LAUNCH:
+                vehicle.navigator.stop()
+                self._return = ReturnSequence(vehicle)
+            else:
+                self._aim(vehicle, item)
+
+    def _aim(self, vehicle: Vehicle, item: MissionItem) -> None:
+        location = item.location(vehicle.home_or_origin, vehicle.location)
+        north_m, east_m, down_m = vehicle.origin.ned_to(location)
+        vehicle.navigator.go_to(north_m, east_m)
+        level = item.command == Command.LAND
+        vehicle.navigator.go_to_depth(vehicle.position_ned_m[2] if level else down_m)
+        if vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
+            vehicle.navigator.look_ahead()
+
+    def _fly(self, vehicle: Vehicle, item: MissionItem, step_s: float) -> bool:
+        """Return whether the item is done."""
+        if self._takeoff is not None:
+            return self._takeoff.update(vehicle, step_s)
+        if vehicle.landed:
+            vehicle.drive = Drive.IDLE
+        elif self._return is not None:
+            self._return.update(vehicle, step_s)
+        else:
+            return self._go_there(vehicle, item, step_s)
+        return False
+
+    def _go_there(self, vehicle: Vehicle, item: MissionItem, step_s: float) -> bool:
+        """Fly to the item's point, and land or wait there."""
+        vehicle.drive = Drive.FOLLOW
+        self._arrived = self._arrived or self._near(vehicle)
+        if not self._arrived:
+            return False
+        if item.command == Command.LAND:
+            land(vehicle)
+            return False
+        self._held_s += step_s
+        return self._held_s >= item.param1
+
+    def _near(self, vehicle: Vehicle) -> bool:
+        radius_m = max(vehicle.parameters["WPNAV_RADIUS"] / 100, 0.1)
+        height_off_m = abs(vehicle.position_ned_m[2] - vehicle.navigator.target_ned_m()[2])
+        return vehicle.navigator.distance_m(vehicle.frame) < radius_m and height_off_m < HEIGHT_REACHED_M
+
+
+_NAMES: dict[int, str] = {
+    Command.WAYPOINT: "WP",
+    Command.LOITER_TIME: "LoitTime",
+    Command.RETURN_TO_LAUNCH: "RTL",
+    Command.LAND: "Land",
+    Command.TAKEOFF: "Takeoff",
+    Command.DO_CHANGE_SPEED: "ChangeSpeed",
+}
+"""ArduPilot's short names of the commands."""

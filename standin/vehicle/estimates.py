@@ -1,0 +1,69 @@
+"""What a ground station shows and no loop needs: the battery's charge and the wind."""
+
+from __future__ import annotations
+
+from math import hypot
+
+from standin.wire.sensors import SensorFrame
+
+CELLS = 3
+CELL_FULL_V, CELL_EMPTY_V = 4.2, 3.5
+IDLE_CURRENT_A = 0.3
+MOTOR_CURRENT_MAX_A = 12.0
+"""Of one motor at full command; it goes with the command to the power 1.5."""
+WIND_FILTER_TIME_S = 5.0
+DRAG_MIN_MPS2 = 0.05
+
+
+class Battery:
+    """Current from the motors' commands, voltage from the charge."""
+
+    def __init__(self) -> None:
+        self.used_mah = 0.0
+        self.current_a = IDLE_CURRENT_A
+
+    def step(self, commands: tuple[float, ...], step_s: float) -> None:
+        """Draw current for ``step_s``."""
+        self.current_a = IDLE_CURRENT_A + MOTOR_CURRENT_MAX_A * sum(
+            command * command**0.5 for command in commands if command > 0.0
+        )
+        self.used_mah += self.current_a * step_s / 3.6
+
+    def remaining(self, capacity_mah: float) -> float:
+        """Return the share of the charge that is left, 0..1."""
+        return max(0.0, 1.0 - self.used_mah / capacity_mah) if capacity_mah > 0.0 else 1.0
+
+    def voltage_v(self, capacity_mah: float) -> float:
+        """Return the voltage: linear in the charge."""
+        return CELLS * (CELL_EMPTY_V + self.remaining(capacity_mah) * (CELL_FULL_V - CELL_EMPTY_V))
+
+
+class WindEstimate:
+    """Filtered horizontal velocity of the air, north and east, m/s.
+
+    A multirotor's thrust has no component across its own axis, so that the accelerometer's x and y show the
+    drag alone, and the air comes from where the drag points. With the airspeed's size this gives the velocity
+    through the air; the velocity over ground gives the rest.
+    """
+
+    def __init__(self) -> None:
+        self.north_mps = self.east_mps = 0.0
+
+    def step(self, frame: SensorFrame, step_s: float) -> None:
+        """Take one frame."""
+        drag_north, drag_east = _level_drag(frame)
+        drag_mps2 = hypot(drag_north, drag_east)
+        if frame.airspeed_mps is None or drag_mps2 < DRAG_MIN_MPS2:
+            return
+        share, blend = frame.airspeed_mps / drag_mps2, min(1.0, step_s / WIND_FILTER_TIME_S)
+        self.north_mps += blend * (frame.velocity_ned_mps[0] + share * drag_north - self.north_mps)
+        self.east_mps += blend * (frame.velocity_ned_mps[1] + share * drag_east - self.east_mps)
+
+
+def _level_drag(frame: SensorFrame) -> tuple[float, float]:
+    """Return the horizontal part of the specific force across the thrust axis, north and east."""
+    x, y, _ = frame.specific_force_mps2
+    w, qx, qy, qz = frame.attitude_wxyz
+    north = (1.0 - 2.0 * (qy * qy + qz * qz)) * x + 2.0 * (qx * qy - w * qz) * y
+    east = 2.0 * (qx * qy + w * qz) * x + (1.0 - 2.0 * (qx * qx + qz * qz)) * y
+    return north, east

@@ -1,0 +1,135 @@
+"""Pieces of flight that several modes share: leaving the ground, landing, and the return home."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+from math import hypot
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from standin.vehicle.vehicle import Vehicle
+
+SPOOL_RATE_PER_S = 0.5
+SPOOL_START_SHARE = 0.4
+"""Share of the hover throttle at which the motors begin to speed up."""
+LIFT_OFF_RISE_M = 0.05
+LIFT_OFF_SPEED_MPS = 0.1
+LIFT_OFF_SMOOTHING_S = 0.1
+TAKEOFF_NEAR_M = 0.3
+ARRIVED_HEIGHT_M = 0.5
+ARRIVED_DISTANCE_M = 1.0
+RTL_ALT_MIN_M = 2.0
+HEIGHT_UNREACHED_M = 0.3
+
+
+class Drive(Enum):
+    """What the motors do between two decisions of the mode."""
+
+    IDLE = auto()
+    SPOOL = auto()
+    """Level, at the throttle given."""
+    FOLLOW = auto()
+    """Follow the navigator's references."""
+
+
+class Takeoff:
+    """Speed the motors up until the vehicle rises, then climb straight up."""
+
+    def __init__(self, vehicle: Vehicle, down_m: float) -> None:
+        self.down_m = min(down_m, vehicle.position_ned_m[2])
+        """Height to reach (never lower than the vehicle is), as metres down from the origin."""
+        self._start_ned_m = vehicle.position_ned_m
+        self._rise_m = self._climb_mps = 0.0
+        self._off_ground = not vehicle.landed
+        vehicle.taking_off = True
+        if self._off_ground:
+            self._climb(vehicle)
+        else:
+            vehicle.throttle_given = SPOOL_START_SHARE * vehicle.controller.hover_throttle
+            vehicle.navigator.restart_yaw(vehicle.frame)
+            vehicle.drive = Drive.SPOOL
+
+    def update(self, vehicle: Vehicle, step_s: float) -> bool:
+        """Go on; return True once the height is reached."""
+        if not self._off_ground:
+            if not self._rises(vehicle, step_s):
+                vehicle.throttle_given = min(1.0, vehicle.throttle_given + SPOOL_RATE_PER_S * step_s)
+                return False
+            self._off_ground = True
+            vehicle.leave_ground()
+            self._climb(vehicle)
+        done = abs(vehicle.position_ned_m[2] - self.down_m) < TAKEOFF_NEAR_M
+        vehicle.taking_off = not done
+        return done
+
+    def _rises(self, vehicle: Vehicle, step_s: float) -> bool:
+        """Tell from the smoothed velocity alone, so that a noisy position is no lift-off and hides none."""
+        share = min(1.0, step_s / LIFT_OFF_SMOOTHING_S)
+        self._climb_mps += share * (-vehicle.velocity_ned_mps[2] - self._climb_mps)
+        self._rise_m = max(0.0, self._rise_m + step_s * self._climb_mps)
+        return self._rise_m > LIFT_OFF_RISE_M and self._climb_mps > LIFT_OFF_SPEED_MPS
+
+    def _climb(self, vehicle: Vehicle) -> None:
+        vehicle.drive = Drive.FOLLOW
+        vehicle.navigator.go_to(self._start_ned_m[0], self._start_ned_m[1])
+        vehicle.navigator.go_to_depth(self.down_m)
+
+
+def land(vehicle: Vehicle) -> None:
+    """Sink where the vehicle is until it finds that it stands: fast above LAND_ALT_LOW, then at LAND_SPEED."""
+    vehicle.landing = True
+    vehicle.drive = Drive.FOLLOW
+    low = vehicle.alt_rel_m <= vehicle.parameters["LAND_ALT_LOW"] / 100
+    sink_mps = vehicle.parameters["LAND_SPEED"] / 100 if low else vehicle.limits().sink_mps
+    vehicle.navigator.fly_sink_rate(sink_mps)
+
+
+class ReturnStage(Enum):
+    """Where a return home has got to."""
+
+    CLIMB = auto()
+    FLY = auto()
+    WAIT = auto()
+    LAND = auto()
+
+
+class ReturnSequence:
+    """ArduCopter's RTL: climb to the return height, fly home, wait RTL_LOIT_TIME, then land."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.stage = ReturnStage.CLIMB
+        self._waited_s = 0.0
+        self._down_m = vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + _return_alt_m(vehicle))
+        vehicle.navigator.hold_yaw()
+        vehicle.navigator.go_to_depth(self._down_m)
+
+    def update(self, vehicle: Vehicle, step_s: float) -> None:
+        """Go on with the stage."""
+        vehicle.drive = Drive.FOLLOW
+        height_off_m = abs(vehicle.position_ned_m[2] - self._down_m)
+        if self.stage is ReturnStage.CLIMB and height_off_m < HEIGHT_UNREACHED_M:
+            self.stage = ReturnStage.FLY
+            vehicle.navigator.go_to(*vehicle.origin.ned_to(vehicle.home_or_origin)[:2])
+        elif self.stage is ReturnStage.FLY:
+            if _from_home_m(vehicle) < ARRIVED_DISTANCE_M and height_off_m < ARRIVED_HEIGHT_M:
+                self.stage = ReturnStage.WAIT
+        elif self.stage is ReturnStage.WAIT:
+            self._waited_s += step_s
+            if self._waited_s * 1000 >= vehicle.parameters["RTL_LOIT_TIME"]:
+                self.stage = ReturnStage.LAND
+        elif self.stage is ReturnStage.LAND:
+            land(vehicle)
+
+
+def _from_home_m(vehicle: Vehicle) -> float:
+    north_m, east_m, _ = vehicle.origin.ned_to(vehicle.home_or_origin)
+    return hypot(north_m - vehicle.position_ned_m[0], east_m - vehicle.position_ned_m[1])
+
+
+def _return_alt_m(vehicle: Vehicle) -> float:
+    """Return the height above home: RTL_ALT, less within RTL_CONE_SLOPE, never less than now."""
+    wanted_m = max(vehicle.parameters["RTL_ALT"] / 100, RTL_ALT_MIN_M)
+    slope = vehicle.parameters["RTL_CONE_SLOPE"]
+    if slope > 0.0:
+        wanted_m = min(wanted_m, max(slope * _from_home_m(vehicle), RTL_ALT_MIN_M))
+    return max(wanted_m, vehicle.alt_rel_m)

@@ -1,0 +1,125 @@
+"""The mission: a list of items as MAVLink carries them; item 0 is home, as in ArduPilot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from standin.vehicle.location import Location
+
+ITEMS_MAX = 700
+
+
+class Command(IntEnum):
+    """MAV_CMD of the items that the stand-in flies."""
+
+    WAYPOINT = 16
+    LOITER_TIME = 19
+    RETURN_TO_LAUNCH = 20
+    LAND = 21
+    TAKEOFF = 22
+    DO_CHANGE_SPEED = 178
+
+
+class Kind(IntEnum):
+    """MAV_MISSION_TYPE of what can be uploaded. Fences and rally points are kept and given back, and not obeyed."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
+
+
+COMMANDS: dict[Kind, frozenset[int]] = {
+    Kind.MISSION: frozenset(Command),
+    Kind.FENCE: frozenset(range(5000, 5005)),  # MAV_CMD_NAV_FENCE_*
+    Kind.RALLY: frozenset({5100}),  # MAV_CMD_NAV_RALLY_POINT
+}
+"""What the items of each kind may be."""
+
+
+class Frame(IntEnum):
+    """MAV_FRAME of the items that the stand-in flies."""
+
+    GLOBAL = 0
+    MISSION = 2
+    GLOBAL_RELATIVE_ALT = 3
+    GLOBAL_INT = 5
+    GLOBAL_RELATIVE_ALT_INT = 6
+
+
+RELATIVE_FRAMES = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
+POSITION_COMMANDS = frozenset({Command.WAYPOINT, Command.LOITER_TIME, Command.LAND, Command.TAKEOFF})
+
+
+@dataclass(frozen=True, slots=True)
+class MissionItem:
+    """One item: MISSION_ITEM_INT's fields. Latitude and longitude are 1e-7 degrees, the altitude is in m."""
+
+    seq: int
+    frame: int
+    command: int
+    param1: float
+    param2: float
+    param3: float
+    param4: float
+    lat_e7: int
+    lon_e7: int
+    alt_m: float
+    autocontinue: int = 1
+
+    def location(self, home: Location, present: Location) -> Location:
+        """Return where the item is; one without a position (0, 0) is where the vehicle is."""
+        alt_amsl_m = self.alt_m
+        if self.frame in RELATIVE_FRAMES:
+            alt_amsl_m += home.alt_amsl_m
+        if self.lat_e7 == 0 and self.lon_e7 == 0:
+            return Location(present.lat_deg, present.lon_deg, alt_amsl_m)
+        return Location(self.lat_e7 * 1e-7, self.lon_e7 * 1e-7, alt_amsl_m)
+
+
+def home_item(home: Location) -> MissionItem:
+    """Return item 0 of a mission."""
+    place = (home.lat_e7, home.lon_e7, home.alt_amsl_m)
+    return MissionItem(0, Frame.GLOBAL, Command.WAYPOINT, 0.0, 0.0, 0.0, 0.0, *place)
+
+
+class Mission:
+    """The items stored and the one that is flown."""
+
+    def __init__(self) -> None:
+        self._items: list[MissionItem] = []
+        self.current = 0
+        """Sequence number of the item that is, or will be, flown."""
+        self.complete = False
+        """Whether its last item is done."""
+        self.revision = 0
+        """Rises at each upload, clearing or jump of the current item by the ground."""
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def item(self, seq: int) -> MissionItem | None:
+        """Return an item, or None if there is none of that number."""
+        return self._items[seq] if 0 <= seq < len(self._items) else None
+
+    def replace(self, items: Sequence[MissionItem]) -> None:
+        """Store a new mission; the current item is then 0."""
+        self._items = list(items)
+        self.current = 0
+        self.complete = False
+        self.revision += 1
+
+    def set_home(self, home: Location) -> None:
+        """Keep item 0 at home."""
+        if self._items:
+            self._items[0] = home_item(home)
+
+    def set_current(self, seq: int) -> bool:
+        """Choose the item to fly; return False if there is none of that number."""
+        if not 0 <= seq < max(len(self._items), 1):
+            return False
+        self.current = seq
+        self.complete = False
+        self.revision += 1
+        return True

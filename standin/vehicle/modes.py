@@ -1,0 +1,199 @@
+"""The flight modes, with ArduCopter's numbers: each says when it may be entered, and flies the vehicle.
+
+A mode is made anew each time it is entered. ``update`` runs at 100 Hz while the vehicle is armed.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from standin.control.quaternion import Vector
+from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
+
+if TYPE_CHECKING:
+    from standin.vehicle.vehicle import Vehicle
+
+
+class ModeNumber(IntEnum):
+    """ArduCopter's custom_mode."""
+
+    STABILIZE = 0
+    AUTO = 3
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    LAND = 9
+    BRAKE = 17
+
+
+class FlightMode:
+    """What all modes have; a mode of its own overrides what differs."""
+
+    number: ModeNumber
+    armable = True
+    needs_mission = False
+    guided_flag = True
+    """Whether the heartbeat carries MAV_MODE_FLAG_GUIDED_ENABLED."""
+
+    @property
+    def name(self) -> str:
+        """ArduCopter's name of the mode."""
+        return self.number.name
+
+    def refusal(self, vehicle: Vehicle) -> str:
+        """Return why an armed vehicle cannot enter the mode now; empty if it can."""
+        if self.needs_mission and len(vehicle.mission) < 2:
+            return "no mission"
+        return vehicle.position_failure()
+
+    def enter(self, vehicle: Vehicle) -> None:
+        """Begin: the navigator has just been told to stop where the vehicle is."""
+
+    def update(self, vehicle: Vehicle, step_s: float) -> None:
+        """Decide the drive and the target; ``step_s`` since the last call."""
+        raise NotImplementedError
+
+    def touched_ground(self, vehicle: Vehicle) -> None:
+        """The vehicle was found standing; its motors are idle now."""
+
+
+class Stabilize(FlightMode):
+    """The mode at boot. There is no pilot: the motors idle, and no flying vehicle may enter it."""
+
+    number = ModeNumber.STABILIZE
+    guided_flag = False
+
+    def refusal(self, vehicle: Vehicle) -> str:
+        """A pilot's mode, and there is none."""
+        return "" if vehicle.landed else "no RC"
+
+    def update(self, vehicle: Vehicle, _step_s: float) -> None:
+        """Stand."""
+        vehicle.drive = Drive.IDLE
+
+
+class Loiter(FlightMode):
+    """Hold position and height."""
+
+    number = ModeNumber.LOITER
+
+    def update(self, vehicle: Vehicle, _step_s: float) -> None:
+        """Hold what the navigator was told when the mode began."""
+        vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
+
+
+class Brake(Loiter):
+    """Stop, and hold where that ends."""
+
+    number = ModeNumber.BRAKE
+    armable = False
+
+
+class Land(FlightMode):
+    """Come down here and disarm."""
+
+    number = ModeNumber.LAND
+    armable = False
+
+    def update(self, vehicle: Vehicle, _step_s: float) -> None:
+        """Sink."""
+        if vehicle.landed:
+            vehicle.disarm(force=False)
+        else:
+            land(vehicle)
+
+    def touched_ground(self, vehicle: Vehicle) -> None:
+        """Disarm."""
+        vehicle.disarm(force=False)
+
+
+class ReturnToLaunch(FlightMode):
+    """Climb, fly home, wait, and land."""
+
+    number = ModeNumber.RTL
+    armable = False
+
+    def __init__(self) -> None:
+        self._sequence: ReturnSequence | None = None
+
+    def enter(self, vehicle: Vehicle) -> None:
+        """Plan the height of the return."""
+        self._sequence = ReturnSequence(vehicle)
+
+    def update(self, vehicle: Vehicle, step_s: float) -> None:
+        """Go on with the return."""
+        if vehicle.landed or self._sequence is None:
+            vehicle.disarm(force=False)
+        else:
+            self._sequence.update(vehicle, step_s)
+
+    def touched_ground(self, vehicle: Vehicle) -> None:
+        """Disarm."""
+        vehicle.disarm(force=False)
+
+
+class Guided(FlightMode):
+    """Takeoff, a point to fly to, or a velocity (which ends after GUID_TIMEOUT)."""
+
+    number = ModeNumber.GUIDED
+
+    def __init__(self) -> None:
+        self._takeoff: Takeoff | None = None
+        self._velocity_until_ns: int | None = None
+
+    def enter(self, _vehicle: Vehicle) -> None:
+        """Forget what was asked for before."""
+        self._takeoff = self._velocity_until_ns = None
+
+    def take_off(self, vehicle: Vehicle, alt_rel_m: float) -> bool:
+        """Climb to a height above home; False if the vehicle is not standing armed."""
+        standing = vehicle.armed and vehicle.landed and self._takeoff is None
+        if not standing or alt_rel_m <= vehicle.alt_rel_m:
+            return False
+        down_m = vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + alt_rel_m)
+        self._takeoff = Takeoff(vehicle, down_m)
+        return True
+
+    def fly_to(self, vehicle: Vehicle, position_ned_m: Vector) -> None:
+        """Fly to a point and hold there; ignored on the ground."""
+        if not self._leave_takeoff(vehicle):
+            return
+        vehicle.navigator.go_to(*position_ned_m[:2])
+        vehicle.navigator.go_to_depth(position_ned_m[2])
+        if vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
+            vehicle.navigator.look_ahead()
+
+    def fly_velocity(self, vehicle: Vehicle, velocity_ned_mps: Vector) -> None:
+        """Fly a velocity for GUID_TIMEOUT; ignored on the ground."""
+        if not self._leave_takeoff(vehicle):
+            return
+        limits = vehicle.limits()
+        vehicle.navigator.fly_velocity(velocity_ned_mps[:2])
+        vehicle.navigator.fly_sink_rate(max(-limits.climb_mps, min(limits.sink_mps, velocity_ned_mps[2])))
+        vehicle.navigator.hold_yaw()
+        self._velocity_until_ns = vehicle.sim_time_ns + round(vehicle.parameters["GUID_TIMEOUT"] * 1e9)
+
+    def stop(self, vehicle: Vehicle) -> None:
+        """Brake and hold."""
+        if self._leave_takeoff(vehicle):
+            vehicle.navigator.stop()
+
+    def update(self, vehicle: Vehicle, step_s: float) -> None:
+        """Go on with the takeoff or the target."""
+        if self._takeoff is not None:
+            if self._takeoff.update(vehicle, step_s):
+                self._takeoff = None
+        else:
+            vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
+        if self._velocity_until_ns is not None and vehicle.sim_time_ns > self._velocity_until_ns:
+            self._velocity_until_ns = None
+            vehicle.navigator.stop()
+
+    def _leave_takeoff(self, vehicle: Vehicle) -> bool:
+        """Make room for another target; False while the vehicle stands."""
+        if not vehicle.armed or vehicle.landed:
+            return False
+        self._takeoff = self._velocity_until_ns = None
+        vehicle.taking_off = False
+        return True

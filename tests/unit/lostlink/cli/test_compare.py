@@ -1,0 +1,73 @@
+"""`lostlink compare` says identical, or where two runs begin to differ, with a status for scripts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bridge.record.names import packets
+from lostlink.cli.records.compare import compare
+from lostlink.compare import told as comparison
+from tests.unit.bridge.record.runs import make_run
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(compare, [str(a) for a in arguments])
+
+
+def test_identical_runs(tmp_path: Path) -> None:
+    done = run(make_run(tmp_path / "a"), make_run(tmp_path / "b"))
+    assert (done.exit_code, done.output) == (
+        0,
+        "identical: truth, deliveries, 6 streams; 168 entries, 20 ticks\n",
+    )
+
+
+def test_first_difference_with_both_values(tmp_path: Path) -> None:
+    b = make_run(tmp_path / "b", lambda run: run.change_row(7, fate="burst"))
+    done = run(make_run(tmp_path / "a"), b)
+    assert done.exit_code == 1
+    assert done.output.splitlines() == [
+        "first difference at 0.15 s of sim time: node 1, deliveries, fate in row 7",
+        f"  {tmp_path}/a: delivered",
+        f"  {tmp_path}/b: burst",
+    ]
+
+
+def test_json_has_the_same(tmp_path: Path) -> None:
+    a, b = make_run(tmp_path / "a"), make_run(tmp_path / "b", lambda run: run.streams.pop(packets("1")))
+    done = run(a, b, "--json")
+    content = json.loads(done.output)
+    assert (done.exit_code, content["identical"]) == (1, False)
+    assert content["difference"] == {
+        "tick_ns": 0,
+        "node": "1",
+        "stream": "packets/1",
+        "what": "the stream",
+        "a": "a stream that begins at 0.00 s",
+        "b": "no such stream",
+    }
+    same = json.loads(run(a, a, "--json").output)
+    assert (same["identical"], same["difference"], same["ticks"]) == (True, None, 20)
+
+
+def test_what_cannot_be_read_has_status_2(tmp_path: Path) -> None:
+    a, b = make_run(tmp_path / "a"), make_run(tmp_path / "b")
+    packets("1").path(b).write_bytes(b"LLSTREAM\x09\0\0\0")
+    for done, text in (
+        (run(a, tmp_path / "c"), "c: no such directory"),
+        (run(a, b), "packets/1.bin: offset 8: version 9"),
+    ):
+        assert done.exit_code == 2
+        assert text in done.output
+        assert "Traceback" not in done.output
+
+
+def test_long_comparison_is_seen_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(comparison, "PROGRESS_PERIOD_S", 0.0)
+    done = run(make_run(tmp_path / "a", ticks=400), make_run(tmp_path / "b", ticks=400))
+    assert "comparing mavlink/0/from_autopilot: 1000 entries so far" in done.stderr
+    assert done.stdout.startswith("identical: ")

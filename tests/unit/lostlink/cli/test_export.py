@@ -1,0 +1,127 @@
+"""`lostlink export` writes the tables of a run for other programs, and makes up for an end that never came."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner, Result
+
+from bridge.record.digests import digests
+from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.scenario.file import read_scenario
+from lostlink.cli.records.export import export
+from tests.unit.bridge.record.runs import make_run
+from tests.unit.lostlink.export.mcap.files import read_mcap
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(export, [str(a) for a in arguments])
+
+
+@pytest.mark.parametrize("is_finished", [True, False])
+def test_csv_of_a_run_that_ended_and_of_one_that_was_killed(tmp_path: Path, is_finished: bool) -> None:
+    folder = make_run(
+        tmp_path / "run", lambda run: run.change_row(3, per=1e-7, distance_m=0.0), is_finished=is_finished
+    )
+    done = run(folder, "--csv", "--out", tmp_path / "new" / "out")
+    paths = [tmp_path / "new" / "out" / name for name in ("truth.csv", "deliveries.csv")]
+    assert (done.exit_code, done.output.split()) == (0, [str(path) for path in paths])
+    lines = paths[1].read_text().splitlines()
+    assert (
+        lines[0] == "sim_time_ns,tx,rx,seq,packets,length_bytes,distance_m,received_power_dbm,snr_db,per,fate"
+    )
+    assert lines[1] == "0,0,1,0,1,40,100.000,-70.000,20.000,0.0100000,delivered"
+    assert lines[4] == "50000000,1,0,1,1,40,0.000,-70.000,20.000,0.0000001,delivered"
+    assert len(lines) == 41
+    with paths[0].open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 40
+    assert (rows[3]["tick_ns"], rows[3]["node"], rows[3]["position_north_m"]) == ("50000000", "1", "1.05")
+    assert float(rows[7]["position_north_m"]) == 0.15 + 1.0
+
+
+def test_csv_goes_into_the_run_itself(tmp_path: Path) -> None:
+    folder = make_run(tmp_path / "run")
+    assert run(folder, "--csv").exit_code == 0
+    assert {path.name for path in folder.glob("*.csv")} == {"truth.csv", "deliveries.csv"}
+
+
+@pytest.mark.parametrize("content", ["[]", "{", "[" * 100_000])
+def test_a_summary_that_is_none_is_told(tmp_path: Path, content: str) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    (folder / "summary.json").write_text(content)
+    done = run(folder, "--mcap")
+    assert done.exit_code == 2
+    assert "summary.json: not a summary: " in done.stderr
+
+
+def test_parquet_of_a_killed_run_is_that_of_its_end(tmp_path: Path) -> None:
+    ended, killed = make_run(tmp_path / "ended"), make_run(tmp_path / "killed", is_finished=False)
+    assert not {"truth", "deliveries"} & digests(killed).keys()
+    assert run(killed, "--parquet").exit_code == 0
+    assert digests(killed) == digests(ended)
+    assert not TRUTH.journal_path(killed).exists()
+    assert pq.read_table(DELIVERIES.parquet_path(killed)).num_rows == 40
+    assert run(ended, "--parquet").exit_code == 0
+
+
+def test_a_run_that_goes_on_keeps_its_journal(tmp_path: Path) -> None:
+    folder = make_run(tmp_path / "run", is_finished=False)
+    (folder / "run.json").write_text(json.dumps({"run": "r", "endpoint": "tcp/x:1", "pid": os.getpid()}))
+    done = run(folder, "--parquet")
+    assert (done.exit_code, "has not ended yet" in done.output) == (2, True)
+    assert TRUTH.journal_path(folder).exists()
+    assert run(folder, "--csv").exit_code == 0
+
+
+def test_what_cannot_be_exported_has_status_2(tmp_path: Path) -> None:
+    folder = make_run(tmp_path / "run")
+    TRUTH.parquet_path(folder).write_bytes(b"PAR1")
+    (tmp_path / "empty").mkdir()
+    for arguments, text in (
+        ((folder, "--csv"), "truth.parquet: damaged"),
+        ((tmp_path / "empty", "--csv"), "neither truth, nor states, nor measurements, nor deliveries"),
+        ((folder,), "one of --csv, --parquet and --mcap is needed"),
+        ((folder, "--csv", "--payloads"), "go with --mcap"),
+        ((folder, "--mcap"), "scenario.yaml"),
+        ((tmp_path / "none", "--csv"), "does not exist"),
+    ):
+        done = run(*arguments)
+        assert (done.exit_code, text in done.output) == (2, True), done.output
+    assert not list(folder.glob("*.csv"))
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--rate", "truths=5"), "no kind of topic 'truths'; there are clock, truth, pose"),
+        (("--rate", "truth=fast"), "'fast' is no number"),
+        (("--rate", "truth=-1"), "rates_hz.truth: Input should be greater than or equal to 0\n"),
+        (("--rate", "truth=nan"), "Error: rates_hz.truth: Input should be"),
+        (("--size", "packets=0"), "greater than or equal to 1"),
+        (("--mavlink", "some"), "'frames', 'messages', 'none'"),
+    ],
+)
+def test_mistakes_about_mcap_have_status_2(tmp_path: Path, options: tuple[str, ...], text: str) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    done = run(folder, "--mcap", *options)
+    assert (done.exit_code, text in done.output) == (2, True), done.output
+    assert "https://" not in done.output
+    assert not (folder / "run.mcap").exists()
+
+
+def test_a_run_is_written_as_mcap_by_its_tables_alone(tmp_path: Path) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    done = run(folder, "--mcap", "--out", tmp_path / "out")
+    assert (done.exit_code, done.output) == (0, f"{tmp_path / 'out' / 'run.mcap'}\n")
+    read = read_mcap(tmp_path / "out" / "run.mcap")
+    assert read.counts == read.statistics
+    assert {"/clock", "/ua_0/truth", "/fates"} <= read.counts.keys()

@@ -1,0 +1,109 @@
+"""`lostlink redecide`: what it prints, what it writes, what it ends with."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bridge.scenario.file import read_scenario
+from lostlink.cli.main import lostlink
+from lostlink.compare.compare import compare
+from tests.unit.lostlink.replay.flown import flown, scenario_of
+
+NODES = ("0", "1", "gcs")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flown(tmp_path_factory.mktemp("runs") / "made", scenario_of("moon2020", NODES), 50)
+
+
+def redecide(*arguments: object) -> Result:
+    return CliRunner().invoke(lostlink, ["redecide", *map(str, arguments)])
+
+
+def test_the_same_radio_and_seed_are_said_to_be_the_same(run: Path) -> None:
+    result = redecide(run)
+    assert result.exit_code == 0
+    assert "all 300 fates are the same, with their powers and error rates" in result.stdout
+    assert "0 -> 1" in result.stdout
+    assert result.stdout.splitlines()[-1].startswith(("pass: ", "no verdict: "))
+
+
+def test_a_summary_that_is_none_is_told_before_anything_is_written(tmp_path: Path) -> None:
+    made = flown(tmp_path / "made", scenario_of("moon2020", NODES), 5)
+    (made / "summary.json").write_text("[]")
+    result = redecide(made, "--out", tmp_path / "out")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.splitlines()[-1].endswith("summary.json: not a summary: a JSON object is expected")
+    assert not (tmp_path / "out").exists()
+
+
+def test_fates_that_are_not_what_was_recorded_are_an_error(run: Path, tmp_path: Path) -> None:
+    """As if the record were of a lostlink whose channel was another."""
+    other = flown(tmp_path / "other", scenario_of("corrected", NODES), 50)
+    (other / "scenario.yaml").write_text((run / "scenario.yaml").read_text())
+    result = redecide(other, "--quiet")
+    assert result.exit_code == 1
+    assert "fates are other" in result.stdout
+
+
+def test_another_radio_is_no_error_and_json_tells_all(run: Path) -> None:
+    result = redecide(run, "--radio", "perfect", "--seed", 9, "--json")
+    assert result.exit_code == 0
+    told = json.loads(result.stdout)
+    assert (told["radio"], told["seed"], told["fates"]) == ("perfect", 9, 300)
+    assert sum(link["delivered_after"] for link in told["links"]) == 300
+    assert sum(link["delivered_before"] for link in told["links"]) == 300 - told["changed"]
+    assert [c["after"] for c in told["changes"]] == ["delivered"]
+    assert told["verdict"].startswith("pass: ")
+
+
+def test_a_value_of_the_radio_can_be_set(run: Path) -> None:
+    told = json.loads(redecide(run, "--set", "radio.max_range_m=1", "--json").stdout)
+    assert sum(link["lost_after"].get("out_of_range", 0) for link in told["links"]) == 300
+    assert told["radio"] == {"preset": "moon2020", "max_range_m": 1}
+
+
+def test_a_radio_file_is_as_seen_from_here(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.yaml").write_text("preset: perfect\nmax_range_m: 1\n")
+    monkeypatch.chdir(tmp_path)
+    told = json.loads(redecide(run, "--radio", "mine.yaml", "--json").stdout)
+    assert told["radio"] == str(tmp_path / "mine.yaml")
+    assert told["changed"] > 0
+
+
+def test_what_is_written_is_a_run(run: Path, tmp_path: Path) -> None:
+    assert redecide(run, "--out", tmp_path / "same", "--quiet").exit_code == 0
+    assert compare(run, tmp_path / "same") is None
+    told = json.loads(redecide(run, "--radio", "disk", "--out", tmp_path / "disk", "--json").stdout)
+    summary = json.loads((tmp_path / "disk" / "summary.json").read_text())
+    assert told["digest"] == summary["digest"]
+    assert summary["redecided_from"] == str(run)
+    assert summary["radio"] == "disk"
+    assert read_scenario(str(tmp_path / "disk" / "scenario.yaml")).radio == "disk"
+    found = compare(run, tmp_path / "disk")
+    assert found is not None
+    assert found.stream == "deliveries"
+    again = json.loads(redecide(tmp_path / "disk", "--json").stdout)
+    assert again["is_same"]
+    assert (tmp_path / "disk" / "probability_of_delivery.png").stat().st_size > 1000
+
+
+def test_mistakes_are_told_in_a_line(run: Path, tmp_path: Path) -> None:
+    for arguments, text in (
+        ([tmp_path / "none"], "scenario.yaml"),
+        ([run, "--radio", "nothere"], "no radio preset"),
+        ([run, "--set", "radio.nonsense=1"], "nonsense: unknown key"),
+        ([run, "--set", "radio"], "KEY=VALUE"),
+        ([run, "--out", run], "not empty"),
+    ):
+        result = redecide(*arguments)
+        assert result.exit_code == 2, arguments
+        assert text in result.stderr
+        assert len(result.stderr.splitlines()) == 1

@@ -1,0 +1,82 @@
+"""`lostlink study` where all runs are done: its table, its figures, its rows as JSON."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from lostlink.cli.flying.study import study
+from lostlink.study.case_process import RESULT_FILE, Plan, write_whole
+from lostlink.study.study import Study
+
+FIGURES = """
+def broken(table, directory):
+    raise KeyError("speed")
+
+
+def drawn(table, directory):
+    (directory / "drawn.txt").write_text(str(len(table)))
+"""
+
+
+@pytest.fixture(autouse=True)
+def _same_handlers() -> Iterator[None]:
+    """The command sets handlers of signals for its process."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A study of two runs, both done."""
+    (tmp_path / "own.py").write_text(FIGURES, encoding="utf-8")
+    file = tmp_path / "study.yaml"
+    file.write_text(
+        "schema: 1\nname: mine\nscenario: separation\nseeds: [1, 2]\nfigures: [own.py:broken, own.py:drawn]\n",
+        encoding="utf-8",
+    )
+    ours = Study(file, tmp_path)
+    measures = Plan("", (), "all").measures
+    for case in ours.cases:
+        ours.path(case).mkdir(parents=True)
+        metrics = {"passed": True, "delivery": float("nan"), "series": [1.0, float("inf")]}
+        content = {"failure": "", "measures": measures, "metrics": metrics, "timing": {}}
+        write_whole(ours.path(case) / RESULT_FILE, content)
+    return file
+
+
+def run(file: Path, *arguments: str) -> Result:
+    return CliRunner().invoke(study, [str(file), "--out", str(file.parent), *arguments])
+
+
+def test_a_figure_that_fails_is_told_in_a_line_after_the_table_and_the_others_are_drawn(file: Path) -> None:
+    done = run(file)
+    assert done.exit_code == 1
+    assert done.stdout.splitlines()[-1] == str(file.parent / "mine" / "metrics.parquet")
+    assert done.stderr == f"lostlink: {file.parent / 'own.py'}:broken: KeyError: 'speed'\n"
+    assert (file.parent / "mine" / "drawn.txt").read_text() == "2"
+
+
+def test_json_has_null_for_what_is_no_number(file: Path) -> None:
+    rows = [json.loads(line, parse_constant=pytest.fail) for line in run(file, "--json").stdout.splitlines()]
+    assert [(row["seed"], row["delivery"], row["series"]) for row in rows] == [
+        (1, None, [1.0, None]),
+        (2, None, [1.0, None]),
+    ]
+
+
+def test_figures_without_pandas_are_refused_before_anything_flies(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    done = run(file, "--dry-run")
+    assert (done.exit_code, done.stdout) == (2, f"{file}: reads the scenario of each run\n")
+    assert "figures: needs pandas: pip install 'lostlink[pandas]'" in done.stderr

@@ -1,0 +1,140 @@
+"""Expectations are judged by the tables of a run: each number here was worked out by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import read_scenario
+from lostlink.cli.records.judge import judge as judge_command
+from lostlink.expectations.judge import Judgement, judge
+from tests.unit.bridge.record.runs import RunContent, make_run
+
+FIRST, LOST_FROM, LOST_TO = 0, 5, 8
+"""Of 20 ticks of 50 ms, UA 1 does not hear UA 0 at ticks 5, 6 and 7."""
+
+
+def lose_some(made: RunContent) -> None:
+    for index, row in enumerate(made.rows):
+        tick = index // 2
+        made.change_row(index, distance_m=10.0 * tick)
+        if row.tx == "0" and LOST_FROM <= tick < LOST_TO:
+            made.change_row(index, fate="channel_erasure")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_run(tmp_path_factory.mktemp("runs") / "run", lose_some)
+
+
+def judged(run: Path, **expectation: Any) -> Judgement:
+    scenario = read_scenario("separation", {"expectations": [expectation]})
+    (judgement,) = judge(run, scenario, "done")
+    return judgement
+
+
+@pytest.mark.parametrize(
+    ("expectation", "found", "passed"),
+    [
+        ({"from": 0, "to": 1, "at_least": 0.85}, 17 / 20, True),
+        ({"from": 0, "to": 1, "at_least": 0.86}, 17 / 20, False),
+        ({"from": 0, "to": 1, "at_most": 0.84}, 17 / 20, False),
+        ({"to": 0, "at_least": 1}, 1.0, True),
+        ({"at_least": 0.9}, 37 / 40, True),
+        ({"at_least": 0.9, "each_link": True}, 17 / 20, False),
+        ({"from": 0, "distance_m": [50, 80], "at_least": 0.25, "at_most": 0.25}, 1 / 4, True),
+        ({"from": 0, "between_s": [0.25, 0.35], "at_most": 0.1}, 0.0, True),
+        ({"from": 0, "distance_m": [500, 600], "at_most": 0.1}, None, False),
+    ],
+)
+def test_delivery(run: Path, expectation: dict[str, Any], found: float | None, passed: bool) -> None:
+    judgement = judged(run, type="delivery", **expectation)
+    assert judgement.found == (None if found is None else pytest.approx(found))
+    assert judgement.passed is passed
+
+
+@pytest.mark.parametrize(
+    ("expectation", "found", "passed"),
+    [
+        # tick 4's packet came at tick 5, the next, tick 8's, at tick 9
+        ({"node": 1, "from": 0, "at_most_s": 0.25}, 0.25, True),
+        ({"node": 1, "at_most_s": 0.24}, 0.25, False),
+        ({"node": 0, "at_most_s": 0.1}, 0.1, True),
+        ({"node": 1, "between_s": [0.3, 0.9], "at_most_s": 0.25}, 0.25, True),
+        ({"node": 1, "between_s": [0, 0.3], "at_most_s": 0.2}, 0.1, True),
+        ({"node": 1, "between_s": [5, 6], "at_most_s": 0.2}, None, False),
+    ],
+)
+def test_age(run: Path, expectation: dict[str, Any], found: float | None, passed: bool) -> None:
+    judgement = judged(run, type="age", **expectation)
+    assert judgement.found == (None if found is None else pytest.approx(found))
+    assert judgement.passed is passed
+
+
+@pytest.mark.parametrize(
+    ("expectation", "found", "passed"),
+    [  # UA 1 is at t + 1 m north and 10 m high; the last tick is at 0.95 s
+        ({"north_m": 1.95, "east_m": 0}, 0.0, True),
+        ({"north_m": 1.95, "east_m": 3, "height_m": 6}, 5.0, False),
+        ({"north_m": 0, "east_m": 0, "at": "ever"}, 1.0, True),
+        ({"north_m": 0, "east_m": 0, "at": "always"}, 1.95, False),
+        ({"north_m": 0, "east_m": 0, "at": 0.5}, 1.5, True),
+        ({"north_m": 0, "east_m": 0, "at": 9}, None, False),
+    ],
+)
+def test_position(run: Path, expectation: dict[str, Any], found: float | None, passed: bool) -> None:
+    judgement = judged(run, type="position", node=1, within_m=1.9, **expectation)
+    assert judgement.found == (None if found is None else pytest.approx(found))
+    assert judgement.passed is passed
+
+
+def test_separation(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run")
+    assert judged(run, type="separation", at_least_m=0.5).found == pytest.approx(1.0)
+    assert not judged(run, type="separation", at_least_m=1.5, among=[1, 0]).passed
+    assert judged(run, type="separation", at_least_m=1.5, between_s=[7, 8]).found is None
+
+
+def test_losses_of_the_host_count_each_receiver(tmp_path: Path) -> None:
+    def lose(made: RunContent) -> None:
+        made.change_row(0, fate="transport")
+        made.change_row(3, rx="all", packets=4, fate="transport", distance_m=float("nan"))
+
+    run = make_run(tmp_path / "run", lose)
+    assert judged(run, type="host_losses").found == 5
+    assert judged(run, type="host_losses", at_most=5).passed
+    assert judged(run, **{"type": "delivery", "from": 1, "to": 0, "at_least": 0}).found == pytest.approx(
+        19 / 23
+    )
+
+
+def test_ending_and_names(run: Path) -> None:
+    assert judged(run, type="ending", ending="done").passed
+    assert not judged(run, type="ending", ending="duration", name="runs on").passed
+    assert judged(run, type="ending", ending="done", name="comes home").name == "comes home"
+
+
+def test_a_record_is_judged_by_another_scenario(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run", lose_some, is_finished=False)
+    RunDirectory(run).write(read_scenario("separation"), "tcp/127.0.0.1:1")
+    done = CliRunner().invoke(judge_command, [str(run)])
+    assert (done.exit_code, done.output) == (0, "the scenario expects nothing\n")
+    other = tmp_path / "other.yaml"
+    wanted = {"extends": "separation", "expectations": [{"type": "delivery", "from": 0, "at_least": 0.9}]}
+    other.write_text(yaml.safe_dump(wanted))
+    done = CliRunner().invoke(judge_command, [str(run), str(other)])
+    assert (done.exit_code, done.output) == (
+        3,
+        "FAILED: delivery 0 to all: wanted at least 0.9, found 0.85\n",
+    )
+    wanted["without"] = [1]
+    wanted["nodes"] = [{"id": 7, "agent": {"type": "still"}}]
+    wanted["expectations"] = [{"type": "age", "node": 7, "at_most_s": 1}]
+    other.write_text(yaml.safe_dump(wanted))
+    done = CliRunner().invoke(judge_command, [str(run), str(other)])
+    assert (done.exit_code, "has no node 7" in done.output) == (2, True)

@@ -1,0 +1,81 @@
+"""The figure of a run."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+
+from channel.link.radio import Radio
+from channel.presets import load_radio
+from lostlink.flight.figure import LINKS_MAX, draw_probability_of_delivery
+
+
+def summary_of(nodes: int, sent: int = 40) -> dict[str, Any]:
+    """Each link of so many nodes delivers its own share at two distances."""
+    bins = [
+        {
+            "tx": str(tx),
+            "rx": str(rx),
+            "distance_min_m": start_m,
+            "distance_max_m": start_m + 20.0,
+            "sent": sent,
+            "delivered": sent - tx,
+            "measured": (sent - tx) / sent,
+            "predicted": 1.0,
+            "ci99": [0.9, 1.0],
+        }
+        for tx, rx in permutations(range(nodes), 2)
+        for start_m in (0.0, 300.0)
+    ]
+    return {"bins": bins, "radio": "moon2020", "scenario": "made", "seed": 1}
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Figures that were saved."""
+    found: list[Figure] = []
+    save = Figure.savefig
+
+    def keep(figure: Figure, *args: Any, **options: Any) -> None:
+        found.append(figure)
+        save(figure, *args, **options)
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    return found
+
+
+def legend_of(figure: Figure) -> list[str]:
+    (axes,) = figure.axes
+    legend = axes.get_legend()
+    assert legend is not None
+    return [text.get_text() for text in legend.get_texts()]
+
+
+@pytest.mark.parametrize(("nodes", "entries"), [(2, 3), (3, 7), (4, 3), (20, 3)])
+def test_a_legend_has_an_entry_per_link_of_a_few_and_one_for_many(
+    nodes: int, entries: int, drawn: list[Figure], tmp_path: Path
+) -> None:
+    draw_probability_of_delivery(summary_of(nodes), Radio(load_radio("moon2020")), tmp_path / "figure.png")
+    legend = legend_of(drawn[0])
+    assert len(legend) == entries
+    links = nodes * (nodes - 1)
+    if links > LINKS_MAX:
+        assert legend[1:] == [f"worst to best of {links} links", f"all {links} links"]
+    else:
+        assert legend[1] == "0 to 1"
+    assert (tmp_path / "figure.png").stat().st_size > 5000
+
+
+def test_many_links_are_drawn_as_their_mean_and_their_spread(drawn: list[Figure], tmp_path: Path) -> None:
+    draw_probability_of_delivery(summary_of(4), None, tmp_path / "figure.png")
+    (axes,) = drawn[0].axes
+    spread, _ = axes.collections[0], axes.collections
+    for segment in spread.get_segments():  # type: ignore[attr-defined]
+        assert segment[:, 1].tolist() == [37 / 40, 1.0]
+    points = axes.containers[0].lines[0]  # type: ignore[attr-defined]
+    assert points.get_ydata().tolist() == pytest.approx([1 - 1.5 / 40] * 2)
+    assert points.get_xdata().tolist() == [10.0, 310.0]

@@ -1,0 +1,117 @@
+"""What is seen of a run: lines where the output is no terminal, a view where it is one."""
+
+from __future__ import annotations
+
+import io
+import threading
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from bridge.bus.messages import AgentStatus, Clock, Header
+from lostlink.flight import progress as module
+from lostlink.flight.progress import Progress
+
+S = 1_000_000_000
+
+
+class Output(io.StringIO):
+    """Tells when something was written."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wrote = threading.Condition()
+
+    def write(self, text: str) -> int:
+        with self.wrote:
+            self.wrote.notify_all()
+            return super().write(text)
+
+    def wait_for(self, text: str) -> str:
+        with self.wrote:
+            assert self.wrote.wait_for(lambda: text in self.getvalue(), 10.0), self.getvalue()
+        return self.getvalue()
+
+
+def clock(seconds: float) -> Clock:
+    return Clock(Header.at(round(seconds * S), ""), 1.0, 1.0)
+
+
+def of_lines(**options: Any) -> tuple[Progress, Output]:
+    output = Output()
+    return Progress(Console(file=output, width=200), **options), output
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred times as fast."""
+    monkeypatch.setattr(module, "LINE_PERIOD_S", 0.02)
+    monkeypatch.setattr(module, "LOOK_PERIOD_S", 0.002)
+
+
+def test_phases_and_agents_have_lines() -> None:
+    shown, output = of_lines()
+    with shown:
+        shown.on_phase("starts the radio router")
+        shown.on_message(AgentStatus(Header.at(0, "1"), "takes off"))
+        shown.on_message(AgentStatus(Header.at(0, "gcs"), "listens"))
+    lines = output.getvalue().splitlines()
+    assert lines == ["starts the radio router", "UA 1 takes off", "node gcs listens"]
+
+
+def test_ticks_have_a_line_now_and_then(impatient: None) -> None:
+    shown, output = of_lines()
+    with shown:
+        shown.on_message(clock(0.05))
+        assert "sim time    0.05 s" in output.getvalue()  # the first one at once
+        output.wait_for("sim time    0.05 s, real-time factor 1.0 (target 1); no tick for 0 s")
+        shown.on_message(clock(1.0))
+        output.wait_for("sim time    1.00 s")
+
+
+def test_ticks_have_no_more_lines_than_that() -> None:
+    shown, output = of_lines()
+    with shown:
+        for tick in range(20):
+            shown.on_message(clock(tick / 20.0))
+    assert output.getvalue().count("sim time") == 1
+
+
+def test_silence_is_broken_by_what_is_waited_for(impatient: None) -> None:
+    shown, output = of_lines()
+    with shown:
+        shown.on_phase("draws the figure")
+        output.wait_for("draws the figure (0 s so far)")
+    said = output.getvalue()
+    threading.Event().wait(0.05)
+    assert output.getvalue() == said  # nothing comes when it is over
+
+
+def test_quiet_shows_nothing_and_asks_for_nothing(
+    capsys: pytest.CaptureFixture[str], impatient: None
+) -> None:
+    shown, output = of_lines(quiet=True)
+    assert shown.glance is None
+    with shown:
+        shown.on_phase("starts")
+        shown.on_message(clock(1.0))
+        shown.on_message(AgentStatus(Header.at(0, "1"), "takes off"))
+        shown.on_news("writes")
+        threading.Event().wait(0.05)
+    assert output.getvalue() == ""
+    shown.on_error("it broke")
+    assert capsys.readouterr().err == "lostlink: it broke\n"
+
+
+def test_a_terminal_has_a_view_and_no_lines() -> None:
+    output = Output()
+    shown = Progress(Console(file=output, force_terminal=True, width=120, height=30))
+    with shown:
+        shown.on_phase("waits for the autopilots")
+        output.wait_for("waits for the autopilots")
+        shown.on_message(clock(0.5))
+        shown.on_message(AgentStatus(Header.at(0, "1"), "takes off"))
+        said = output.wait_for("takes off")
+    assert "flies: sim time    0.50 s" in said
+    assert "UA 1 takes off" not in said

@@ -1,0 +1,101 @@
+"""The summary's verdict judges what it says it judges."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bridge.radio.deliveries import LEDGER
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import read_scenario
+from bridge.scenario.resolve.radio import radio_of
+from lostlink.flight.figure import draw_probability_of_delivery
+from lostlink.flight.summary import Timing, last_line, summarise
+
+SCENARIO = read_scenario("separation")
+
+
+def row(start_m: float, sent: int, measured: float, low: float = 0.4, high: float = 0.6) -> dict[str, Any]:
+    ends = {"tx": "0", "rx": "1", "distance_min_m": start_m, "distance_max_m": start_m + 20}
+    counts = {"sent": sent, "delivered": int(sent * measured), "measured": measured}
+    return {**ends, **counts, "predicted": 0.5, "ci99": [low, high]}
+
+
+def check(name: str, chance: float) -> dict[str, Any]:
+    return {"name": name, "size": 100, "found": 1.0, "chance": chance, "passed": chance >= 1e-3}
+
+
+def summary_of(
+    path: Path, bins: list[dict[str, Any]], ending: str = "done", checks: list[dict[str, Any]] | None = None
+) -> dict[str, Any]:
+    sent, delivered = (sum(b[k] for b in bins) for k in ("sent", "delivered"))
+    links = [
+        {
+            "tx": "0",
+            "rx": "1",
+            "sent": sent,
+            "delivered": delivered,
+            "lost": {"channel_erasure": sent - delivered},
+        }
+    ]
+    (path / LEDGER).write_text(
+        json.dumps({"links": links, "bins": bins, "refused": {}, "checks": checks or []})
+    )
+    return summarise(SCENARIO, RunDirectory(path), Timing(100.0, 10.0), ending)
+
+
+def test_a_run_passes_if_all_checks_do(tmp_path: Path) -> None:
+    good, bad = check("losses", 0.2), check("level of the powers", 1e-5)
+    verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, good])["verdict"]
+    assert verdict == "pass: 2 checks of draws and powers against the model; 25 of 50 packets delivered"
+    verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, bad])["verdict"]
+    assert verdict.startswith("fail: 1 of 2 checks against the model: level of the powers (chance 1e-05)")
+
+
+def test_bins_alone_fail_no_run(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, [row(0, 50, 0.9)], checks=[check("losses", 0.2)])
+    assert (summary["bins_judged"], summary["bins_within"]) == (1, 0)
+    assert summary["verdict"].startswith("pass")
+
+
+def test_nothing_to_judge(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, [row(0, 49, 0.9)])
+    assert summary["bins_judged"] == 0
+    assert summary["verdict"].startswith("no verdict")
+
+
+def test_interrupted_run_has_no_verdict(tmp_path: Path) -> None:
+    assert summary_of(tmp_path, [row(0, 50, 0.5)], "interrupted")["verdict"].startswith("interrupted")
+
+
+def test_required_keys_and_real_time_factor(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, [row(0, 50, 0.5)])
+    required = "scenario seed autopilot speed sim_duration_s wall_duration_s real_time_factor links bins checks verdict"
+    assert set(required.split()) <= set(summary)
+    assert summary["real_time_factor"] == pytest.approx(10.0)
+
+
+def test_figure_is_a_picture(tmp_path: Path) -> None:
+    summary = summary_of(tmp_path, [row(20.0 * i, 50, 0.5) for i in range(5)])
+    draw_probability_of_delivery(summary, radio_of(SCENARIO), tmp_path / "p.png")
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_verdict_says_who_had_not_finished(tmp_path: Path) -> None:
+    summary_of(tmp_path, [row(0, 50, 0.5)])
+    summary = summarise(SCENARIO, RunDirectory(tmp_path), Timing(12.0, 1.0), "duration", ["1"])
+    assert summary["verdict"].endswith("; node 1 had not finished")
+    assert summary["unfinished"] == ["1"]
+
+
+@pytest.mark.parametrize(
+    ("passed", "begins"), [((True, True), "pass: 3"), ((True, False), "expectations failed; pass: 3")]
+)
+def test_the_last_line_does_not_begin_well_if_an_expectation_failed(
+    passed: tuple[bool, ...], begins: str
+) -> None:
+    summary = {"verdict": "pass: 3 checks", "expectations": [{"passed": each} for each in passed]}
+    assert last_line(summary).startswith(begins)

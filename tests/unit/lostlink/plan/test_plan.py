@@ -1,0 +1,122 @@
+"""The plan of a run, as `lostlink check` prints it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bridge.scenario.file import parse_scenario, read_scenario
+from bridge.scenario.resolve.radio import radio_from
+from lostlink.cli.flying.check import check
+from lostlink.plan.plan import plan_of
+from lostlink.plan.reach import reach_of
+
+HOLDS_BYTES, FLIES_OUT_BYTES = 328, 376
+"""Lengths of data packages in flight, read from the record of a run with this radio, which counts payloads."""
+TEXT = """\
+schema: 1
+name: planned
+duration_s: 60
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: corrected
+hosts: per-ua
+transmit: {every_ticks: 4}
+ports: {first_slot: 7}
+nodes:
+  - {id: 0, count: 3, home: {line: {spacing_m: 10}}, agent: {type: hold, altitude_m: 30}}
+  - {id: gcs, kind: ground, place: {north_m: -5, height_m: 6}, agent: {type: free}}
+  - {id: 9, radio: {preset: corrected, mtu_bytes: 100}, agent: {type: own, class: "os.path:join"}}
+"""
+
+
+def checked(*options: str) -> Result:
+    return CliRunner().invoke(check, list(options))
+
+
+def plan_with(*settings: str) -> dict[str, Any]:
+    options = [part for setting in settings for part in ("--set", setting)]
+    plan: dict[str, Any] = json.loads(checked("separation", "--json", *options).output)
+    return plan
+
+
+def test_nodes_processes_and_ports() -> None:
+    plan = plan_of(parse_scenario(TEXT, "planned.yaml"))
+    assert [(n.id, n.kind, n.place_m, n.vehicle, n.agent) for n in plan.nodes] == [
+        ("0", "ua", (0, 0, 0), "copter", "hold"),
+        ("1", "ua", (0, 10, 0), "copter", "hold"),
+        ("2", "ua", (0, 20, 0), "copter", "hold"),
+        ("gcs", "ground", (-5, 0, 6), None, "free"),
+        ("9", "ua", (0, 0, 0), "copter", "os.path:join"),
+    ]
+    hosted = [node for name, nodes in plan.hosts.items() if name.startswith("host-") for node in nodes]
+    assert sorted(hosted) == ["0", "1", "2", "9"]
+    assert "UDP port 9092 (flight dynamics of UA 2)" in plan.ports
+
+
+def test_offered_load_is_rate_times_length_over_bit_rate() -> None:
+    load = plan_of(parse_scenario(TEXT, "planned.yaml")).load
+    assert [(n.packets_per_s, n.payload_bytes, n.is_guess) for n in load.nodes] == [
+        (5.0, HOLDS_BYTES, False),
+        (5.0, HOLDS_BYTES, False),
+        (5.0, HOLDS_BYTES, False),
+        (None, None, True),
+        (5.0, HOLDS_BYTES, True),
+    ]
+    assert load.on_air_bits_per_s == 4 * 5 * HOLDS_BYTES * 8
+    assert load.airtime_share == pytest.approx(4 * 5 * HOLDS_BYTES * 8 / 24e6)
+
+
+def test_more_than_the_bit_rate_is_warned_of() -> None:
+    assert plan_with("radio=telemetry-915", "transmit.every_ticks=20")["warnings"] == []
+    (warning,) = plan_with("radio=telemetry-915")["warnings"]
+    share = 20 * 8 * (HOLDS_BYTES + 8 + FLIES_OUT_BYTES + 8) / 64e3
+    assert f"{share:.3g} times what the radio's bit rate carries" in warning
+
+
+def test_an_outage_after_the_end_is_warned_of() -> None:
+    late = TEXT.replace("radio: {preset", "radio_off: [{from_s: 5, to_s: 60}, {from_s: 60}], radio: {preset")
+    assert "node 9: its radio goes off at 60 s" in plan_of(parse_scenario(late, "late.yaml")).warnings[-1]
+
+
+def test_a_package_longer_than_the_mtu_is_warned_of() -> None:
+    (warning,) = plan_of(parse_scenario(TEXT, "planned.yaml")).warnings
+    assert warning.startswith(f"node 9: its data package has {HOLDS_BYTES} bytes, more than mtu_bytes")
+
+
+def test_the_reach_of_a_disk_is_its_radius() -> None:
+    origin = read_scenario("separation").origin
+    radius = {"preset": "disk", "max_range_m": 123.0}
+    assert reach_of(radio_from(radius, origin), 40).distance_m == {"0.9": 123.0, "0.5": 123.0, "0.1": 123.0}
+    assert reach_of(radio_from({"preset": "disk", "base_loss": 0.7}, origin), 40).distance_m["0.5"] is None
+    hata = {"preset": "disk", "propagation": {"model": "okumura-hata"}}
+    assert reach_of(radio_from(hata, origin), 40).limit_m is None  # not made for less than a kilometre
+
+
+def test_what_is_left_out_follows_the_scenario() -> None:
+    plain = " ".join(plan_with()["not_modelled"])
+    assert all(
+        word in plain for word in ("airtime", "collisions", "carrier sense", "wind", "ArduPilot", "fading")
+    )
+    richer = plan_with("wind=breeze", "radio=telemetry-915", "autopilot=ardupilot")["not_modelled"]
+    assert not any(line.startswith(("wind", "ArduPilot", "fading", "shadowing")) for line in richer)
+
+
+def test_it_reads_well() -> None:
+    done = checked("separation", "--radio", "corrected", "--set", "nodes.0.home.east_m=-7")
+    assert done.exit_code == 0
+    for line in (
+        "  0: UA, f450 (copter) at 0 m N, -7 m E, agent hold",
+        "  all nodes: 40 packets/s, 1.126e+05 bit/s on air, 0.5% of the radio's bit rate",
+        f"  node 1: 20 packets/s of {FLIES_OUT_BYTES} bytes",
+    ):
+        assert line in done.output.splitlines()
+
+
+def test_a_wrong_scenario_is_told_line_by_line() -> None:
+    done = checked("separation", "--set", "sead=1", "--set", "spead=1")
+    assert done.exit_code == 2
+    options = [line.split("=")[0] for line in done.stderr.splitlines()]
+    assert options == ["lostlink: --set sead", "lostlink: --set spead"]

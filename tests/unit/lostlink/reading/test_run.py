@@ -1,0 +1,111 @@
+"""A run read back has what its writers wrote, finished or killed."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aps.wire.dialect import Encoder
+from bridge.record.events import Report
+from bridge.record.inputs import InputWriter, RecordedInput
+from bridge.record.names import from_autopilot, inputs_path, packets
+from bridge.record.packets import SentPacket, encode_packet
+from bridge.record.streams import Entry
+from bridge.run.directory import SCENARIO_FILE
+from bridge.scenario.file import read_scenario
+from lostlink.reading.run import NoRun, load_run
+from tests.unit.bridge.record.runs import TICK_NS, RunContent, heartbeat, row_at, truth_at
+
+
+def write(path: Path, *, is_finished: bool = True) -> Path:
+    ticks = [i * TICK_NS for i in range(40)]
+    content = RunContent(
+        {
+            from_autopilot("0"): [Entry(tick, bytes([i])) for i, tick in enumerate(ticks)],
+            packets("0"): [
+                Entry(tick, encode_packet(SentPacket(i, tick, "main/all/team", b"abc")))
+                for i, tick in enumerate(ticks)
+            ],
+        },
+        [truth_at(node, tick) for tick in ticks for node in ("0", "1")],
+        [row_at(tick, "0", "1") for tick in ticks],
+    )
+    content.write(path, is_finished=is_finished)
+    (path / SCENARIO_FILE).write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    writer = InputWriter(inputs_path(path, "1"))
+    writer.write(RecordedInput.opened(TICK_NS, 3))
+    writer.write(RecordedInput.frame(TICK_NS, 3, heartbeat(Encoder(sysid=255, compid=190))))
+    writer.close()
+    report = Report(path, "physics")
+    report.event(5 * TICK_NS, "1", "stalled", "its autopilot owes a packet")
+    report.close()
+    return path
+
+
+@pytest.mark.parametrize("is_finished", [True, False])
+def test_frames_have_what_was_written(tmp_path: Path, is_finished: bool) -> None:
+    run = load_run(write(tmp_path / "run", is_finished=is_finished))
+    assert (run.nodes, run.scenario.name) == (("0", "1"), "separation")
+    assert len(run.truth) == 80
+    one = run.truth[run.truth.node == "1"]
+    assert one.sim_time_s.tolist() == pytest.approx([0.05 * i for i in range(40)])
+    assert one.position_north_m.tolist() == pytest.approx([0.05 * i + 1.0 for i in range(40)])
+    assert run.packets.fate.tolist() == ["delivered"] * 40
+    assert run.packets.seq.tolist() == list(range(40))
+    assert run.links.to_dict("records") == [{"tx": "0", "rx": "1", "sent": 40, "delivered": 40}]
+    assert run.link_series(1.0).sent.tolist() == [20, 20]
+    assert run.inputs[["tick_ns", "node", "kind", "link"]].to_numpy().tolist() == [
+        [TICK_NS, "1", "open", 3],
+        [TICK_NS, "1", "frame", 3],
+    ]
+    assert run.inputs.name[1] == "HEARTBEAT"
+    assert run.events.to_dict("records") == [
+        {
+            "sim_time_s": 0.25,
+            "sim_time_ns": 5 * TICK_NS,
+            "node": "1",
+            "kind": "stalled",
+            "text": "its autopilot owes a packet",
+        }
+    ]
+    assert [packet.payload for packet in run.transmitted("0")] == [b"abc"] * 40
+    assert b"".join(entry.payload for entry in run.mavlink("0", "from_autopilot")) == bytes(range(40))
+    assert list(run.transmitted("1")) == []
+
+
+def test_arrays_and_arrow_are_the_same_from_journal_and_parquet(tmp_path: Path) -> None:
+    done, killed = (
+        load_run(write(tmp_path / name, is_finished=name == "done")) for name in ("done", "killed")
+    )
+    assert (killed.path / "truth.journal").exists()
+    for table in ("truth", "deliveries"):
+        a, b = done.table(table), killed.table(table)
+        assert a.to_pydict() == b.to_pydict()
+        assert a.column_names == b.column_names
+        for name, values in done.columns(table).items():
+            assert np.array_equal(values, killed.columns(table)[name])
+    assert list(done.columns("truth", ["node", "tick_ns"])) == ["node", "tick_ns"]
+    with pytest.raises(ValueError, match="no column speed; there are tick_ns, node"):
+        done.columns("truth", ["speed"])
+    with pytest.raises(ValueError, match="no table 'fates'; there are truth"):
+        done.table("fates")
+
+
+def test_a_killed_run_has_no_end(tmp_path: Path) -> None:
+    run = load_run(write(tmp_path / "run", is_finished=False))
+    assert (run.summary, run.ending, run.verdict, run.digest) == ({}, "", "", "")
+    assert repr(run) == "<Run run: without an end>"
+
+
+def test_what_is_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(NoRun, match=r"scenario.yaml"):
+        load_run(tmp_path)
+    write(tmp_path / "runs" / "mine")
+    assert load_run("mine").path == tmp_path / "runs" / "mine"
+    shutil.rmtree(tmp_path / "runs")
+    with pytest.raises(NoRun, match=r"runs/mine"):
+        load_run("mine")

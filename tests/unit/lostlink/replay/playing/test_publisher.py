@@ -1,0 +1,66 @@
+"""What of a record is published: of what agents said and logged, that which somebody wants."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bridge.bus.keys import Keys
+from bridge.bus.messages import AgentStatus, Header
+from bridge.bus.session import Stamp
+from bridge.record.logged import LoggedValue
+from lostlink.replay.player import Player
+from lostlink.replay.playing.pace import Pace
+from lostlink.replay.playing.publisher import MomentPublisher
+from tests.unit.lostlink.replay.flown import TICK_NS, Said, flown, scenario_of
+
+KEYS = Keys("made")
+REPORT = AgentStatus(Header.at(0, "0"), "leg 1")
+
+
+class Wanting:
+    """A session with subscribers to some keys: it keeps what is put."""
+
+    def __init__(self, *wanted: str) -> None:
+        self._wanted = wanted
+        self.told: list[tuple[str, Any, Any]] = []
+
+    def interest(self, key: str) -> Callable[[], bool]:
+        return lambda: key in self._wanted
+
+    def put(self, key: str, message: Any, **_: Any) -> None:
+        if "/node/" in key:
+            self.told.append((key, message, None))
+
+    def put_bytes(self, key: str, payload: bytes, *, attachment: Any = None, **_: Any) -> None:
+        self.told.append((key, json.loads(payload), attachment))
+
+
+def said(tick: int) -> list[Said]:
+    logged: list[Said] = [("1", LoggedValue("gap_m", math.nan)), ("0", LoggedValue("leg", tick))]
+    return [*logged, ("0", REPORT)] if tick == 1 else []
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"),
+    [
+        ((), []),
+        ((KEYS.agent("0"), KEYS.agent("1")), [(KEYS.agent("0"), REPORT, None)]),
+        ((KEYS.logged("1", "*"),), [(KEYS.logged("1", "gap_m"), None, Stamp(-1, TICK_NS).to_bytes())]),
+    ],
+    ids=["nothing", "reports", "values"],
+)
+def test_what_agents_said_is_published_if_it_is_wanted(
+    tmp_path: Path, wanted: tuple[str, ...], told: list[Any]
+) -> None:
+    player = Player.open(flown(tmp_path / "made", scenario_of("perfect", ("0", "1")), 3, log=said))
+    session = Wanting(*wanted)
+    publisher = MomentPublisher(session, KEYS, player.scenario)  # type: ignore[arg-type]
+    for moment in player.moments():
+        publisher.publish(moment, Pace(1.0, 0, 0.0))
+    assert session.told == told

@@ -1,0 +1,133 @@
+"""A record played: ticks, seeking, and what was not written to the end."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bridge.bus.messages import encode
+from lostlink.replay.moment import Moment
+from lostlink.replay.player import Player
+from tests.unit.lostlink.replay.flown import TICK_NS, Router, Sent, flown, scenario_of, truths
+
+NODES = ("0", "1", "gcs")
+SCENARIO = scenario_of("moon2020", NODES)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flown(tmp_path_factory.mktemp("runs") / "made", SCENARIO, ticks=90)
+
+
+def everything(moment: Moment) -> tuple[object, ...]:
+    """All that a moment tells, as bytes: NaN equals itself there."""
+    messages = [moment.truths(), moment.fates(), moment.links(), moment.communication(), *moment.statuses()]
+    received = tuple(astuple(each) for each in moment.received())
+    return (moment.sim_time_ns, moment.is_last, *map(encode, messages), received)
+
+
+def test_a_record_is_played_to_its_end(run: Path) -> None:
+    player = Player.open(run)
+    played = [moment.sim_time_ns for moment in player.moments()]
+    assert played == [i * TICK_NS for i in range(90)]
+    assert player.now is not None
+    assert player.now.is_last
+    assert player.step() is None
+    assert (player.begin_ns, player.end_ns) == (0, 89 * TICK_NS)
+
+
+def test_truth_is_what_physics_said(run: Path) -> None:
+    player = Player.open(run)
+    moment = player.seek(70 * TICK_NS)
+    assert list(moment.truths().truth) == truths(SCENARIO, 70)
+    assert moment.truth()["gcs"] == truths(SCENARIO, 70)[2]
+
+
+@pytest.mark.parametrize("way", [(3, 60, 20, 89, 88, 0, 45), (10, 11, 12, 11)])
+def test_seeking_is_as_playing_up_to_there(run: Path, way: tuple[int, ...]) -> None:
+    straight = [everything(moment) for moment in Player.open(run).moments()]
+    player = Player.open(run)
+    for tick in way:
+        assert everything(player.seek(tick * TICK_NS)) == straight[tick]
+        if tick < 89:
+            following = player.step()
+            assert following is not None
+            assert everything(following) == straight[tick + 1]
+
+
+def test_seeking_goes_to_the_tick_before_an_instant_and_to_the_ends(run: Path) -> None:
+    player = Player.open(run)
+    assert player.seek(10 * TICK_NS + 1).sim_time_ns == 10 * TICK_NS
+    assert player.seek(-5).sim_time_ns == 0
+    assert player.seek(1 << 60).sim_time_ns == 89 * TICK_NS
+
+
+def test_counts_of_links_are_those_of_the_table(run: Path) -> None:
+    player = Player.open(run)
+    links = player.seek(player.end_ns).links()
+    assert list(links.sent) == [90] * 6
+    columns = player.decisions.columns
+    for row, (tx, rx) in enumerate(zip(links.tx, links.rx, strict=True)):
+        mine = (columns["tx"] == tx) & (columns["rx"] == rx)
+        assert links.delivered[row] == np.count_nonzero(columns["fate"][mine] == 0)
+    assert 0 < sum(links.delivered) < 540
+
+
+def test_a_moment_is_over_when_another_is_played(run: Path) -> None:
+    player = Player.open(run)
+    before = player.seek(0)
+    player.step()
+    with pytest.raises(RuntimeError, match="is over"):
+        before.links()
+
+
+def test_packets_arrive_with_what_they_carried(tmp_path: Path) -> None:
+    scenario = scenario_of("perfect", NODES)
+    router = Router(tmp_path / "run", scenario)
+    router.tick(0, truths(scenario, 0), [Sent("0", length=7), Sent("1", to="gcs", length=9)])
+    moment = Player.open(router.close()).step()
+    assert moment is not None
+    found = [(p.tx, p.rx, p.channel, len(p.payload), p.seq) for p in moment.received()]
+    assert found == [("0", "1", "team", 7, 0), ("0", "gcs", "team", 7, 0), ("1", "gcs", "team", 9, 0)]
+    assert [p.rx for p in moment.received(["1"])] == ["1"]
+
+
+def test_packets_lost_before_the_channel_count_at_every_receiver(tmp_path: Path) -> None:
+    scenario = scenario_of("perfect", NODES)
+    router = Router(tmp_path / "run", scenario)
+    router.tick(0, truths(scenario, 0), [Sent("0"), Sent("0", lost=4)])
+    player = Player.open(router.close())
+    moment = player.step()
+    assert moment is not None
+    links = moment.links()
+    assert [(n, d) for n, d in zip(links.sent, links.delivered, strict=True)] == [(6, 2), (6, 2)]
+    assert len(moment.fates().seq) == 4  # as in a run: what never came to the radio is in no message
+
+
+def test_a_killed_run_plays_as_far_as_it_goes(tmp_path: Path) -> None:
+    whole = [everything(m) for m in Player.open(flown(tmp_path / "whole", SCENARIO, 30)).moments()]
+    killed = flown(tmp_path / "killed", SCENARIO, 30, killed=True)
+    journal = killed / "truth.journal"
+    journal.write_bytes(journal.read_bytes()[:-300])
+    stream = killed / "streams" / "packets" / "1.bin"
+    stream.write_bytes(stream.read_bytes()[:-5])
+    played = [everything(m) for m in Player.open(killed).moments()]
+    assert played[:28] == whole[:28]
+
+
+def test_link_reports_and_states_are_due_as_often_as_in_a_run(run: Path) -> None:
+    moments = [(m.links_are_due, m.states_are_due) for m in Player.open(run).moments()]
+    assert [i for i, (due, _) in enumerate(moments) if due] == [*range(0, 90, 4), 89]
+    assert [i for i, (_, due) in enumerate(moments) if due] == list(range(0, 90, 2))
+
+
+def test_what_is_no_run_is_said(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match=r"scenario\.yaml"):
+        Player.open(tmp_path)
+    router = Router(tmp_path / "empty", SCENARIO)
+    router.close(killed=True)
+    with pytest.raises(ValueError, match="before its first tick"):
+        Player.open(tmp_path / "empty")

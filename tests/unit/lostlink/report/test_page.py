@@ -1,0 +1,182 @@
+"""The page of a report: whole, self-contained, and with a name for everything that is seen."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bridge.record.events import Report
+from lostlink.reading.run import load_run
+from lostlink.report.content import content_of
+from lostlink.report.page.page import LINKS_MAX, page_of
+from lostlink.report.pictures.all import draw_all
+from tests.unit.lostlink.replay.flown import flown, scenario_of
+
+PICTURES = {"map", "heights", "delivery", "powers", "matrix", "losses", "age_matrix", "ages"}
+VOID = {"meta", "br", "link", "img", "hr", "input"}
+
+
+class Seen(HTMLParser):
+    """What a page has; every element that is opened is closed in its turn."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attrs for name, attrs in self.elements if name == tag]
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    path = tmp_path_factory.mktemp("runs") / "made"
+    flown(
+        path,
+        scenario_of("moon2020", ("0", "1", "gcs"), extra="description: <script>alert(1)</script>\n"),
+        ticks=200,
+    )
+    report = Report(path, "physics")
+    report.event(5, "1", "stalled", "its autopilot <owes> a packet")
+    report.may_not_repeat("wall time decided something")
+    report.close()
+    return content_of(load_run(path))
+
+
+@pytest.fixture(scope="module")
+def pictures(content: dict[str, Any]) -> dict[str, str]:
+    return draw_all(content)
+
+
+@pytest.fixture(scope="module")
+def text(content: dict[str, Any], pictures: dict[str, str]) -> str:
+    return page_of(content, pictures)
+
+
+def test_it_asks_for_nothing(text: str):
+    assert re.search(r"\b(https?|ftp|wss?):", text) is None
+    assert "@import" not in text
+    for _, attrs in Seen(text).elements:
+        for name, value in attrs.items():
+            if name in ("src", "href", "xlink:href", "action", "data", "srcset"):
+                assert value is not None
+                assert value.startswith(("#", "data:image/png;base64,"))
+    assert re.search(r"url\((?!#)", text) is None
+    assert "<script" not in text
+
+
+def test_everything_seen_has_a_name(text: str, pictures: dict[str, str]):
+    seen = Seen(text)
+    drawn = [attrs for attrs in seen.all("svg") if attrs.get("class") == "picture"]
+    assert len(drawn) == len(PICTURES)
+    assert all(attrs["role"] == "img" and attrs["aria-label"] for attrs in drawn)
+    assert all(attrs.get("scope") in ("col", "row") for attrs in seen.all("th"))
+    assert len(seen.all("caption")) == len(seen.all("table")) == len(seen.all("thead"))
+    ids = [attrs["id"] for _, attrs in seen.elements if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    targets = {
+        v[1:] for _, a in seen.elements for n, v in a.items() if n.endswith("href") and v and v[0] == "#"
+    }
+    assert targets <= set(ids)
+    assert set(pictures) == PICTURES
+
+
+def test_colours_are_those_of_the_page(text: str, pictures: dict[str, str]):
+    style = text.split("</style>")[0]
+    for name, picture in pictures.items():
+        used = set(re.findall(r"var\((--[a-z0-9-]+)\)", picture))
+        assert "--ink" in used
+        assert all(f"{variable}: " in style for variable in used)
+        assert "#0a0b" not in picture, name
+
+
+def test_numbers_and_texts_are_there(content: dict[str, Any], text: str):
+    assert "&lt;script&gt;alert(1)" in text
+    assert "its autopilot &lt;owes&gt; a packet" in text
+    assert "wall time decided something" in text
+    assert f"{100 * content['totals']['delivery']:.1f} %" in text
+    assert all(f">{link['tx']} to {link['rx']}<" in text for link in content["links"])
+
+
+def test_the_same_numbers_give_the_same_bytes(content: dict[str, Any], text: str):
+    again = json.loads(json.dumps(content, allow_nan=False))
+    assert page_of(again, draw_all(again)) == text
+
+
+def test_expectations_checks_and_failure_are_told(content: dict[str, Any]):
+    checks = [{"name": "losses", "size": 1200, "found": 1.5, "chance": 1e-9, "passed": False}]
+    missed = {
+        "name": "delivery all to all",
+        "type": "delivery",
+        "wanted": "at least 0.9",
+        "found": None,
+        "unit": "",
+    }
+    judged = content | {"checks": checks, "expectations": [missed | {"passed": False}]}
+    judged["run"] = content["run"] | {"verdict": "fail: 1 of 1 checks", "error": "a host died"}
+    text = page_of(judged, {})
+    assert text.count('<span class="fail-word">FAILED</span>') == 2
+    assert 'class="verdict fail">fail: 1 of 1 checks' in text
+    assert "nothing of the kind" in text
+    assert "a host died" in text
+
+
+def test_of_many_links_the_worst_are_listed(tmp_path: Path):
+    nodes = tuple(str(number) for number in range(14))
+    made = content_of(load_run(flown(tmp_path / "run", scenario_of("moon2020", nodes), ticks=20)))
+    text = page_of(made, {})
+    assert len(made["links"]) == 182
+    listed = text.split(' id="links"')[1].split("</section>")[0]
+    assert len(re.findall(r"<th scope=\"row\">\d+ to \d+</th>", listed)) == LINKS_MAX
+    assert f"The {LINKS_MAX} directed links of 182 that lose most" in text
+    worst = min(made["links"], key=lambda link: link["delivery"])
+    assert f">{worst['tx']} to {worst['rx']}<" in text
+
+
+@pytest.mark.parametrize("ticks", [0, 1])
+def test_a_run_that_hardly_began(tmp_path: Path, ticks: int):
+    path = flown(tmp_path / "run", scenario_of("moon2020", ("0", "1")), ticks=ticks, killed=True)
+    made = content_of(load_run(path))
+    assert made["run"]["ending"] == "killed"
+    assert made["totals"]["sent"] == 2 * ticks
+    assert "This run has no end" in page_of(made, draw_all(made))
+
+
+def test_a_killed_run_has_the_numbers_of_a_whole_one(tmp_path: Path):
+    whole, killed = (
+        content_of(
+            load_run(flown(tmp_path / name, scenario_of("moon2020", ("0", "1")), killed=name == "killed"))
+        )
+        for name in ("whole", "killed")
+    )
+    for key in (
+        "links",
+        "totals",
+        "losses",
+        "ages",
+        "powers",
+        "nodes",
+        "tracks",
+        "separation_min_m",
+        "model",
+    ):
+        assert killed[key] == whole[key], key
+    assert (killed["run"]["ending"], whole["run"]["ending"]) == ("killed", "duration")

@@ -1,0 +1,51 @@
+"""Lanes that are left end what still flies on them."""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from lostlink.study.lanes import Dask, Lanes, Local
+
+
+@pytest.fixture
+def waiting(tmp_path: Path) -> Iterator[Path]:
+    """The directory of a case whose process waits for another that has it, for ever."""
+    case = tmp_path / "case"
+    case.mkdir()
+    with (tmp_path / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        (case / "lock").hardlink_to(tmp_path / "lock")
+        yield case
+
+
+def _processes(case: Path) -> list[psutil.Process]:
+    return [each for each in psutil.Process().children(recursive=True) if str(case) in each.cmdline()]
+
+
+def _leave(lanes: Lanes, case: Path) -> list[psutil.Process]:
+    """Leave lanes while a case flies; gives its processes that have not ended."""
+    with lanes:
+        started = next(found for _ in lanes.fly([case]) if (found := _processes(case)))
+    return psutil.wait_procs(started, timeout=30)[1]
+
+
+def test_on_this_machine(waiting: Path) -> None:
+    assert not _leave(Local(1), waiting)
+
+
+@pytest.mark.slow
+def test_on_a_dask_cluster(waiting: Path) -> None:
+    distributed: Any = pytest.importorskip("distributed")
+    with closing(
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        )
+    ) as cluster:
+        assert not _leave(Dask(cluster.scheduler_address), waiting)

@@ -1,0 +1,118 @@
+"""What tests of users ask of a flight: answers from a made record whose numbers are known."""
+
+from __future__ import annotations
+
+import asyncio
+
+import numpy as np
+import pytest
+
+from bridge.record.tables.schema import TableError
+from lostlink.testing.flight import UaOfFlight
+from lostlink.testing.views import LinkRecord, NodeRecord, Place
+
+
+class Made:
+    """A record: node 1 flies north at 10 m/s for 10 s, 20 m up; node 0 stands. A packet a second, the odd ones lost."""
+
+    nodes = ("0", "1")
+
+    def columns(self, table, columns=None):
+        ticks = np.arange(0, 10_500_000_000, 500_000_000)
+        if table == "truth":
+            return {
+                "tick_ns": np.repeat(ticks, 2),
+                "node": np.tile(np.array(["0", "1"], dtype=object), len(ticks)),
+                "position_north_m": np.stack([np.zeros(len(ticks)), ticks / 1e8], axis=1).ravel(),
+                "position_east_m": np.zeros(2 * len(ticks)),
+                "position_down_m": np.full(2 * len(ticks), -20.0),
+            }
+        count = np.arange(10)
+        return {
+            "sim_time_ns": count * 10**9,
+            "tx": np.full(10, "0", dtype=object),
+            "rx": np.full(10, "1", dtype=object),
+            "packets": np.ones(10, dtype=np.int32),
+            "distance_m": 10.0 * count,
+            "fate": np.where(count % 2, "channel_erasure", "delivered").astype(object),
+        }
+
+
+class Becoming(Made):
+    """That record, which cannot be read the first times: ``troubles`` are raised, one at each look."""
+
+    def __init__(self, *troubles):
+        self.troubles = list(troubles)
+
+    def columns(self, table, columns=None):
+        if self.troubles:
+            raise self.troubles.pop(0)
+        return super().columns(table, columns)
+
+
+class MadeFlight:
+    """A flight of that record, over or not."""
+
+    def __init__(self, record, is_over=False):
+        self.record, self.is_over = record, is_over
+
+    def recorded_s(self):
+        return 0.0
+
+
+def test_a_record_that_cannot_be_read_yet_is_waited_for():
+    record = Becoming(TableError("it has no truth.parquet"), FileNotFoundError("truth.journal"))
+    assert asyncio.run(UaOfFlight(MadeFlight(record), "1").at(north_m=60.0)) == 5.5
+    assert record.troubles == []
+
+
+def test_of_a_flight_that_is_over_no_record_is_waited_for():
+    ua = UaOfFlight(MadeFlight(Becoming(TableError("damaged")), is_over=True), "1")
+    with pytest.raises(TableError, match="damaged"):
+        asyncio.run(ua.at(north_m=60.0))
+    with pytest.raises(ValueError, match="a place needs"):
+        asyncio.run(ua.at())
+
+
+def test_when_a_node_first_is_near_a_place():
+    ua = NodeRecord(Made(), "1")
+    assert ua.reaches(Place(north_m=60.0, height_m=20.0), within_m=5.0) == 5.5
+    assert ua.reaches(Place(north_m=60.0), within_m=5.0, after_s=6.2) == 6.5
+    assert ua.reaches(Place(east_m=0.0), within_m=0.1) == 0.0
+
+
+def test_a_place_that_is_not_reached_is_told_with_the_nearest():
+    ua = NodeRecord(Made(), "1")
+    with pytest.raises(AssertionError, match=r"nearest was 20\.0 m at 10\.00 s"):
+        ua.reaches(Place(north_m=120.0), within_m=5.0)
+    with pytest.raises(AssertionError, match=r"nearest was 60\.0 m at 4\.00 s"):
+        ua.reaches(Place(north_m=100.0), within_m=5.0, before_s=4.0)
+    with pytest.raises(AssertionError, match="nothing was recorded"):
+        ua.reaches(Place(north_m=1.0), after_s=11.0)
+    with pytest.raises(ValueError, match="north_m, east_m or height_m"):
+        Place()
+
+
+def test_where_a_node_was():
+    ua = NodeRecord(Made(), "1")
+    assert ua.position_ned_m(3.2).tolist() == [30.0, 0.0, -20.0]
+    assert ua.position_ned_m(99.0)[0] == 100.0
+    with pytest.raises(ValueError, match="not there yet"):
+        ua.position_ned_m(-1.0)
+
+
+def test_what_a_link_delivered_by_time_and_distance():
+    link = LinkRecord(Made(), "0", "1")
+    assert link.delivery() == 0.5
+    assert link.delivery(from_s=2.0, to_s=3.0) == 1.0
+    assert link.delivery(min_m=10.0, max_m=40.0) == pytest.approx(1 / 3)
+    with pytest.raises(AssertionError, match="nothing was sent from 0 to 1"):
+        link.delivery(from_s=100.0)
+    with pytest.raises(AssertionError, match="nothing was sent from 1 to 0"):
+        LinkRecord(Made(), "1", "0").delivery()
+
+
+@pytest.mark.parametrize("kind", [lambda run: NodeRecord(run, "7"), lambda run: LinkRecord(run, "0", "7")])
+def test_a_node_that_is_not_there_is_named(kind):
+    with pytest.raises(ValueError, match="no node '7'; there are 0, 1"):
+        kind(Made())

@@ -1,0 +1,155 @@
+"""Charts: what is drawn is what is known, and no more points than a screen has."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from lostlink.view.page.charts import (
+    DARK,
+    LIGHT,
+    POINTS_MAX,
+    ModelCurve,
+    delivery_chart,
+    link_chart,
+    losses_chart,
+    matrix_chart,
+)
+from lostlink.view.page.logged_chart import LINES_MAX, logged_chart
+from lostlink.view.page.tables import (
+    agent_rows,
+    emitter_rows,
+    fleet_rows,
+    link_words,
+    logged_rows,
+    loss_rows,
+)
+from lostlink.view.picture.link_history import DistanceBins, LinkHistory
+from lostlink.view.picture.logged import Series
+from tests.unit.lostlink.view.fleet import (
+    clock,
+    emitter_at,
+    fates,
+    links,
+    truths,
+    view_of_two,
+    with_emitter,
+)
+
+
+def test_the_chart_of_a_link_has_its_newest_report() -> None:
+    history = LinkHistory(2)
+    for number in range(1000):
+        history.take(links(0.2 * number, 0.5 * number, 0.5, 4 * number, 2 * number))
+    options = link_chart(history.series(0, 1), LIGHT)
+    by_name = {series["name"]: series["data"] for series in options["series"]}
+    assert list(by_name) == ["received power", "SNR", "measured", "model (1 - PER)"]
+    assert by_name["measured"][-1] == [pytest.approx(199.8), 0.5]
+    assert all(len(data) <= POINTS_MAX for data in by_name.values())
+
+
+def test_the_chart_of_a_link_without_packets_is_empty() -> None:
+    options = link_chart(LinkHistory(2).series(0, 1), LIGHT)
+    assert [series["data"] for series in options["series"]] == [[], [], [], []]
+
+
+def test_measured_deliveries_stand_in_their_intervals_beside_the_model() -> None:
+    bins = DistanceBins(np.array([10.0, 30.0]), np.array([100.0, 50.0]), np.array([100.0, 20.0]))
+    model = ModelCurve(np.array([0.0, 40.0]), np.array([1.0, 0.4]))
+    options = delivery_chart(bins, model, DARK)
+    measured, whiskers, curve = (series["data"] for series in options["series"])
+    assert measured == [[10.0, 1.0], [30.0, 0.4]]
+    # Clopper-Pearson, 99 %: 0.005^(1/100) = 0.948 for 100 of 100
+    assert whiskers[:2] == [[10.0, 0.948], [10.0, 1.0]]
+    assert whiskers[3][1] < 0.4 < whiskers[4][1]
+    assert curve == [[0.0, 1.0], [40.0, 0.4]]
+    assert options["textStyle"]["color"] == DARK.ink
+
+
+@pytest.mark.parametrize("nodes", [2, 50])
+def test_all_charts_are_json(nodes: int) -> None:
+    share = np.full((nodes, nodes), 0.5)
+    np.fill_diagonal(share, np.nan)
+    chart = matrix_chart([str(node) for node in range(nodes)], share, LIGHT)
+    assert len(chart["series"][0]["data"]) == nodes * (nodes - 1)
+    empty = DistanceBins(*(np.empty(0) for _ in range(3)))
+    charts = (
+        chart,
+        losses_chart(np.empty(0), {}, LIGHT),
+        delivery_chart(empty, ModelCurve(np.empty(0), np.empty(0)), LIGHT),
+    )
+    for options in charts:
+        json.dumps(options, allow_nan=False)
+
+
+def test_the_fleet_in_words() -> None:
+    view = view_of_two()
+    view.take(clock(1.0))
+    view.take(truths(1.0, 250.0))
+    view.take(fates(1.0, [(0, 1, 0), (1, 0, 1)]))
+    ua, ground = fleet_rows(view, chosen=0)
+    assert (ua["node"], ua["north"], ua["height"], ua["hears"], ua["heard"]) == (
+        "UA 0",
+        "250.0",
+        "40.0",
+        "0/1",
+        "1/1",
+    )
+    assert (ua["chosen"], ground["chosen"]) == (True, False)
+    assert ground["mode"] == "-"
+    view.logged.take("0", "gap_m", 0, 12.3456)
+    assert [row["logged"] for row in agent_rows(view)] == [1, 0]
+    assert [(row["cause"], row["packets"]) for row in loss_rows(view)] == [
+        ("delivered", 1),
+        ("channel erasure", 1),
+    ]
+
+
+def test_a_link_in_words() -> None:
+    view = view_of_two()
+    assert link_words(view, 0, 1) == "UA 0 to node gcs: no packet yet"
+    view.take(links(1.0, 123.4, 0.25, 40, 30))
+    assert link_words(view, 0, 1) == (
+        "UA 0 to node gcs: 123 m, -80.0 dBm, SNR 12.0 dB, probability of delivery 0.75; 30 of 40 packets delivered"
+    )
+
+
+def test_what_an_agent_logged_in_words() -> None:
+    view = view_of_two()
+    view.logged.take("0", "plan", 1_250_000_000, {"north_m": [0, 1], "east_m": [2, 3]})
+    estimate = {"north_m": 1.0, "east_m": 2.0, "covariance_m2": [4.0, 0.0, 1.0]}
+    view.logged.take("0", "estimate", 1_300_000_000, estimate)
+    assert logged_rows(view, "gcs") == []
+    assert [tuple(row.values()) for row in logged_rows(view, "0")] == [
+        (
+            "estimate",
+            "1.30",
+            "north_m 1, east_m 2, covariance_m2 [4, 0, 1]",
+            "ellipse, 95 %: 9.8 x 4.9 m",  # 2 sqrt(5.9915) times 2 m and 1 m
+        ),
+        ("plan", "1.25", "north_m [0, 1], east_m [2, 3]", "line of 2 points"),
+    ]
+
+
+def test_an_emitter_in_words() -> None:
+    view = with_emitter()
+    assert emitter_rows(view)[0]["north"] == "-"
+    view.take(emitter_at(140.0))
+    assert list(emitter_rows(view)[0].values()) == ["beacon", "433.92", "18.0", "140.0", "2.0", "3.0"]
+
+
+def test_a_logged_number_has_a_line_per_node() -> None:
+    series = Series()
+    for number in range(2000):
+        series.add(float(number), np.nan if number == 1999 else 2.0 * number)
+    lines = [(place, f"UA {place}", series) for place in range(LINES_MAX + 3)]
+    options = logged_chart("x", lines, DARK)
+    assert [line["name"] for line in options["series"]] == [f"UA {place}" for place in range(LINES_MAX)]
+    assert len(options["series"][0]["data"]) <= POINTS_MAX
+    assert options["series"][0]["data"][-1] == [1999.0, None]
+    looks = {(line["color"], line["symbol"]) for line in options["series"]}
+    assert len(looks) == LINES_MAX
+    json.dumps(options, allow_nan=False)
+    assert logged_chart("", [], LIGHT)["series"] == []

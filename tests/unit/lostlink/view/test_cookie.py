@@ -1,0 +1,53 @@
+"""Who brings the token how: in the address, as a cookie, as both."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from aps.api.guard import ApiConfig, Guard
+from lostlink.view.cookie import COOKIE, WithCookie
+
+TOKEN = "a-token-of-this-view"
+STALE = f"{COOKIE}=the-token-of-another-view"
+
+
+async def _page(_scope: Any, _receive: Any, send: Any) -> None:
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+    await send({"type": "http.response.body", "body": b"page"})
+
+
+def answer(query: str = "", cookie: str = "") -> tuple[int, str]:
+    """Status, and the cookie that is set, of a request to a guarded page."""
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    headers = [(b"host", b"127.0.0.1:8080"), *([(b"cookie", cookie.encode())] if cookie else [])]
+    scope = {"type": "http", "headers": headers, "query_string": query.encode()}
+    app = WithCookie(Guard(_page, ApiConfig(token=TOKEN), lambda _why: None), TOKEN)
+    asyncio.run(app(scope, None, send))  # type: ignore[arg-type]
+    return sent[0]["status"], dict(sent[0]["headers"]).get(b"set-cookie", b"").decode()
+
+
+@pytest.mark.parametrize("cookie", ["", STALE, f"{COOKIE}={TOKEN}"])
+def test_the_address_lets_in_and_sets_the_cookie_whatever_cookie_comes(cookie: str) -> None:
+    status, given = answer(f"token={TOKEN}", cookie)
+    assert status == 200
+    assert given.startswith(f"{COOKIE}={TOKEN};")
+    assert "HttpOnly; SameSite=Strict" in given
+
+
+def test_a_cookie_that_fits_lets_in_and_one_that_does_not_is_taken_back() -> None:
+    assert answer(cookie=f"{COOKIE}={TOKEN}") == (200, "")
+    status, given = answer(cookie=STALE)
+    assert status == 401
+    assert given.startswith(f"{COOKIE}=; Max-Age=0;")
+
+
+def test_a_wrong_address_does_not_take_a_good_cookie_away() -> None:
+    assert answer("token=another-token-altogether", f"{COOKIE}={TOKEN}") == (401, "")
+    assert answer() == (401, "")

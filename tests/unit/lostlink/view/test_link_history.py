@@ -1,0 +1,101 @@
+"""What is kept of links: series, shares over a window, counts by distance, and no more than there is room for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bridge.bus.messages import Header, Links
+from lostlink.view.picture import link_history
+from lostlink.view.picture.link_history import BIN_WIDTH_M, FIGURES, WINDOW, LinkHistory
+from tests.unit.lostlink.view.fleet import links
+
+
+def test_a_series_has_what_the_reports_said() -> None:
+    history = LinkHistory(2)
+    for number in range(5):
+        history.take(links(0.2 * number, 10.0 * number, 0.25, 4 * number, 3 * number))
+    series = history.series(0, 1)
+    assert series.time_s == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8])
+    assert series.distance_m == pytest.approx([0.0, 10.0, 20.0, 30.0, 40.0])
+    assert series.received_power_dbm == pytest.approx([-80.0] * 5)
+    assert series.measured[1:] == pytest.approx([0.75] * 4)
+    assert series.probability[1:] == pytest.approx([0.75] * 4)
+    assert np.isnan(series.measured[0])
+    assert np.isnan(history.series(1, 0).distance_m).all()
+
+
+def test_the_measured_share_is_that_of_the_last_reports() -> None:
+    history = LinkHistory(2)
+    for number in range(2 * WINDOW + 1):
+        delivered = min(number, WINDOW)  # from the middle on nothing arrives
+        history.take(links(0.2 * number, 50.0, 0.0, number, delivered))
+    measured = history.series(0, 1).measured
+    assert measured[WINDOW] == pytest.approx(1.0)
+    assert measured[WINDOW + WINDOW // 2] == pytest.approx(0.5)
+    assert measured[2 * WINDOW] == pytest.approx(0.0)
+
+
+def test_packets_are_counted_where_the_link_was() -> None:
+    history = LinkHistory(2)
+    history.take(links(0.2, 5.0, 0.0, 4, 4))
+    history.take(links(0.4, 25.0, 0.0, 8, 7))
+    history.take(links(0.6, 26.0, 0.0, 12, 9))
+    bins = history.by_distance()
+    assert bins.distance_m.tolist() == [BIN_WIDTH_M / 2, 1.5 * BIN_WIDTH_M]
+    assert bins.sent.tolist() == [4, 8]
+    assert bins.delivered.tolist() == [4, 5]
+
+
+def test_packets_from_before_somebody_looked_are_counted_nowhere() -> None:
+    history = LinkHistory(2)
+    history.take(links(100.0, 400.0, 0.0, 2000, 1500))
+    history.take(links(100.2, 402.0, 0.0, 2004, 1502))
+    bins = history.by_distance()
+    assert bins.sent.tolist() == [4]
+    assert bins.delivered.tolist() == [2]
+
+
+def test_a_link_turns_as_its_probability_falls_and_one_deep_fade_does_not_turn_it() -> None:
+    history = LinkHistory(2)
+    for number in range(20):
+        history.take(links(0.2 * number, 10.0, 0.0, number, number))
+    history.take(links(4.0, 10.0, 1.0, 20, 20))
+    assert 0.7 < history.probability[0, 1] < 0.9
+    for number in range(20):
+        history.take(links(4.2 + 0.2 * number, 10.0, 1.0, 21, 20))
+    assert history.probability[0, 1] < 0.02
+
+
+def test_memory_is_bounded_and_the_whole_run_stays_in_sight(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link_history, "REPORTS_MAX", 64)
+    history = LinkHistory(2)
+    for number in range(1000):
+        history.take(links(0.2 * number, 10.0, 0.0, number, number))
+    series = history.series(0, 1)
+    assert len(series.time_s) <= 64
+    assert series.time_s[0] < 20.0
+    assert series.time_s[-1] > 190.0
+
+
+def test_memory_of_a_large_fleet_is_bounded_by_its_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link_history, "VALUES_MAX", 10 * LinkHistory(3).latest("per").size * len(FIGURES))
+    history = LinkHistory(3)
+    for number in range(200):
+        history.take(links(0.2 * number, 10.0, 0.0, number, number))
+    series = history.series(0, 1)
+    assert 4 < len(series.time_s) <= 10
+    assert series.time_s[-1] > 30.0
+
+
+def test_a_distance_beyond_all_bins_is_in_the_last() -> None:
+    history = LinkHistory(2)
+    history.take(links(0.2, 1e9, 0.0, 4, 4))
+    assert history.by_distance().sent.tolist() == [4]
+
+
+def test_a_report_without_links_is_one() -> None:
+    history = LinkHistory(2)
+    history.take(Links(Header.at(0, ""), ("0", "1")))
+    assert history.reports == 1
+    assert history.pairs()[0].size == 0

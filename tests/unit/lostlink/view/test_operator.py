@@ -1,0 +1,41 @@
+"""What an operator asks of the clock, as it goes over Zenoh."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from bridge.bus.clock_commands import read_command
+from lostlink.view.sources.operator import Operator
+
+
+class Asked:
+    """A session that keeps what is asked."""
+
+    def __init__(self) -> None:
+        self.queries: list[tuple[str, bytes]] = []
+
+    def query_bytes(self, key: str, payload: bytes, *_: Any, **__: Any) -> None:
+        self.queries.append((key, payload))
+
+
+class Joins:
+    """Access to no run: what is asked is kept."""
+
+    run = "made"
+
+    def __init__(self, session: Asked) -> None:
+        self._session = session
+
+    def open(self) -> Asked:
+        return self._session
+
+
+async def test_a_speed_goes_out_as_a_run_and_a_record_read_it() -> None:
+    asked = Asked()
+    operator = Operator(Joins(asked), lambda _node, _text: None)  # type: ignore[arg-type]
+    await operator.open()
+    operator.speed(math.inf)
+    operator.speed(2.0)
+    assert [payload for _, payload in asked.queries] == [b"max", b"2.0"]
+    assert [read_command("speed", payload).number for _, payload in asked.queries] == [math.inf, 2.0]
