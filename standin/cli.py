@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         process.run()
     except AutopilotError as error:
-        failed = options[served.index(error.autopilot)]
+        failed = options[[one.name for one in served].index(error.autopilot)]
         _tell(failed, traceback.format_exc())
         print(f"{error}; its log is {failed.log}" if failed.log else error, file=sys.stderr)
         return EXIT_FAILED
