@@ -28,7 +28,7 @@ class TickPublisher:
     def __init__(self, session: Session, run: RunDirectory, radio: Radio) -> None:
         keys, nodes = run.keys, run.scenario.transceiver_ids
         self._session, self._keys, self._nodes = session, keys, nodes
-        self._core, self._picture = radio.core, radio.picture
+        self._radio, self._picture = radio, radio.picture
         self._reported_ns = -LINK_PERIOD_NS
         self._wants_rx = [session.interest(keys.rx(node, "*", "*")) for node in nodes]
         self._wants_status = [session.interest(keys.comm_status(node)) for node in nodes]
@@ -90,6 +90,4 @@ class TickPublisher:
         if is_end or sim_time_ns - self._reported_ns >= LINK_PERIOD_NS:
             self._reported_ns = sim_time_ns
             if self._wants["links"]():
-                off = self._core.radios_off(sim_time_ns)
-                links = self._picture.links(sim_time_ns, self._core.ledger, off)
-                self._session.put(self._keys.tick("links"), links)
+                self._session.put(self._keys.tick("links"), self._radio.links(sim_time_ns))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from bridge.bus.keys import Address
-from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Truth, decode, encoding_of
+from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Links, Truth, decode, encoding_of
 from bridge.bus.session import Stamp
 from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.measurements import SensorsOfRun, Told
@@ -136,6 +136,10 @@ class Radio:
         told = self._sensors.measure(sim_time_ns) if self._sensors is not None else ()
         self.picture.take(settled.receptions)
         return SettledTick(sim_time_ns, settled, self.picture.changed(), told)
+
+    def links(self, sim_time_ns: int) -> Links:
+        """All links that carried a packet, as they are after a tick."""
+        return self.picture.links(sim_time_ns, self.core.ledger, self.core.radios_off(sim_time_ns))
 
     # The record.
 

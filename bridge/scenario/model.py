@@ -162,7 +162,9 @@ class Scenario(Part):
         duration_s: longest sim time; the run ends earlier when all tasks are done.
         tick_rate_hz: ticks per second of sim time: radio and agents.
         mavlink_rate_hz: how often MAVLink is exchanged with autopilots; as the ticks unless given.
-        hosts: processes for daemons and agents.
+        processes: whether all parts are called in one process or joined by Zenoh in many; no result depends on it.
+        zenoh: whether a run of one process has Zenoh beside it; auto = at a speed other than max, and for `free` nodes.
+        hosts: of many processes, those for daemons and agents.
         api: whether each UA's HTTP API is served.
         figure: whether the probability of delivery is drawn at the end.
         origin: zero of the fleet's north-east-down frame.
@@ -187,6 +189,8 @@ class Scenario(Part):
     duration_s: Positive
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
+    processes: Literal["auto", "one", "many"] = "auto"
+    zenoh: Literal["auto"] | bool = "auto"
     hosts: Annotated[int | str, BeforeValidator(_hosts), WithJsonSchema(HOSTS)] = "auto"
     api: bool = False
     figure: bool = True
@@ -252,6 +256,12 @@ class Scenario(Part):
     def tick_period_ns(self) -> int:
         """Sim time between two ticks."""
         return 1_000_000_000 // self.tick_rate_hz
+
+    @property
+    def has_bus(self) -> bool:
+        """Whether a run of one process has Zenoh beside it; one of many processes always has."""
+        free = any(not node.has_agent for node in self.transceivers)
+        return free or self.speed != MAX if self.zenoh == AUTO else bool(self.zenoh)
 
     @property
     def exchange_period_ns(self) -> int:

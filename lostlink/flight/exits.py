@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from bridge.fleet.supervisor import Ending
+from bridge.fleet.course import Ending
 
 WELL: Final = 0
 DISAGREES: Final = 1

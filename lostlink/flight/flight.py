@@ -12,8 +12,9 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from bridge.bus.messages import Clock, Message
+from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.glance import Glance
-from bridge.fleet.supervisor import Ending, Fleet, FleetError, Observer
+from bridge.fleet.supervisor import Fleet, Observer
 from bridge.record.pack import pack_streams
 from bridge.record.tables.parquet import finish_tables
 from bridge.run.directory import RunDirectory
@@ -160,12 +161,12 @@ class Flight:
                 self._loop = None
         for name in fleet.killed:
             text = f"{name} did not end in time and was killed; its log is {self.directory.log_path(name)}"
-            if name == "router":
+            if name == fleet.recorder:
                 ending = self._break_off(f"{text}; without its last part the record is not complete")
             else:
                 self._watcher.on_error(text)
-        self._unfinished = sorted(fleet.not_done)
-        return ending, fleet.sim_time_ns
+        self._unfinished = sorted(fleet.course.not_done)
+        return ending, fleet.course.sim_time_ns
 
     def _take_charge(self, fleet: Fleet) -> None:
         """From here on `interrupt` reaches the fleet."""

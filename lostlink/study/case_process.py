@@ -18,8 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bridge.fleet.course import Ending
+from bridge.fleet.preflight import preflight
 from bridge.fleet.slots import at_free_ports
-from bridge.fleet.supervisor import Ending, preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.flight.flight import Flight, Silent

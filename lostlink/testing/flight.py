@@ -10,8 +10,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from bridge.fleet.preflight import preflight
 from bridge.fleet.slots import at_free_ports
-from bridge.fleet.supervisor import preflight
 from bridge.record.tables.schema import DELIVERIES, TRUTH, Table
 from bridge.run.directory import RunDirectory
 from lostlink.flight.flight import Flight, Silent

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from bridge.fleet.supervisor import FleetError, preflight
+from bridge.fleet.course import FleetError
+from bridge.fleet.preflight import preflight
 from bridge.run.directory import RunDirectory
 from lostlink.cli.flying.run import SpeedType
 from lostlink.compare.difference import seconds

@@ -11,7 +11,8 @@ from typing import Any, get_args
 import click
 from rich.console import Console
 
-from bridge.fleet.supervisor import FleetError, preflight
+from bridge.fleet.course import FleetError
+from bridge.fleet.preflight import preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from fdm.exchange.settings import Coupling
