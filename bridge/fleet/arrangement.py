@@ -45,8 +45,10 @@ class Arrangement(Protocol):
 
 
 def how_joined(scenario: Scenario) -> How:
-    """What a scenario's ``processes`` comes to."""
-    return "many" if scenario.processes == "many" else "one"
+    """What a scenario's ``processes`` comes to; ``auto`` is one, unless something asks for processes of its own."""
+    if scenario.processes != "auto":
+        return scenario.processes
+    return "many" if scenario.asks_for_processes else "one"
 
 
 def arrange(

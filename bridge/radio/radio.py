@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bridge.bus.keys import Address
@@ -87,7 +87,7 @@ class Radio:
 
     # What comes in.
 
-    def truths(self, truths: Iterable[Truth]) -> None:
+    def truths(self, truths: Sequence[Truth]) -> None:
         """Take the true states of nodes."""
         self.core.on_truths(truths)
 

@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 import yaml
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, WithJsonSchema, field_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from bridge.scenario.expectations import Expectation
 from bridge.scenario.mcap import McapSettings
@@ -252,10 +260,25 @@ class Scenario(Part):
             raise ValueError("there has to be a UA: the flight dynamics keep the time")
         return nodes
 
+    @model_validator(mode="after")
+    def _one_process_is_one(self) -> Self:
+        if self.processes == "one" and self.asks_for_processes:
+            raise ValueError(f"processes: one, and {self.asks_for_processes}: choose one of them")
+        return self
+
     @property
     def tick_period_ns(self) -> int:
         """Sim time between two ticks."""
         return 1_000_000_000 // self.tick_rate_hz
+
+    @property
+    def asks_for_processes(self) -> str:
+        """The first setting that wants processes of its own; "" if there is none."""
+        if any(node.agent.isolated for node in self.transceivers):
+            return "an agent with isolated: true"
+        if self.hosts != AUTO:
+            return f"hosts: {self.hosts}"
+        return "" if self.fdm.workers in (AUTO, 1) else f"fdm.workers: {self.fdm.workers}"
 
     @property
     def has_bus(self) -> bool:

@@ -62,6 +62,16 @@ class SpeedType(click.ParamType[float | str]):
 )
 @click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
+@click.option(
+    "--zenoh/--no-zenoh",
+    default=None,
+    help="Whether programs beside the run may join it; they may at any speed but max.",
+)
+@click.option(
+    "--processes",
+    type=click.Choice(["auto", "one", "many"]),
+    help="All parts in one process, or joined by Zenoh in many; no result depends on it.",
+)
 @click.option("--api", is_flag=True, default=None, help="Serve each UA's HTTP API, from port 8760 on.")
 @click.option(
     "--mcap/--no-mcap",
@@ -108,6 +118,8 @@ def run(
     out: Path,
     first_slot: int | None,
     zenoh_port: int | None,
+    zenoh: bool | None,
+    processes: str | None,
     api: bool | None,
     mcap: bool | None,
     figure: bool | None,
@@ -147,9 +159,12 @@ def run(
         raise click.UsageError(
             "--digest and --json: choose one; the JSON has the digest under its key digest"
         )
+    if view and zenoh is False:
+        raise click.UsageError("--view looks at the run over Zenoh: leave out --no-zenoh")
     if control and not view:
         raise click.UsageError("--control is what viewers may do: it needs --view")
     changes: dict[str, Any] = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
+    changes |= {"processes": processes, "zenoh": True if view else zenoh}
     changes |= {"api": api, "radio": radio, "mcap.write": mcap, "figure": figure}
     changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
     changes["mavlink.udp_out"] = [place for place in udp_out if place != "none"] if udp_out else None

@@ -13,6 +13,7 @@ from bridge.bus.messages import Header, Heard, Quaternion, Truth, Vector3, decod
 from bridge.host.arrivals import hand_out
 from bridge.radio.heard import Hosts
 from bridge.radio.measurements import MeasurementColumns, RfSensors, Told, as_message
+from bridge.radio.radio import SettledTick
 from bridge.radio.ring import Ring
 from bridge.radio.senders import Refused
 from bridge.radio.virtual_radio import VirtualRadio
@@ -92,7 +93,7 @@ def test_measurements_come_to_the_nodes_that_took_them_when_they_are_due() -> No
     assert bench.told(1) == []
     told = bench.told(2)
     hosts = Hosts(NODES, {"host-0": ("0", "gcs"), "host-1": ("1",)})
-    shares = hosts.shares(2 * TICK_NS, bench.core.settle(), [], told)
+    shares = hosts.shares(SettledTick(2 * TICK_NS, bench.core.settle(), [], told))
     got: dict[str, list[Measurement]] = {}
 
     class Ear:
