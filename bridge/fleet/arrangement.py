@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Literal, Protocol
+from typing import Protocol
 
 from bridge.fleet.crew import Crew
+from bridge.fleet.how import How
 from bridge.fleet.many import ManyProcesses
 from bridge.fleet.one import OneProcess, OneTask
 from bridge.fleet.tidings import Tidings
 from bridge.run.directory import RunDirectory
-from bridge.scenario.model import Scenario
-
-How = Literal["many", "one", "task"]
 
 
 class Arrangement(Protocol):
@@ -21,11 +19,9 @@ class Arrangement(Protocol):
 
     Attributes:
         recorder: the process without whose end the record is not complete.
-        calls_standins: whether stand-ins are called, not started.
     """
 
     recorder: str
-    calls_standins: bool
 
     @property
     def failed(self) -> int:
@@ -42,13 +38,6 @@ class Arrangement(Protocol):
 
     async def end(self, news: asyncio.Event) -> list[str]:
         """End everything; gives the names of those that had to be killed. ``news``: the record gets on."""
-
-
-def how_joined(scenario: Scenario) -> How:
-    """What a scenario's ``processes`` comes to; ``auto`` is one, unless something asks for processes of its own."""
-    if scenario.processes != "auto":
-        return scenario.processes
-    return "many" if scenario.asks_for_processes else "one"
 
 
 def arrange(

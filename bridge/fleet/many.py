@@ -40,7 +40,6 @@ class ManyProcesses:
     """
 
     recorder = RECORDER
-    calls_standins = False
 
     def __init__(
         self, run: RunDirectory, crew: Crew, tidings: Tidings, on_phase: Callable[[str], object]

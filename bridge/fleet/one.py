@@ -16,6 +16,7 @@ from bridge.fleet.course import FleetError
 from bridge.fleet.crew import Crew
 from bridge.fleet.tidings import Delivery, Tidings
 from bridge.run.directory import RunDirectory
+from bridge.run.process import NodeLogs
 from bridge.timeouts import FLIGHT_GRACE_S, ROUTER_GRACE_S, START_S
 
 NAME = "fleet"
@@ -34,7 +35,6 @@ class OneProcess:
     """
 
     recorder = NAME
-    calls_standins = True
 
     def __init__(
         self, run: RunDirectory, crew: Crew, tidings: Tidings, on_phase: Callable[[str], object]
@@ -123,7 +123,6 @@ class OneTask:
     """The program as a task of the supervisor's own event loop: its process was started with the run's environment."""
 
     recorder = NAME
-    calls_standins = True
     failed = 0
 
     def __init__(
@@ -140,6 +139,10 @@ class OneTask:
         from bridge.program.process import fly  # which loads all parts
 
         self._on_phase("starts flight dynamics, radio and agents")
+        self._logs = NodeLogs(self._run, logging.FileHandler(self._run.log_path(NAME), encoding="utf-8"))
+        root = logging.getLogger()
+        root.setLevel(logging.INFO)
+        root.addHandler(self._logs)
         self._task = asyncio.create_task(fly(self._run, self._tell, self._stop), name=NAME)
         self._task.add_done_callback(self._ended)
 
@@ -168,4 +171,6 @@ class OneTask:
         self._stop.set()
         if self._task is not None:
             await asyncio.wait({self._task})
+            logging.getLogger().removeHandler(self._logs)
+            self._logs.close()
         return await end_all(self._crew.children, FLIGHT_GRACE_S)

@@ -13,7 +13,7 @@ from bridge.bus.identity.keyring import Keyring
 from bridge.bus.identity.roster import roster
 from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Message, decode
 from bridge.bus.session import free_port
-from bridge.fleet.arrangement import Arrangement, How, arrange, how_joined
+from bridge.fleet.arrangement import Arrangement, arrange
 from bridge.fleet.autopilots.launcher import AutopilotError, LaunchPlan
 from bridge.fleet.child import Child
 from bridge.fleet.course import Course, Ending, FleetError
@@ -21,6 +21,7 @@ from bridge.fleet.crew import Crew
 from bridge.fleet.environment import environment_of
 from bridge.fleet.glance import Glance
 from bridge.fleet.hosts import host_groups
+from bridge.fleet.how import How, calls_standins, has_bus, how_joined
 from bridge.fleet.ports import HOST
 from bridge.fleet.preflight import launcher_of
 from bridge.record.events import DIED, KILLED, Report
@@ -126,7 +127,7 @@ class Fleet:
             raise FleetError(str(error)) from error
         self._write_run()
         parts = self._parts = arrange(self._how, self._run, self._crew, self, self._observer.on_phase)
-        starts_autopilots = not (parts.calls_standins and self._scenario.autopilot == "standin")
+        starts_autopilots = not calls_standins(self._scenario)
         at_once = self._launcher.waits_for_physics
         try:
             await parts.start()
@@ -144,7 +145,7 @@ class Fleet:
     def _write_run(self) -> None:
         """Write what the parts read: where the router is, if there is one, and who may log in."""
         scenario = self._scenario
-        if self._how != "many" and not scenario.has_bus:
+        if not has_bus(scenario):
             self._run.write(scenario, "", self._replay)
             return
         endpoint = f"tcp/{HOST}:{scenario.ports.zenoh or free_port()}"

@@ -56,14 +56,18 @@ class Arguments:
 class NodeLogs(logging.Handler):
     """Writes what is logged for a node to the node's own log, and the rest to stderr, the log of the process.
 
+    Args:
+        run: whose logs.
+        rest: where the rest goes, if not to stderr.
+
     A record's node is that of the context, or of the agent's thread.
     """
 
-    def __init__(self, run: RunDirectory) -> None:
+    def __init__(self, run: RunDirectory, rest: logging.Handler | None = None) -> None:
         super().__init__()
         self._run = run
         self._form = LogForm()
-        self._rest = logging.StreamHandler(sys.stderr)
+        self._rest = rest or logging.StreamHandler(sys.stderr)
         self._rest.setFormatter(self._form)
         self._of_nodes: dict[str, logging.Handler] = {}
 

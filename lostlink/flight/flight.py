@@ -14,6 +14,7 @@ from typing import Any, Protocol, Self
 from bridge.bus.messages import Clock, Message
 from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.glance import Glance
+from bridge.fleet.how import How
 from bridge.fleet.supervisor import Fleet, Observer
 from bridge.record.pack import pack_streams
 from bridge.record.tables.parquet import finish_tables
@@ -88,9 +89,13 @@ class Flight:
         scenario: what to fly.
         directory: where to, already there.
         watcher: who is told of it.
+        how: how the parts of the run are joined; None: as the scenario says.
     """
 
-    def __init__(self, scenario: Scenario, directory: RunDirectory, watcher: Watcher) -> None:
+    def __init__(
+        self, scenario: Scenario, directory: RunDirectory, watcher: Watcher, how: How | None = None
+    ) -> None:
+        self._how = how
         self.scenario = scenario
         self.directory = directory
         self.signal: signal.Signals | None = None
@@ -148,7 +153,7 @@ class Flight:
             self._watcher.on_message(message)
 
         observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance)
-        fleet = Fleet(self.scenario, self.directory, observer, ardupilot_dir, replay)
+        fleet = Fleet(self.scenario, self.directory, observer, ardupilot_dir, replay, self._how)
         if takes_signals:
             self._take_signals(fleet)
         self._take_charge(fleet)
