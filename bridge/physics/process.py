@@ -15,8 +15,8 @@ from bridge.bus.messages import DecodeError, Header, Truths, decode
 from bridge.bus.session import Sample, Session, open_client
 from bridge.physics.held_clock import HeldClock
 from bridge.physics.truth_message import clock_message, ground_truth_message, truth_message
-from bridge.physics.truth_table import TruthColumns
 from bridge.record.events import Report
+from bridge.record.tables.truth import TruthWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, log_clock, on_stop_signal, parse_arguments
@@ -52,7 +52,7 @@ class Physics:
         self._origin = origin_of(self._scenario.origin)
         self._report = report
         stations = self._scenario.stations
-        self._table = TruthColumns(run.path, stations)
+        self._table = TruthWriter(run.path, stations)
         self._wanted = {node: session.interest(self._keys.truth(node)) for node in stations}
         placed: tuple[GroundNode | Emitter, ...] = (*self._scenario.ground, *self._scenario.emitters)
         self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in placed]

@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.bus.messages import CommunicationMatrix, CommunicationStatus, Fates, Header, Links
+from bridge.bus.messages import CommunicationMatrix, CommunicationStatus, Header, Links
 from channel.medium.ledger import Ledger
-from channel.medium.reception import DELIVERED, FATES, Receptions
+from channel.medium.reception import DELIVERED, Receptions
 
 LINK_PERIOD_NS = 200_000_000
 """How often link reports are published, sim time."""
-CAUSES = tuple(fate.value for fate in FATES)
 
 
 class Row(NamedTuple):
@@ -92,33 +91,3 @@ class Picture:
             delivered.astype(np.uint64),
             np.flatnonzero(radios_off).astype(np.uint16),
         )
-
-
-def fates_message(
-    nodes: Sequence[str], sim_time_ns: int, receptions: Receptions, counted_bytes: NDArray[np.int64]
-) -> Fates:
-    """What a tick settled, as a message.
-
-    Args:
-        nodes: ids of all nodes.
-        sim_time_ns: the tick.
-        receptions: what it settled.
-        counted_bytes: lengths of ``receptions.packets`` as the error model counts them.
-    """
-    r, p = receptions, receptions.packets
-    return Fates(
-        Header.at(sim_time_ns, ""),
-        tuple(nodes),
-        CAUSES,
-        p.tx[r.packet].astype(np.uint16),
-        r.rx.astype(np.uint16),
-        p.seq[r.packet],
-        p.sim_time_ns[r.packet],
-        counted_bytes[r.packet].astype(np.uint32),
-        r.distance_m,
-        r.received_power_dbm,
-        r.snr_db,
-        r.per,
-        r.fate.tobytes(),
-        np.ones(len(r.rx), dtype=np.uint32),
-    )

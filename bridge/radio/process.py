@@ -22,8 +22,8 @@ from bridge.bus.messages import (
     encoding_of,
 )
 from bridge.bus.session import Sample, Session, Stamp, open_router
-from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.intake import Handler, Intake, Waiting
+from bridge.radio.ledger_file import LEDGER, write_ledger
 from bridge.radio.measurements import SensorsOfRun
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.ring import Ring
@@ -34,6 +34,7 @@ from bridge.record.events import Report
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
+from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, log_clock, on_stop_signal, parse_arguments
@@ -86,7 +87,7 @@ class RouterProcess:
         self._packets = {
             node: StreamWriter(names.packets(node).path(run.path)) for node in scenario.transceiver_ids
         }
-        self._writer = DeliveryColumns(run.path, scenario.transceiver_ids)
+        self._writer = DeliveryWriter(run.path, scenario.transceiver_ids)
         self._sensors = SensorsOfRun.of(run, sensors_of(scenario), emitters, medium)
         self._intake = Intake()
         droppable = {self._on_packet, self._on_agent}
@@ -261,7 +262,7 @@ class RouterProcess:
     # The record.
 
     def _write(self, settled: Settled) -> None:
-        self._writer.write(settled)
+        self._writer.write(settled.receptions, settled.counted_bytes, settled.gaps)
         transmitted, self._core.transmitted = self._core.transmitted, []
         for packet in transmitted:
             sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)

@@ -12,8 +12,9 @@ from bridge.bus.reception import attachment
 from bridge.bus.session import Session, Stamp
 from bridge.radio.heard import Hosts
 from bridge.radio.measurements import Told, as_message
-from bridge.radio.picture import LINK_PERIOD_NS, Picture, Row, fates_message
+from bridge.radio.picture import LINK_PERIOD_NS, Picture, Row
 from bridge.radio.virtual_radio import Settled
+from bridge.record.tables.deliveries import fates_message, rows_of
 from channel.medium.ledger import Ledger
 from channel.medium.reception import DELIVERED
 
@@ -101,8 +102,8 @@ class TickPublisher:
     ) -> None:
         """What observers want to see: they can wait."""
         if self._wants["fates"]() and len(settled.receptions.rx):
-            fates = fates_message(self._nodes, sim_time_ns, settled.receptions, settled.counted_bytes)
-            self._session.put(self._keys.tick("fates"), fates)
+            rows = rows_of(settled.receptions, settled.counted_bytes)
+            self._session.put(self._keys.tick("fates"), fates_message(sim_time_ns, self._nodes, rows))
         if self._wants["communication"]():
             self._session.put(self._keys.tick("communication"), self._picture.matrix(sim_time_ns))
         if is_end or sim_time_ns - self._reported_ns >= LINK_PERIOD_NS:

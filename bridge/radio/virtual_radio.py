@@ -20,7 +20,8 @@ from bridge.bus.keys import ALL, MAIN, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.ring import Closed, Ring
-from bridge.radio.senders import Cause, Gap, Refused, Senders, TxPacket
+from bridge.radio.senders import Refused, Senders, TxPacket
+from bridge.record.tables.deliveries import Cause, Gap
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium

@@ -19,12 +19,17 @@ from bridge.record.logged import LoggedValue, decode_logged
 from bridge.record.packets import SentPacket, decode_packet
 from bridge.record.provenance import Provenance, read_provenance
 from bridge.record.streams import Entry, entries_of
-from bridge.record.tables.schema import DELIVERIES, MEASUREMENTS, STATES, TABLES, TRUTH, Table
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.every import TABLES
+from bridge.record.tables.measurements import MEASUREMENTS
+from bridge.record.tables.reader import read_arrow, read_columns
+from bridge.record.tables.schema import Table
+from bridge.record.tables.states import STATES
+from bridge.record.tables.truth import TRUTH
 from bridge.run.access import RUNS
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies, times_of
-from lostlink.reading.arrow import arrow_of, columns_of
 from lostlink.reading.frames import frame_of_columns, frame_of_rows, frame_of_table
 from lostlink.reading.links import link_counts, link_series
 from lostlink.reading.rows import link_rows
@@ -243,11 +248,11 @@ class Run:
             ValueError: there is no such table or column, or it is damaged.
             OSError: it cannot be read.
         """
-        return columns_of(self.path, _table(table), columns)
+        return read_columns(self.path, _table(table), columns)
 
     def table(self, table: str, columns: Sequence[str] | None = None) -> pa.Table:
         """A table as Arrow; arguments and errors as of `columns`."""
-        return arrow_of(self.path, _table(table), columns)
+        return read_arrow(self.path, _table(table), columns)
 
     def transmitted(self, node: str) -> Iterator[SentPacket]:
         """The packets that ``node`` gave to the radio, with their payloads; none if it has no such stream.

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.reader import read_batches
+from bridge.record.tables.truth import TRUTH
 from bridge.scenario.file import SCENARIOS
 from lostlink.cli.flying.check import check
 from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
@@ -99,7 +100,7 @@ def lines_of(run: Path, node: str, name: str) -> list[dict[str, Any]]:
 
 
 def heights_m(run: Path, node: str) -> list[float]:
-    batches = read_table(run, TRUTH, ("node", "position_down_m"))
+    batches = read_batches(run, TRUTH, ("node", "position_down_m"))
     return [-down for batch in batches for who, down in zip(*batch.values(), strict=True) if who == node]
 
 
@@ -129,7 +130,7 @@ def test_the_ground_station_keeps_what_it_hears(fly: Fly) -> None:
     run = fly("ground_station", "--duration", str(SHORT_S["ground_station"]), "--quiet")
     lines = lines_of(run, "gcs", "telemetry")
     assert {line["ua"] for line in lines} == {"0", "1", "2"}
-    senders = {tx for batch in read_table(run, DELIVERIES, ("tx",)) for tx in batch["tx"].tolist()}
+    senders = {tx for batch in read_batches(run, DELIVERIES, ("tx",)) for tx in batch["tx"].tolist()}
     assert senders == {"0", "1", "2"}
 
 
@@ -154,7 +155,7 @@ def test_an_acceptance_run_is_accepted_and_a_stricter_one_is_not(fly: Fly, tmp_p
                 np.column_stack([batch[f"position_{axis}_m"] for axis in ("north", "east", "down")])[
                     batch["node"] == node
                 ]
-                for batch in read_table(run, TRUTH)
+                for batch in read_batches(run, TRUTH)
             ]
         )
         for node in ("0", "1")

@@ -15,8 +15,9 @@ from bridge.record.events import Reports, RunEvent, read_reports
 from bridge.record.inputs import InputError, RecordedInput, read_inputs
 from bridge.record.logged import LoggedValue, decode_logged
 from bridge.record.streams import Entry, read_stream
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import NED, STATES
+from bridge.record.tables.reader import read_batches
+from bridge.record.tables.schema import NED
+from bridge.record.tables.states import STATES
 from bridge.run.directory import RUN_FILE, RunDirectory, RunInfo
 
 TICK_NS = 50_000_000
@@ -71,7 +72,7 @@ def test_states_and_what_the_agent_logs_are_there_after_a_flush(run: RunDirector
     for item in logged:
         record.write_logged(item)
     record.flush()
-    (batch,) = read_table(run.path, STATES)
+    (batch,) = read_batches(run.path, STATES)
     found = {name: batch[name].tolist() for name in ("tick_ns", "node", "mav_id", "latitude_deg", "mode")}
     assert found == {
         "tick_ns": [TICK_NS],
