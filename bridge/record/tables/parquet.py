@@ -89,9 +89,11 @@ def _array(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence[s
     if column.dtype == LABEL:
         return pa.DictionaryArray.from_arrays(numbers(packed), texts(labels[column.name]))
     if column.is_text:
-        own, places = np.unique(packed, return_inverse=True)
-        names = texts([text.decode(errors="replace") for text in own.tolist()])
-        return pa.DictionaryArray.from_arrays(numbers(places.astype(np.int16)), names)
+        own: dict[bytes, int] = {}
+        places = np.array([own.setdefault(text, len(own)) for text in packed.tolist()], dtype=np.int16)
+        return pa.DictionaryArray.from_arrays(
+            numbers(places), texts([text.decode(errors="replace") for text in own])
+        )
     return numbers(packed)
 
 
