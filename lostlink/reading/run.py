@@ -15,8 +15,8 @@ from bridge.record import names
 from bridge.record.events import Reports, read_reports
 from bridge.record.input_fields import to_fields
 from bridge.record.inputs import RecordedInput, all_inputs
-from bridge.record.logged import LoggedValue, decode_logged
-from bridge.record.packets import SentPacket, decode_packet
+from bridge.record.logged import LoggedValue, logged_of
+from bridge.record.packets import SentPacket, packets_of
 from bridge.record.provenance import Provenance, read_provenance
 from bridge.record.streams import Entry, entries_of
 from bridge.record.tables.deliveries import DELIVERIES
@@ -260,8 +260,7 @@ class Run:
         Raises:
             ValueError: the file is damaged, or the id cannot be one.
         """
-        path = names.packets(node).path(self.path)
-        return (decode_packet(entry.payload) for entry in entries_of(path))
+        return (packet for _, packet in packets_of(self.path, node))
 
     def logged(self) -> list[tuple[int, str, LoggedValue | AgentStatus]]:
         """What all agents logged and reported, as tick in ns, node and item; by tick, then by node.
@@ -269,10 +268,7 @@ class Run:
         Raises:
             ValueError: a file is damaged.
         """
-        found = []
-        for node in self.nodes:
-            path = names.logged(node).path(self.path)
-            found += [(e.tick_ns, node, decode_logged(e.payload)) for e in entries_of(path)]
+        found = [(t, node, item) for node in self.nodes for t, item in logged_of(self.path, node)]
         return sorted(found, key=lambda each: each[0])
 
     def mavlink(self, node: str, direction: Literal["from_autopilot", "to_autopilot"]) -> Iterator[Entry]:

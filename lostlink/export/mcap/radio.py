@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from bridge.bus.messages import CommunicationMatrix, Fates, Header, Links, Packet, encode
 from bridge.record import names
-from bridge.record.packets import decode_packet
+from bridge.record.packets import packets_of
 from bridge.record.radio_switches import switches_of
-from bridge.record.streams import read_stream, stream_exists
+from bridge.record.streams import stream_exists
 from bridge.record.tables.deliveries import (
     DELIVERED,
     DELIVERIES,
@@ -138,17 +138,15 @@ def _by_receiver(values: NDArray[np.bool_], nodes: int) -> NDArray[np.bool_]:
 
 def packets_source(run: Path, file: McapFile, node: str, prefix: str) -> Feed | None:
     """What a node transmitted; None if that is not wanted, or there is no stream of it."""
-    path = names.packets(node).path(run)
-    if not file.settings.has("packets") or not stream_exists(path):
+    if not file.settings.has("packets") or not stream_exists(names.packets(node).path(run)):
         return None
     channel = file.channel(f"/{prefix}/packets", Packet.TYPE, "packets")
 
     def items() -> Iterator[Item]:
-        for entry in read_stream(path):
-            packet = decode_packet(entry.payload)
+        for tick_ns, packet in packets_of(run, node):
             payload = packet.payload if file.settings.payloads else b""
             header = Header.at(packet.sim_time_ns, node)
             message = Packet(header, packet.seq, packet.channel, len(packet.payload), payload)
-            yield entry.tick_ns, channel, encode(message)
+            yield tick_ns, channel, encode(message)
 
     return Feed(items())
