@@ -89,7 +89,7 @@ class Router:
         settled = self.core.settle()
         self._publisher.to_nodes(sim_time_ns, settled)
         self._publisher.to_observers(sim_time_ns, settled, self.core.ledger, self.core.radios_off)
-        self._writer.write(settled.receptions, settled.counted_bytes, settled.gaps)
+        self._writer.write(settled.columns, settled.gaps)
         self.core.transmitted.clear()
         self.deliveries += int(np.count_nonzero(settled.receptions.fate == 0))
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import CommunicationMatrix, CommunicationStatus, Header, Links
+from bridge.record.tables.deliveries import DELIVERED, FIGURES
+from bridge.record.tables.schema import Columns
 from channel.medium.ledger import Ledger
-from channel.medium.reception import DELIVERED, Receptions
 
 LINK_PERIOD_NS = 200_000_000
 """How often link reports are published, sim time."""
@@ -33,24 +34,16 @@ class Picture:
         self._known = np.zeros(shape, dtype=bool)
         self._delivered = np.zeros(shape, dtype=bool)
         self._changed = np.zeros(len(nodes), dtype=bool)
-        self._when = np.zeros(shape, dtype=np.int64)
         self._figures = np.full((4, *shape), np.nan)
 
-    def take(self, receptions: Receptions) -> None:
-        """Take fates in canonical order: the later ones stand."""
-        rx, tx = receptions.rx, receptions.packets.tx[receptions.packet]
+    def take(self, columns: Columns) -> None:
+        """Take rows of deliveries in canonical order, one per receiver and none of gaps: the later ones stand."""
+        rx, tx = columns["rx"], columns["tx"]
         self._known[rx, tx] = True
-        self._delivered[rx, tx] = receptions.fate == DELIVERED
+        self._delivered[rx, tx] = columns["fate"] == DELIVERED
         self._changed[rx] = True
-        self._when[rx, tx] = receptions.packets.sim_time_ns[receptions.packet]
-        columns = (
-            receptions.distance_m,
-            receptions.received_power_dbm,
-            receptions.snr_db,
-            receptions.per,
-        )
-        for kept, values in zip(self._figures, columns, strict=True):
-            kept[rx, tx] = values
+        for kept, name in zip(self._figures, FIGURES, strict=True):
+            kept[rx, tx] = columns[name]
 
     def changed(self) -> list[Row]:
         """The communication status of each node that got, or missed, a packet since the last call."""

@@ -262,7 +262,7 @@ class RouterProcess:
     # The record.
 
     def _write(self, settled: Settled) -> None:
-        self._writer.write(settled.receptions, settled.counted_bytes, settled.gaps)
+        self._writer.write(settled.columns, settled.gaps)
         transmitted, self._core.transmitted = self._core.transmitted, []
         for packet in transmitted:
             sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)

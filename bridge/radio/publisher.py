@@ -14,7 +14,7 @@ from bridge.radio.heard import Hosts
 from bridge.radio.measurements import Told, as_message
 from bridge.radio.picture import LINK_PERIOD_NS, Picture, Row
 from bridge.radio.virtual_radio import Settled
-from bridge.record.tables.deliveries import fates_message, rows_of
+from bridge.record.tables.deliveries import fates_message
 from channel.medium.ledger import Ledger
 from channel.medium.reception import DELIVERED
 
@@ -47,7 +47,7 @@ class TickPublisher:
 
     def to_nodes(self, sim_time_ns: int, settled: Settled, told: Sequence[Told] = ()) -> None:
         """What nodes get at their next tick, with what their sensors tell: it goes out before the tick is released."""
-        self._picture.take(settled.receptions)
+        self._picture.take(settled.columns)
         rows = self._picture.changed()
         for host, share in self._hosts.shares(sim_time_ns, settled, rows, told).items():
             self._session.put(self._keys.heard(host), share, must_arrive=True)
@@ -102,8 +102,8 @@ class TickPublisher:
     ) -> None:
         """What observers want to see: they can wait."""
         if self._wants["fates"]() and len(settled.receptions.rx):
-            rows = rows_of(settled.receptions, settled.counted_bytes)
-            self._session.put(self._keys.tick("fates"), fates_message(sim_time_ns, self._nodes, rows))
+            fates = fates_message(sim_time_ns, self._nodes, settled.columns)
+            self._session.put(self._keys.tick("fates"), fates)
         if self._wants["communication"]():
             self._session.put(self._keys.tick("communication"), self._picture.matrix(sim_time_ns))
         if is_end or sim_time_ns - self._reported_ns >= LINK_PERIOD_NS:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.radio.picture import Picture
 from bridge.record.tables.deliveries import (
     DELIVERIES,
     FATES,
@@ -20,7 +21,7 @@ from bridge.record.tables.deliveries import (
     settled_ns,
 )
 from bridge.record.tables.schema import Columns
-from channel.medium.reception import Packets, Receptions
+from channel.medium.ledger import Ledger
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,26 +96,21 @@ class Decisions:
         settled = whole.pop("settled_ns")
         return Decisions(self.nodes, whole, settled)
 
-    def receptions(self) -> Receptions:
-        """The rows that are the channel's, as the medium gave them but for the model's probability of delivery."""
-        c = self.at(~self.is_gap).columns
-        rows = np.arange(len(c["seq"]))
-        lengths = c["length_bytes"].astype(np.int64)
-        packets = Packets(c["sim_time_ns"], c["tx"], c["seq"], lengths, c["rx"])
-        heard = c["distance_m"], c["received_power_dbm"], c["snr_db"], c["per"]
-        return Receptions(
-            packets, rows, c["rx"], *heard, np.full(rows.size, np.nan), c["fate"].astype(np.uint8)
-        )
-
     def counts(self) -> NDArray[np.int64]:
         """How many packets of each link had each fate, shape (nodes, nodes, FATES): [tx, rx, fate]."""
-        return counts_of(self.columns, len(self.nodes))
+        nodes, c = len(self.nodes), self.each().columns
+        counts = np.zeros((nodes, nodes, len(FATES)), dtype=np.int64)
+        np.add.at(counts, (c["tx"], c["rx"], c["fate"]), c["packets"])
+        return counts
 
 
-def counts_of(columns: Columns, nodes: int) -> NDArray[np.int64]:
-    """How many packets of each link had each fate, shape (nodes, nodes, FATES); a row for everybody counts at each."""
-    counts = np.zeros((nodes, nodes + 1, len(FATES)), dtype=np.int64)
-    np.add.at(counts, (columns["tx"], columns["rx"], columns["fate"]), columns["packets"])
-    each = counts[:, :nodes] + counts[:, nodes:]
-    each[np.arange(nodes), np.arange(nodes)] = 0
-    return each
+def take_rows(columns: Columns, picture: Picture, ledger: Ledger) -> None:
+    """Take rows, one per receiver, into the picture of all links and into their counts, as a run does.
+
+    What was lost before the channel counts, and is in no picture.
+    """
+    counted = columns["tx"], columns["rx"], columns["fate"]
+    np.add.at(ledger.sent, counted[:2], columns["packets"])
+    np.add.at(ledger.settled, counted, columns["packets"])
+    settled = columns["fate"] < GAPS_FROM
+    picture.take({name: values[settled] for name, values in columns.items()})

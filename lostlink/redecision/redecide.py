@@ -30,8 +30,8 @@ from bridge.record.tables.deliveries import (
     TOO_LONG,
     TRANSPORT,
     Cause,
+    columns_of,
     labels_of,
-    rows_of,
     tick_of,
 )
 from bridge.record.tables.reader import joined
@@ -160,7 +160,7 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
         _book(ledger, part)
     for receptions in settle(medium, positions, packets, tick_of(packets.sim_time_ns, period_ns)):
         ledger.settle(receptions)
-        parts.append(rows_of(receptions, medium.counted_bytes(receptions.packets)))
+        parts.append(columns_of(receptions, medium.counted_bytes(receptions.packets)))
         done += receptions.packets.size
         on_progress(done / max(1, packets.size))
     ledger.check(in_flight=0)

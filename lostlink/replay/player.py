@@ -23,7 +23,7 @@ from bridge.record.tables.states import States
 from bridge.record.tables.truth import TRUTH, TrueStates
 from bridge.run.directory import RunDirectory
 from channel.medium.ledger import Ledger
-from lostlink.reading.decisions import Decisions
+from lostlink.reading.decisions import Decisions, take_rows
 from lostlink.reading.sent import SentPackets
 from lostlink.replay.logged import NodeLogged
 from lostlink.replay.moment import Moment
@@ -144,11 +144,7 @@ class Player:
 
     def _take(self, rows: slice) -> None:
         """Take rows into the picture of all links, and into their counts."""
-        decided = self.decisions.at(rows)
-        counts = decided.counts()
-        self.ledger.sent += counts.sum(axis=-1)
-        self.ledger.settled += counts
-        self.picture.take(decided.receptions())
+        take_rows(self.decisions.at(rows).each().columns, self.picture, self.ledger)
 
     # What is read when it is asked for.
 

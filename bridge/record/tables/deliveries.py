@@ -100,17 +100,14 @@ class DeliveryWriter:
         """
         self._writer.append(rows, packets=packets, **columns)
 
-    def write(
-        self, receptions: Receptions, counted_bytes: NDArray[np.int64], gaps: Iterable[Gap] = ()
-    ) -> None:
+    def write(self, columns: Columns, gaps: Iterable[Gap] = ()) -> None:
         """Append a row for each reception, and one for packets that were lost together.
 
         Args:
-            receptions: what the medium settled.
-            counted_bytes: lengths of ``receptions.packets`` as the error model counts them.
-            gaps: what was lost before it.
+            columns: as of `columns_of`.
+            gaps: what was lost before the channel.
         """
-        self.append(receptions.size, **rows_of(receptions, counted_bytes))
+        self.append(len(columns["tx"]), **columns)
         for gap in gaps:
             self._write_gap(gap)
 
@@ -133,8 +130,8 @@ def labels_of(nodes: Sequence[str]) -> dict[str, Sequence[str]]:
     return {"tx": tuple(nodes), "rx": (*nodes, ALL), "fate": FATES}
 
 
-def rows_of(receptions: Receptions, counted_bytes: NDArray[np.int64]) -> Columns:
-    """The columns of receptions. Arguments as of `DeliveryWriter.write`."""
+def columns_of(receptions: Receptions, counted_bytes: NDArray[np.int64]) -> Columns:
+    """A row per reception; ``counted_bytes``: lengths of its packets as the error model counts them."""
     r, p = receptions, receptions.packets
     return {
         "sim_time_ns": p.sim_time_ns[r.packet],

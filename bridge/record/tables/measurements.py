@@ -54,17 +54,5 @@ class MeasurementWriter:
         """Append the measurements of a tick."""
         if not measured.size:
             return
-        self._writer.append(
-            measured.size,
-            sim_time_ns=sim_time_ns,
-            node=measured.sensor,
-            emitter=measured.emitter,
-            number=measured.number,
-            distance_m=measured.distance_m,
-            mean_power_dbm=measured.mean_power_dbm,
-            shadowing_db=measured.shadowing_db,
-            fading_db=measured.fading_db,
-            reading_dbm=measured.reading_dbm,
-            power_dbm=measured.power_dbm,
-            outcome=measured.outcome,
-        )
+        columns = measured._asdict()
+        self._writer.append(measured.size, sim_time_ns=sim_time_ns, node=columns.pop("sensor"), **columns)

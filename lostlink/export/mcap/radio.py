@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bridge.bus.messages import CommunicationMatrix, Fates, Header, Links, Packet, encode
+from bridge.radio.picture import Picture
 from bridge.record import names
 from bridge.record.packets import packets_of
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import stream_exists
 from bridge.record.tables.deliveries import (
-    DELIVERED,
     DELIVERIES,
     FIGURES,
+    Cause,
     fates_message,
     for_each_receiver,
     labels_of,
@@ -25,9 +25,11 @@ from bridge.record.tables.deliveries import (
 )
 from bridge.record.tables.schema import Columns
 from bridge.scenario.model import Scenario
+from channel.medium.ledger import Ledger
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.rounding import rounded
 from lostlink.export.mcap.source import Feed, Item, Slices
+from lostlink.reading.decisions import take_rows
 
 
 class RadioSource:
@@ -43,7 +45,7 @@ class RadioSource:
         self._nodes, self._tick_ns = scenario.transceiver_ids, scenario.tick_period_ns
         self._radios = switches_of(scenario, run)
         self._slices = Slices(run, DELIVERIES, labels_of(self._nodes))
-        self._board = _Board(self._nodes)
+        self._picture, self._ledger = Picture(self._nodes), Ledger(self._nodes, causes=tuple(Cause))
         self._now_ns = 0
         self._kept: Columns | None = None
         settings = file.settings
@@ -73,67 +75,17 @@ class RadioSource:
         return for_each_receiver(columns | figures | {"tick_ns": ticks_ns}, len(self._nodes))
 
     def _tick(self, tick_ns: int, rows: Columns) -> Iterator[Item]:
-        header = Header.at(tick_ns, "")
-        self._board.take(rows)
+        take_rows(rows, self._picture, self._ledger)
         for kind, channel in self._channels.items():
             if channel is None or not channel.is_due(tick_ns):
                 continue
             if kind == "fates":
                 message: Any = fates_message(tick_ns, self._nodes, rows)
             elif kind == "links":
-                message = self._board.links(header, self._radios.off_at(tick_ns))
+                message = self._picture.links(tick_ns, self._ledger, self._radios.off_at(tick_ns))
             else:
-                message = self._board.matrix(header)
+                message = self._picture.matrix(tick_ns)
             yield tick_ns, channel, encode(message)
-
-
-class _Board:
-    """The newest of each link, by sender and receiver."""
-
-    def __init__(self, nodes: tuple[str, ...]) -> None:
-        self._nodes = nodes
-        size = len(nodes) ** 2
-        self._known, self._heard = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
-        self._sent, self._delivered = (np.zeros(size, dtype=np.uint64) for _ in range(2))
-        self._figures = {name: np.full(size, np.nan) for name in FIGURES}
-
-    def take(self, rows: Columns) -> None:
-        """Take the fates of a tick, in order: the later ones stand."""
-        link, arrived = rows["tx"] * len(self._nodes) + rows["rx"], rows["fate"] == DELIVERED
-        self._known[link] = True
-        self._heard[link] = arrived
-        for name, kept in self._figures.items():
-            kept[link] = rows[name]
-        np.add.at(self._sent, link, rows["packets"].astype(np.uint64))
-        np.add.at(self._delivered, link[arrived], rows["packets"][arrived].astype(np.uint64))
-
-    def links(self, header: Header, radios_off: NDArray[np.bool_]) -> Links:
-        """All links that carried a packet, and which nodes' radios are off."""
-        link = np.flatnonzero(self._known)
-        ends = ((link // len(self._nodes)).astype(np.uint16), (link % len(self._nodes)).astype(np.uint16))
-        distance_m, received_power_dbm, snr_db, per = (self._figures[name][link] for name in FIGURES)
-        return Links(
-            header,
-            self._nodes,
-            *ends,
-            distance_m,
-            received_power_dbm,
-            snr_db,
-            per,
-            self._sent[link],
-            self._delivered[link],
-            np.flatnonzero(radios_off).astype(np.uint16),
-        )
-
-    def matrix(self, header: Header) -> CommunicationMatrix:
-        """Who was heard, row by row of receivers."""
-        known, heard = (_by_receiver(each, len(self._nodes)) for each in (self._known, self._heard))
-        return CommunicationMatrix(header, self._nodes, known, heard)
-
-
-def _by_receiver(values: NDArray[np.bool_], nodes: int) -> NDArray[np.bool_]:
-    turned: NDArray[np.bool_] = values.reshape(nodes, nodes).T.ravel()
-    return turned
 
 
 def packets_source(run: Path, file: McapFile, node: str, prefix: str) -> Feed | None:

@@ -20,7 +20,7 @@ def test_receptions_and_gaps_become_rows(tmp_path: Path) -> None:
     send(core, "1", 0, 7, bytes(MTU_BYTES + 1), to="gcs")
     writer = DeliveryWriter(tmp_path, NODES)
     for settled in (core.settle(), core.settle()):
-        writer.write(settled.receptions, settled.counted_bytes, settled.gaps)
+        writer.write(settled.columns, settled.gaps)
     writer.close()
     found = read(tmp_path)
     rows = list(zip(*(found[n] for n in ("tx", "rx", "seq", "packets", "fate")), strict=True))

@@ -185,7 +185,7 @@ class Router:
         assert self.core.on_packet(address, bytes(packet.length), "", stamp)
 
     def _write(self, settled: Settled) -> None:
-        self.rows.write(settled.receptions, settled.counted_bytes, settled.gaps)
+        self.rows.write(settled.columns, settled.gaps)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for p in transmitted:
             entry = encode_packet(SentPacket(p.seq, p.sim_time_ns, p.address, p.payload))
