@@ -22,7 +22,7 @@ def some(tick: int) -> list[Sent]:
 
 @pytest.mark.parametrize("killed", [False, True])
 def test_links_and_who_was_heard_are_those_of_the_run(tmp_path: Path, killed: bool) -> None:
-    run = flown(tmp_path / "run", scenario_of("moon2020", NODES), 40, some, scale=4.0, killed=killed)
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 40, some, killed=killed)
     write_mcap(run, tmp_path / "run.mcap", McapSettings(rates_hz={"links": 1000.0}))
     read = read_mcap(tmp_path / "run.mcap")
     moments = 0
