@@ -22,7 +22,6 @@ import numpy as np
 
 from bridge.record.ending import was_cut
 from bridge.record.radio_switches import switches_of
-from bridge.record.tables.columns import numbers, texts
 from bridge.record.tables.deliveries import (
     DELIVERIES,
     FATES,
@@ -34,8 +33,9 @@ from bridge.record.tables.deliveries import (
     labels_of,
     tick_of,
 )
+from bridge.record.tables.parquet import array_of
 from bridge.record.tables.reader import joined
-from bridge.record.tables.schema import LABEL, Columns
+from bridge.record.tables.schema import Columns
 from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import with_changes
@@ -88,16 +88,10 @@ class Redecision:
         """The rows of `deliveries.parquet` as this radio has them (docs/run-output.md)."""
         import pyarrow as pa
 
-        names = labels_of(self.after.nodes)
-        columns: dict[str, Any] = {}
-        for column in DELIVERIES.columns:
-            values = self.after.columns[column.name]
-            if column.dtype == LABEL:
-                codes = numbers(values.astype(np.int16))
-                columns[column.name] = pa.DictionaryArray.from_arrays(codes, texts(names[column.name]))
-            else:
-                columns[column.name] = numbers(values)
-        return pa.table(columns)
+        names, columns = labels_of(self.after.nodes), self.after.columns
+        return pa.table(
+            {c.name: array_of(c, columns[c.name].astype(c.dtype), names) for c in DELIVERIES.columns}
+        )
 
 
 def redecide(

@@ -76,13 +76,14 @@ def batches_of_journals(
     schema = schema_of(columns)
     for each in arrays:
         try:
-            values = [_array(column, each[column.name], labels) for column in columns]
+            values = [array_of(column, each[column.name], labels) for column in columns]
         except pa.ArrowException as error:
             raise TableError(f"{table.journal_path(run, '*')}: {error}") from error
         yield pa.record_batch(values, schema=schema)
 
 
-def _array(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence[str]]) -> pa.Array:
+def array_of(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence[str]]) -> pa.Array:
+    """A column as Arrow has it, from values as in a journal; ``labels`` has the names of those of names."""
     import pyarrow as pa
 
     packed = np.ascontiguousarray(values)

@@ -47,7 +47,6 @@ class RadioSource:
         self._slices = Slices(run, DELIVERIES, labels_of(self._nodes))
         self._picture, self._ledger = Picture(self._nodes), Ledger(self._nodes, causes=tuple(Cause))
         self._now_ns = 0
-        self._kept: Columns | None = None
         settings = file.settings
         self._channels = {
             kind: file.channel(f"/{kind}", cls.TYPE, kind) if settings.has(kind) else None

@@ -18,7 +18,7 @@ from bridge.radio.senders import Refused
 from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.measurements import MEASUREMENTS, MeasurementWriter
-from bridge.record.tables.reader import read_batches
+from bridge.record.tables.reader import read_columns
 from channel.link.emitter import Emitter
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
@@ -130,7 +130,7 @@ def test_the_record_has_the_terms_that_agents_do_not_see(tmp_path: Path) -> None
     columns.write(0, bench.sensors.measure(0))
     columns.close()
     finish_tables(tmp_path)
-    (batch,) = read_batches(tmp_path, MEASUREMENTS)
+    batch = read_columns(tmp_path, MEASUREMENTS)
     assert batch["node"].tolist() == ["1"] * 3 + ["0"] * 3
     assert batch["emitter"].tolist() == ["c", "a", "b"] * 2
     assert batch["power_dbm"].tolist() == [*POWERS_DBM] * 2

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.bench_record import Columns, fleet_columns
 from bridge.bus.keys import ALL
 from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter
-from bridge.record.tables.reader import read_batches
+from bridge.record.tables.reader import read_columns
 from bridge.record.tables.schema import Table
 
 __all__ = ["Columns", "assert_same", "fleet_columns", "joined", "read", "write_deliveries"]
@@ -35,8 +35,7 @@ def joined(ticks: list[Columns]) -> Columns:
 
 
 def read(run: Path, table: Table = DELIVERIES) -> Columns:
-    batches = list(read_batches(run, table))
-    return {column.name: np.concatenate([b[column.name] for b in batches]) for column in table.columns}
+    return read_columns(run, table)
 
 
 def assert_same(found: Columns, expected: Columns) -> None:

@@ -11,7 +11,7 @@ import pytest
 from bridge.bus.messages import AircraftState, Header, Vector3
 from bridge.record.tables import journals
 from bridge.record.tables.every import finish_tables
-from bridge.record.tables.reader import read_arrow, read_batches
+from bridge.record.tables.reader import read_arrow, read_columns
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.states import AGES, BUFFER_ROWS, STATES, StateWriter
 
@@ -43,7 +43,7 @@ def write(run: Path, nodes: tuple[str, ...] = NODES, ticks: int = 700) -> list[t
 
 def rows_in(run: Path) -> list[tuple[object, ...]]:
     names = ("tick_ns", "node", "altitude_rel_m", "mode", "armed")
-    return [row for b in read_batches(run, STATES, names) for row in zip(*(b[n] for n in names), strict=True)]
+    return list(zip(*read_columns(run, STATES, names).values(), strict=True))
 
 
 @pytest.mark.parametrize("chunk", [7, 100, 1 << 16])
