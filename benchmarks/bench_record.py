@@ -16,7 +16,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +23,7 @@ from numpy.typing import NDArray
 from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.reader import read_batches
-
-Columns = dict[str, NDArray[Any]]
+from bridge.record.tables.schema import Columns
 
 
 def fleet_columns(nodes: int, ticks: int, seed: int = 1) -> Iterator[Columns]:

@@ -241,7 +241,7 @@ class Run:
         """Columns of a table as numpy arrays, without pandas; names as text.
 
         Args:
-            table: ``truth``, ``states`` or ``deliveries``.
+            table: ``truth``, ``states``, ``measurements`` or ``deliveries``.
             columns: which; all of them unless given.
 
         Raises:
