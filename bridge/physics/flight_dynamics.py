@@ -7,8 +7,8 @@ from typing import Protocol
 
 from bridge.bus.messages import Clock, Header, Truth, Truths
 from bridge.physics.truth_message import clock_message, ground_truth_message, truth_message
-from bridge.physics.truth_table import TruthColumns
 from bridge.record.events import Report
+from bridge.record.tables.truth import TruthWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import log_clock
@@ -67,7 +67,7 @@ class FlightDynamics:
         self._scenario = run.scenario
         self._origin = origin_of(self._scenario.origin)
         self._report, self._to = report, held
-        self._table = TruthColumns(run.path, self._scenario.stations)
+        self._table = TruthWriter(run.path, self._scenario.stations)
         placed: tuple[GroundNode | Emitter, ...] = (*self._scenario.ground, *self._scenario.emitters)
         self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in placed]
         self._truths: list[TrueState] = []

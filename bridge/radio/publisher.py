@@ -9,9 +9,10 @@ import numpy as np
 from bridge.bus.reception import attachment
 from bridge.bus.session import Session, Stamp
 from bridge.radio.measurements import Told, as_message
-from bridge.radio.picture import LINK_PERIOD_NS, Row, fates_message
+from bridge.radio.picture import LINK_PERIOD_NS, Row
 from bridge.radio.radio import Radio, SettledTick
 from bridge.radio.virtual_radio import Settled
+from bridge.record.tables.deliveries import fates_message
 from bridge.run.directory import RunDirectory
 from channel.medium.reception import DELIVERED
 
@@ -83,7 +84,7 @@ class TickPublisher:
         """What observers want to see: they can wait."""
         sim_time_ns, settled = tick.sim_time_ns, tick.settled
         if self._wants["fates"]() and len(settled.receptions.rx):
-            fates = fates_message(self._nodes, sim_time_ns, settled.receptions, settled.counted_bytes)
+            fates = fates_message(sim_time_ns, self._nodes, settled.columns)
             self._session.put(self._keys.tick("fates"), fates)
         if self._wants["communication"]():
             self._session.put(self._keys.tick("communication"), self._picture.matrix(sim_time_ns))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from bridge.bus.keys import Address
 from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Links, Truth, decode, encoding_of
 from bridge.bus.session import Stamp
-from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
+from bridge.radio.ledger_file import LEDGER, write_ledger
 from bridge.radio.measurements import SensorsOfRun, Told
 from bridge.radio.picture import Picture, Row
 from bridge.radio.ring import Closed, Ring
@@ -19,6 +19,7 @@ from bridge.record.events import Report
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
+from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.run.directory import RunDirectory
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
@@ -82,7 +83,7 @@ class Radio:
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
-        self._writer = DeliveryColumns(run.path, nodes)
+        self._writer = DeliveryWriter(run.path, nodes)
         self._sensors = SensorsOfRun.of(run, sensors_of(scenario), emitters, medium)
 
     # What comes in.
@@ -134,7 +135,7 @@ class Radio:
         """Settle the packets of a closed tick, and have the sensors measure; `write` is to follow."""
         settled = self.core.settle()
         told = self._sensors.measure(sim_time_ns) if self._sensors is not None else ()
-        self.picture.take(settled.receptions)
+        self.picture.take(settled.columns)
         return SettledTick(sim_time_ns, settled, self.picture.changed(), told)
 
     def links(self, sim_time_ns: int) -> Links:
@@ -145,7 +146,7 @@ class Radio:
 
     def write(self, settled: Settled) -> None:
         """Record what became of packets, and what was transmitted."""
-        self._writer.write(settled)
+        self._writer.write(settled.columns, settled.gaps)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for packet in transmitted:
             sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)

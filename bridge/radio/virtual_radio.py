@@ -20,7 +20,9 @@ from bridge.bus.keys import ALL, MAIN, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.ring import Closed, Ring
-from bridge.radio.senders import Cause, Gap, Refused, Senders, TxPacket
+from bridge.radio.senders import Refused, Senders, TxPacket
+from bridge.record.tables.deliveries import Cause, Gap, columns_of
+from bridge.record.tables.schema import Columns
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
@@ -40,13 +42,13 @@ class Settled:
         packets: those that were settled; ``receptions.packet`` is an index into them.
         receptions: their fates, as columns.
         gaps: packets that were lost before the channel.
-        counted_bytes: lengths of ``receptions.packets`` as the error model counts them.
+        columns: of the receptions, as the table of deliveries has them.
     """
 
     packets: Sequence[TxPacket]
     receptions: Receptions
     gaps: Sequence[Gap]
-    counted_bytes: NDArray[np.int64]
+    columns: Columns
 
 
 class VirtualRadio:
@@ -217,7 +219,7 @@ class VirtualRadio:
         done = receptions.packets
         packets = [self._in_flight.pop(key) for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
         gaps, self._gaps = sorted(self._gaps, key=_place_of), []  # whoever was first
-        return Settled(packets, receptions, gaps, self._medium.counted_bytes(done))
+        return Settled(packets, receptions, gaps, columns_of(receptions, self._medium.counted_bytes(done)))
 
     def _book_gap(self, gap: Gap) -> None:
         to = None if gap.to == EVERYBODY else self.nodes[gap.to]

@@ -17,7 +17,7 @@ from bridge.fleet.glance import Glance
 from bridge.fleet.how import How
 from bridge.fleet.supervisor import Fleet, Observer
 from bridge.record.pack import pack_streams
-from bridge.record.tables.parquet import finish_tables
+from bridge.record.tables.every import finish_tables
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.scenario.model import Scenario

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from bridge.radio.deliveries import LEDGER
+from bridge.radio.ledger_file import LEDGER
 from bridge.record.digests import digest_line, digests
 from bridge.record.events import read_reports
-from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
-from lostlink.expectations.judge import Judgement, judge, unjudged
+from lostlink.expectations.judge import Judgement, judge
 
 SCHEMA = 2
 BIN_SENT_MIN = 50
@@ -51,7 +50,7 @@ def summarise(
     judged = [row for row in ledger["bins"] if is_judged(row)]
     within = sum(not is_outside(row) for row in judged)
     found, reports = digests(run.path), read_reports(run.path)
-    judgements = _judgements(scenario, run, ending)
+    judgements = judge(run.path, scenario, ending, as_far_as_possible=True)
     return {
         "schema": SCHEMA,
         "scenario": scenario.name,
@@ -81,13 +80,6 @@ def summarise(
         + _remark(unfinished)
         + _missed(judgements),
     }
-
-
-def _judgements(scenario: Scenario, run: RunDirectory, ending: str) -> list[Judgement]:
-    try:
-        return judge(run.path, scenario, ending)
-    except (OSError, TableError):
-        return unjudged(scenario)  # a run that broke off has told why already
 
 
 def _missed(judgements: Sequence[Judgement]) -> str:

@@ -47,7 +47,7 @@ def shares(core: VirtualRadio, picture: Picture) -> dict[str, Heard]:
 def called(core: VirtualRadio, picture: Picture) -> dict[str, Heard]:
     """The same without a bus between."""
     settled = core.settle()
-    picture.take(settled.receptions)
+    picture.take(settled.columns)
     return Hosts(NODES, GROUPS).shares(SettledTick(7, settled, picture.changed(), ()))
 
 
