@@ -108,7 +108,7 @@ def test_links_have_the_latest_figures_and_the_counts() -> None:
     core, picture = apart(), Picture(NODES)
     for seq in range(3):
         send(core, "0", seq)
-    picture.take(core.settle().receptions)
+    picture.take(core.settle().columns)
     links = picture.links(9, core.ledger, core.radios_off(9))
     names = [(links.node[tx], links.node[rx]) for tx, rx in zip(links.tx, links.rx, strict=True)]
     assert names == [("0", "1"), ("0", "2"), ("0", "gcs")]
