@@ -1,12 +1,26 @@
-"""What a reply to a command says, whatever it is."""
+"""Replies to queries as events of a command: how they are given, and what they say, whatever they are."""
 
 from __future__ import annotations
 
+import logging
 import math
 
 import zenoh
 
-from bridge.bus.messages import CommandEvent, DecodeError, decode
+from bridge.bus.messages import CommandEvent, DecodeError, decode, encode, encoding_of
+from bridge.bus.session import Query
+
+log = logging.getLogger("replies")
+
+
+def give(query: Query, key: str, event: CommandEvent) -> None:
+    """Reply to a query on ``key``; a result is the last reply."""
+    try:
+        query.reply(key, encode(event), encoding=encoding_of(CommandEvent))
+        if event.phase == CommandEvent.RESULT:
+            query.drop()
+    except zenoh.ZError as error:
+        log.warning("%s: whoever asked is gone: %s", key, error)
 
 
 def event_of(reply: zenoh.Reply) -> CommandEvent:

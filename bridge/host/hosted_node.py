@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from bridge.agents import agent_class
+from bridge.agents.bus_outlet import BusOutlet
 from bridge.agents.client import UaClient
+from bridge.agents.outlet import HeldOutlet
 from bridge.agents.runner import AgentRunner
 from bridge.aircraft.body import Body
 from bridge.bus.inbox import Inbox
@@ -27,9 +29,8 @@ from bridge.bus.messages import (
     encoding_of,
 )
 from bridge.bus.session import Query, Session
-from bridge.host.node import ASKED_MAX, AgentOutlet, Node, OnReply
+from bridge.host.node import ASKED_MAX, Node, OnReply
 from bridge.host.node_record import NodeRecord
-from bridge.host.outlets import ZenohOutlets
 from bridge.record.input_fields import VERBS
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
@@ -69,8 +70,8 @@ class HostedNode:
         self._loop = asyncio.get_running_loop()
         self._record = record
         self._agent_folder = run.agent_folder(config.node)
-        self._outlets = ZenohOutlets(session, run.keys, config.node)
-        self.node = Node(config.node, body, self._outlets, record)
+        self._outlet = BusOutlet(session, run.keys, config.node)
+        self.node = Node(config.node, body, self._outlet, record)
         self.runner: AgentRunner | None = None
         self._flush = Every(FLUSH_PERIOD_S)
         self._closed = False
@@ -91,7 +92,7 @@ class HostedNode:
             self.node.repeat(self._record.replay)
 
     async def _start_agent(self, make: Callable[..., Any]) -> None:
-        outlet = AgentOutlet(self._outlets)
+        outlet = HeldOutlet(self._outlet)
         self.runner = AgentRunner(
             UaClient(
                 self.id,
@@ -165,7 +166,7 @@ class HostedNode:
             log.exception("node %s cannot go on", self.id)
             header = Header.at(self._record.now_ns, self.id)
             text = f"its aircraft bridge cannot go on: {error}"
-            self._outlets.report(AgentStatus(header, text, failed=True))
+            self._outlet.report(AgentStatus(header, text, failed=True))
         finally:
             current_node.reset(token)
 

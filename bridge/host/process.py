@@ -73,7 +73,7 @@ class _Listener:
         self._keys, self._name = run.keys, name
         self._stations = run.scenario.transceiver_ids
         self._hosted = {one.id: one for one in hosted}
-        self._nodes = {one.id: one.node for one in hosted}
+        self._arrivals = {one.id: one.node.arrivals for one in hosted}
         self._report = report
         # Without a limit: the ring bounds what comes between two ticks, and a packet that was delivered stays so.
         self.inbox: Inbox[_Came] = Inbox(asyncio.get_running_loop(), self._dispatch, limit=None)
@@ -98,7 +98,7 @@ class _Listener:
             log.warning("%s: %s", sample.key_expr, error)
 
     def _heard_came(self, sample: Sample) -> None:
-        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._nodes)
+        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._arrivals)
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)

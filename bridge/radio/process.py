@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import queue
 import sys
@@ -13,6 +14,7 @@ from bridge.bus.keys import KeyMistake, Keys
 from bridge.bus.messages import (
     AgentStatus,
     Clock,
+    CommandEvent,
     DataPackage,
     DecodeError,
     Header,
@@ -21,7 +23,8 @@ from bridge.bus.messages import (
     decode,
     encoding_of,
 )
-from bridge.bus.session import Sample, Session, Stamp, open_router
+from bridge.bus.replies import give
+from bridge.bus.session import Query, Sample, Session, Stamp, open_router
 from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.intake import Handler, Intake, Waiting
 from bridge.radio.measurements import SensorsOfRun
@@ -93,6 +96,10 @@ class RouterProcess:
         for key_expr, handler in self._handlers():
             push = partial(self._intake.push, handler, may_drop=handler in droppable)
             session.subscribe(key_expr, push)
+        for node in scenario.transceivers:
+            on_asked = self._on_asked_as_free if not node.has_agent else self._on_asked_beside_an_agent
+            push = partial(self._intake.push, on_asked, may_drop=False)
+            session.serve(keys.next_packet(node.node), push)
 
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
         yield self._keys.tick("truths"), self._on_truths
@@ -185,13 +192,13 @@ class RouterProcess:
         for key, seq in item.lost.items():
             self._core.on_dropped(self._keys.node_of(key), seq)
         try:
-            item.handler(str(item.sample.key_expr), item.sample)
+            item.handler(str(item.came.key_expr), item.came)
         except (
             DecodeError,
             KeyMistake,
         ) as error:  # bytes or keys of somebody else's; what is ours ends the run
             self._core.refused[Refused.MALFORMED] += 1
-            self._tell_refusal(f"{item.sample.key_expr}: {error}")
+            self._tell_refusal(f"{item.came.key_expr}: {error}")
 
     def _tell_refusal(self, text: str) -> None:
         if self._core.refused.total() <= REFUSALS_LOGGED_MAX:
@@ -231,6 +238,17 @@ class RouterProcess:
             self._core.ring.end()
         if status.done:
             self._core.ring.done(node)
+
+    def _on_asked_as_free(self, key: str, query: Query) -> None:
+        """A free node's program asks how to go on; all that the one before it transmitted has been taken."""
+        stamp = self._core.next_packet(self._keys.node_of(key))
+        value = json.dumps({"seq": stamp.seq, "sim_time_ns": stamp.sim_time_ns})
+        give(query, key, CommandEvent(CommandEvent.RESULT, True, value=value))
+
+    def _on_asked_beside_an_agent(self, key: str, query: Query) -> None:
+        node = self._keys.node_of(key)
+        text = f"node {node} has an agent that is not free, which alone transmits and numbers its packets"
+        give(query, key, CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
 
     def _on_switch(self, key: str, sample: Sample) -> None:
         switch = decode(sample.payload.to_bytes(), RadioSwitch)

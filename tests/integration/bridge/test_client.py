@@ -10,7 +10,7 @@ import pytest
 
 from bridge.agents import connect_ua
 from bridge.bus.keys import Keys
-from bridge.bus.messages import AircraftState
+from bridge.bus.messages import AircraftState, Clock, Header
 from bridge.run.access import Access, NoAccess
 from tests.integration.bridge.guarded import RUN, Guarded, guarded_router
 
@@ -35,6 +35,7 @@ async def test_condition_that_raises_ends_the_wait_with_its_error(router: Guarde
         waiting = asyncio.create_task(ua.wait_for(condition))
         while not waiting.done():  # until the subscription is known to the router
             router.session.put(KEYS.state("1"), AircraftState())
+            router.session.put(KEYS.clock, Clock(Header.at(0, "")))
             await asyncio.wait({waiting}, timeout=0.05)
         with pytest.raises(KeyError, match="somebody's mistake"):
             await asyncio.wait_for(waiting, 10.0)

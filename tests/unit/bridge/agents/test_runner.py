@@ -16,7 +16,7 @@ import pytest
 
 from aps.vehicle.commander import argument_names
 from bridge.agents.agent import Agent, rng_of
-from bridge.agents.client import OnEvent, UaClient
+from bridge.agents.client import UaClient
 from bridge.agents.commands import (
     CommandFailed,
     CommandInterrupted,
@@ -24,6 +24,7 @@ from bridge.agents.commands import (
     Commands,
     CommandTimedOut,
 )
+from bridge.agents.outlet import OnEvent
 from bridge.agents.own import AgentError, load_class
 from bridge.agents.runner import AgentRunner
 from bridge.bus.messages import (
