@@ -134,7 +134,8 @@ class _TicksOnBus:
     def __init__(
         self, session: Session, keys: Keys, ua: UaClient, inbox: Inbox[_Came], arrivals: Arrivals
     ) -> None:
-        self._ua, self._arrivals, self._feeder = ua, arrivals, Feeder(ua)
+        self.feeder = Feeder(ua)
+        self._ua, self._arrivals = ua, arrivals
         self._clock_ns = -1
         self._is_answered = False
         for key, handler in (
@@ -144,6 +145,7 @@ class _TicksOnBus:
             (keys.state(ua.node), self._state_came),
             (keys.clock, self._clock_came),
             (keys.answer(ua.node), self._answer_came),
+            (keys.clock_end, self._end_came),
         ):
             take = partial(self._take, handler)
             session.subscribe(key, lambda sample, take=take: inbox.push(partial(take, sample)))  # type: ignore[misc]
@@ -166,8 +168,11 @@ class _TicksOnBus:
             self._tick()
         self._is_answered = True
 
+    def _end_came(self, _: Sample) -> None:
+        self._ua.is_over = True
+
     def _tick(self) -> None:
-        self._feeder.tick(self._clock_ns, self._arrivals.take())
+        self.feeder.tick(self._clock_ns, self._arrivals.take())
 
     def _state_came(self, sample: Sample) -> None:
         self._arrivals.state_came(decode(sample.payload.to_bytes(), AircraftState))
@@ -242,11 +247,15 @@ async def connect_ua(
         inbox: Inbox[_Came] = Inbox(asyncio.get_running_loop(), lambda came: came())
         outlet = (FreeOutlet if is_sender else ScriptOutlet)(session, keys, node, inbox, arrivals)
         ua = UaClient(node, outlet)
-        _TicksOnBus(session, keys, ua, inbox, arrivals)
+        ticks = _TicksOnBus(session, keys, ua, inbox, arrivals)
         if is_sender:
             ua.go_on_from(await _next_packet(session, keys, node))
         try:
             yield ua
+        except Exception as error:
+            if is_sender and not ua.is_over:
+                ticks.feeder.fail_in_flight(error)
+            raise
         finally:
             if is_sender:
                 ua.report("leaves")

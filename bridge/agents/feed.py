@@ -12,6 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 from bridge.agents.client import LookAtStatus, UaClient
+from bridge.agents.commands import CommandFailed
 from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
@@ -124,6 +125,14 @@ class Feeder:
         log.error("%s, at %.3f s: %s", when, self._ua.sim_time_ns / 1e9, text, exc_info=error)
         if not self.has_failed:
             self.tell(f"{type(error).__name__} {when}: {error or text}")
+
+    def fail_in_flight(self, error: Exception) -> None:
+        """Tell what ended the agent's flight: a command that failed by its own words, anything else by name."""
+        if isinstance(error, CommandFailed):
+            log.error("in flight, at %.3f s", self._ua.sim_time_ns / 1e9, exc_info=error)
+            self.tell(str(error).removeprefix(f"UA {self._ua.node}: "))
+        else:
+            self.fail("in flight", error)
 
     def tell(self, text: str) -> None:
         """Tell that the agent failed; what is no text in UTF-8 is told as Python writes it."""

@@ -110,15 +110,12 @@ class AgentRunner:
     async def _fly(self) -> None:
         try:
             await self._agent.fly()
-        except CommandFailed as error:
-            log.error("in flight, at %.3f s", self.ua.sim_time_ns / 1e9, exc_info=error)
-            self._feeder.tell(str(error).removeprefix(f"UA {self.ua.node}: "))
         except asyncio.CancelledError as error:
             if not self.ua.is_over:
                 self._feeder.fail("in flight", error, "it awaited what had been cancelled")
             raise
         except Exception as error:  # an agent is somebody's own code: whatever it raises ends the run by name
-            self._feeder.fail("in flight", error)
+            self._feeder.fail_in_flight(error)
         else:
             log.info("done at %.2f s", self.ua.sim_time_ns / 1e9)
             self.ua.report("is done", done=True)

@@ -360,11 +360,9 @@ class Fleet:
         node = status.header.frame_id
         if status.failed:
             log = self._run.log_path(f"node-{node}")
-            self._fail_with_the_tick(
-                FleetError(
-                    f"the agent of {self._scenario.title(node)} failed: {status.activity}; its log is {log}"
-                )
-            )
+            where = f"; its log is {log}" if log.exists() else ""  # a program beside the run has its own
+            text = f"the agent of {self._scenario.title(node)} failed: {status.activity}{where}"
+            self._fail_with_the_tick(FleetError(text))
         if status.done:
             self.not_done.discard(node)
 
