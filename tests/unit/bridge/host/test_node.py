@@ -410,6 +410,18 @@ async def test_what_was_taken_at_a_tick_is_not_taken_again(host: Host) -> None:
     ]
 
 
+async def test_nothing_piles_up_for_a_node_that_nobody_of_ours_flies(host: Host) -> None:
+    node = Node("8", host.node.body, host, host)
+    for number in range(3):
+        node.arrivals.packet_came(packet("a", number, 0), -80.0, 15.0)
+        node.tick(number * TICK_NS)
+    given: list[int] = []
+    host.ua.on_packet(lambda _sender, _channel, _payload, told: given.append(told.seq))
+    for arrival in node.arrivals.take():
+        arrival(host.ua)
+    assert given == []
+
+
 async def test_the_tick_is_answered_only_when_the_agent_is_idle(host: Host) -> None:
     await heard(host)
     go_on = threading.Event()
