@@ -96,6 +96,7 @@ class UaClient(Commands):
         self._outlet = outlet
         self._waiters: dict[int, _Waiter] = {}
         self._waited = 0
+        self._has_clock = False
         self._kinds: dict[str, str] = {}
         self._logged_at_ns, self._logged = -1, 0
         self._on_tick: list[Callable[[int], object]] = []
@@ -267,6 +268,11 @@ class UaClient(Commands):
 
     def take_clock(self, sim_time_ns: int) -> None:
         """The tick ``sim_time_ns`` has come: waits that took too long end."""
+        if not self._has_clock:  # whoever joins a run waits from here on
+            self._has_clock, passed_ns = True, sim_time_ns - self.sim_time_ns
+            self._waiters = {
+                n: (met, future, at + passed_ns) for n, (met, future, at) in self._waiters.items()
+            }
         self.sim_time_ns = sim_time_ns
         for _, future, deadline_ns in tuple(self._waiters.values()):
             if sim_time_ns > deadline_ns and not future.done():

@@ -13,7 +13,7 @@ from bridge.bus.session import Query
 log = logging.getLogger("replies")
 
 
-def give(query: Query, key: str, event: CommandEvent) -> None:
+def reply_event(query: Query, key: str, event: CommandEvent) -> None:
     """Reply to a query on ``key``; a result is the last reply."""
     try:
         query.reply(key, encode(event), encoding=encoding_of(CommandEvent))

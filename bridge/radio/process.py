@@ -23,7 +23,7 @@ from bridge.bus.messages import (
     decode,
     encoding_of,
 )
-from bridge.bus.replies import give
+from bridge.bus.replies import reply_event
 from bridge.bus.session import Query, Sample, Session, Stamp, open_router
 from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
 from bridge.radio.intake import Handler, Intake, Waiting
@@ -243,12 +243,12 @@ class RouterProcess:
         """A free node's program asks how to go on; all that the one before it transmitted has been taken."""
         stamp = self._core.next_packet(self._keys.node_of(key))
         value = json.dumps({"seq": stamp.seq, "sim_time_ns": stamp.sim_time_ns})
-        give(query, key, CommandEvent(CommandEvent.RESULT, True, value=value))
+        reply_event(query, key, CommandEvent(CommandEvent.RESULT, True, value=value))
 
     def _on_asked_beside_an_agent(self, key: str, query: Query) -> None:
         node = self._keys.node_of(key)
         text = f"node {node} has an agent that is not free, which alone transmits and numbers its packets"
-        give(query, key, CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
+        reply_event(query, key, CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
 
     def _on_switch(self, key: str, sample: Sample) -> None:
         switch = decode(sample.payload.to_bytes(), RadioSwitch)

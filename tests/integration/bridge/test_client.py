@@ -19,7 +19,7 @@ from bridge.bus.messages import (
     Measurements,
 )
 from bridge.bus.reception import attachment
-from bridge.bus.replies import give
+from bridge.bus.replies import reply_event
 from bridge.bus.session import Query, Session, SessionError, Stamp
 from bridge.run.access import Access, NoAccess
 from tests.integration.bridge.guarded import RUN, Guarded, guarded_router
@@ -63,7 +63,7 @@ async def test_a_tick_comes_in_the_order_on_board_whatever_the_order_on_the_wire
     session.serve(KEYS.command("1", "rtl"), lambda query: answer(query, session))
 
     def answer(query: Query, session: Session) -> None:
-        give(query, str(query.key_expr), CommandEvent(CommandEvent.RESULT, True, outcome="reached"))
+        reply_event(query, str(query.key_expr), CommandEvent(CommandEvent.RESULT, True, outcome="reached"))
         session.put(KEYS.answer("1"), Header.at(TICK_NS, "1"))
 
     async with connect_ua(RUN, "1", access=access_to(router)) as ua:
@@ -98,6 +98,19 @@ async def test_a_tick_comes_in_the_order_on_board_whatever_the_order_on_the_wire
         (TICK_NS, STATE, STATUS),
         ("rtl", TICK_NS),
     ]
+
+
+async def test_a_wait_is_as_long_as_it_says_whenever_a_script_joined(router: Guarded) -> None:
+    async with connect_ua(RUN, "1", access=access_to(router)) as ua:
+        waiting = asyncio.create_task(ua.wait_for(lambda _: False, timeout_s=5.0))
+        clock_s = 100.0
+        while not waiting.done():
+            router.session.put(KEYS.clock, Clock(Header.at(round(clock_s * 1e9), "")))
+            await asyncio.wait({waiting}, timeout=0.02)
+            if ua.sim_time_ns:
+                clock_s += 1.0
+        with pytest.raises(TimeoutError, match=r"still waiting at 106\.0 s"):
+            await waiting
 
 
 async def test_what_a_callback_of_a_script_raises_is_told_by_name(

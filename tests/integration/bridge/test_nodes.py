@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import queue
 from pathlib import Path
 from typing import Any
 
@@ -90,15 +91,21 @@ def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
 
     async def talk_again() -> list[int]:
         async with connect_ua(run.directory, "probe", is_sender=True) as probe:
+            probe.log("sent", probe.sent)
             return [probe.transmit("chatter", b"once more") for _ in range(3)]
 
     async def talk_as_another() -> None:
         async with connect_ua(run.directory, "1", is_sender=True):
             pass
 
-    assert asyncio.run(talk()) == 6
-    assert asyncio.run(talk_again()) == [6, 7, 8]
-    assert asyncio.run(talk_again()) == [9, 10, 11]
+    logged: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    with run.join("observer") as observer:
+        key = Keys(run.directory.name).logged("probe", "sent")
+        observer.subscribe(key, lambda sample: logged.put(sample.payload.to_bytes()))
+        assert asyncio.run(talk()) == 6
+        assert asyncio.run(talk_again()) == [6, 7, 8]
+        assert asyncio.run(talk_again()) == [9, 10, 11]
+        assert [logged.get(timeout=10.0) for _ in range(2)] == [b"6", b"9"]
     with pytest.raises(PermissionError, match="node 1 has an agent that is not free, which alone transmits"):
         asyncio.run(talk_as_another())
     assert run.finish() == 0, run.output.decode()
