@@ -76,17 +76,15 @@ class Arrivals:
         measurements, self._measurements = self._measurements, []
         arrivals.append(lambda ua: ua.take_measurements(measurements))
         packets, self._packets = self._packets, []
-        if packets:
-            arrivals.append(partial(_give_packets, packets))
+        arrivals += [partial(_give_packet, *packet) for packet in packets]
         events, self._events = self._events, []
         return arrivals + [partial(_give_event, on_event, event) for on_event, event in events]
 
 
-def _give_packets(packets: Sequence[tuple[DeliveredPacket, float, float]], ua: UaClient) -> None:
-    now_ns = ua.sim_time_ns
-    for (sender, channel, payload, stamp), rssi_dbm, snr_db in packets:
-        reception = Reception(stamp.seq, stamp.sim_time_ns, now_ns, rssi_dbm, snr_db)
-        ua.take_packet(sender, channel, payload, reception)
+def _give_packet(packet: DeliveredPacket, rssi_dbm: float, snr_db: float, ua: UaClient) -> None:
+    sender, channel, payload, stamp = packet
+    reception = Reception(stamp.seq, stamp.sim_time_ns, ua.sim_time_ns, rssi_dbm, snr_db)
+    ua.take_packet(sender, channel, payload, reception)
 
 
 def _give_event(on_event: OnEvent, event: CommandEvent, _: UaClient) -> None:

@@ -25,6 +25,7 @@ from bridge.bus.messages import (
     CommandEvent,
     CommandGoal,
     CommunicationStatus,
+    DecodeError,
 )
 from bridge.bus.radio_command import radio_goal
 from bridge.bus.reception import Reception
@@ -420,6 +421,23 @@ async def test_nothing_piles_up_for_a_node_that_nobody_of_ours_flies(host: Host)
     for arrival in node.arrivals.take():
         arrival(host.ua)
     assert given == []
+
+
+async def test_a_packet_that_cannot_be_read_hides_no_other_of_its_tick(host: Host) -> None:
+    await heard(host)
+    read: list[int] = []
+
+    def reader(_sender: str, _channel: str, _payload: bytes, told: Reception) -> None:
+        if told.seq == 1:
+            raise DecodeError("not for me")
+        read.append(told.seq)
+
+    host.ua.on_packet(reader)
+    for number in range(3):
+        host.node.arrivals.packet_came(packet("a", number, 0), -80.0, 15.0)
+    host.tick(TICK_NS)
+    assert read == [0, 2]
+    assert host.ua.malformed == 1
 
 
 async def test_the_tick_is_answered_only_when_the_agent_is_idle(host: Host) -> None:
