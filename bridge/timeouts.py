@@ -33,5 +33,7 @@ FLIGHT_GRACE_S = 1.5
 """For autopilots and physics."""
 ROUTER_GRACE_S = 10.0
 """For the radio to say the next word of how far its record is: it may take any time as long as it gets on."""
+RADIO_ANSWER_S = 10.0
+"""For the radio to tell a program beside the run with which packet it goes on."""
 COMMAND_QUERY_S = 30 * 86400.0
 """For a script's command: flights end by their own time-outs, in sim time, however long that takes."""

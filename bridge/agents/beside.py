@@ -14,14 +14,19 @@ a run with a ``free`` node that transmits may not repeat.
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
+from time import monotonic
 
-from bridge.agents.client import OnEvent, UaClient
+from bridge.agents.bus_outlet import BusOutlet
+from bridge.agents.client import UaClient
+from bridge.agents.feed import Arrivals, DeliveredPacket, Feeder
 from bridge.agents.measurements import measurements_by_node
-from bridge.agents.sender import Sender
+from bridge.agents.outlet import OnEvent
 from bridge.bus.identity.roster import node_identity
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
@@ -33,111 +38,190 @@ from bridge.bus.messages import (
     CommandGoal,
     CommunicationStatus,
     DecodeError,
+    Header,
     Measurements,
     decode,
 )
-from bridge.bus.reception import Reception
+from bridge.bus.reception import signal_of
 from bridge.bus.replies import event_of
-from bridge.bus.session import Sample, Session, Stamp
+from bridge.bus.session import Sample, Session, SessionError, Stamp
 from bridge.record.logged import LoggedValue
 from bridge.run.access import Access, access_of
-from bridge.timeouts import COMMAND_QUERY_S
+from bridge.timeouts import COMMAND_QUERY_S, RADIO_ANSWER_S
 
 log = logging.getLogger("beside")
+ASK_AGAIN_S = 0.1
+"""For a radio that has yet to start."""
+_Came = Callable[[], object]
+"""Something that Zenoh brought, and what is to be done with it."""
 
 
-class ZenohOutlet:
-    """Commands go to the aircraft as queries; packets to the radio, if the node has no other sender."""
+class FreeOutlet(BusOutlet):
+    """What a node's ``free`` program says (`bridge.agents.outlet.AgentOutlet`); its commands are queries.
 
-    def __init__(self, session: Session, keys: Keys, node: str, *, is_sender: bool) -> None:
-        self._session, self._keys, self._node = session, keys, node
-        self._sender = Sender(session, keys, node) if is_sender else None
-        self._loop = asyncio.get_running_loop()
+    Args:
+        session: of the program.
+        keys: of the run.
+        node: its id.
+        inbox: brings replies into the program's event loop.
+        arrivals: where they wait for the tick.
+    """
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
-        """Give a packet to the radio.
-
-        Raises:
-            PermissionError: another one numbers the node's packets.
-        """
-        if self._sender is None:
-            raise PermissionError(
-                f"only the agent of node {self._node} may transmit: it numbers the packets. To transmit from here, "
-                "give the node an agent of type free, and connect_ua(..., is_sender=True)"
-            )
-        self._sender.transmit(to, channel, payload, encoding, stamp)
-
-    def report(self, status: AgentStatus) -> None:
-        """A sender's word is published, as an agent's; another script's goes to its log."""
-        log.info("%s", status.activity)
-        if self._sender is not None:
-            self._sender.report(status)
-
-    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
-        """A sender's values are published, though not recorded; another script's go to its log."""
-        if self._sender is None:
-            log.info("%s = %r", item.name, item.value)
-        else:
-            self._sender.log(item, sim_time_ns)
+    def __init__(
+        self, session: Session, keys: Keys, node: str, inbox: Inbox[_Came], arrivals: Arrivals
+    ) -> None:
+        super().__init__(session, keys, node)
+        self._inbox, self._arrivals = inbox, arrivals
 
     def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
         """Ask the aircraft's queryable."""
-        inbox: Inbox[CommandEvent | None] = Inbox(self._loop, on_event)
+        asked = _Asked(self._arrivals, on_event)
         self._session.query(
             self._keys.command(self._node, verb),
             goal,
-            lambda reply: inbox.push(event_of(reply)),
-            lambda: inbox.push(None),
+            lambda reply: self._inbox.push(lambda: asked.came(event_of(reply))),
+            lambda: self._inbox.push(asked.ended),
             timeout_s=COMMAND_QUERY_S,
         )
 
 
-class _Feed:
-    """Gives what Zenoh brings to a client, in the order in which it happened on the wire."""
+class ScriptOutlet(FreeOutlet):
+    """What a script says beside a node's agent: commands, and the rest to its own log."""
 
-    def __init__(self, session: Session, keys: Keys, ua: UaClient) -> None:
-        self._ua = ua
-        self.malformed = 0
-        self._inbox: Inbox[tuple[Callable[[Sample], None], Sample]] = Inbox(
-            asyncio.get_running_loop(), self._dispatch
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:  # noqa: ARG002
+        """Refuse, as the node's agent numbers its packets.
+
+        Raises:
+            PermissionError: always.
+        """
+        raise PermissionError(
+            f"only the agent of node {self._node} may transmit: it numbers the packets. To transmit from here, "
+            "give the node an agent of type free, and connect_ua(..., is_sender=True)"
         )
+
+    def report(self, status: AgentStatus) -> None:
+        """Write it to the script's log."""
+        log.info("%s", status.activity)
+
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:  # noqa: ARG002
+        """Write it to the script's log."""
+        log.info("%s = %r", item.name, item.value)
+
+
+class _Asked:
+    """A command that was asked for: its events wait for a tick, but that nobody answers any more is told at once."""
+
+    def __init__(self, arrivals: Arrivals, on_event: OnEvent) -> None:
+        self._arrivals, self._on_event = arrivals, on_event
+        self._has_result = False
+
+    def came(self, event: CommandEvent) -> None:
+        self._has_result |= event.phase == CommandEvent.RESULT
+        self._arrivals.event_came(self._on_event, event)
+
+    def ended(self) -> None:
+        if not self._has_result:
+            self._on_event(None)
+
+
+class _TicksOnBus:
+    """Gives what Zenoh brings to a program, tick by tick, as its host gives it to an agent on board.
+
+    All that belongs to a tick is there when the node has answered it: its state, and before it what the radio settled
+    at the tick before. For a node that no host serves, nobody answers, and the clock is the last that comes.
+    """
+
+    def __init__(
+        self, session: Session, keys: Keys, ua: UaClient, inbox: Inbox[_Came], arrivals: Arrivals
+    ) -> None:
+        self.feeder = Feeder(ua)
+        self._ua, self._arrivals = ua, arrivals
+        self._clock_ns = -1
+        self._is_answered = False
         for key, handler in (
             (keys.rx(ua.node, "*", "*"), self._packet_came),
             (keys.comm_status(ua.node), self._comm_status_came),
             (keys.measurements(ua.node), self._measurements_came),
             (keys.state(ua.node), self._state_came),
             (keys.clock, self._clock_came),
+            (keys.answer(ua.node), self._answer_came),
+            (keys.clock_end, self._end_came),
         ):
-            session.subscribe(key, lambda sample, handler=handler: self._inbox.push((handler, sample)))  # type: ignore[misc]
+            take = partial(self._take, handler)
+            session.subscribe(key, lambda sample, take=take: inbox.push(partial(take, sample)))  # type: ignore[misc]
 
-    def _dispatch(self, item: tuple[Callable[[Sample], None], Sample]) -> None:
-        handler, sample = item
+    def _take(self, handler: Callable[[Sample], None], sample: Sample) -> None:
         try:
             handler(sample)
         except DecodeError as error:
-            self.malformed += 1
+            self._ua.malformed += 1
             log.warning("%s: %s", sample.key_expr, error)
 
     def _clock_came(self, sample: Sample) -> None:
-        self._ua.take_clock(decode(sample.payload.to_bytes(), Clock).header.stamp.ns)
-        self._ua.tick()
+        self._clock_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
+        if not self._is_answered:
+            self._tick()
+
+    def _answer_came(self, sample: Sample) -> None:
+        is_of_tick = decode(sample.payload.to_bytes(), Header).stamp.ns == self._clock_ns
+        if self._is_answered and is_of_tick:
+            self._tick()
+        self._is_answered = True
+
+    def _end_came(self, _: Sample) -> None:
+        self._ua.is_over = True
+
+    def _tick(self) -> None:
+        self.feeder.tick(self._clock_ns, self._arrivals.take())
 
     def _state_came(self, sample: Sample) -> None:
-        self._ua.take_state(decode(sample.payload.to_bytes(), AircraftState))
+        self._arrivals.state_came(decode(sample.payload.to_bytes(), AircraftState))
 
     def _comm_status_came(self, sample: Sample) -> None:
         payload = sample.payload.to_bytes()
-        self._ua.take_comm_status(lambda: self._ua.read(payload, CommunicationStatus))
+        self._arrivals.comm_status_came(lambda: self._ua.read(payload, CommunicationStatus))
 
     def _measurements_came(self, sample: Sample) -> None:
         message = decode(sample.payload.to_bytes(), Measurements)
         for measurements in measurements_by_node(message).values():
-            self._ua.take_measurements(measurements)
+            self._arrivals.measurements_came(measurements)
 
     def _packet_came(self, sample: Sample) -> None:
         sender, channel = str(sample.key_expr).split("/")[-2:]
-        reception = Reception.from_sample(sample, self._ua.sim_time_ns)
-        self._ua.take_packet(sender, channel, sample.payload.to_bytes(), reception)
+        stamp = Stamp.from_sample(sample)
+        if stamp is None:
+            raise DecodeError("a packet without its number and time")
+        packet = DeliveredPacket(sender, channel, sample.payload.to_bytes(), stamp)
+        self._arrivals.packet_came(packet, *signal_of(sample))
+
+
+async def _next_packet(session: Session, keys: Keys, node: str) -> Stamp:
+    """Number and least sim time of the next packet of ``node``, as the radio tells whoever may transmit as it.
+
+    Raises:
+        PermissionError: another one numbers its packets.
+        SessionError: no radio answers.
+    """
+    replies: asyncio.Queue[CommandEvent | None] = asyncio.Queue()
+    inbox: Inbox[CommandEvent | None] = Inbox(asyncio.get_running_loop(), replies.put_nowait)
+    until = monotonic() + RADIO_ANSWER_S
+    while monotonic() < until:
+        session.query(
+            keys.next_packet(node),
+            Header.at(0, node),
+            lambda reply: inbox.push(event_of(reply)),
+            lambda: inbox.push(None),
+            timeout_s=until - monotonic(),
+        )
+        while (event := await replies.get()) is not None:
+            if event.success:
+                return Stamp(**json.loads(event.value))
+            if event.outcome == "refused":
+                raise PermissionError(event.text)
+        await asyncio.sleep(ASK_AGAIN_S)
+    raise SessionError(
+        f"the radio does not tell with which packet node {node} goes on: is it a run that goes on?"
+    )
 
 
 @asynccontextmanager
@@ -149,20 +233,29 @@ async def connect_ua(
     Args:
         run: its directory, or its name if that is in `runs/`.
         node: id of the node.
-        is_sender: transmit as the node, whose agent in the scenario is of type ``free``. Numbers begin at 0: one
-            program transmits as a node in a run.
+        is_sender: transmit as the node, whose agent in the scenario is of type ``free``. Numbers go on where the
+            program before it ended: one at a time transmits as a node.
         access: what `lostlink token` printed, if the directory is not at hand; ``run`` is then not looked at.
 
     Raises:
+        PermissionError: ``is_sender``, and the node has an agent that is not ``free``.
         SessionError: if there is no such run, or it is over; the text says which.
     """
     access = access or access_of(run, node_identity(node))
     with access.open() as session:
-        keys = Keys(access.run)
-        ua = UaClient(node, ZenohOutlet(session, keys, node, is_sender=is_sender))
-        _Feed(session, keys, ua)
+        keys, arrivals = Keys(access.run), Arrivals()
+        inbox: Inbox[_Came] = Inbox(asyncio.get_running_loop(), lambda came: came())
+        outlet = (FreeOutlet if is_sender else ScriptOutlet)(session, keys, node, inbox, arrivals)
+        ua = UaClient(node, outlet)
+        ticks = _TicksOnBus(session, keys, ua, inbox, arrivals)
+        if is_sender:
+            ua.go_on_from(await _next_packet(session, keys, node))
         try:
             yield ua
+        except Exception as error:
+            if is_sender and not ua.is_over:
+                ticks.feeder.fail_in_flight(error)
+            raise
         finally:
             if is_sender:
                 ua.report("leaves")

@@ -1,6 +1,6 @@
 """One node as its agent sees it: state, commands, radio, sim time. Nothing of another node or of the truth.
 
-`UaClient` does no I/O: what comes in is given to it, what goes out goes to its `Outlet`. On board that is the host
+`UaClient` does no I/O: what comes in is given to it, what goes out goes to its `AgentOutlet`. On board that is the host
 (`bridge.host`), for a script beside the run it is Zenoh (`bridge.agents.beside`).
 """
 
@@ -11,10 +11,11 @@ import logging
 import math
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from bridge.agents.commands import CommandFailed, Commands, failure
 from bridge.agents.measurements import Measured, Measurement
+from bridge.agents.outlet import AgentOutlet
 from bridge.agents.own_files import OwnFiles
 from bridge.bus.keys import ALL, checked_chunk
 from bridge.bus.messages import (
@@ -33,7 +34,7 @@ from bridge.bus.messages import (
 from bridge.bus.messages.ages import age_s
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
-from bridge.record.logged import LoggedValue, checked_name, checked_value, kind_of
+from bridge.record.logged import LoggedValue, checked_name, checked_text, checked_value, kind_of
 
 if TYPE_CHECKING:
     from channel.sensing.sensor import Sensor
@@ -42,34 +43,10 @@ M = TypeVar("M", bound=Message)
 log = logging.getLogger("agent")
 LOGGED_MAX = 1000
 """Values that an agent may log at a tick."""
-OnEvent = Callable[[CommandEvent | None], object]
-"""Told of each event of a command; None: there will be no more."""
-
-
 OnPacket = Callable[[str, str, bytes, Reception], object]
 """Told of each packet: sender, channel, payload, and what the receiver knows of it."""
 LookAtStatus = Callable[[], CommunicationStatus | None]
 """Makes, or reads, a communication status; None if it is none."""
-
-
-class Outlet(Protocol):
-    """Where what a node says goes."""
-
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
-        """Give a packet to the radio.
-
-        Raises:
-            PermissionError: whoever says it is not the node's agent.
-        """
-
-    def report(self, status: AgentStatus) -> None:
-        """Tell what the agent is doing."""
-
-    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
-        """Record a value of this instant."""
-
-    def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
-        """Have the aircraft carry out ``verb``; ``on_event`` is called in the event loop of the caller."""
 
 
 _Waiter = tuple[Callable[[AircraftState], bool], "asyncio.Future[AircraftState]", float]
@@ -93,7 +70,7 @@ class UaClient(Commands):
     def __init__(
         self,
         node: str,
-        outlet: Outlet,
+        outlet: AgentOutlet,
         seed: int = 0,
         folder: Path | None = None,
         *,
@@ -119,6 +96,7 @@ class UaClient(Commands):
         self._outlet = outlet
         self._waiters: dict[int, _Waiter] = {}
         self._waited = 0
+        self._has_clock = False
         self._kinds: dict[str, str] = {}
         self._logged_at_ns, self._logged = -1, 0
         self._on_tick: list[Callable[[int], object]] = []
@@ -195,6 +173,7 @@ class UaClient(Commands):
 
         Raises:
             ValueError: ``channel`` or ``to`` cannot be part of a key, or there is no such node.
+            TypeError: ``payload`` is neither bytes nor a message.
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
         checked_chunk(channel)
@@ -202,7 +181,7 @@ class UaClient(Commands):
         if self._others and to != ALL and to not in self._others:
             raise ValueError(f"to={to!r}: there are {ALL} and {', '.join(self._others)}")
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else None
-        raw = encode(payload) if isinstance(payload, Message) else payload
+        raw = encode(payload) if isinstance(payload, Message) else _checked_bytes(payload)
         seq = self.sent
         if self.is_over:
             return seq
@@ -211,7 +190,13 @@ class UaClient(Commands):
         return seq
 
     def report(self, activity: str, *, done: bool = False, failed: bool = False) -> None:
-        """Say what the agent is doing."""
+        """Say what the agent is doing.
+
+        Raises:
+            TypeError: ``activity`` is no text.
+            ValueError: it is none that UTF-8 has.
+        """
+        checked_text("report", activity)
         header = Header.at(self.sim_time_ns, self.node)
         self._outlet.report(AgentStatus(header, activity, done, failed, self.sent, self.received))
 
@@ -225,7 +210,8 @@ class UaClient(Commands):
 
         Raises:
             TypeError: it is something else, or of another kind than the values before.
-            ValueError: it, or its name, is too long, or there are more than LOGGED_MAX values at this tick.
+            ValueError: it, or its name, is too long, or no text in UTF-8; or there are more than
+                LOGGED_MAX values at this tick.
         """
         if self.is_over:
             return
@@ -259,11 +245,16 @@ class UaClient(Commands):
             CommandTimedOut: it does not get there in time, or does not answer.
             CommandInterrupted: another command, a pilot or a reboot came between.
             CommandFailed: nobody serves the command; base of the three above.
+            ValueError: ``verb`` cannot be part of a key, or a text in ``goal`` is none that UTF-8 has.
         """
+        checked_chunk(verb)
+        goal = goal or CommandGoal()
+        checked_text(f"{verb}: mode", goal.mode)
+        checked_text(f"{verb}: arguments", goal.arguments)
         if self.is_over:
             raise CommandFailed(f"UA {self.node}: {verb}: the run is over")
         events: asyncio.Queue[CommandEvent | None] = asyncio.Queue()
-        self._outlet.command(verb, goal or CommandGoal(), events.put_nowait)
+        self._outlet.command(verb, goal, events.put_nowait)
         while (event := await events.get()) is not None:
             if event.phase == CommandEvent.RESULT:
                 if not event.success:
@@ -277,10 +268,20 @@ class UaClient(Commands):
 
     def take_clock(self, sim_time_ns: int) -> None:
         """The tick ``sim_time_ns`` has come: waits that took too long end."""
+        if not self._has_clock:  # whoever joins a run waits from here on
+            self._has_clock, passed_ns = True, sim_time_ns - self.sim_time_ns
+            self._waiters = {
+                n: (met, future, at + passed_ns) for n, (met, future, at) in self._waiters.items()
+            }
         self.sim_time_ns = sim_time_ns
         for _, future, deadline_ns in tuple(self._waiters.values()):
             if sim_time_ns > deadline_ns and not future.done():
                 future.set_exception(TimeoutError(f"still waiting at {sim_time_ns / 1e9:.1f} s of sim time"))
+
+    def go_on_from(self, stamp: Stamp) -> None:
+        """Another one has transmitted as the node before: its next packet has this number, and is no earlier."""
+        self.sent = stamp.seq
+        self.sim_time_ns = max(self.sim_time_ns, stamp.sim_time_ns)
 
     def take_state(self, state: AircraftState) -> None:
         """The aircraft's state: who waits for it goes on."""
@@ -317,3 +318,10 @@ class UaClient(Commands):
         """All that came with this tick was taken: tell who wants to know; raises what the callbacks raise."""
         for callback in self._on_tick:
             callback(self.sim_time_ns)
+
+
+def _checked_bytes(payload: object) -> bytes:
+    """What is transmitted, as it is now."""
+    if isinstance(payload, bytes | bytearray | memoryview):
+        return bytes(payload)
+    raise TypeError(f"transmit: a payload of type {type(payload).__name__}; allowed is bytes or a message")

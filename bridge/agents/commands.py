@@ -44,6 +44,12 @@ def failure(outcome: str, text: str) -> CommandFailed:
     return _FAILURES.get(outcome, CommandFailed)(text)
 
 
+def _as_json(arguments: Mapping[str, Any]) -> str:
+    """Those of the arguments that are given; nothing is escaped, so that what is no text is seen."""
+    given = {name: value for name, value in arguments.items() if value is not None}
+    return json.dumps(given, ensure_ascii=False) if given else ""
+
+
 class Commands(ABC):
     """The commands of a node's aircraft. Arguments that are not given are left to the autopilot."""
 
@@ -63,11 +69,9 @@ class Commands(ABC):
         Raises:
             CommandFailed: it was refused, timed out or interrupted.
             TypeError: an argument is nothing that JSON knows.
+            ValueError: a text in them is none that UTF-8 has.
         """
-        given = {name: value for name, value in arguments.items() if value is not None}
-        return await self.command(
-            verb, CommandGoal(arguments=json.dumps(given) if given else ""), on_feedback
-        )
+        return await self.command(verb, CommandGoal(arguments=_as_json(arguments)), on_feedback)
 
     async def _target(self, verb: str, on_feedback: OnFeedback | None, **arguments: Any) -> bool:
         return (await self.run(verb, on_feedback, **arguments)).outcome != "superseded"
@@ -130,11 +134,8 @@ class Commands(ABC):
             frame: ``relative`` (home), ``amsl`` (mean sea level) or ``terrain`` (the ground below).
             on_feedback: told of the way to go.
         """
-        more = {"yaw_deg": yaw_deg, "frame": frame}
-        given = {name: value for name, value in more.items() if value is not None}
-        goal = CommandGoal(
-            "", longitude_deg, latitude_deg, altitude_rel_m, speed_mps, json.dumps(given) if given else ""
-        )
+        more = _as_json({"yaw_deg": yaw_deg, "frame": frame})
+        goal = CommandGoal("", longitude_deg, latitude_deg, altitude_rel_m, speed_mps, more)
         return (await self.command("goto", goal, on_feedback)).outcome != "superseded"
 
     async def goto_ned(

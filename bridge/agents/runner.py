@@ -18,15 +18,13 @@ from typing import Any
 from bridge.agents.agent import Agent
 from bridge.agents.client import UaClient
 from bridge.agents.commands import CommandFailed
+from bridge.agents.feed import Arrival, Feeder
 from bridge.agents.sim_loop import SimLoop
-from bridge.bus.messages import DecodeError
 
 log = logging.getLogger("agent")
 
 OUTCOMES = (CommandFailed, TimeoutError)
 """What a task of an agent may end with though nothing is wrong with the code."""
-Arrival = Callable[[UaClient], object]
-"""Something that came for the agent: called with its client, in its event loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +51,7 @@ class AgentRunner:
         self._inbox: queue.SimpleQueue[_Tick | None] = queue.SimpleQueue()
         self._built: concurrent.futures.Future[None] = concurrent.futures.Future()
         self._busy = False
-        self._failed = False
+        self._feeder = Feeder(ua)
         self._stopping = False
         self._loop = SimLoop(self._wait)
         self._flight: asyncio.Task[None] | None = None
@@ -87,7 +85,7 @@ class AgentRunner:
                 runner.run(self._live())
         except BaseException as error:  # SystemExit, too: whatever ends this thread leaves a tick open
             if not self._stopping:
-                self._fail("in its thread", error)
+                self._feeder.fail("in its thread", error)
         finally:
             if self._busy:
                 self._on_idle()
@@ -112,16 +110,12 @@ class AgentRunner:
     async def _fly(self) -> None:
         try:
             await self._agent.fly()
-        except CommandFailed as error:
-            log.error("in flight, at %.3f s", self.ua.sim_time_ns / 1e9, exc_info=error)
-            self._failed = True
-            self.ua.report(str(error).removeprefix(f"UA {self.ua.node}: "), failed=True)
         except asyncio.CancelledError as error:
             if not self.ua.is_over:
-                self._fail("in flight", error, "it awaited what had been cancelled")
+                self._feeder.fail("in flight", error, "it awaited what had been cancelled")
             raise
         except Exception as error:  # an agent is somebody's own code: whatever it raises ends the run by name
-            self._fail("in flight", error)
+            self._feeder.fail_in_flight(error)
         else:
             log.info("done at %.2f s", self.ua.sim_time_ns / 1e9)
             self.ua.report("is done", done=True)
@@ -150,7 +144,7 @@ class AgentRunner:
             if isinstance(task._exception, OUTCOMES) and not over:
                 self._loop.keep_raised(task)
             else:
-                self._fail("in a task of its own", task.exception())
+                self._feeder.fail("in a task of its own", task.exception())
 
     def _end(self) -> None:
         if self._stopping or not self._built.done():
@@ -161,27 +155,9 @@ class AgentRunner:
         self._loop.call_soon(self._stopped.set)
 
     def _take(self, tick: _Tick) -> None:
-        self.ua.take_clock(tick.sim_time_ns)
-        for arrival in tick.arrivals:
-            self._call("in a callback", lambda arrival=arrival: arrival(self.ua))  # type: ignore[misc]
-        self._call("at a tick", self.ua.tick)
+        self._feeder.tick(tick.sim_time_ns, tick.arrivals)
         if self._flight is None:  # the first tick: there is no sim time before it
             self._flight = asyncio.create_task(self._fly())
 
-    def _call(self, when: str, callback: Callable[[], object]) -> None:
-        try:
-            callback()
-        except DecodeError as error:
-            self.ua.malformed += 1
-            log.warning("%s: %s", when, error)
-        except Exception as error:
-            self._fail(when, error)
-
     def _on_loop_error(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        self._fail("in a task of its own", context.get("exception"), context["message"])
-
-    def _fail(self, when: str, error: BaseException | None, text: str = "") -> None:
-        log.error("%s, at %.3f s: %s", when, self.ua.sim_time_ns / 1e9, text, exc_info=error)
-        if not self._failed:
-            self._failed = True
-            self.ua.report(f"{type(error).__name__} {when}: {error or text}", failed=True)
+        self._feeder.fail("in a task of its own", context.get("exception"), context["message"])

@@ -124,6 +124,10 @@ class Keys:
         """What a node gives to one of its radios, for one node or for all; only the radio router reads it."""
         return f"{self.prefix}/node/{node}/tx/{radio}/{to}/{channel}"
 
+    def next_packet(self, node: str) -> str:
+        """Queryable that tells a free node's program the number and the least sim time of its next packet."""
+        return f"{self.prefix}/node/{node}/next_packet"
+
     def rx(self, node: str, sender: str, channel: str) -> str:
         """What the radio delivered to a node; only the radio router writes it."""
         return f"{self.prefix}/node/{node}/rx/{sender}/{channel}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from bridge.bus.session import Sample, Stamp
 
@@ -33,14 +33,6 @@ class Reception(NamedTuple):
     def age_s(self) -> float:
         """How old it was when it came, s."""
         return (self.received_ns - self.sim_time_ns) / 1e9
-
-    @classmethod
-    def from_sample(cls, sample: Sample, received_ns: int) -> Self:
-        """Of a sample on ``rx``; number -1 and age 0 if it does not say."""
-        stamp = Stamp.from_sample(sample)
-        if stamp is None:
-            return cls(-1, received_ns, received_ns)
-        return cls(stamp.seq, stamp.sim_time_ns, received_ns, *signal_of(sample))
 
 
 def attachment(stamp: bytes, rssi_dbm: float, snr_db: float) -> bytes:

@@ -56,8 +56,8 @@ class Stamp:
         return _ATTACHMENT.pack(self.seq, self.sim_time_ns, 16, self.source)
 
     @classmethod
-    def from_sample(cls, sample: Sample) -> Self | None:
-        """The stamp of a sample, or None if it carries none."""
+    def from_sample(cls, sample: Sample | Query) -> Self | None:
+        """The stamp of a sample (a query has a place for one, too), or None if it carries none."""
         if sample.attachment is None:
             return None
         raw = sample.attachment.to_bytes()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import StrEnum
-from pathlib import Path
 
 from bridge.bus.messages import AgentStatus, Clock, Header
 from bridge.run.directory import RunDirectory
@@ -73,14 +72,13 @@ class Course:
     def agent(self, node: str, status: AgentStatus) -> AgentStatus:
         """A node's agent says what it does; gives it with the name of the node, whatever it said itself."""
         if status.failed and self.failure is None:
-            title, log = self._scenario.title(node), self._log_of(node)
-            self.failure = FleetError(f"the agent of {title} failed: {status.activity}; its log is {log}")
+            log = self._run.log_path(f"node-{node}")
+            where = f"; its log is {log}" if log.exists() else ""  # a program beside the run has its own
+            title = self._scenario.title(node)
+            self.failure = FleetError(f"the agent of {title} failed: {status.activity}{where}")
         if status.done:
             self.not_done.discard(node)
         return replace(status, header=Header(status.header.stamp, node))
-
-    def _log_of(self, node: str) -> Path:
-        return self._run.log_path(f"node-{node}")
 
     def end(self) -> Ending | FleetError:
         """The last tick is closed; gives how the run ended."""

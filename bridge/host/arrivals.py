@@ -5,31 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from bridge.agents.client import LookAtStatus
-from bridge.agents.measurements import Measurement, measurements_by_node
+from bridge.agents.feed import Arrivals, DeliveredPacket
+from bridge.agents.measurements import measurements_by_node
 from bridge.bus.messages import CommunicationStatus, Header, Heard
 from bridge.bus.session import Stamp
-from bridge.host.node import Packet
 
 
-class Receiver(Protocol):
-    """A node that gets what the radio has for it."""
-
-    def packet_came(self, packet: Packet, rssi_dbm: float, snr_db: float) -> None:
-        """The radio delivered a packet, and in which power."""
-
-    def comm_status_came(self, look: LookAtStatus) -> None:
-        """The radio tells who was heard."""
-
-    def measurements_came(self, measurements: Sequence[Measurement]) -> None:
-        """The node's RF sensor tells what it measured."""
-
-
-def hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receiver]) -> None:
+def hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Arrivals]) -> None:
     """Give each node what is for it; packets are shared between those that get them.
 
     Args:
@@ -46,10 +32,10 @@ def hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receive
         raise ValueError(f"not for a host with nodes {', '.join(receivers)}: {error!r}") from error
 
 
-def _hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receiver]) -> None:
+def _hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Arrivals]) -> None:
     ends = plain(heard.end)
     packets = [
-        Packet(nodes[tx], channel, heard.data[begin:end], Stamp(seq, sim_time_ns))
+        DeliveredPacket(nodes[tx], channel, heard.data[begin:end], Stamp(seq, sim_time_ns))
         for tx, channel, (begin, end), seq, sim_time_ns in zip(
             heard.tx, heard.channel, pairwise((0, *ends)), heard.seq, heard.sim_time_ns, strict=True
         )

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from time import monotonic
 
 from aps.links.called import CalledClient
+from bridge.agents.outlet import NodeOutlet
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_ground import HostedGround
 from bridge.host.hosted_node import HostedNode
-from bridge.host.node import Outlets
 from bridge.run.directory import RunDirectory
 from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.timeouts import AGENT_END_S
@@ -19,21 +19,21 @@ log = logging.getLogger("host")
 
 
 def hosted_node(
-    run: RunDirectory, node: str, outlets: Outlets, autopilot: CalledClient | None = None
+    run: RunDirectory, node: str, outlet: NodeOutlet, autopilot: CalledClient | None = None
 ) -> HostedNode:
     """The node with this id, to be entered.
 
     Args:
         run: the run.
         node: id of a UA or of a ground node.
-        outlets: where what it says goes.
+        outlet: where what it says goes.
         autopilot: of a UA, if it is in this process.
     """
     config = run.scenario.node(node)
     if isinstance(config, Aircraft):
-        return HostedAircraft(run, config, outlets, autopilot)
+        return HostedAircraft(run, config, outlet, autopilot)
     assert isinstance(config, GroundNode), "emitters have no host"
-    return HostedGround(run, config, outlets)
+    return HostedGround(run, config, outlet)
 
 
 def stop_all(hosted: Sequence[HostedNode]) -> None:

@@ -11,9 +11,9 @@ from typing import Any
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from aps.links.called import CalledClient
+from bridge.agents.outlet import NodeOutlet
 from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.host.hosted_node import HostedNode
-from bridge.host.node import Outlets
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
@@ -29,7 +29,7 @@ class HostedAircraft(HostedNode):
     Args:
         run: the run.
         config: the UA as the scenario has it.
-        outlets: where what it says goes.
+        outlet: where what it says goes.
         autopilot: one in this process; None: it listens on its port.
     """
 
@@ -37,7 +37,7 @@ class HostedAircraft(HostedNode):
         self,
         run: RunDirectory,
         config: Aircraft,
-        outlets: Outlets,
+        outlet: NodeOutlet,
         autopilot: CalledClient | None = None,
     ) -> None:
         scenario, record = run.scenario, NodeRecord(run, config.node)
@@ -54,7 +54,7 @@ class HostedAircraft(HostedNode):
             autopilot=autopilot,
         )
         self._aircraft = AircraftBridge(self.daemon, config.node)
-        super().__init__(run, config, record, self._aircraft, outlets)
+        super().__init__(run, config, record, self._aircraft, outlet)
         self._api_port = scenario.api_port(config)
         self._api = AsyncExitStack()
         self.daemon.on_bytes = record.write_mavlink

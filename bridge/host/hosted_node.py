@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from bridge.agents import agent_class
 from bridge.agents.client import UaClient
+from bridge.agents.outlet import HeldOutlet, NodeOutlet
 from bridge.agents.runner import AgentRunner
 from bridge.aircraft.body import Body
 from bridge.bus.messages import AgentStatus, Header
-from bridge.host.node import AgentOutlet, Node, Outlets
+from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
@@ -36,7 +37,7 @@ class HostedNode:
         config: the node as the scenario has it.
         record: of the node.
         body: its aircraft, or what it has in its place.
-        outlets: where what it says goes.
+        outlet: where what it says goes.
 
     Attributes:
         asks_dropped: how many commands found no room before they came to the node.
@@ -48,16 +49,16 @@ class HostedNode:
         config: Aircraft | GroundNode,
         record: NodeRecord,
         body: Body,
-        outlets: Outlets,
+        outlet: NodeOutlet,
     ) -> None:
         self.id = config.node
         self._config, self._scenario = config, run.scenario
         self._loop = asyncio.get_running_loop()
         self._record = record
         self._agent_folder = run.agent_folder(config.node)
-        self._outlets = outlets
+        self._outlet = outlet
         self.asks_dropped: Callable[[], int] = lambda: 0
-        self.node = Node(config.node, body, self._outlets, record)
+        self.node = Node(config.node, body, self._outlet, record)
         self.runner: AgentRunner | None = None
         self._flush = Every(FLUSH_PERIOD_S)
         self._closed = False
@@ -78,11 +79,11 @@ class HostedNode:
             self.node.repeat(self._record.replay)
 
     async def _start_agent(self, make: Callable[..., Any]) -> None:
-        outlet = AgentOutlet(self._outlets)
+        held = HeldOutlet(self._outlet)
         self.runner = AgentRunner(
             UaClient(
                 self.id,
-                outlet,
+                held,
                 self._scenario.seed,
                 self._agent_folder,
                 nodes=self._scenario.transceiver_ids,
@@ -91,7 +92,7 @@ class HostedNode:
             lambda client: make(client, self._config, self._scenario.transmit),
             lambda: self._loop.call_soon_threadsafe(self._agent_is_idle),
         )
-        self.node.join(self.runner, outlet)
+        self.node.join(self.runner, held)
         await asyncio.wrap_future(self.runner.start())
 
     def _sensor(self) -> Sensor | None:
@@ -143,7 +144,7 @@ class HostedNode:
             log.exception("node %s cannot go on", self.id)
             header = Header.at(self._record.now_ns, self.id)
             text = f"its aircraft bridge cannot go on: {error}"
-            self._outlets.report(AgentStatus(header, text, failed=True))
+            self._outlet.report(AgentStatus(header, text, failed=True))
         finally:
             current_node.reset(token)
 

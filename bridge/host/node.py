@@ -8,51 +8,28 @@
 3. when nothing in the agent is ready to run, its commands start, in their order;
 4. the autopilot is spoken to, and the tick is answered.
 
-It knows no session and no event loop: what goes out goes to its `Outlets`.
+It knows no session and no event loop: what goes out goes to its outlet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
 
 from aps.inputs import Input
-from bridge.agents.client import LookAtStatus, OnEvent, UaClient
-from bridge.agents.measurements import Measurement
-from bridge.agents.runner import AgentRunner, Arrival
+from bridge.agents.feed import Arrivals
+from bridge.agents.outlet import HeldOutlet, NodeOutlet
+from bridge.agents.runner import AgentRunner
 from bridge.aircraft.body import Body, StatePace
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
-from bridge.bus.reception import Reception
-from bridge.bus.session import Stamp
 from bridge.record.inputs import RecordedInput
 from bridge.record.logged import LoggedValue
 
 OnReply = Callable[[CommandEvent], object]
 ASKED_MAX = 1000
 """Operators' commands that may wait for a tick."""
-
-
-class Outlets(Protocol):
-    """Where what a node says goes: Zenoh, in a run."""
-
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
-        """Give a packet to the radio; called in the agent's thread."""
-
-    def report(self, status: AgentStatus) -> None:
-        """Tell what the agent is doing; called in the agent's thread."""
-
-    def state(self, state: AircraftState) -> None:
-        """Publish the aircraft's state."""
-
-    def answer(self, sim_time_ns: int) -> None:
-        """Tell the radio that all is done that this node does at a tick."""
-
-    def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
-        """Publish what the agent logged, if anybody wants it."""
-
-    def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
-        """Tell the radio that an operator switched this node's from an instant on; ahead of the answer to it."""
 
 
 class Recorder(Protocol):
@@ -68,76 +45,40 @@ class Recorder(Protocol):
         """The agent logged a value, or said what it is doing."""
 
 
-class Packet(NamedTuple):
-    """What the radio delivered, the same for all that got it."""
-
-    sender: str
-    channel: str
-    payload: bytes
-    stamp: Stamp
-
-
-Received = tuple[Packet, float, float]
-"""A packet at one node, with RSSI, dBm, and SNR, dB."""
-
-
-class AgentOutlet:
-    """What the agent says (`bridge.agents.client.Outlet`): packets and reports go at once, the rest when it is idle."""
-
-    def __init__(self, outlets: Outlets) -> None:
-        self.transmit = outlets.transmit
-        self._report = outlets.report
-        self.commands: list[tuple[str, CommandGoal, OnEvent]] = []
-        self.logged: list[LoggedValue | AgentStatus] = []
-
-    def report(self, status: AgentStatus) -> None:
-        """Tell at once, and keep it for the record."""
-        self._report(status)
-        self.logged.append(status)
-
-    def log(self, item: LoggedValue, sim_time_ns: int) -> None:  # noqa: ARG002
-        """Keep a value until the agent's tick is over."""
-        self.logged.append(item)
-
-    def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
-        """Keep a command until the agent's tick is over."""
-        self.commands.append((verb, goal, on_event))
-
-
 class Node:
     """One node.
 
     Args:
         body: its aircraft, with a held daemon; or what a ground node has in its place.
-        outlets: where what it says goes.
+        outlet: where what it says goes.
         record: told of what is to be written down, at its tick.
+
+    Attributes:
+        arrivals: what came for its agent since the last tick.
     """
 
     def __init__(
         self,
         node: str,
         body: Body,
-        outlets: Outlets,
+        outlet: NodeOutlet,
         record: Recorder,
     ) -> None:
         self.node = node
         self.body = body
         self._pace = StatePace()
-        self._outlets = outlets
+        self._outlet = outlet
         self._record = record
         self._now_ns = 0
-        self._agent_outlet: AgentOutlet | None = None
+        self._agent_outlet: HeldOutlet | None = None
         self._runner: AgentRunner | None = None
-        self._packets: list[Received] = []
-        self._comm_status: LookAtStatus | None = None
-        self._measurements: list[Measurement] = []
-        self._events: list[tuple[OnEvent, CommandEvent]] = []
+        self.arrivals = Arrivals()
         self._asked: list[tuple[str, CommandGoal, OnReply]] = []
         self.commands_dropped = 0
         """Commands of operators that found no room."""
         self._replay: list[RecordedInput] = []
 
-    def join(self, runner: AgentRunner, outlet: AgentOutlet) -> None:
+    def join(self, runner: AgentRunner, outlet: HeldOutlet) -> None:
         """Give the node its agent."""
         self._runner, self._agent_outlet = runner, outlet
 
@@ -147,18 +88,6 @@ class Node:
         self.body.takes_input = False
 
     # What comes from other processes, between ticks.
-
-    def packet_came(self, packet: Packet, rssi_dbm: float, snr_db: float) -> None:
-        """The radio delivered a packet: it is for the next tick. They come in canonical order."""
-        self._packets.append((packet, rssi_dbm, snr_db))
-
-    def comm_status_came(self, look: LookAtStatus) -> None:
-        """The radio tells who was heard."""
-        self._comm_status = look
-
-    def measurements_came(self, measurements: Sequence[Measurement]) -> None:
-        """The node's RF sensor tells what it measured: it is for the next tick."""
-        self._measurements += measurements
 
     def operator_asked(self, verb: str, goal: CommandGoal, on_reply: OnReply) -> None:
         """Somebody outside wants the aircraft to do something: it is for the next tick, and recorded."""
@@ -185,12 +114,14 @@ class Node:
         self._begin(now_ns)
         state = self.body.state()
         if self._pace.is_due(now_ns):
-            self._outlets.state(state)
+            self._outlet.state(state)
             self._record.write_state(state)
+        self.arrivals.state_came(state)
+        arrivals = self.arrivals.take()
         if self._runner is None:  # nobody of ours flies it
             self._end()
         else:
-            self._runner.tick(now_ns, self._arrivals(state))
+            self._runner.tick(now_ns, arrivals)
 
     def finish(self) -> None:
         """The agent has done all that it does at this tick."""
@@ -199,10 +130,10 @@ class Node:
         for item in logged:
             self._record.write_logged(item)
             if isinstance(item, LoggedValue):
-                self._outlets.logged(item, self._now_ns)
+                self._outlet.log(item, self._now_ns)
         commands, self._agent_outlet.commands = self._agent_outlet.commands, []
         for verb, goal, on_event in commands:
-            self.body.start(verb, goal, lambda event, tell=on_event: self._tell(tell, event))  # type: ignore[misc]
+            self.body.start(verb, goal, partial(self.arrivals.event_came, on_event))
         self._end()
 
     def _begin(self, now_ns: int) -> None:
@@ -221,7 +152,7 @@ class Node:
 
     def _end(self) -> None:
         self.body.end()
-        self._outlets.answer(self._now_ns)
+        self._outlet.answer(self._now_ns)
 
     def _due_of_the_record(self) -> list[RecordedInput]:
         due = []
@@ -243,7 +174,7 @@ class Node:
         except RadioMistake as mistake:
             on_reply(CommandEvent(CommandEvent.RESULT, False, str(mistake), outcome="refused"))
             return
-        self._outlets.switch_radio(self._now_ns, on=on)
+        self._outlet.switch_radio(self._now_ns, on=on)
         on_reply(CommandEvent(CommandEvent.ACCEPTED, True))
         text = f"radio {'on' if on else 'off'}"
         on_reply(CommandEvent(CommandEvent.RESULT, True, text, outcome="reached"))
@@ -251,36 +182,3 @@ class Node:
     def client_did(self, item: Input) -> None:
         """A MAVLink client's input takes effect at this instant."""
         self._record.write_input(RecordedInput(self._now_ns, item.kind, item.link, item.raw))
-
-    def _tell(self, on_event: OnEvent, event: CommandEvent) -> None:
-        """Keep what became of an agent's command for its next tick."""
-        self._events.append((on_event, event))
-
-    def _arrivals(self, state: AircraftState) -> list[Arrival]:
-        """What the agent gets at this tick, in the one order that there is."""
-        arrivals: list[Arrival] = [lambda ua: ua.take_state(state)]
-        status, self._comm_status = self._comm_status, None
-        if status is not None:
-            arrivals.append(lambda ua: ua.take_comm_status(status))
-        measurements, self._measurements = self._measurements, []
-        arrivals.append(lambda ua: ua.take_measurements(measurements))
-        packets, self._packets = self._packets, []
-        if packets:
-            arrivals.append(lambda ua: give_packets(packets, ua))
-        events, self._events = self._events, []
-        return arrivals + [_event(on_event, event) for on_event, event in events]
-
-
-def give_packets(packets: Sequence[Received], ua: UaClient) -> None:
-    """Give a node's agent what the radio delivered, at its tick."""
-    now_ns = ua.sim_time_ns
-    for (sender, channel, payload, stamp), rssi_dbm, snr_db in packets:
-        reception = Reception(stamp.seq, stamp.sim_time_ns, now_ns, rssi_dbm, snr_db)
-        ua.take_packet(sender, channel, payload, reception)
-
-
-def _event(on_event: OnEvent, event: CommandEvent) -> Arrival:
-    def arrive(_: UaClient) -> None:
-        on_event(event)
-
-    return arrive

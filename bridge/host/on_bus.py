@@ -8,7 +8,8 @@ import logging
 from functools import partial
 
 from bridge.bus.inbox import Inbox
-from bridge.bus.messages import CommandEvent, CommandGoal, DecodeError, decode, encode, encoding_of
+from bridge.bus.messages import CommandEvent, CommandGoal, DecodeError, decode
+from bridge.bus.replies import reply_event
 from bridge.bus.session import Query, Session, answer, end_of_answers
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_node import HostedNode
@@ -41,24 +42,13 @@ class AskedOnBus:
 
     def _asked(self, item: tuple[str, Query]) -> None:
         verb, query = item
-        reply = self._replies(verb, query)
+        reply: OnReply = partial(reply_event, query, self._keys.command(self._hosted.id, verb))
         try:
             goal = decode(query.payload.to_bytes(), CommandGoal) if query.payload else CommandGoal()
         except DecodeError as error:
             reply(CommandEvent(CommandEvent.RESULT, False, str(error)))
             return
         self._hosted.node.operator_asked(verb, goal, reply)
-
-    def _replies(self, verb: str, query: Query) -> OnReply:
-        key = self._keys.command(self._hosted.id, verb)
-
-        def reply(event: CommandEvent) -> None:
-            if not answer(query, key, encode(event), encoding_of(CommandEvent)):
-                log.warning("%s: whoever asked is gone", verb)
-            elif event.phase == CommandEvent.RESULT:
-                end_of_answers(query)
-
-        return reply
 
     def _look(self, hosted: HostedAircraft, query: Query) -> None:
         """The last MAVLink message of a type: nothing is asked of the autopilot, so nothing is recorded."""

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from functools import partial
 
+from bridge.agents.bus_outlet import BusOutlet
 from bridge.bus.inbox import Inbox
 from bridge.bus.messages import Clock, DecodeError, Header, Heard, decode
 from bridge.bus.session import Sample, Session, open_client
@@ -16,7 +17,6 @@ from bridge.host.arrivals import hand_out
 from bridge.host.hosted import hosted_node, stop_all
 from bridge.host.hosted_node import HostedNode
 from bridge.host.on_bus import AskedOnBus
-from bridge.host.outlets import ZenohOutlets
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import Arguments, log_clock, parse_arguments, run_until_stopped
@@ -32,7 +32,7 @@ async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: a
     report = Report(run.path, name)
     with open_client(run.info.endpoint, run.credentials(name), timeout_s=START_S) as session:
         async with AsyncExitStack() as stack:
-            hosted = [hosted_node(run, node, ZenohOutlets(session, run.keys, node)) for node in nodes]
+            hosted = [hosted_node(run, node, BusOutlet(session, run.keys, node)) for node in nodes]
             for one in hosted:
                 await stack.enter_async_context(one)
             listener = _Listener(run, name, hosted, report)
@@ -51,7 +51,7 @@ class _Listener:
         self._run, self._keys, self._name = run, run.keys, name
         self._stations = run.scenario.transceiver_ids
         self._hosted = {one.id: one for one in hosted}
-        self._nodes = {one.id: one.node for one in hosted}
+        self._arrivals = {one.id: one.node.arrivals for one in hosted}
         self._report = report
         # Without a limit: the ring bounds what comes between two ticks, and a packet that was delivered stays so.
         self.inbox: Inbox[_Came] = Inbox(asyncio.get_running_loop(), self._dispatch, limit=None)
@@ -76,7 +76,7 @@ class _Listener:
             log.warning("%s: %s", sample.key_expr, error)
 
     def _heard_came(self, sample: Sample) -> None:
-        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._nodes)
+        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._arrivals)
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)

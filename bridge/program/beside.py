@@ -6,17 +6,19 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from bridge.agents.bus_outlet import BusOutlet
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import KeyMistake
 from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Truths, decode
 from bridge.bus.session import Sample, Session, Stamp
 from bridge.host.hosted_node import HostedNode
 from bridge.host.on_bus import AskedOnBus
-from bridge.host.outlets import ZenohOutlets
 from bridge.physics.held_clock import Paced
 from bridge.physics.on_bus import ClockOnBus
+from bridge.radio.intake import Handler
+from bridge.radio.next_packet import NextPacket
 from bridge.radio.process import REFUSALS_LOGGED_MAX
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.radio import Radio, SettledTick
@@ -37,22 +39,33 @@ class BesideBus:
         session: the router's.
         run: the run.
         radio: of the run.
+        on_agent: told what a free program says of itself.
     """
 
-    def __init__(self, session: Session, run: RunDirectory, radio: Radio) -> None:
+    def __init__(
+        self,
+        session: Session,
+        run: RunDirectory,
+        radio: Radio,
+        on_agent: Callable[[str, AgentStatus], object],
+    ) -> None:
+        self._on_agent = on_agent
         self._session, self._run, self._keys, self._radio = session, run, run.keys, radio
         self._clock = ClockOnBus(session, run)
         self._publisher = TickPublisher(session, run, radio)
-        self._outlets = {node: ZenohOutlets(session, run.keys, node) for node in run.scenario.transceiver_ids}
-        inbox: Inbox[tuple[Callable[[Sample], None], Sample]] = Inbox(
-            asyncio.get_running_loop(), self._take, limit=None
-        )
+        self._outlets = {node: BusOutlet(session, run.keys, node) for node in run.scenario.transceiver_ids}
+        inbox: Inbox[tuple[Handler, Any]] = Inbox(asyncio.get_running_loop(), self._take, limit=None)
+
+        def push(handler: Handler, came: Any) -> None:
+            inbox.push((handler, came))
+
+        NextPacket(self._keys, radio.core).serve(session, run.scenario, push)
         for node in (each.node for each in run.scenario.transceivers if not each.has_agent):
             for key, handler in (
                 (self._keys.tx(node, "*", to="*", radio="*"), self._packet_came),
                 (self._keys.agent(node), self._agent_came),
             ):
-                session.subscribe(key, partial(_push, inbox, handler))
+                session.subscribe(key, partial(push, handler))
 
     def serve(self, hosted: Sequence[HostedNode], paced: Paced) -> None:
         """Take operators' commands."""
@@ -87,7 +100,7 @@ class BesideBus:
 
     def logged(self, node: str, item: LoggedValue, sim_time_ns: int) -> None:
         """A value that the node's agent logged."""
-        self._outlets[node].logged(item, sim_time_ns)
+        self._outlets[node].log(item, sim_time_ns)
 
     def close(self) -> None:
         """Tell no more."""
@@ -95,29 +108,22 @@ class BesideBus:
 
     # What comes in.
 
-    def _take(self, item: tuple[Callable[[Sample], None], Sample]) -> None:
-        handler, sample = item
+    def _take(self, item: tuple[Handler, Any]) -> None:
+        handler, came = item
         try:
-            handler(sample)
+            handler(str(came.key_expr), came)
         except (DecodeError, KeyMistake) as error:
             self._radio.core.refused[Refused.MALFORMED] += 1
-            self._tell_refusal(f"{sample.key_expr}: {error}")
+            self._tell_refusal(f"{came.key_expr}: {error}")
 
-    def _packet_came(self, sample: Sample) -> None:
-        address, payload = self._keys.address_of(str(sample.key_expr)), sample.payload.to_bytes()
+    def _packet_came(self, key: str, sample: Sample) -> None:
+        address, payload = self._keys.address_of(key), sample.payload.to_bytes()
         if not self._radio.packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
-            self._tell_refusal(f"a packet on {sample.key_expr}")
+            self._tell_refusal(f"a packet on {key}")
 
-    def _agent_came(self, sample: Sample) -> None:
-        node = self._keys.node_of(str(sample.key_expr))
-        self._radio.agent(node, decode(sample.payload.to_bytes(), AgentStatus))
+    def _agent_came(self, key: str, sample: Sample) -> None:
+        self._on_agent(self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus))
 
     def _tell_refusal(self, text: str) -> None:
         if self._radio.core.refused.total() <= REFUSALS_LOGGED_MAX:
             log.warning("refused %s; refused so far: %s", text, dict(self._radio.core.refused))
-
-
-def _push(
-    inbox: Inbox[tuple[Callable[[Sample], None], Sample]], handler: Callable[[Sample], None], sample: Sample
-) -> None:
-    inbox.push((handler, sample))

@@ -34,8 +34,8 @@ class _Packet(NamedTuple):
     stamp: Stamp
 
 
-class CalledOutlets:
-    """What one node says (`bridge.host.node.Outlets`).
+class CalledOutlet:
+    """What one node says (`bridge.agents.outlet.NodeOutlet`).
 
     What its agent says comes in the agent's thread; it is passed on in the event loop's, in its order, ahead of the
     node's answer.
@@ -78,7 +78,7 @@ class CalledOutlets:
         """Publish the aircraft's state."""
         self._listeners.state(state)
 
-    def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
         """Publish what the agent logged, if anybody wants it."""
         self._listeners.logged(self._node, item, sim_time_ns)
 

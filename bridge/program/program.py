@@ -15,15 +15,15 @@ from contextlib import AsyncExitStack, suppress
 from time import monotonic
 from typing import Any
 
+from bridge.agents.feed import Arrivals
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header, Message, Truths
 from bridge.bus.session import Session
 from bridge.host.arrivals import hand_out
 from bridge.host.hosted import hosted_node, stop_all
 from bridge.host.hosted_node import HostedNode
-from bridge.host.node import Node
 from bridge.physics.flight_dynamics import FlightDynamics
 from bridge.program.beside import BesideBus
-from bridge.program.outlets import CalledOutlets
+from bridge.program.outlets import CalledOutlet
 from bridge.program.standins import standin_options
 from bridge.radio.heard import Hosts
 from bridge.radio.radio import Radio
@@ -67,15 +67,15 @@ class Program:
         self._report = Report(run.path, NAME)
         self._radio = Radio(run, report)
         self._hosts = Hosts(self._nodes, {NAME: run.scenario.regulated})
-        self._bus = None if session is None else BesideBus(session, run, self._radio)
+        self._bus = None if session is None else BesideBus(session, run, self._radio, self._free_agent_said)
         self._flush, self._told_at_s, self._untold = Every(FLUSH_PERIOD_S), 0.0, Clock()
         self._glance = {node: Every(GLANCE_PERIOD_S) for node in (*self._nodes, "")}
         self._standins = _standins(run)
         self._outlets = {
-            node: CalledOutlets(node, self._radio, self, self._answered) for node in run.scenario.regulated
+            node: CalledOutlet(node, self._radio, self, self._answered) for node in run.scenario.regulated
         }
         self._hosted: list[HostedNode] = []
-        self._receivers: dict[str, Node] = {}
+        self._arrivals: dict[str, Arrivals] = {}
         self._dynamics = FlightDynamics(
             run, Report(run.path, "physics"), _InTheLoop(self), list(self._standins.values())
         )
@@ -93,7 +93,7 @@ class Program:
             for node, outlets in self._outlets.items():
                 hosted = hosted_node(self._run, node, outlets, self._standins.get(node))
                 self._hosted.append(await stack.enter_async_context(hosted))
-                self._receivers[node] = hosted.node
+                self._arrivals[node] = hosted.node.arrivals
             if self._bus is not None:
                 self._bus.serve(self._hosted, self._dynamics.exchange)
             gc.collect()
@@ -192,7 +192,7 @@ class Program:
             return
         tick = self._radio.settle(closed.sim_time_ns)
         for share in self._hosts.shares(tick).values():
-            hand_out(share, self._nodes, self._receivers)
+            hand_out(share, self._nodes, self._arrivals)
         if self._bus is not None:
             self._bus.settled(tick, is_end=closed.is_end)
         if not closed.is_end:
@@ -221,6 +221,10 @@ class Program:
         self._tell(self._keys.agent(node), status)
         if self._bus is not None:
             self._bus.report(node, status)
+
+    def _free_agent_said(self, node: str, status: AgentStatus) -> None:
+        self._radio.agent(node, status)
+        self._tell(self._keys.agent(node), status)
 
     def logged(self, node: str, item: LoggedValue, sim_time_ns: int) -> None:
         """Tell the bus."""

@@ -14,6 +14,7 @@ from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, RadioSw
 from bridge.bus.session import Sample, Session, Stamp, open_router
 from bridge.radio.heard import Hosts
 from bridge.radio.intake import Handler, Intake, Waiting
+from bridge.radio.next_packet import NextPacket
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.radio import Radio
 from bridge.radio.senders import Refused
@@ -44,6 +45,9 @@ class RouterProcess:
         for key_expr, handler in self._handlers():
             push = partial(self._intake.push, handler, may_drop=handler in droppable)
             session.subscribe(key_expr, push)
+        NextPacket(run.keys, self._core).serve(
+            session, run.scenario, partial(self._intake.push, may_drop=False)
+        )
 
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
         yield self._keys.tick("truths"), self._on_truths
@@ -101,13 +105,13 @@ class RouterProcess:
         for key, seq in item.lost.items():
             self._core.on_dropped(self._keys.node_of(key), seq)
         try:
-            item.handler(str(item.sample.key_expr), item.sample)
+            item.handler(str(item.came.key_expr), item.came)
         except (
             DecodeError,
             KeyMistake,
         ) as error:  # bytes or keys of somebody else's; what is ours ends the run
             self._core.refused[Refused.MALFORMED] += 1
-            self._tell_refusal(f"{item.sample.key_expr}: {error}")
+            self._tell_refusal(f"{item.came.key_expr}: {error}")
 
     def _tell_refusal(self, text: str) -> None:
         if self._core.refused.total() <= REFUSALS_LOGGED_MAX:

@@ -120,6 +120,10 @@ class Senders:
         self.book_missing(tx, sent, sim_time_ns)
         return True
 
+    def next_packet(self, tx: int) -> tuple[int, int]:
+        """Number of a sender's next packet, and the sim time that it may not be before, ns."""
+        return self._next_seq[tx], self._latest_ns[tx]
+
     def taken(self) -> list[TxPacket]:
         """The packets since the last call, in the order of time, sender and number, whoever's came first."""
         taken, self._taken = self._taken, []

@@ -181,6 +181,11 @@ class VirtualRadio:
         elif not self._senders.told_total(self._index[node], sent, self._latest_ns):
             self.refused[Refused.MALFORMED] += 1
 
+    def next_packet(self, node: str) -> Stamp:
+        """What the next packet of ``node`` may be stamped with."""
+        seq, latest_ns = self._senders.next_packet(self._index[node])
+        return Stamp(seq, max(latest_ns, self._latest_ns))
+
     def on_dropped(self, node: str, seq: int) -> None:
         """Take note that the process dropped a node's packets up to number ``seq``: too much came at once."""
         if node in self._index:

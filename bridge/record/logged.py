@@ -56,12 +56,28 @@ def checked_name(name: str) -> str:
     return name
 
 
+def checked_text(what: str, text: object) -> str:
+    """Return ``text`` if it is one that UTF-8 has.
+
+    Raises:
+        TypeError: it is no text.
+        ValueError: it has half of a surrogate pair, such as ``"\\ud83d"``, which no message or file can hold.
+    """
+    if not isinstance(text, str):
+        raise TypeError(f"{what}: {text!r} is no text")
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f"{what}: {text[:40]!r} is no text in UTF-8: {error.reason}") from None
+    return text
+
+
 def checked_value(name: str, value: object) -> Value:
     """``value`` in plain types: numpy's numbers and arrays become Python's.
 
     Raises:
         TypeError: it has a type that cannot be logged; the text names it and what is allowed.
-        ValueError: it is too large.
+        ValueError: it is too large, or a text that UTF-8 does not have.
     """
     if isinstance(value, Mapping):
         if len(value) > KEYS_MAX:
@@ -87,7 +103,7 @@ def _single(name: str, value: object) -> Scalar | list[float]:
     if isinstance(value, str):
         if len(value) > TEXT_MAX:
             raise ValueError(f"log({name!r}): a text of {len(value)} characters; allowed is {ALLOWED}")
-        return value
+        return checked_text(f"log({name!r})", value)
     if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray):
         return _vector(name, value)
     raise TypeError(f"log({name!r}): a value of type {type(value).__name__}; allowed is {ALLOWED}")

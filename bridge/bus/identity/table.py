@@ -67,6 +67,7 @@ TABLE = (
     Row("node/{node}/cmd/*", serves=HOST, asks=OWN | OPERATOR),
     Row("node/{node}/mavlink/*", serves=HOST, asks=OWN | LOOKERS),
     Row("node/{node}/tx/*/*/*", writes=HOST | FREE, reads=RADIO),
+    Row("node/{node}/next_packet", serves=RADIO, asks=NODE | FREE),
     Row("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
     Row("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),
     Row("node/{node}/measurements", writes=RADIO, reads=OWN | LOOKERS),

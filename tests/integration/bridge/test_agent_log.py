@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import inspect
 import json
 import math
 import queue
@@ -11,9 +13,10 @@ from typing import Any
 
 import pytest
 
+from bridge.agents import UaClient
 from bridge.bus.keys import Keys
 from bridge.bus.session import Sample, Stamp
-from lostlink import Run, fly, load_run
+from lostlink import Run, connect_ua, fly, load_run
 from tests.integration.bridge.conftest import STILL, StartRun
 
 AGENT = """\
@@ -71,6 +74,70 @@ def test_what_agents_log_is_recorded_and_repeats(tmp_path: Path, file: Path) -> 
     assert errors.value.nunique() == 6
     assert one.run.activities.activity.tolist() == ["is done", "is done"]
     has_states_ten_times_a_second(one.run)
+
+
+CARELESS = """\
+from lostlink import Agent
+from {where} import what_is_told
+
+
+class Logger(Agent):
+    async def fly(self):
+        self.log("told", {{each: text for each, text in (await what_is_told(self.ua)).items()}})
+"""
+TOLD = {
+    "log": "log('x'): 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
+    "log_name": "'a\\ud83d' cannot be part of a key: use letters, digits, '_', '-' and '.'",
+    "log_mapping": "log('x.a'): 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
+    "report": "report: 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
+    "report_number": "report: 5 is no text",
+    "mode": "mode: mode: 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
+    "message": 'message: arguments: \'{"name": "a\\ud83d"}\' is no text in UTF-8: surrogates not allowed',
+    "verb": "'a\\ud83d' cannot be part of a key: use letters, digits, '_', '-' and '.'",
+    "transmit": "transmit: a payload of type str; allowed is bytes or a message",
+}
+
+
+async def what_is_told(ua: UaClient) -> dict[str, str]:
+    """What an agent is told of mistakes with texts, where it makes them."""
+    bad = "a\ud83d"
+    calls: dict[str, Callable[[], Any]] = {
+        "log": lambda: ua.log("x", bad),
+        "log_name": lambda: ua.log(bad, 1),
+        "log_mapping": lambda: ua.log("x", {"a": bad}),
+        "report": lambda: ua.report(bad),
+        "report_number": lambda: ua.report(5),  # type: ignore[arg-type]
+        "mode": lambda: ua.set_mode(bad),
+        "message": lambda: ua.message(bad),
+        "verb": lambda: ua.run(bad),
+        "transmit": lambda: ua.transmit("team", bad),  # type: ignore[arg-type]
+    }
+    told = {}
+    for name, call in calls.items():
+        try:
+            result = call()
+            if inspect.isawaitable(result):
+                await result
+        except (TypeError, ValueError) as error:
+            told[name] = str(error)
+    return told
+
+
+def test_what_is_no_text_is_the_callers_mistake_on_board_and_beside(
+    tmp_path: Path, file: Path, start_run: StartRun
+) -> None:
+    (tmp_path / "logger.py").write_text(CARELESS.format(where=__name__))
+    flown = fly(file, directory=tmp_path / "runs")
+    assert (flown.ending, flown.ok) == ("done", True)
+    assert [each["value"] for each in flown.run.agent_data.to_dict("records")] == [TOLD, TOLD]
+    run = start_run(duration_s=60.0, speed="1")
+    run.wait_for("sim time")
+
+    async def beside() -> dict[str, str]:
+        async with connect_ua(run.directory, "1") as ua:
+            return await what_is_told(ua)
+
+    assert asyncio.run(beside()) == TOLD
 
 
 def has_states_ten_times_a_second(run: Run) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import queue
 from pathlib import Path
 from typing import Any
 
@@ -80,12 +81,58 @@ def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
             probe.transmit("chatter", b"one", to="0")
             return probe.sent
 
-    assert asyncio.run(talk()) == 6
+    async def talk_again() -> list[int]:
+        async with connect_ua(run.directory, "probe", is_sender=True) as probe:
+            probe.log("sent", probe.sent)
+            return [probe.transmit("chatter", b"once more") for _ in range(3)]
+
+    async def talk_as_another() -> None:
+        async with connect_ua(run.directory, "1", is_sender=True):
+            pass
+
+    logged: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    with run.join("observer") as observer:
+        key = Keys(run.directory.name).logged("probe", "sent")
+        observer.subscribe(key, lambda sample: logged.put(sample.payload.to_bytes()))
+        assert asyncio.run(talk()) == 6
+        assert asyncio.run(talk_again()) == [6, 7, 8]
+        assert asyncio.run(talk_again()) == [9, 10, 11]
+        assert [logged.get(timeout=10.0) for _ in range(2)] == [b"6", b"9"]
+    with pytest.raises(PermissionError, match="node 1 has an agent that is not free, which alone transmits"):
+        asyncio.run(talk_as_another())
     assert run.finish() == 0, run.output.decode()
-    assert [row["seq"] for row in rows(run, tx="probe", rx="1")] == [0, 1, 2, 3, 4]
-    assert [row["seq"] for row in rows(run, tx="probe", rx="0")] == [0, 1, 2, 3, 4, 5]
+    later = list(range(6, 12))
+    assert [row["seq"] for row in rows(run, tx="probe", rx="1")] == [0, 1, 2, 3, 4, *later]
+    assert [row["seq"] for row in rows(run, tx="probe", rx="0")] == [0, 1, 2, 3, 4, 5, *later]
     assert {row["fate"] for row in rows(run, tx="probe")} == {"delivered"}
     assert any("transmits as node probe" in reason for reason in run.summary["may_not_repeat"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["in a callback", "in flight"])
+def test_what_a_free_program_raises_ends_the_run_by_name(start_run: StartRun, where: str) -> None:
+    more = "  - {{id: probe, kind: ground, place: {{north_m: 50}}, agent: {{type: free}}}}\n"
+    run = start_run(scenario=STILL.replace("moon2020", "perfect") + more, duration_s=60.0, speed="2")
+    run.wait_for("sim time")
+
+    def stumble(*_: object) -> None:
+        raise KeyError("somebody's mistake")
+
+    async def fly() -> None:
+        async with connect_ua(run.directory, "probe", is_sender=True) as probe:
+            if where == "in flight":
+                stumble()
+            probe.on_packet(stumble)
+            await asyncio.to_thread(run.finish)
+
+    if where == "in flight":
+        with pytest.raises(KeyError, match="somebody's mistake"):
+            asyncio.run(fly())
+    else:
+        asyncio.run(fly())
+    assert run.finish() == 1
+    assert f"the agent of node probe failed: KeyError {where}: " in run.output.decode()
+    assert "somebody's mistake" in run.output.decode()
 
 
 @pytest.mark.slow

@@ -36,9 +36,11 @@ def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: 
     run = start_run(scenario=scenario, duration_s=8.0, speed="4")
     run.wait_for("sim time")
     beside: list[tuple[str, Reception]] = []
+    like_agent: list[tuple[int, str, Reception]] = []
+    states: list[tuple[int, int]] = []
 
     async def listen() -> None:
-        async with connect_ua(run.directory, "probe") as probe:
+        async with connect_ua(run.directory, "probe") as probe, connect_ua(run.directory, "1") as one:
             enough = asyncio.Event()
 
             def heard(sender: str, _channel: str, _payload: bytes, reception: Reception) -> None:
@@ -47,6 +49,12 @@ def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: 
                     enough.set()
 
             probe.on_packet(heard)
+            one.on_packet(
+                lambda sender, _channel, _payload, told: like_agent.append((one.sim_time_ns, sender, told))
+            )
+            one.on_tick(
+                lambda now_ns: states.append((now_ns, one.state.header.stamp.ns if one.state else -1))
+            )
             await asyncio.wait_for(enough.wait(), 30.0)
 
     asyncio.run(listen())
@@ -75,4 +83,13 @@ def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: 
         assert reception.rssi_dbm == pytest.approx(row["received_power_dbm"], abs=1e-4)
         assert reception.snr_db == pytest.approx(row["snr_db"], abs=1e-4)
         assert reception.sim_time_ns == row["sim_time_ns"]
-        assert 0.0 <= reception.age_s < 8.0
+        assert reception.age_s == 0.05  # as on board: a packet comes a tick after it was transmitted
+    # A script beside node 1 gets what the agent of node 1 got, in the same order and at the same ticks.
+    as_on_board = [(told["sim_time_s"], told["sender"], told["seq"], told["age_s"]) for told in on_board]
+    as_beside = [(now_ns / 1e9, sender, told.seq, told.age_s) for now_ns, sender, told in like_agent]
+    first = as_on_board.index(as_beside[0])
+    assert len(as_beside) > 10
+    assert as_beside == as_on_board[first : first + len(as_beside)]
+    published = [(now_ns, state_ns) for now_ns, state_ns in states[3:] if now_ns % 100_000_000 == 0]
+    assert len(published) > 5
+    assert all(now_ns == state_ns for now_ns, state_ns in published)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import sys
 import threading
 import time
@@ -16,7 +17,7 @@ import pytest
 
 from aps.vehicle.commander import argument_names
 from bridge.agents.agent import Agent, rng_of
-from bridge.agents.client import OnEvent, UaClient
+from bridge.agents.client import UaClient
 from bridge.agents.commands import (
     CommandFailed,
     CommandInterrupted,
@@ -24,6 +25,7 @@ from bridge.agents.commands import (
     Commands,
     CommandTimedOut,
 )
+from bridge.agents.outlet import OnEvent
 from bridge.agents.own import AgentError, load_class
 from bridge.agents.runner import AgentRunner
 from bridge.bus.messages import (
@@ -147,6 +149,23 @@ def test_random_numbers_are_those_of_run_and_node(flown: list[Flown]) -> None:
     first, again, other = (next(p for c, p, _ in a.outlet.sent if c == "dice") for a in flown)
     assert first == again != other
     assert rng_of(3, "0").bytes(4) != rng_of(3, "1").bytes(4)
+
+
+@pytest.mark.parametrize("error", [RuntimeError("a\ud83d"), CommandFailed("a\ud83d")])
+def test_an_error_that_is_no_text_in_utf8_is_told_all_the_same(
+    flown: list[Flown], error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger("agent"), "disabled", True)  # xdist cannot carry such a text
+
+    class Careless(Agent):
+        async def fly(self) -> None:
+            raise error
+
+    flown.append(Flown(Careless))
+    flown[0].tick()
+    (status,) = flown[0].outlet.reports
+    assert status.failed
+    assert decode(encode(status), AgentStatus).activity.endswith("a\\ud83d")
 
 
 def test_a_slow_agent_keeps_the_tick_open_and_nothing_else(flown: list[Flown]) -> None:

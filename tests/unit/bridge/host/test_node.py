@@ -15,6 +15,8 @@ from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from bridge.agents.agent import Agent
 from bridge.agents.client import LookAtStatus, UaClient
+from bridge.agents.feed import DeliveredPacket
+from bridge.agents.outlet import HeldOutlet
 from bridge.agents.runner import AgentRunner
 from bridge.aircraft.aircraft_bridge import AircraftBridge, OnEvent
 from bridge.bus.messages import (
@@ -23,11 +25,12 @@ from bridge.bus.messages import (
     CommandEvent,
     CommandGoal,
     CommunicationStatus,
+    DecodeError,
 )
 from bridge.bus.radio_command import radio_goal
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
-from bridge.host.node import AgentOutlet, Node, Packet
+from bridge.host.node import Node
 from bridge.record.inputs import RecordedInput
 from bridge.record.logged import LoggedValue
 from bridge.scenario.agents import StillAgent
@@ -80,51 +83,51 @@ class Autopilot:
 
 
 class Host:
-    """A node with its agent, and what happened on board, in order. It is the node's `Outlets`, too.
+    """A node with its agent, and what happened on board, in order. It is the node's outlet, too.
 
     Attributes:
-        log: what happened since it was last taken.
+        happened: what happened since it was last taken.
         states: instants at which the state was published (while the agent runs).
         orders: what the agent does at ticks, by sim time.
     """
 
     def __init__(self, autopilot: Autopilot) -> None:
         self.autopilot = autopilot
-        self.log: list[str] = []
+        self.happened: list[str] = []
         self.states: list[int] = []
         self.inputs: list[RecordedInput] = []
         self.orders: dict[int, Callable[[], object]] = {}
         self.daemon = HeldDaemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=SYSID))
-        self.daemon.on_bytes = lambda direction, _: self.log.append(direction)
+        self.daemon.on_bytes = lambda direction, _: self.happened.append(direction)
         self.recorded_states: list[int] = []
         self.reports: list[str] = []
-        self.node = Node("7", WatchedAircraft(self.daemon, self.log), self, self)
+        self.node = Node("7", WatchedAircraft(self.daemon, self.happened), self, self)
         self.daemon.on_input = self.node.client_did
-        self.outlet = AgentOutlet(self)
+        self.outlet = HeldOutlet(self)
         self._idle = threading.Event()
-        self.ua = WatchedClient("7", self.outlet, self.log)
+        self.ua = WatchedClient("7", self.outlet, self.happened)
         self.runner = AgentRunner(self.ua, lambda ua: Obedient(ua, self), self._idle.set)
         self.node.join(self.runner, self.outlet)
 
     # The node's outlets.
 
     def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
-        self.log.append(f"agent transmits {channel}")
+        self.happened.append(f"agent transmits {channel}")
 
     def report(self, status: AgentStatus) -> None:
-        self.log.append(f"agent {status.activity}")
+        self.happened.append(f"agent {status.activity}")
 
     def state(self, state: AircraftState) -> None:
         self.states.append(state.header.stamp.ns)
 
-    def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
-        self.log.append(f"published {item.name} = {item.value} at {sim_time_ns // MS} ms")
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
+        self.happened.append(f"published {item.name} = {item.value} at {sim_time_ns // MS} ms")
 
     def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
-        self.log.append(f"radio {'on' if on else 'off'} at {sim_time_ns // MS} ms")
+        self.happened.append(f"radio {'on' if on else 'off'} at {sim_time_ns // MS} ms")
 
     def answer(self, sim_time_ns: int) -> None:
-        self.log.append(f"answer {sim_time_ns // MS} ms")
+        self.happened.append(f"answer {sim_time_ns // MS} ms")
 
     # What the tests do.
 
@@ -141,13 +144,13 @@ class Host:
         return self.take()
 
     def take(self) -> list[str]:
-        taken = self.log.copy()
-        self.log.clear()
+        taken = self.happened.copy()
+        self.happened.clear()
         return taken
 
     def command(self, verb: str, goal: CommandGoal | None = None) -> None:
         """As the agent: have the aircraft do something."""
-        self.log.append(f"agent commands {verb}")
+        self.happened.append(f"agent commands {verb}")
         self.outlet.command(verb, goal or CommandGoal(), self.note(f"agent hears of {verb}"))
 
     def ask(self, verb: str, goal: CommandGoal | None = None) -> None:
@@ -158,7 +161,7 @@ class Host:
         def note(event: CommandEvent | None) -> None:
             assert event is not None
             phase = ("accepted", "feedback", "result")[event.phase]
-            self.log.append(f"{what}: {phase}{'' if event.success else ' ' + event.text}")
+            self.happened.append(f"{what}: {phase}{'' if event.success else ' ' + event.text}")
 
         return note
 
@@ -166,14 +169,14 @@ class Host:
 
     def write_input(self, item: RecordedInput) -> None:
         self.inputs.append(item)
-        self.log.append(f"input {item.verb or item.kind}")
+        self.happened.append(f"input {item.verb or item.kind}")
 
     def write_state(self, state: AircraftState) -> None:
         self.recorded_states.append(state.header.stamp.ns)
 
     def write_logged(self, item: LoggedValue | AgentStatus) -> None:
         if isinstance(item, LoggedValue):
-            self.log.append(f"recorded {item.name} = {item.value}")
+            self.happened.append(f"recorded {item.name} = {item.value}")
         else:
             self.reports.append(item.activity)
 
@@ -193,7 +196,7 @@ class WatchedAircraft(AircraftBridge):
 class WatchedClient(UaClient):
     """Notes what the agent gets."""
 
-    def __init__(self, node: str, outlet: AgentOutlet, log: list[str]) -> None:
+    def __init__(self, node: str, outlet: HeldOutlet, log: list[str]) -> None:
         super().__init__(node, outlet)
         self._log = log
 
@@ -226,7 +229,7 @@ class Obedient(Agent):
         """What it transmits, the tests say."""
 
     def on_tick(self, sim_time_ns: int) -> None:
-        self._host.log.append("agent ticks")
+        self._host.happened.append("agent ticks")
         if sim_time_ns in self._host.orders:
             self._host.orders[sim_time_ns]()
             self._later = asyncio.create_task(self._afterwards())
@@ -256,7 +259,7 @@ async def host() -> AsyncIterator[Host]:
 async def test_what_the_agent_logs_is_recorded_and_published_when_its_tick_is_over(host: Host) -> None:
     def order() -> None:
         host.ua.log("error_m", np.float32(0.5))
-        host.log.append("agent goes on")
+        host.happened.append("agent goes on")
         host.ua.log("plan", {"leg": 2, "to_m": np.array([1.0, 2.0])})
         host.ua.report("flies on")
 
@@ -292,8 +295,8 @@ def frame(mode: int, seq: int = 0) -> bytes:
     )
 
 
-def packet(sender: str, seq: int, sim_time_ns: int) -> Packet:
-    return Packet(sender, "mission", b"", Stamp(seq, sim_time_ns))
+def packet(sender: str, seq: int, sim_time_ns: int) -> DeliveredPacket:
+    return DeliveredPacket(sender, "mission", b"", Stamp(seq, sim_time_ns))
 
 
 async def pending(host: Host, count: int) -> None:
@@ -341,9 +344,9 @@ async def test_everything_at_a_tick_has_its_place(host: Host) -> None:
         packet("a", 9, 50 * MS),
         packet("b", 2, 50 * MS),
     ):
-        host.node.packet_came(late, -80.0, 15.0)
-    host.node.comm_status_came(lambda: CommunicationStatus(node=("x",), delivered=(True,)))
-    host.node.comm_status_came(lambda: CommunicationStatus(node=("a", "b"), delivered=(True, True)))
+        host.node.arrivals.packet_came(late, -80.0, 15.0)
+    host.node.arrivals.comm_status_came(lambda: CommunicationStatus(node=("x",), delivered=(True,)))
+    host.node.arrivals.comm_status_came(lambda: CommunicationStatus(node=("a", "b"), delivered=(True, True)))
     _, writer = await asyncio.open_connection("127.0.0.1", host.daemon.listen_port)
     writer.write(frame(GUIDED))
     await pending(host, 2)
@@ -395,8 +398,8 @@ async def test_everything_at_a_tick_has_its_place(host: Host) -> None:
 
 async def test_what_was_taken_at_a_tick_is_not_taken_again(host: Host) -> None:
     await heard(host)
-    host.node.packet_came(packet("a", 0, 0), -80.0, 15.0)
-    host.node.comm_status_came(lambda: CommunicationStatus(node=("a",), delivered=(True,)))
+    host.node.arrivals.packet_came(packet("a", 0, 0), -80.0, 15.0)
+    host.node.arrivals.comm_status_came(lambda: CommunicationStatus(node=("a",), delivered=(True,)))
     host.ask("arm")
     host.orders[TICK_NS] = lambda: host.command("rtl")
     host.tick(TICK_NS)
@@ -408,6 +411,35 @@ async def test_what_was_taken_at_a_tick_is_not_taken_again(host: Host) -> None:
     ]
 
 
+async def test_nothing_piles_up_for_a_node_that_nobody_of_ours_flies(host: Host) -> None:
+    node = Node("8", host.node.body, host, host)
+    for number in range(3):
+        node.arrivals.packet_came(packet("a", number, 0), -80.0, 15.0)
+        node.tick(number * TICK_NS)
+    given: list[int] = []
+    host.ua.on_packet(lambda _sender, _channel, _payload, told: given.append(told.seq))
+    for arrival in node.arrivals.take():
+        arrival(host.ua)
+    assert given == []
+
+
+async def test_a_packet_that_cannot_be_read_hides_no_other_of_its_tick(host: Host) -> None:
+    await heard(host)
+    read: list[int] = []
+
+    def reader(_sender: str, _channel: str, _payload: bytes, told: Reception) -> None:
+        if told.seq == 1:
+            raise DecodeError("not for me")
+        read.append(told.seq)
+
+    host.ua.on_packet(reader)
+    for number in range(3):
+        host.node.arrivals.packet_came(packet("a", number, 0), -80.0, 15.0)
+    host.tick(TICK_NS)
+    assert read == [0, 2]
+    assert host.ua.malformed == 1
+
+
 async def test_the_tick_is_answered_only_when_the_agent_is_idle(host: Host) -> None:
     await heard(host)
     go_on = threading.Event()
@@ -416,7 +448,7 @@ async def test_the_tick_is_answered_only_when_the_agent_is_idle(host: Host) -> N
     host.node.tick(TICK_NS)
     assert not host._idle.wait(0.1)
     assert host.autopilot.commands() == []
-    assert not any(line.startswith(("answer", "start")) for line in host.log)
+    assert not any(line.startswith(("answer", "start")) for line in host.happened)
     go_on.set()
     assert host._idle.wait(WAIT_S)
     host.node.finish()
@@ -428,8 +460,8 @@ async def test_an_exchange_between_ticks_does_not_run_the_agent(host: Host) -> N
     host.orders[TICK_NS] = lambda: host.command("arm")
     host.tick(TICK_NS)
     host.autopilot.commands()
-    host.node.packet_came(packet("a", 0, 0), -80.0, 15.0)
-    host.node.comm_status_came(lambda: CommunicationStatus(node=("a",), delivered=(True,)))
+    host.node.arrivals.packet_came(packet("a", 0, 0), -80.0, 15.0)
+    host.node.arrivals.comm_status_came(lambda: CommunicationStatus(node=("a",), delivered=(True,)))
     host.ask("mode", CommandGoal(mode="GUIDED"))
     host.autopilot.say(heartbeat(RTL), acknowledged(ARM))
     assert host.exchange(TICK_NS + 10 * MS) == [
@@ -545,7 +577,7 @@ async def test_during_a_replay_operators_are_refused_and_clients_not_heard(host:
 
 async def test_an_operators_switch_is_told_before_anything_is_transmitted_and_recorded(host: Host) -> None:
     await heard(host)
-    host.orders[TICK_NS] = lambda: host.log.append("agent transmits")
+    host.orders[TICK_NS] = lambda: host.happened.append("agent transmits")
     host.ask("radio", radio_goal(on=False))
     assert host.tick(TICK_NS) == [
         "input radio",

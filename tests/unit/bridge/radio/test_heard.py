@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from bridge.agents.client import LookAtStatus
+from bridge.agents.feed import DeliveredPacket
 from bridge.bus.messages import CommunicationStatus, Header, Heard, decode, encode
 from bridge.host.arrivals import hand_out
-from bridge.host.node import Packet
 from bridge.radio.heard import Hosts
 from bridge.radio.picture import Picture
 from bridge.radio.radio import SettledTick
@@ -21,11 +21,11 @@ class Ear:
     """A node that keeps what comes."""
 
     def __init__(self) -> None:
-        self.packets: list[Packet] = []
+        self.packets: list[DeliveredPacket] = []
         self.signals: list[tuple[float, float]] = []
         self.looks: list[LookAtStatus] = []
 
-    def packet_came(self, packet: Packet, rssi_dbm: float, snr_db: float) -> None:
+    def packet_came(self, packet: DeliveredPacket, rssi_dbm: float, snr_db: float) -> None:
         self.packets.append(packet)
         self.signals.append((rssi_dbm, snr_db))
 

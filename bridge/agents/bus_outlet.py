@@ -1,0 +1,61 @@
+"""What is said as a node, on Zenoh."""
+
+from __future__ import annotations
+
+from bridge.bus.keys import Keys
+from bridge.bus.messages import AgentStatus, AircraftState, Header, RadioSwitch
+from bridge.bus.session import Session, Stamp
+from bridge.record.logged import LoggedValue, as_json
+
+JSON = "application/json"
+
+
+class BusOutlet:
+    """Speaks for one node (`bridge.agents.outlet.NodeOutlet`).
+
+    Args:
+        session: of a process that may speak for the node.
+        keys: of the run.
+        node: its id.
+    """
+
+    def __init__(self, session: Session, keys: Keys, node: str) -> None:
+        self._session, self._keys, self._node = session, keys, node
+        self._wants_logged = session.interest(keys.logged(node, "*"))
+
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+        """Give a packet to the radio."""
+        self._session.put_bytes(
+            self._keys.tx(self._node, channel, to=to),
+            payload,
+            encoding=encoding,
+            attachment=stamp.to_bytes(),
+            must_arrive=True,
+        )
+
+    def report(self, status: AgentStatus) -> None:
+        """Tell what the agent is doing."""
+        self._session.put(self._keys.agent(self._node), status, must_arrive=True)
+
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
+        """Publish a value as JSON, if anybody subscribes; the attachment has the sim time."""
+        if self._wants_logged():
+            self._session.put_bytes(
+                self._keys.logged(self._node, item.name),
+                as_json(item.value).encode(),
+                encoding=JSON,
+                attachment=Stamp(-1, sim_time_ns).to_bytes(),
+            )
+
+    def state(self, state: AircraftState) -> None:
+        """Publish the aircraft's state."""
+        self._session.put(self._keys.state(self._node), state)
+
+    def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
+        """Tell the radio that this node's was switched."""
+        switch = RadioSwitch(Header.at(sim_time_ns, self._node), on)
+        self._session.put(self._keys.radio(self._node), switch, must_arrive=True)
+
+    def answer(self, sim_time_ns: int) -> None:
+        """Tell the radio that this node is done with a tick."""
+        self._session.put(self._keys.answer(self._node), Header.at(sim_time_ns, self._node), must_arrive=True)

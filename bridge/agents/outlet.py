@@ -1,0 +1,82 @@
+"""Where what a node says goes: one protocol, whoever speaks and whatever carries it.
+
+An agent says packets, reports, values and commands; the node around it says the first three on, and its state, the
+switches of its radio and that it is done with a tick. On board, what an agent logs and commands waits until its tick is
+over (`HeldOutlet`); what leaves a node is carried by the bus (`bridge.agents.bus_outlet`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
+from bridge.bus.session import Stamp
+from bridge.record.logged import LoggedValue
+
+OnEvent = Callable[[CommandEvent | None], object]
+"""Told of each event of a command; None: there will be no more."""
+
+
+class Outlet(Protocol):
+    """What is said as a node."""
+
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+        """Give a packet to the radio; called in the agent's thread.
+
+        Raises:
+            PermissionError: whoever says it is not the node's agent.
+        """
+
+    def report(self, status: AgentStatus) -> None:
+        """Tell what the agent is doing; called in the agent's thread."""
+
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:
+        """Tell a value of this instant that the agent logged."""
+
+
+class AgentOutlet(Outlet, Protocol):
+    """What an agent, or a program beside the run, says."""
+
+    def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
+        """Have the aircraft carry out ``verb``; ``on_event`` is called in the event loop of the caller."""
+
+
+class NodeOutlet(Outlet, Protocol):
+    """What a whole node says."""
+
+    def state(self, state: AircraftState) -> None:
+        """Publish the aircraft's state."""
+
+    def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
+        """Tell the radio that an operator switched this node's from an instant on; ahead of the answer to it."""
+
+    def answer(self, sim_time_ns: int) -> None:
+        """Tell the radio that all is done that this node does at a tick."""
+
+
+class HeldOutlet:
+    """What an agent on board says (`AgentOutlet`): packets and reports go at once, the rest when it is idle.
+
+    Args:
+        outlet: of its node.
+    """
+
+    def __init__(self, outlet: Outlet) -> None:
+        self.transmit = outlet.transmit
+        self._report = outlet.report
+        self.commands: list[tuple[str, CommandGoal, OnEvent]] = []
+        self.logged: list[LoggedValue | AgentStatus] = []
+
+    def report(self, status: AgentStatus) -> None:
+        """Tell at once, and keep it for the record."""
+        self._report(status)
+        self.logged.append(status)
+
+    def log(self, item: LoggedValue, sim_time_ns: int) -> None:  # noqa: ARG002
+        """Keep a value until the agent's tick is over."""
+        self.logged.append(item)
+
+    def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
+        """Keep a command until the agent's tick is over."""
+        self.commands.append((verb, goal, on_event))
