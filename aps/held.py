@@ -78,6 +78,8 @@ class HeldDaemon(DaemonBase):
         config: its settings.
         takes_input: whether what clients send is taken; see ``takes_input``.
         autopilot: one in this process, to be called in place of connecting to the address of ``config``.
+        ahead: the autopilot flies on as soon as `swap` was called, while its owner decides: what that comes to is
+            written at the next `swap`.
 
     Raises:
         ValueError: a setting is out of range.
@@ -85,7 +87,12 @@ class HeldDaemon(DaemonBase):
     """
 
     def __init__(
-        self, config: DaemonConfig, *, takes_input: bool = True, autopilot: CalledClient | None = None
+        self,
+        config: DaemonConfig,
+        *,
+        takes_input: bool = True,
+        autopilot: CalledClient | None = None,
+        ahead: bool = False,
     ) -> None:
         address = parse_autopilot(config.autopilot)
         if address.kind != "tcp" or config.more_autopilots:
@@ -121,6 +128,8 @@ class HeldDaemon(DaemonBase):
         self._inputs = InputQueue()
         self._paused: list[Link] = []
         self._in_exchange = False
+        self._ahead = ahead
+        self._decided, self._heard, self._was_up = b"", b"", False
 
     @property
     def takes_input(self) -> bool:
@@ -162,6 +171,19 @@ class HeldDaemon(DaemonBase):
         for item in inputs:
             self.links.reserve(item.link)
 
+    def swap(self) -> None:
+        """Ahead: write what the exchange before decided, and read what the autopilot said since; it may fly on then.
+
+        Raises:
+            RuntimeError: the exchange before has not ended.
+        """
+        if self._in_exchange:
+            raise RuntimeError("the exchange before has not ended")
+        decided, self._decided = self._decided, b""
+        self._write(decided)
+        self._was_up = self.link.up
+        self._heard = self.link.read()
+
     def begin_exchange(self, now_ns: int) -> None:
         """Hear the autopilot and the clients, and decide; nothing is written yet.
 
@@ -199,6 +221,15 @@ class HeldDaemon(DaemonBase):
             raise RuntimeError("no exchange has begun")
         self._in_exchange = False
         data = self.link.take()
+        if self._ahead:
+            self._decided = data
+        else:
+            self._write(data)
+        self.links.flush()
+
+    # The autopilot.
+
+    def _write(self, data: bytes) -> None:
         self.counters.written_bytes = len(data)
         self.counters.written_bytes_most = max(self.counters.written_bytes_most, len(data))
         self._tell_bytes("to_autopilot", data)
@@ -207,9 +238,6 @@ class HeldDaemon(DaemonBase):
             self._wall_time(
                 "the autopilot does not read: its connection took only a part of what was to be written"
             )
-        self.links.flush()
-
-    # The autopilot.
 
     def _hear_autopilot(self) -> None:
         if self.link.connections != self.connections:
@@ -217,8 +245,11 @@ class HeldDaemon(DaemonBase):
                 self.core.link_closed(AUTOPILOT_ID, self._now_ns)
             self.connections = self.link.connections
             self.core.link_opened(self.link, self._now_ns)
-        was_up = self.link.up
-        data = self.link.read()
+        if not self._ahead:
+            self._was_up = self.link.up
+            self._heard = self.link.read()
+        was_up, data = self._was_up, self._heard
+        self._was_up, self._heard = self.link.up, b""
         self.counters.read_bytes = len(data)
         self.counters.read_bytes_most = max(self.counters.read_bytes_most, len(data))
         if len(data) > self.link.receive_buffer_bytes // 2:

@@ -66,6 +66,10 @@ class AircraftBridge:
         """Take what clients said, from a record."""
         self.daemon.inject(list(inputs))
 
+    def swap(self) -> None:
+        """With lookahead: say what was decided at the instant before, and hear what the autopilot has said since."""
+        self.daemon.swap()
+
     def begin(self, now_ns: int) -> None:
         """Hear the autopilot and its clients, who have said all that they say before ``now_ns``."""
         self._now_ns = now_ns

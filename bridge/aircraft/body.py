@@ -22,6 +22,9 @@ class Body(Protocol):
     def inject(self, inputs: Sequence[Input]) -> None:
         """Take what clients said, from a record."""
 
+    def swap(self) -> None:
+        """With lookahead, ahead of `begin`: say what was decided the instant before, and hear; then it may fly on."""
+
     def begin(self, now_ns: int) -> None:
         """Hear what there is to hear at this instant."""
 

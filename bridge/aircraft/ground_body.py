@@ -29,6 +29,9 @@ class GroundBody:
         if inputs:
             raise ValueError(f"node {self._node} has no MAVLink, but the record has input on it")
 
+    def swap(self) -> None:
+        """There is nobody to hear."""
+
     def begin(self, now_ns: int) -> None:
         """Take the time."""
         self._now_ns = now_ns

@@ -144,6 +144,10 @@ class Keys:
         """What the radio has for the nodes of one host; made at the end of each tick."""
         return f"{self.prefix}/host/{host}/heard"
 
+    def exchanged(self, host: str) -> str:
+        """With lookahead, a host's word that the autopilots of its nodes may fly on from an instant."""
+        return f"{self.prefix}/host/{host}/exchanged"
+
     def tick(self, record: str) -> str:
         """What became of a tick, one batch of columns per tick: truths, fates, links or communication."""
         return f"{self.prefix}/tick/{record}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from time import monotonic
 
 from aps.links.called import CalledClient
@@ -12,6 +12,7 @@ from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_ground import HostedGround
 from bridge.host.hosted_node import HostedNode
 from bridge.run.directory import RunDirectory
+from bridge.run.process import log_clock
 from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.timeouts import AGENT_END_S
 
@@ -34,6 +35,42 @@ def hosted_node(
         return HostedAircraft(run, config, outlet, autopilot)
     assert isinstance(config, GroundNode), "emitters have no host"
     return HostedGround(run, config, outlet)
+
+
+class Hosted:
+    """The nodes of a process at the instants at which the fleet is held.
+
+    Args:
+        nodes: entered already.
+        on_exchanged: with lookahead, told of an instant from which all their aircraft may fly on.
+    """
+
+    def __init__(self, nodes: Sequence[HostedNode], on_exchanged: Callable[[int], object]) -> None:
+        self.nodes = tuple(nodes)
+        self._on_exchanged = on_exchanged
+        self._sim_time_ns, self._missing = 0, set[str]()
+        for one in nodes:
+            one.on_exchanged = self._exchanged
+
+    def hold(self, sim_time_ns: int, *, is_tick: bool, stalled: Collection[str] = ()) -> None:
+        """The fleet is held at an instant: exchange MAVLink with all autopilots, then have all nodes live through it.
+
+        Args:
+            sim_time_ns: the instant.
+            is_tick: a tick, or an exchange of MAVLink between two.
+            stalled: nodes whose autopilots physics does not wait for.
+        """
+        self._sim_time_ns = log_clock.now_ns = sim_time_ns
+        self._missing = {one.id for one in self.nodes}
+        for one in self.nodes:
+            one.hold(sim_time_ns, absent=one.id in stalled)
+        for one in self.nodes:
+            one.live(sim_time_ns, is_tick=is_tick)
+
+    def _exchanged(self, node: str) -> None:
+        self._missing.discard(node)
+        if not self._missing:
+            self._on_exchanged(self._sim_time_ns)
 
 
 def stop_all(hosted: Sequence[HostedNode]) -> None:

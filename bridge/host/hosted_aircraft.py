@@ -52,6 +52,7 @@ class HostedAircraft(HostedNode):
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
             ),
             autopilot=autopilot,
+            ahead=bool(scenario.lookahead_ticks),
         )
         self._aircraft = AircraftBridge(self.daemon, config.node)
         super().__init__(run, config, record, self._aircraft, outlet)
@@ -62,6 +63,7 @@ class HostedAircraft(HostedNode):
         self.daemon.on_link_down = self._link_down
         self.daemon.on_input = self.node.client_did
         self._connecting: asyncio.Task[None] | None = None
+        self._waits = False
 
     async def __aenter__(self) -> HostedAircraft:
         """Be ready for the first tick: clients can connect, and the agent is built."""
@@ -95,22 +97,29 @@ class HostedAircraft(HostedNode):
         await self._api.aclose()
         await self.daemon.__aexit__(*exc)
 
-    def clock_came(self, sim_time_ns: int, *, is_tick: bool, absent: bool = False) -> None:
-        """The fleet stands at ``sim_time_ns``; at the first tick, MAVLink is connected before anything else."""
-        self._record.now_ns = sim_time_ns
+    def hold(self, sim_time_ns: int, *, absent: bool = False) -> None:
+        """The fleet is held at ``sim_time_ns``; at the first tick, MAVLink is connected before anything else."""
         if sim_time_ns > 0 or self.daemon.link_up:
-            self._live(sim_time_ns, is_tick)
+            super().hold(sim_time_ns)
         elif absent or self._scenario.fdm.scheme == "legacy":  # such a peer need not speak MAVLink at all
             self._connecting = asyncio.create_task(self._reconnect())
-            self._live(sim_time_ns, is_tick)
+            super().hold(sim_time_ns)
         else:
             # The first frame of a UA is answered when its MAVLink is connected: its first bytes are in the ring, too.
+            self._waits = True
             self._connecting = asyncio.create_task(self._connect_first())
+
+    def live(self, sim_time_ns: int, *, is_tick: bool) -> None:
+        """Do what the node does at this instant; before its first connection nothing."""
+        if not self._waits:
+            super().live(sim_time_ns, is_tick=is_tick)
 
     async def _connect_first(self) -> None:
         with self._named():
             await self.daemon.connect()
-        self._live(0, True)
+        self._waits = False
+        super().hold(0)
+        super().live(0, is_tick=True)
 
     async def _reconnect(self) -> None:
         with self._named():

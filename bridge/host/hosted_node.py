@@ -40,6 +40,7 @@ class HostedNode:
         outlet: where what it says goes.
 
     Attributes:
+        on_exchanged: with lookahead, told when the aircraft may fly on from an instant.
         asks_dropped: how many commands found no room before they came to the node.
     """
 
@@ -58,6 +59,7 @@ class HostedNode:
         self._agent_folder = run.agent_folder(config.node)
         self._outlet = outlet
         self.asks_dropped: Callable[[], int] = lambda: 0
+        self.on_exchanged: Callable[[str], object] = lambda _: None
         self.node = Node(config.node, body, self._outlet, record)
         self.runner: AgentRunner | None = None
         self._flush = Every(FLUSH_PERIOD_S)
@@ -106,12 +108,23 @@ class HostedNode:
 
     # Ticks.
 
-    def clock_came(self, sim_time_ns: int, *, is_tick: bool, absent: bool = False) -> None:  # noqa: ARG002
-        """The fleet stands at ``sim_time_ns``: a tick, or an exchange of MAVLink between two ticks.
+    def hold(self, sim_time_ns: int, *, absent: bool = False) -> None:  # noqa: ARG002
+        """The fleet is held at ``sim_time_ns``: a tick, or an exchange of MAVLink between two; `live` is to follow.
 
-        ``absent``: physics does not wait for this UA's autopilot, which did not come in time.
+        With lookahead the autopilot is heard and spoken to here, so that it may fly on while this instant is worked on.
+
+        Args:
+            sim_time_ns: the instant.
+            absent: physics does not wait for this UA's autopilot, which did not come in time.
         """
         self._record.now_ns = sim_time_ns
+        if self._scenario.lookahead_ticks and not self._closed:
+            with self._named():
+                self.node.body.swap()
+            self.on_exchanged(self.id)
+
+    def live(self, sim_time_ns: int, *, is_tick: bool) -> None:
+        """Do what the node does at the instant at which the fleet is held."""
         self._live(sim_time_ns, is_tick)
 
     def _live(self, sim_time_ns: int, is_tick: bool) -> None:

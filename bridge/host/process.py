@@ -14,12 +14,12 @@ from bridge.bus.inbox import Inbox
 from bridge.bus.messages import Clock, DecodeError, Header, Heard, decode
 from bridge.bus.session import Sample, Session, open_client
 from bridge.host.arrivals import hand_out
-from bridge.host.hosted import hosted_node, stop_all
+from bridge.host.hosted import Hosted, hosted_node, stop_all
 from bridge.host.hosted_node import HostedNode
 from bridge.host.on_bus import AskedOnBus
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
-from bridge.run.process import Arguments, log_clock, parse_arguments, run_until_stopped
+from bridge.run.process import Arguments, parse_arguments, run_until_stopped
 from bridge.timeouts import START_S
 
 log = logging.getLogger("host")
@@ -50,7 +50,7 @@ class _Listener:
     def __init__(self, run: RunDirectory, name: str, hosted: Sequence[HostedNode], report: Report) -> None:
         self._run, self._keys, self._name = run, run.keys, name
         self._stations = run.scenario.transceiver_ids
-        self._hosted = {one.id: one for one in hosted}
+        self._hosted = Hosted(hosted, self._exchanged)
         self._arrivals = {one.id: one.node.arrivals for one in hosted}
         self._report = report
         # Without a limit: the ring bounds what comes between two ticks, and a packet that was delivered stays so.
@@ -58,11 +58,16 @@ class _Listener:
 
     def listen(self, session: Session) -> None:
         """Subscribe."""
-        for one in self._hosted.values():
+        self._session = session
+        for one in self._hosted.nodes:
             AskedOnBus(session, self._run, one)
         session.subscribe(self._keys.heard(self._name), partial(self._push, self._heard_came))
         session.subscribe(self._keys.clock, partial(self._push, self._clock_came))
         session.subscribe(self._keys.clock_exchange, partial(self._push, self._exchange_came))
+
+    def _exchanged(self, sim_time_ns: int) -> None:
+        header = Header.at(sim_time_ns, self._name)
+        self._session.put(self._keys.exchanged(self._name), header, must_arrive=True)
 
     def _push(self, handler: Callable[[Sample], None], sample: Sample) -> None:
         self.inbox.push((handler, sample))
@@ -80,14 +85,10 @@ class _Listener:
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)
-        log_clock.now_ns = clock.header.stamp.ns
-        for one in self._hosted.values():
-            one.clock_came(clock.header.stamp.ns, is_tick=True, absent=one.id in clock.stalled)
+        self._hosted.hold(clock.header.stamp.ns, is_tick=True, stalled=clock.stalled)
 
     def _exchange_came(self, sample: Sample) -> None:
-        log_clock.now_ns = sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
-        for one in self._hosted.values():
-            one.clock_came(sim_time_ns, is_tick=False)
+        self._hosted.hold(decode(sample.payload.to_bytes(), Header).stamp.ns, is_tick=False)
 
 
 def main() -> int:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import queue
+from collections.abc import Sequence
 from typing import Protocol
 
 from bridge.bus.messages import Clock, Header, Truth, Truths
@@ -19,6 +20,7 @@ from bridge.scenario.resolve.ground_track import GroundTrack
 from bridge.timeouts import FLUSH_PERIOD_S, START_S
 from fdm.air.weather import in_weather
 from fdm.clock.events import EventKind, UaEvent
+from fdm.clock.pace import NEVER_NS
 from fdm.clock.status import ClockStatus
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.called import CalledAutopilot
@@ -73,8 +75,10 @@ class FlightDynamics:
         self._truths: list[TrueState] = []
         self._flush = Every(FLUSH_PERIOD_S)
         self.exchange = self._open(autopilots)
-        self.run, self.stop = self.exchange.run, self.exchange.stop
-        self.release: Callable[[int], object] = self.exchange.release_tick
+        self.run = self.exchange.run
+        self._ahead = bool(self._scenario.lookahead_ticks)
+        self._held_ns = -1
+        self._closed: queue.SimpleQueue[int] = queue.SimpleQueue()
 
     def _open(self, autopilots: Sequence[CalledAutopilot]) -> Exchange | FleetExchange:
         scenario = self._scenario
@@ -94,6 +98,25 @@ class FlightDynamics:
             on_event=self._on_event,
         )
 
+    def stop(self) -> None:
+        """End `run`; callable from a signal handler, as no lock is taken that `run` may hold."""
+        self.exchange.stop()
+        self._closed.put(NEVER_NS)
+
+    def release(self, sim_time_ns: int) -> None:
+        """An instant is closed: everybody has done all that they do at it. From any thread.
+
+        Without lookahead the autopilots go on; with it they are on their way, and may come to the next instant.
+        """
+        if self._ahead:
+            self._closed.put(sim_time_ns)
+        else:
+            self.exchange.release_tick(sim_time_ns)
+
+    def exchanged(self, sim_time_ns: int) -> None:
+        """With lookahead: MAVLink was exchanged with all autopilots, which go on from this instant. From any thread."""
+        self.exchange.release_tick(sim_time_ns)
+
     def close(self) -> None:
         """Close sockets and files, and report counters."""
         for ua_id in self.exchange.ports:
@@ -103,8 +126,18 @@ class FlightDynamics:
         self._table.close()
         self._report.close()
 
+    def _wait_for_the_one_before(self) -> bool:
+        """With lookahead: the fleet may stand at an instant before the one before it is closed; False: it is over."""
+        closed_ns = self._held_ns
+        while self._held_ns >= 0 and (closed_ns := self._closed.get()) < self._held_ns:
+            continue
+        return closed_ns < NEVER_NS
+
     def _on_tick(self, status: ClockStatus) -> None:
         truths, self._truths = self._truths, []
+        if self._ahead and not self._wait_for_the_one_before():
+            return
+        self._held_ns = status.sim_time_ns
         log_clock.now_ns = status.sim_time_ns
         if status.sim_time_ns % self._scenario.tick_period_ns:
             self._to.exchange(status.sim_time_ns)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Callable
 
 from bridge.bus.keys import Keys
@@ -23,7 +24,7 @@ class ClockOnBus:
     """
 
     def __init__(self, session: Session, run: RunDirectory) -> None:
-        self._session, self._keys, self._scenario = session, run.keys, run.scenario
+        self._session, self._run, self._keys, self._scenario = session, run, run.keys, run.scenario
         stations = self._scenario.stations
         self._wanted = {node: session.interest(self._keys.truth(node)) for node in stations}
         self._clock: HeldClock | None = None
@@ -54,6 +55,27 @@ class ClockOnBus:
                 log.warning("%s", error)
 
         self._session.subscribe(self._keys.clock_release, on_release)
+
+    def listen_to_hosts(self, exchanged: Callable[[int], object]) -> None:
+        """With lookahead: call ``exchanged`` with each instant from which the autopilots of all hosts may fly on."""
+        missing: dict[int, set[str]] = {}
+        lock = threading.Lock()
+
+        def on_exchanged(sample: Sample) -> None:
+            host = str(sample.key_expr).split("/")[-2]
+            try:
+                sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
+            except DecodeError as error:
+                log.warning("%s", error)
+                return
+            with lock:
+                left = missing.setdefault(sim_time_ns, set(self._run.info.hosts))
+                left.discard(host)
+                if not left:
+                    del missing[sim_time_ns]
+                    exchanged(sim_time_ns)
+
+        self._session.subscribe(self._keys.exchanged("*"), on_exchanged)
 
     def exchange(self, sim_time_ns: int) -> None:
         """Publish it."""

@@ -35,6 +35,8 @@ def serve(run: RunDirectory) -> None:
 
         session.subscribe(run.keys.clock_start, lambda _: started.put(True))
         bus.listen(dynamics.release)
+        if run.scenario.lookahead_ticks:
+            bus.listen_to_hosts(dynamics.exchanged)
         bus.hold(dynamics.exchange)
         on_stop_signal(stop)
         session.declare_alive(run.keys.alive("physics"))

@@ -19,8 +19,7 @@ from bridge.agents.feed import Arrivals
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header, Message, Truths
 from bridge.bus.session import Session
 from bridge.host.arrivals import hand_out
-from bridge.host.hosted import hosted_node, stop_all
-from bridge.host.hosted_node import HostedNode
+from bridge.host.hosted import Hosted, hosted_node, stop_all
 from bridge.physics.flight_dynamics import FlightDynamics
 from bridge.program.beside import BesideBus
 from bridge.program.outlets import CalledOutlet
@@ -32,7 +31,6 @@ from bridge.record.events import Report
 from bridge.record.logged import LoggedValue
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
-from bridge.run.process import log_clock
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.validity import OutsideValidityError
 from standin.called import CalledStandIn
@@ -74,11 +72,11 @@ class Program:
         self._outlets = {
             node: CalledOutlet(node, self._radio, self, self._answered) for node in run.scenario.regulated
         }
-        self._hosted: list[HostedNode] = []
         self._arrivals: dict[str, Arrivals] = {}
         self._dynamics = FlightDynamics(
             run, Report(run.path, "physics"), _InTheLoop(self), list(self._standins.values())
         )
+        self._hosted = Hosted((), self._dynamics.exchanged)
         self._thread = threading.Thread(target=self._fly, name="physics", daemon=True)
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -90,12 +88,9 @@ class Program:
         """
         async with AsyncExitStack() as stack:
             stack.push_async_callback(self._end)
-            for node, outlets in self._outlets.items():
-                hosted = hosted_node(self._run, node, outlets, self._standins.get(node))
-                self._hosted.append(await stack.enter_async_context(hosted))
-                self._arrivals[node] = hosted.node.arrivals
+            await self._enter_nodes(stack)
             if self._bus is not None:
-                self._bus.serve(self._hosted, self._dynamics.exchange)
+                self._bus.serve(self._hosted.nodes, self._dynamics.exchange)
             gc.collect()
             gc.freeze()
             gc.set_threshold(GC_THRESHOLD)
@@ -105,9 +100,17 @@ class Program:
             await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
             self._stop()
 
+    async def _enter_nodes(self, stack: AsyncExitStack) -> None:
+        nodes = []
+        for node, outlet in self._outlets.items():
+            hosted = hosted_node(self._run, node, outlet, self._standins.get(node))
+            nodes.append(await stack.enter_async_context(hosted))
+            self._arrivals[node] = hosted.node.arrivals
+        self._hosted = Hosted(nodes, self._dynamics.exchanged)
+
     def _stop(self) -> None:
         """End agents and physics, and pass on what they said on their way out."""
-        stop_all(self._hosted)
+        stop_all(self._hosted.nodes)
         for outlets in self._outlets.values():
             outlets.pass_on()
         self._dynamics.stop()
@@ -153,15 +156,13 @@ class Program:
 
     def exchange(self, sim_time_ns: int) -> None:
         """The fleet is held between two ticks."""
-        log_clock.now_ns = sim_time_ns
         if self._bus is not None:
             self._bus.exchange(sim_time_ns)
-        for one in self._hosted:
-            one.clock_came(sim_time_ns, is_tick=False)
+        self._hosted.hold(sim_time_ns, is_tick=False)
 
     def tick(self, clock: Clock, truths: Truths) -> None:
         """The fleet is held at a tick."""
-        log_clock.now_ns = sim_time_ns = clock.header.stamp.ns
+        sim_time_ns = clock.header.stamp.ns
         if self._bus is not None:
             self._bus.tick(clock, truths)
         self._radio.truths(truths.truth)
@@ -169,8 +170,7 @@ class Program:
         self._untold = clock
         if monotonic() - self._told_at_s >= TELL_PERIOD_S:
             self._tell_clock()
-        for one in self._hosted:
-            one.clock_came(sim_time_ns, is_tick=True, absent=one.id in clock.stalled)
+        self._hosted.hold(sim_time_ns, is_tick=True, stalled=clock.stalled)
 
     def _tell_clock(self) -> None:
         self._told_at_s = monotonic()

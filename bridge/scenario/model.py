@@ -169,6 +169,8 @@ class Scenario(Part):
         speed: real-time factor, or max.
         duration_s: longest sim time; the run ends earlier when all tasks are done.
         tick_rate_hz: ticks per second of sim time: radio and agents.
+        lookahead_ticks: 1: autopilots fly on to the next tick while agents and radio work on this one; what is
+            commanded takes effect a tick later.
         mavlink_rate_hz: how often MAVLink is exchanged with autopilots; as the ticks unless given.
         processes: whether all parts are called in one process or joined by Zenoh in many; no result depends on it.
         zenoh: whether a run of one process has Zenoh beside it; auto = at a speed other than max, and for `free` nodes.
@@ -196,6 +198,7 @@ class Scenario(Part):
     speed: Annotated[float | str, BeforeValidator(_speed), WithJsonSchema(A_SPEED)] = 1.0
     duration_s: Positive
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
+    lookahead_ticks: Literal[0, 1] = 0
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
     processes: Literal["auto", "one", "many"] = "auto"
     zenoh: Literal["auto"] | bool = "auto"

@@ -84,10 +84,11 @@ def _subject(identity: Identity) -> dict[str, Any]:
 
 def _keys(run: str, identity: Identity, template: str) -> list[str]:
     name = identity.name if identity.role in HOST | PHYSICS else "*"
+    host = identity.name if identity.role is HOST else "*"
     nodes = identity.nodes if identity.role in OWN else ("*",)
     if "{node}" not in template:
         nodes = nodes[:1]
-    return [f"{Keys(run).prefix}/{template.format(node=node, self=name)}" for node in nodes]
+    return [f"{Keys(run).prefix}/{template.format(node=node, self=name, host=host)}" for node in nodes]
 
 
 def _scope(run: str, identity: Identity) -> Sequence[str]:
@@ -99,4 +100,4 @@ def _scope(run: str, identity: Identity) -> Sequence[str]:
 def _watched(identity: Identity) -> Sequence[str]:
     """Whoever watches may do so without knowing the name of the run; this router has one only."""
     templates = [row.key for row in TABLE if identity.role in row.watches]
-    return [f"{ROOT}/*/{template.format(node='*', self='*')}" for template in templates]
+    return [f"{ROOT}/*/{template.format(node='*', self='*', host='*')}" for template in templates]

@@ -2,7 +2,8 @@
 
 It has a row per kind of key, as the key space of the design has (docs/identities.md). A key is given below
 `lostlink/<run>/`. For a role that stands for nodes, ``{node}`` is each of its own nodes; for the others it is every
-node. ``{self}`` is the identity's own name; for a role that has many to deal with (the radio, observers) it is any.
+node. ``{self}`` is the identity's own name, ``{host}`` that of a host; for a role that has many to deal with (the
+radio, observers, physics with its hosts) it is any.
 
 The radio is in the table although nobody logs in as it: the router's own session is the radio, and Zenoh filters only
 what comes from and goes to others.
@@ -84,15 +85,16 @@ TABLE = (
     Row("clock/pace", writes=PHYSICS, reads=LOOKERS),
     Row("clock/cmd/*", serves=PHYSICS, asks=OPERATOR),
     Row("tick/**", writes=RADIO | PHYSICS, reads=RADIO | LOOKERS),
-    Row("host/{self}/heard", writes=RADIO, reads=HOST),
+    Row("host/{host}/heard", writes=RADIO, reads=HOST),
+    Row("host/{host}/exchanged", writes=HOST, reads=PHYSICS),
     Row("ending", writes=RADIO, reads=LOOKERS),
     Row("alive/{self}", holds=RADIO | PHYSICS | HOST, watches=LOOKERS),
 )
 """All rights. A row that is not here is a key that nobody but the radio may use."""
 
 SCOPES = {
-    PHYSICS: ("clock/**",),
-    HOST: ("node/{node}/**", "clock/**", "host/{self}/**"),
+    PHYSICS: ("clock/**", "host/*/exchanged"),
+    HOST: ("node/{node}/**", "clock/**", "host/{host}/**"),
     NODE: ("node/{node}/**", "clock/**"),
     FREE: ("node/{node}/**", "clock/**"),
 }

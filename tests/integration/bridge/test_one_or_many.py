@@ -11,11 +11,14 @@ from typing import Any
 
 import pytest
 
+from bridge.record import names
+from bridge.record.streams import entries_of
 from tests.integration.bridge.conftest import LOSTLINK
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples"
 NOISY = ("--set", "wind=gusty", "--set", "fdm.sensor_noise={gyro_sigma_radps: 0.002, accel_sigma_mps2: 0.05}")
+AHEAD = ("--set", "lookahead_ticks=1")
 FLOWN = {
     "separation": ("separation",),
     "turbulence, noise, exchanges": ("separation", *NOISY, "--set", "mavlink_rate_hz=100"),
@@ -27,9 +30,11 @@ FLOWN = {
     "relay placement": (str(EXAMPLES / "relay_placement" / "relay_placement.yaml"),),
     "consensus": (str(EXAMPLES / "consensus" / "consensus.yaml"),),
     "a ground station": (str(EXAMPLES / "ground_station.yaml"),),
+    "lookahead": ("separation", *NOISY, *AHEAD),
+    "lookahead, exchanges": (str(EXAMPLES / "wander.yaml"), *AHEAD, "--set", "mavlink_rate_hz=100"),
     "many UA": (str(EXAMPLES / "ring.yaml"),),
 }
-SHORT = {"separation", "turbulence, noise, exchanges", "localise"}
+SHORT = {"separation", "lookahead", "turbulence, noise, exchanges", "localise"}
 
 
 def fly(
@@ -59,6 +64,19 @@ def test_the_digests_are_equal(name: str, tmp_path: Path, free_slot: Callable[[i
     assert one["refused"] == many["refused"]
 
 
+def test_what_is_decided_ahead_takes_effect_a_tick_later(
+    tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    """Bytes for the autopilot are written at the tick after the one at which they were decided."""
+    slot = free_slot(4)
+    first_ns = []
+    for name, more in (("now", ()), ("ahead", AHEAD)):
+        fly(tmp_path / name, slot, "one", "separation", *more, duration_s=2.0)
+        (run,) = (tmp_path / name / "one").iterdir()
+        first_ns.append(next(at for at, _ in entries_of(names.to_autopilot("0").path(run))))
+    assert first_ns == [0, 50_000_000]
+
+
 def test_one_process_is_one(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     """No router, no port of ours, no log of a process that is not there."""
     summary = fly(tmp_path, free_slot(2), "one", "separation", duration_s=2.0)
@@ -84,10 +102,13 @@ def test_what_asks_for_processes_gets_them_or_is_told(setting: str, tmp_path: Pa
 @pytest.mark.skipif("ARDUPILOT_HOME" not in os.environ, reason="needs ARDUPILOT_HOME")
 @pytest.mark.ardupilot
 @pytest.mark.slow
+@pytest.mark.parametrize("ahead", [(), AHEAD], ids=["at once", "lookahead"])
 @pytest.mark.parametrize("scenario", ["separation", "mixed", "localise_wings"])
-def test_real_autopilots_fly_the_same(scenario: str, tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+def test_real_autopilots_fly_the_same(
+    scenario: str, ahead: tuple[str, ...], tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
     slot = free_slot(4)
-    arguments = (scenario, "--autopilot", "ardupilot")
+    arguments = (scenario, "--autopilot", "ardupilot", *ahead)
     one, many = (fly(tmp_path, slot, processes, *arguments, duration_s=25.0) for processes in ("one", "many"))
     assert one["digests"] == many["digests"]
     assert (one["may_not_repeat"], many["may_not_repeat"]) == ([], [])

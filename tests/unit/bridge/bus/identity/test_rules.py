@@ -17,7 +17,7 @@ NO_KEYS = {"prefix", "last_chunk", "node_of", "address_of", "run"}
 
 
 def matches(row: Row, key: str) -> bool:
-    template = row.key.format(node="*", self="*")
+    template = row.key.format(node="*", self="*", host="*")
     pattern = re.escape(template).replace(r"\*\*", ".+").replace(r"\*", "[^/]+")
     return re.fullmatch(f"lostlink/r/{pattern}", key) is not None
 
