@@ -19,7 +19,7 @@ from lostlink.cli.exits import fail, tell
 from lostlink.cli.scenario_options import scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
-from lostlink.flight.summary import expectation_lines, last_line
+from lostlink.flight.summary import expectation_lines
 from lostlink.view.beside import PORT, NoView, ViewProcess
 
 
@@ -186,7 +186,7 @@ def _tell(
     if as_json:
         click.echo(json.dumps(summary))
     elif quiet:
-        click.echo(last_line(summary))
+        click.echo(summary["verdict"])
     else:
         if summary["bins"]:
             flight.console.print(bins_table(summary))
@@ -196,6 +196,6 @@ def _tell(
         flight.console.print(f"{flight.directory.path}", highlight=False, soft_wrap=True)
         for reason in summary["may_not_repeat"]:
             flight.console.print(f"may not repeat: {reason}", highlight=False, soft_wrap=True)
-        flight.console.print(last_line(summary), highlight=False, soft_wrap=True, style="bold")
+        flight.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
     if digest:
         click.echo(summary["digest"])

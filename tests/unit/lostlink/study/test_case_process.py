@@ -12,6 +12,7 @@ from tests.unit.lostlink.replay.flown import scenario_of
 SUMMARY = {
     "ending": "failed",
     "error": "the radio ended with status 1",
+    "outcome": "broke_off",
     "verdict": "",
     "digest": "",
     "sim_duration_s": 0.0,
@@ -29,4 +30,4 @@ def test_a_run_that_failed_without_tables_says_why(tmp_path: Path) -> None:
     result = read_result(tmp_path)
     assert result is not None
     assert result["failure"] == SUMMARY["error"]
-    assert (result["metrics"]["ending"], result["metrics"]["passed"]) == ("failed", True)
+    assert (result["metrics"]["ending"], result["metrics"]["passed"]) == ("failed", False)
