@@ -22,11 +22,11 @@ from bridge.fleet.slots import at_free_ports
 from bridge.fleet.supervisor import Ending, preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.sources import sources_of
 from lostlink.flight.flight import Flight, Silent
 from lostlink.reading.run import load_run
 from lostlink.study.metrics import of_summary, of_tables, own
 from lostlink.study.model import Function
-from lostlink.study.sources import sources_of
 
 PLAN_FILE = "plan.json"
 RESULT_FILE = "result.json"
