@@ -118,7 +118,7 @@ class Flight:
         Raises:
             OSError, ValueError: the record cannot be read or written.
         """
-        with self._watcher:
+        with self._watcher, self.directory.going_on():
             ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
             if takes_signals:
                 for number in (signal.SIGINT, signal.SIGTERM):

@@ -102,7 +102,7 @@ def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
         raise ValueError(f"{run}: no such directory")
     if not (run / SCENARIO_FILE).is_file():
         raise ValueError(f"{run}: not the directory of a run: it has no {SCENARIO_FILE}")
-    if _is_live(run):
+    if RunDirectory(run).is_live:
         raise ValueError(f"{run}: this run has not ended yet")
     has_streams = bool(streams_of(run))
     if not has_streams and not DELIVERIES.is_in(run):
@@ -113,13 +113,6 @@ def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
     return Plan(run, scenario, extent_of(run), tuple(remarks))
-
-
-def _is_live(run: Path) -> bool:
-    try:
-        return RunDirectory(run).info.is_live
-    except (OSError, ValueError):
-        return False
 
 
 def fly_again(

@@ -88,7 +88,7 @@ def is_running(run: RunDirectory) -> bool:
     Raises:
         OSError, ValueError: it is no run.
     """
-    return run.info.is_live and not TRUTH.parquet_path(run.path).exists()
+    return run.is_live and not TRUTH.parquet_path(run.path).exists()
 
 
 def _directory(run: Path | None) -> Path:

@@ -51,7 +51,10 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
     folder = out or run
     try:
         if as_parquet:
-            _check_over(run)
+            if RunDirectory(run).is_live:
+                raise ValueError(
+                    f"{run}: this run has not ended yet; --csv and --mcap write what there is so far"
+                )
             finish_tables(run)
         folder.mkdir(parents=True, exist_ok=True)
         if as_csv:
@@ -70,12 +73,3 @@ def _write_mcap(run: Path, folder: Path, options: dict[str, Any]) -> Path:
     settings = changed(RunDirectory(run).scenario.mcap, **options)
     write_mcap(run, folder / MCAP_FILE, settings)
     return folder / MCAP_FILE
-
-
-def _check_over(run: Path) -> None:
-    try:
-        is_live = RunDirectory(run).info.is_live
-    except (OSError, ValueError):
-        return
-    if is_live:
-        raise ValueError(f"{run}: this run has not ended yet; --csv and --mcap write what there is so far")
