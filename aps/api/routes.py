@@ -7,7 +7,7 @@ from dataclasses import asdict
 from importlib import resources
 from typing import Annotated, Any, Final
 
-from fastapi import FastAPI, HTTPException, Query, WebSocket, WebSocketDisconnect
+from fastapi import FastAPI, HTTPException, Query, WebSocket
 from fastapi.responses import HTMLResponse
 
 from aps.api.backend import Backend
@@ -15,6 +15,7 @@ from aps.api.commands import UNKNOWN, add_commands
 from aps.api.files import add_files
 from aps.api.jobs import Jobs
 from aps.api.links import add_links
+from aps.api.serving import serve_client
 from aps.api.stream import Listener, Stream, state_json
 
 __all__ = ["build"]
@@ -115,19 +116,13 @@ def _add_stream(app: FastAPI, stream: Stream, backend: Backend) -> None:
         if not stream.add(listener):
             await socket.close(1013, "too many listeners")
             return
-        tasks = [asyncio.create_task(_send(socket, listener))]
+        works = [_send(socket, listener)]
         if status_hz:
-            tasks.append(asyncio.create_task(_tell_status(backend, listener, 1.0 / status_hz)))
+            works.append(_tell_status(backend, listener, 1.0 / status_hz))
         try:
-            while True:
-                await socket.receive_text()  # nothing is expected: this ends with the connection
-        except (WebSocketDisconnect, KeyError, RuntimeError):
-            return
+            await serve_client(socket, *works)
         finally:
             stream.remove(listener)
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _send(socket: WebSocket, listener: Listener) -> None:

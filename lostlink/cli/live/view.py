@@ -61,6 +61,7 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
         _fail(str(error))
     except ValueError as error:
         raise click.UsageError(str(error)) from error
+    from lostlink.view.background import ViewDied
     from lostlink.view.process import ViewSettings, view_live, view_record, wait_for_start
 
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
@@ -78,7 +79,7 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
 
     try:
         asyncio.run(serve())
-    except (SessionError, OSError, ValueError) as error:
+    except (SessionError, OSError, ValueError, ViewDied) as error:
         _fail(str(error))
 
 
