@@ -17,7 +17,7 @@ from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
 from bridge.scenario.model import Scenario
 from lostlink.compare.compare import OnProgress, examine
-from lostlink.compare.difference import Comparison
+from lostlink.compare.difference import Comparison, seconds
 
 FROM_THERE = "a difference may come from there"
 
@@ -63,6 +63,12 @@ class Plan:
     extent: Extent
     remarks: tuple[str, ...]
 
+    @property
+    def extent_told(self) -> str:
+        """Up to where it is flown, in words; "" if to its end."""
+        stop_ns = self.extent.stop_ns
+        return "" if stop_ns is None else f" up to its last whole tick, {seconds(stop_ns)}"
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -81,6 +87,11 @@ class Outcome:
     comparison: Comparison
     other_ending: str
     remarks: tuple[str, ...]
+
+    @property
+    def is_different(self) -> bool:
+        """Whether the two, or their endings, are not the same."""
+        return self.comparison.difference is not None or bool(self.other_ending)
 
 
 class Interrupted(Exception):

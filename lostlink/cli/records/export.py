@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
 from bridge.run.directory import RunDirectory
+from lostlink.cli.exits import fail
 from lostlink.cli.records.mcap_options import changed, mcap_options
-
-EXIT_UNREADABLE = 2
 
 
 @click.command(short_help="Write a run as MCAP or CSV, or the tables of a killed run as Parquet.")
@@ -63,8 +61,7 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
         if as_mcap:
             click.echo(_write_mcap(run, folder, mcap))
     except (OSError, ValueError) as error:
-        click.echo(f"lostlink: {error}", err=True)
-        sys.exit(EXIT_UNREADABLE)
+        fail(error)
 
 
 def _write_mcap(run: Path, folder: Path, options: dict[str, Any]) -> Path:
