@@ -16,11 +16,11 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from fdm.exchange.settings import Coupling
 from lostlink.cli.exits import fail, tell
-from lostlink.cli.scenario_options import scenario_with, setting_options
+from lostlink.cli.scenario_options import OPTIONS, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
 from lostlink.flight.summary import expectation_lines
-from lostlink.view.beside import PORT, NoView, ViewProcess
+from lostlink.view.beside import PORT, VIEW_LOG, NoView, ViewProcess
 
 
 class SpeedType(click.ParamType[float | str]):
@@ -96,27 +96,16 @@ class SpeedType(click.ParamType[float | str]):
 @click.option("--quiet", is_flag=True, help="Print the verdict only.")
 def run(
     scenario: str,
-    autopilot: str | None,
     ardupilot_dir: Path | None,
-    speed: float | str | None,
-    coupling: Coupling | None,
-    duration: float | None,
-    seed: int | None,
-    radio: str | None,
     settings: tuple[str, ...],
     out: Path,
-    first_slot: int | None,
-    zenoh_port: int | None,
-    api: bool | None,
-    mcap: bool | None,
-    figure: bool | None,
-    udp_out: tuple[str, ...],
     view: bool,
     control: bool,
     view_port: int,
     digest: bool,
     as_json: bool,
     quiet: bool,
+    **asked: Any,
 ) -> None:
     """Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
 
@@ -142,18 +131,9 @@ def run(
       lostlink run --speed 1 --view
       lostlink run --quiet --digest                  run it twice: the digest is the same
     """
-    if as_json and digest:
-        raise click.UsageError(
-            "--digest and --json: choose one; the JSON has the digest under its key digest"
-        )
-    if control and not view:
-        raise click.UsageError("--control is what viewers may do: it needs --view")
-    changes: dict[str, Any] = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
-    changes |= {"api": api, "radio": radio, "mcap.write": mcap, "figure": figure}
-    changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
-    changes["mavlink.udp_out"] = [place for place in udp_out if place != "none"] if udp_out else None
+    _check(as_json=as_json, digest=digest, control=control, view=view)
     try:
-        resolved = scenario_with(scenario, changes, settings)
+        resolved = scenario_with(scenario, _changes(**asked), settings)
         preflight(resolved, ardupilot_dir)
         viewing = ViewProcess(view_port, control=control) if view else None
         directory = RunDirectory.create(out, resolved.name)
@@ -171,10 +151,34 @@ def run(
             click.echo(f"view: {viewing.address}", err=as_json or quiet)
         summary = flight.fly_and_tell(ardupilot_dir)
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
-        if viewing is not None and viewing.is_open and flight.signal is None:
-            click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
-            viewing.wait()
+        if viewing is not None and flight.signal is None:
+            _keep(viewing, directory)
     sys.exit(flight.exit_status(summary))
+
+
+def _check(*, as_json: bool, digest: bool, control: bool, view: bool) -> None:
+    if as_json and digest:
+        raise click.UsageError(
+            "--digest and --json: choose one; the JSON has the digest under its key digest"
+        )
+    if control and not view:
+        raise click.UsageError("--control is what viewers may do: it needs --view")
+
+
+def _changes(*, udp_out: tuple[str, ...], **asked: Any) -> dict[str, Any]:
+    """What the options of the scenario ask for, by its keys; None where nothing is asked for."""
+    places = [place for place in udp_out if place != "none"] if udp_out else None
+    given = asked | {"udp_out": places}
+    return {key: given[option.removeprefix("--").replace("-", "_")] for key, option in OPTIONS.items()}
+
+
+def _keep(viewing: ViewProcess, run: RunDirectory) -> None:
+    """Let the view go on after the run, as long as somebody looks."""
+    if viewing.is_open:
+        click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
+        viewing.wait()
+    elif viewing.has_failed:
+        tell(f"the view ended before the run; its log is {run.log_path(VIEW_LOG)}")
 
 
 def _tell(
