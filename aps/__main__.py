@@ -21,7 +21,7 @@ from aps.config import DaemonConfig
 from aps.daemon import Daemon
 from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
 from aps.status import plain_state
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 EXAMPLES = """\
 examples:
@@ -109,7 +109,7 @@ def _configs(arguments: argparse.Namespace) -> list[DaemonConfig]:
     return [settings.config()]
 
 
-def state_line(state: AircraftState) -> str:
+def state_line(state: VehicleState) -> str:
     """The state as one line of JSON; what is not known is null."""
     return json.dumps({"event": "state", **plain_state(state)})
 

@@ -16,7 +16,7 @@ from aps.api.files import add_files
 from aps.api.jobs import Jobs
 from aps.api.links import add_links
 from aps.api.serving import serve_client
-from aps.api.stream import Listener, Stream, state_json
+from aps.api.stream import ApiStream, Listener, state_json
 
 __all__ = ["build"]
 
@@ -24,7 +24,7 @@ MAX_RATE_HZ: Final = 50.0
 MAX_STATUS_HZ: Final = 10.0
 
 
-def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, Stream]:
+def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStream]:
     """The application of one UA, and the stream that is to be closed with it.
 
     Args:
@@ -37,7 +37,7 @@ def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, Stream
         docs_url=None,  # FastAPI's own pages load their scripts from another site
         redoc_url=None,
     )
-    stream = Stream(backend)
+    stream = ApiStream(backend)
     jobs = Jobs(backend, stream.tell)
     _add_looks(app, backend)
     add_links(app, backend, has_token=has_token)
@@ -82,7 +82,7 @@ def _add_looks(app: FastAPI, backend: Backend) -> None:
         return asdict(last)
 
 
-def _add_stream(app: FastAPI, stream: Stream, backend: Backend) -> None:
+def _add_stream(app: FastAPI, stream: ApiStream, backend: Backend) -> None:
     @app.websocket("/stream")
     async def serve(
         socket: WebSocket,

@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from bridge.bus.identity.guard import Guard
+from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.keys import Keys
 from bridge.scenario.model import Scenario
@@ -146,9 +146,9 @@ class RunDirectory:
         return Keyring(Path(self.info.secrets)).credentials(process)
 
     @property
-    def guard(self) -> Guard:
+    def guard(self) -> RouterGuard:
         """What the run's router is opened with."""
-        return Guard(self.info.run, Keyring(Path(self.info.secrets)))
+        return RouterGuard(self.info.run, Keyring(Path(self.info.secrets)))
 
     @cached_property
     def keys(self) -> Keys:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 
-from lostlink.plan.plan import NodePlan, Plan
+from lostlink.plan.plan import NodePlan, RunPlan
 from lostlink.plan.reach import FARTHEST_M
 
 KINDS = {"ground": "on the ground", "emitter": "an emitter"}
 NODES_SHOWN_MAX = 20
 
 
-def lines_of(plan: Plan) -> Iterator[str]:
+def lines_of(plan: RunPlan) -> Iterator[str]:
     """All of a plan, line by line."""
     yield f"{plan.scenario}: {plan.description}".rstrip(": ")
     yield (
@@ -47,12 +47,12 @@ def _node(node: NodePlan) -> str:
     return f"{node.id}: {what} at {north_m:g} m N, {east_m:g} m E{height}, {agent}{radio}"
 
 
-def _hosts(plan: Plan) -> Iterator[str]:
+def _hosts(plan: RunPlan) -> Iterator[str]:
     for name, nodes in plan.hosts.items():
         yield f"{name}: {', '.join(nodes)}"
 
 
-def _radio(plan: Plan) -> Iterator[str]:
+def _radio(plan: RunPlan) -> Iterator[str]:
     radio = plan.radio
     yield f"{radio.name}: {radio.frequency_hz / 1e6:g} MHz, {radio.bit_rate_bps:g} bit/s on air"
     if radio.reach.limit_m is None:
@@ -74,7 +74,7 @@ def _distance(distance_m: float | None, limit_m: float) -> str:
     )
 
 
-def _load(plan: Plan) -> Iterator[str]:
+def _load(plan: RunPlan) -> Iterator[str]:
     load, guess = plan.load, "about " if plan.load.is_guess else ""
     yield (
         f"all nodes: {guess}{load.packets_per_s:g} packets/s, {load.on_air_bits_per_s:.4g} bit/s on air, "

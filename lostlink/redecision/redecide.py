@@ -42,7 +42,7 @@ from lostlink.reading.coded import Columns, joined
 from lostlink.reading.decisions import TOO_LONG, TRANSPORT, Decisions, tick_of
 from lostlink.reading.positions import Positions
 from lostlink.reading.sent import SentPackets
-from lostlink.redecision.comparison import Comparison, compare_decisions
+from lostlink.redecision.comparison import DecisionComparison, compare_decisions
 from lostlink.redecision.settling import settle
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Redecision:
     checks: tuple[Check, ...]
 
     @cached_property
-    def comparison(self) -> Comparison:
+    def comparison(self) -> DecisionComparison:
         """Before and after, side by side."""
         return compare_decisions(self.before, self.after, self.ledger.bins())
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lostlink.flight.verdict import RunVerdict, verdict_of
-from lostlink.redecision.comparison import BinChange, Comparison, LinkChange
+from lostlink.redecision.comparison import BinChange, DecisionComparison, LinkChange
 from lostlink.redecision.redecide import Redecision
 
 SCHEMA = 1
@@ -36,7 +36,7 @@ def _checks(result: Redecision) -> list[dict[str, Any]]:
     return [check._asdict() | {"passed": check.passed} for check in result.checks]
 
 
-def print_tables(comparison: Comparison) -> None:
+def print_tables(comparison: DecisionComparison) -> None:
     """Print them to stdout."""
     console = Console()
     console.print(_links_table(comparison.links))
@@ -44,7 +44,7 @@ def print_tables(comparison: Comparison) -> None:
         console.print(_bins_table(comparison.bins))
 
 
-def sentence(comparison: Comparison) -> str:
+def sentence(comparison: DecisionComparison) -> str:
     """How much is other than it was."""
     if comparison.changed:
         changes = sorted(comparison.changes, key=lambda c: -c["packets"])

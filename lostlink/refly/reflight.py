@@ -48,7 +48,7 @@ class Fly(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ReflightPlan:
     """A recorded run that can be flown again.
 
     Attributes:
@@ -71,7 +71,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Reflight:
     """The run that was flown again.
 
     Attributes:
@@ -98,7 +98,7 @@ class Interrupted(Exception):
     """The new flight was interrupted: there is nothing to compare."""
 
 
-def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
+def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
     """See that the run in ``run`` can be flown again.
 
     Args:
@@ -123,18 +123,18 @@ def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
-    return Plan(run, scenario, extent_of(run), tuple(remarks))
+    return ReflightPlan(run, scenario, extent_of(run), tuple(remarks))
 
 
 def fly_again(
-    planned: Plan,
+    planned: ReflightPlan,
     directory: RunDirectory,
     fly: Fly,
     *,
     ardupilot_dir: Path | None = None,
     quiet: bool = True,
     on_progress: OnProgress | None = None,
-) -> Outcome:
+) -> Reflight:
     """Fly the plan into ``directory`` and compare the two runs.
 
     Raises:
@@ -156,7 +156,7 @@ def fly_again(
     comparison = examine(
         planned.run, directory.path, extent.stop_ns, a_was_cut=extent.was_cut, on_progress=on_progress
     )
-    return Outcome(directory, summary, comparison, _other_ending(extent, summary), remarks)
+    return Reflight(directory, summary, comparison, _other_ending(extent, summary), remarks)
 
 
 def _other_ending(extent: Extent, summary: Mapping[str, Any]) -> str:

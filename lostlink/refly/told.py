@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from lostlink.compare import told
-from lostlink.refly.reflight import Outcome, Plan
+from lostlink.refly.reflight import Reflight, ReflightPlan
 
 
-def as_text(planned: Plan, outcome: Outcome) -> str:
+def as_text(planned: ReflightPlan, outcome: Reflight) -> str:
     """One line if nothing is other, else the first difference, and how the endings differ."""
     compared = told.as_text(outcome.comparison, planned.run, outcome.directory.path)
     until = "" if outcome.comparison.difference is not None else planned.extent_told
     return f"{compared}{until}" + (f"\n{outcome.other_ending}" if outcome.other_ending else "")
 
 
-def as_plain(planned: Plan, outcome: Outcome) -> dict[str, Any]:
+def as_plain(planned: ReflightPlan, outcome: Reflight) -> dict[str, Any]:
     """In plain types, for --json."""
     return told.as_plain(outcome.comparison) | {
         "run": str(planned.run),

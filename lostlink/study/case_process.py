@@ -1,7 +1,7 @@
 """One run of a study, in a process of its own: ``python -m lostlink.study.case_process DIRECTORY``.
 
-The directory has `plan.json` (`Plan`). What came of it goes to `result.json`, written as a whole when the run is over
-and measured, so that whoever finds one need not fly again. An interrupted run leaves none.
+The directory has `plan.json` (`CasePlan`). What came of it goes to `result.json`, written as a whole when the run is
+over and measured, so that whoever finds one need not fly again. An interrupted run leaves none.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ RUN_FOLDER = "run"
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class CasePlan:
     """What a case's process is to do.
 
     Attributes:
@@ -56,7 +56,7 @@ class Plan:
         write_whole(directory / PLAN_FILE, {**content, "ardupilot_dir": self.ardupilot_dir})
 
     @classmethod
-    def read(cls, directory: Path) -> Plan:
+    def read(cls, directory: Path) -> CasePlan:
         """What was put there."""
         content = json.loads((directory / PLAN_FILE).read_text(encoding="utf-8"))
         functions = tuple(Function(file=Path(file), name=name) for file, name in content["metrics"])
@@ -82,7 +82,7 @@ def read_result(directory: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) else None
 
 
-def is_done(directory: Path, plan: Plan) -> bool:
+def is_done(directory: Path, plan: CasePlan) -> bool:
     """Whether the case was flown to its end and measured by the code that there is now."""
     result = read_result(directory)
     return result is not None and not result["failure"] and result["measures"] == plan.measures
@@ -102,7 +102,7 @@ def fly_case(directory: Path) -> int:
     """
     with (directory / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        plan = Plan.read(directory)
+        plan = CasePlan.read(directory)
         if is_done(directory, plan):
             return 0
         (directory / RESULT_FILE).unlink(missing_ok=True)
@@ -124,7 +124,7 @@ def fly_case(directory: Path) -> int:
         return 1 if result["failure"] else 0
 
 
-def _measured(path: Path, plan: Plan) -> dict[str, Any]:
+def _measured(path: Path, plan: CasePlan) -> dict[str, Any]:
     metrics: dict[str, Any] = {}
     try:
         run = load_run(path)
@@ -137,7 +137,9 @@ def _measured(path: Path, plan: Plan) -> dict[str, Any]:
         return _result(plan, metrics, {}, metrics.get("error") or _told(error))
 
 
-def _result(plan: Plan, metrics: dict[str, Any], timing: dict[str, float], failure: str) -> dict[str, Any]:
+def _result(
+    plan: CasePlan, metrics: dict[str, Any], timing: dict[str, float], failure: str
+) -> dict[str, Any]:
     return {"failure": failure, "measures": plan.measures, "metrics": metrics, "timing": timing}
 
 
@@ -151,7 +153,7 @@ def _recorded(directory: Path) -> Path | None:
     return link.resolve() if link.is_symlink() and link.is_dir() else None
 
 
-def _flown(plan: Plan, directory: Path) -> Path | None:
+def _flown(plan: CasePlan, directory: Path) -> Path | None:
     """Fly where no other run's ports are; None if that was interrupted.
 
     The link `RUN_FOLDER` leads to the run if it came to an end.

@@ -12,12 +12,12 @@ import click
 from bridge.fleet.supervisor import FleetError, preflight
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
-from lostlink.cli.flying.run import SpeedType
+from lostlink.cli.flying.run import SpeedOption
 from lostlink.compare.told import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
 
 if TYPE_CHECKING:
-    from lostlink.refly.reflight import Fly, Outcome, Plan
+    from lostlink.refly.reflight import Fly, Reflight, ReflightPlan
 
 EXIT_INTERRUPTED = 130
 
@@ -37,7 +37,7 @@ EXIT_INTERRUPTED = 130
 )
 @click.option(
     "--speed",
-    type=SpeedType(),
+    type=SpeedOption(),
     default="max",
     show_default=True,
     help="Real-time factor, or max: as fast as this machine can. The result does not depend on it.",
@@ -102,14 +102,14 @@ def _flight() -> Fly:
     return fly
 
 
-def _tell_before(planned: Plan, directory: RunDirectory, *, silent: bool) -> None:
+def _tell_before(planned: ReflightPlan, directory: RunDirectory, *, silent: bool) -> None:
     for remark in planned.remarks:
         tell(remark)
     if not silent:
         click.echo(f"flies {planned.run} again{planned.extent_told}, into {directory.path}")
 
 
-def _report(planned: Plan, outcome: Outcome, *, as_json: bool) -> NoReturn:
+def _report(planned: ReflightPlan, outcome: Reflight, *, as_json: bool) -> NoReturn:
     from lostlink.refly.told import as_plain, as_text
 
     for remark in outcome.remarks:

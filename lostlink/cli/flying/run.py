@@ -23,7 +23,7 @@ from lostlink.flight.summary import expectation_lines
 from lostlink.view.beside import PORT, VIEW_LOG, NoView, ViewProcess
 
 
-class SpeedType(click.ParamType[float | str]):
+class SpeedOption(click.ParamType[float | str]):
     """A real-time factor, or max."""
 
     name = "X|max"
@@ -44,7 +44,7 @@ class SpeedType(click.ParamType[float | str]):
     type=click.Path(path_type=Path, exists=True, file_okay=False),
     help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
 )
-@click.option("--speed", type=SpeedType(), help="Real-time factor, or max: as fast as this machine can.")
+@click.option("--speed", type=SpeedOption(), help="Real-time factor, or max: as fast as this machine can.")
 @click.option(
     "--coupling",
     type=click.Choice(get_args(Coupling)),

@@ -23,8 +23,7 @@ from bridge.bus.messages import (
 from bridge.bus.session import Sample, Session, Stamp
 from bridge.run.access import Access
 from lostlink.view.picture.fleet_view import FleetView
-from lostlink.view.sources import logged_queue
-from lostlink.view.sources.logged_queue import LoggedQueue
+from lostlink.view.sources.logged_queue import LoggedQueue, LoggedSample
 
 WAITING_MAX = 4_000
 """Samples that may wait to be taken; the oldest give way."""
@@ -128,7 +127,7 @@ class LiveSource:
         if stamp is not None:
             name = key.rpartition("/")[2]
             payload = sample.payload.to_bytes()
-            self._logged.push(logged_queue.Sample(self._keys.node_of(key), name, stamp.sim_time_ns, payload))
+            self._logged.push(LoggedSample(self._keys.node_of(key), name, stamp.sim_time_ns, payload))
 
     async def read_logged(self) -> None:
         """Take what agents log, now and then, until cancelled."""

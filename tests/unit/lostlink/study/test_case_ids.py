@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lostlink.study.case_process import RESULT_FILE, Plan, write_whole
+from lostlink.study.case_process import RESULT_FILE, CasePlan, write_whole
 from lostlink.study.study import Study
 from tests.unit.bridge.scenario.test_named_files import made
 
@@ -36,7 +36,7 @@ def finish(folder: Path) -> None:
     ours = Study(folder / "study.yaml", folder)
     for case in ours.cases:
         ours.path(case).mkdir(parents=True, exist_ok=True)
-        result = {"failure": "", "measures": Plan("", (), "all").measures, "metrics": {}, "timing": {}}
+        result = {"failure": "", "measures": CasePlan("", (), "all").measures, "metrics": {}, "timing": {}}
         write_whole(ours.path(case) / RESULT_FILE, result)
 
 
