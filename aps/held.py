@@ -28,6 +28,7 @@ from aps.base import DaemonBase
 from aps.config import DaemonConfig
 from aps.inputs import Input, InputQueue
 from aps.links.address import parse_autopilot
+from aps.links.called import CalledClient, CalledLink
 from aps.links.held import HeldLink
 from aps.links.link import Link
 from aps.links.outbox import FrameQueue
@@ -76,13 +77,16 @@ class HeldDaemon(DaemonBase):
     Args:
         config: its settings.
         takes_input: whether what clients send is taken; see ``takes_input``.
+        autopilot: one in this process, to be called in place of connecting to the address of ``config``.
 
     Raises:
         ValueError: a setting is out of range.
         OSError: the port is taken (on entering the context), or the tlog cannot be written.
     """
 
-    def __init__(self, config: DaemonConfig, *, takes_input: bool = True) -> None:
+    def __init__(
+        self, config: DaemonConfig, *, takes_input: bool = True, autopilot: CalledClient | None = None
+    ) -> None:
         address = parse_autopilot(config.autopilot)
         if address.kind != "tcp" or config.more_autopilots:
             raise ValueError(
@@ -92,7 +96,12 @@ class HeldDaemon(DaemonBase):
             raise ValueError(
                 "a held autopilot's link cannot be signed: signatures have the time of the machine"
             )
-        self.link = HeldLink(address, config.queue_limit_bytes)
+        limit_bytes = config.queue_limit_bytes
+        self.link = (
+            HeldLink(address, limit_bytes)
+            if autopilot is None
+            else CalledLink(autopilot, address, limit_bytes)
+        )
         self._now_ns = 0
         super().__init__(config, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
         self.commands.ftp = False

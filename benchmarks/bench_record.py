@@ -16,16 +16,14 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.radio.deliveries import FATES, DeliveryColumns
-from bridge.record.tables.parquet import finish_tables, read_table
-from bridge.record.tables.schema import DELIVERIES
-
-Columns = dict[str, NDArray[Any]]
+from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter
+from bridge.record.tables.every import finish_tables
+from bridge.record.tables.reader import read_batches
+from bridge.record.tables.schema import Columns
 
 
 def fleet_columns(nodes: int, ticks: int, seed: int = 1) -> Iterator[Columns]:
@@ -61,7 +59,7 @@ def in_steps(values: NDArray[np.float64], steps: float) -> NDArray[np.float64]:
 
 
 def _append(run: Path, nodes: list[str], ticks: list[Columns]) -> None:
-    writer = DeliveryColumns(run, nodes)
+    writer = DeliveryWriter(run, nodes)
     for columns in ticks:
         writer.append(len(columns["tx"]), **columns)
     writer.close()
@@ -80,7 +78,7 @@ def _csv(run: Path, nodes: list[str], ticks: list[Columns]) -> None:
 
 
 def _read(run: Path) -> int:
-    return sum(len(batch["per"]) for batch in read_table(run, DELIVERIES))
+    return sum(len(batch["per"]) for batch in read_batches(run, DELIVERIES))
 
 
 def measure(nodes: int, rows: int, rounds: int) -> dict[str, float]:

@@ -30,7 +30,9 @@ def measure(run: Path, rounds: int) -> dict[str, Any]:
     }
     seconds["redecide, as recorded"] = _best(rounds, lambda: redecide(run).comparison)
     seconds["open"] = _best(rounds, lambda: Player.open(run))
-    seconds["seek to the middle"] = _best(rounds, lambda: player.seek((player.begin_ns + player.end_ns) // 2))
+    seconds["read states"] = _best(1, lambda: player.states)
+    middle_ns = (player.begin_ns + player.end_ns) // 2
+    seconds["seek to the middle, states"] = _best(rounds, lambda: player.seek(middle_ns).states())
     seconds["play, nothing looked at"] = _best(rounds, lambda: _play(run, everything=False))
     seconds["play, everything looked at"] = _best(rounds, lambda: _play(run, everything=True))
     return {

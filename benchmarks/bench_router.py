@@ -38,10 +38,10 @@ from bridge.bus.messages import AircraftState, DataPackage, Header, Quaternion, 
 from bridge.bus.reception import Reception
 from bridge.bus.session import Session, Stamp, free_port, open_client, open_router
 from bridge.host.node import Packet, Received, give_packets
-from bridge.radio.deliveries import DeliveryColumns
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import VirtualRadio
+from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.model import Transmit
 from bridge.scenario.nodes import Aircraft
@@ -66,7 +66,7 @@ class Router:
         medium = Medium(radio, seed=1, nodes=nodes)
         self.core = VirtualRadio(medium, Ring(nodes), dict.fromkeys(nodes, 65535))
         self._publisher = TickPublisher(session, KEYS, nodes, {HOST: nodes})
-        self._writer = DeliveryColumns(folder, nodes)
+        self._writer = DeliveryWriter(folder, nodes)
         self.close = self._writer.close
         self.deliveries = 0
 
@@ -89,7 +89,7 @@ class Router:
         settled = self.core.settle()
         self._publisher.to_nodes(sim_time_ns, settled)
         self._publisher.to_observers(sim_time_ns, settled, self.core.ledger, self.core.radios_off)
-        self._writer.write(settled)
+        self._writer.write(settled.columns, settled.gaps)
         self.core.transmitted.clear()
         self.deliveries += int(np.count_nonzero(settled.receptions.fate == 0))
 

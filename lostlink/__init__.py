@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from bridge.agents.agent import Agent
     from bridge.agents.beside import connect_ua
     from bridge.agents.client import UaClient
-    from bridge.fleet.supervisor import FleetError
+    from bridge.fleet.course import FleetError
     from bridge.scenario.file import ScenarioError
     from lostlink.flight.scripted import RunResult, fly
     from lostlink.reading.run import NoRun, Run, load_run
@@ -33,7 +33,7 @@ __all__ = [
 
 _PLACES = {
     "Agent": "bridge.agents.agent",
-    "FleetError": "bridge.fleet.supervisor",
+    "FleetError": "bridge.fleet.course",
     "NoRun": "lostlink.reading.run",
     "Redecision": "lostlink.redecision.redecide",
     "Run": "lostlink.reading.run",

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from standin.autopilot import Autopilot
+from standin.called import CalledStandIn
 from standin.control.mixer import UnknownFrameError
 from standin.process import Process, StandinError
 from standin.sockets import AutopilotSockets
@@ -42,13 +43,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         process.run()
     except StandinError as error:
-        failed = options[served.index(error.autopilot)]
+        failed = options[[one.name for one in served].index(error.autopilot)]
         _tell(failed, traceback.format_exc())
         print(f"{error}; its log is {failed.log}" if failed.log else error, file=sys.stderr)
         return EXIT_FAILED
     finally:
         process.close()
     return 0
+
+
+def called_standins(options: Sequence[Sequence[str]]) -> list[CalledStandIn]:
+    """Stand-ins to be called, from the options of each; ports and logs do not matter.
+
+    Raises:
+        UnknownFrameError: one has a frame that the stand-in cannot fly.
+    """
+    parsed = [_parser().parse_args(_split(words)[0]) for words in options]
+    return [CalledStandIn(_autopilot(one), one.name or f"system {one.sysid}") for one in parsed]
 
 
 def _split(words: Sequence[str]) -> list[list[str]]:
@@ -80,14 +91,17 @@ def _tell(options: argparse.Namespace, text: str) -> None:
             log.write(text)
 
 
-def _prepare(options: argparse.Namespace) -> AutopilotSockets:
+def _autopilot(options: argparse.Namespace) -> Autopilot:
     parameters = StandinParameters()
     for name, value in options.parameter:
         parameters.set(name, value)
     parameters.set("MAV_SYSID", options.sysid)
-    autopilot = Autopilot(
-        options.home, parameters, frame_rate_hz=options.rate_hz, boot_unix_us=options.start_time * 1_000_000
-    )
+    boot_unix_us = options.start_time * 1_000_000
+    return Autopilot(options.home, parameters, frame_rate_hz=options.rate_hz, boot_unix_us=boot_unix_us)
+
+
+def _prepare(options: argparse.Namespace) -> AutopilotSockets:
+    autopilot = _autopilot(options)
     physics, mavlink = (options.fdm_host, options.fdm_port), (options.host, options.mavlink_port)
     return AutopilotSockets(autopilot, physics, mavlink, options.name or f"system {options.sysid}")
 

@@ -24,11 +24,11 @@ class StandinError(Exception):
     """The code of one autopilot failed; the cause is chained.
 
     Attributes:
-        autopilot: which.
+        autopilot: its name.
     """
 
-    def __init__(self, autopilot: AutopilotSockets, cause: Exception) -> None:
-        super().__init__(f"{autopilot.name} cannot go on: {type(cause).__name__}: {cause}")
+    def __init__(self, autopilot: str, cause: Exception) -> None:
+        super().__init__(f"{autopilot} cannot go on: {type(cause).__name__}: {cause}")
         self.autopilot = autopilot
 
 
@@ -73,7 +73,7 @@ class Process:
                 try:
                     listens = one.turn()
                 except Exception as error:
-                    raise StandinError(one, error) from error
+                    raise StandinError(one.name, error) from error
                 if not listens:
                     resend_s = min(resend_s, now_s + KNOCK_AGAIN_S)
             now_s = monotonic()

@@ -11,6 +11,7 @@ import re
 import socket
 import struct
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, ClassVar, Self
@@ -64,6 +65,30 @@ class Stamp:
             return None
         seq, sim_time_ns, id_length, source = _ATTACHMENT.unpack_from(raw)
         return cls(seq, sim_time_ns, source.rstrip(b"\0")) if id_length == 16 else None
+
+
+def answer(query: Query, key: str, payload: bytes, encoding: str) -> bool:
+    """Reply to a query; returns False if whoever asked is gone."""
+    try:
+        query.reply(key, payload, encoding=encoding)
+    except zenoh.ZError:
+        return False
+    return True
+
+
+def refuse(query: Query, payload: bytes, encoding: str) -> bool:
+    """Reply to a query with an error; returns False if whoever asked is gone."""
+    try:
+        query.reply_err(payload, encoding=encoding)
+    except zenoh.ZError:
+        return False
+    return True
+
+
+def end_of_answers(query: Query) -> None:
+    """There will be no more replies."""
+    with suppress(zenoh.ZError):
+        query.drop()
 
 
 def free_port(host: str = "127.0.0.1") -> int:

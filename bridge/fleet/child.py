@@ -25,6 +25,7 @@ class ProcessSpec:
         cwd: its working directory; None for ours.
         environment: all of its environment variables; None for ours.
         stop_signal: how it is asked to end.
+        pass_fds: file descriptors that it inherits.
     """
 
     name: str
@@ -33,6 +34,7 @@ class ProcessSpec:
     cwd: Path | None = None
     environment: Mapping[str, str] | None = field(default=None, hash=False)
     stop_signal: signal.Signals = signal.SIGTERM
+    pass_fds: tuple[int, ...] = ()
 
 
 class Child:
@@ -58,6 +60,7 @@ class Child:
                 stderr=asyncio.subprocess.STDOUT,
                 cwd=spec.cwd,
                 env=spec.environment,
+                pass_fds=spec.pass_fds,
                 start_new_session=True,  # Ctrl-C reaches the supervisor only, which ends the others in order
             )
         return cls(spec, process)

@@ -14,12 +14,19 @@ import sys
 PR_SET_PDEATHSIG = 1
 
 
-def main() -> None:
-    """Make the wish, and become the program."""
-    parent, command = int(sys.argv[1]), sys.argv[2:]
+def end_with_parent() -> None:
+    """Have the kernel end this process with its parent, where it can."""
+    if sys.platform != "linux":
+        return
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) != 0:
         print(f"leash: prctl: {os.strerror(ctypes.get_errno())}; goes on without", file=sys.stderr)
+
+
+def main() -> None:
+    """Make the wish, and become the program."""
+    parent, command = int(sys.argv[1]), sys.argv[2:]
+    end_with_parent()
     if os.getppid() != parent:
         sys.exit("leash: whoever started this is gone")
     try:

@@ -6,6 +6,7 @@ import socket
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from bridge.fleet.how import calls_standins, has_bus
 from bridge.scenario.model import Scenario
 
 HOST = "127.0.0.1"
@@ -38,16 +39,18 @@ class PortUse:
 
 
 def ports_of(scenario: Scenario) -> Iterator[PortUse]:
-    """All ports that the run listens on, or expects its autopilots to."""
-    if scenario.ports.zenoh:
+    """All ports that the run listens on, or expects its autopilots to; autopilots that are called have none."""
+    called = calls_standins(scenario)
+    if scenario.ports.zenoh and has_bus(scenario):
         yield PortUse(scenario.ports.zenoh, "TCP", "Zenoh router", "ports.zenoh")
     fdm_setting = "ports.fdm" if scenario.fdm.scheme == "json" else "ports.first_slot"
     for ua in scenario.ua:
-        yield PortUse(scenario.fdm_port(ua), "UDP", f"flight dynamics of UA {ua.id}", fdm_setting)
+        if not called:
+            yield PortUse(scenario.fdm_port(ua), "UDP", f"flight dynamics of UA {ua.id}", fdm_setting)
         yield PortUse(scenario.aps_port(ua), "TCP", f"MAVLink server of UA {ua.id}", "ports.aps")
         if scenario.api:
             yield PortUse(scenario.api_port(ua), "TCP", f"HTTP API of UA {ua.id}", "ports.api")
-        if scenario.autopilot != "external":
+        if scenario.autopilot != "external" and not called:
             yield PortUse(scenario.autopilot_port(ua), "TCP", f"autopilot of UA {ua.id}", "ports.autopilot")
         if scenario.autopilot == "ardupilot":
             for serial, offset in ((1, 2), (2, 3)):

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from bridge.agents.client import LookAtStatus
 from bridge.agents.measurements import Measurement, measurements_by_node
@@ -45,22 +47,30 @@ def hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receive
 
 
 def _hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Receiver]) -> None:
+    ends = plain(heard.end)
     packets = [
         Packet(nodes[tx], channel, heard.data[begin:end], Stamp(seq, sim_time_ns))
         for tx, channel, (begin, end), seq, sim_time_ns in zip(
-            heard.tx, heard.channel, pairwise((0, *heard.end)), heard.seq, heard.sim_time_ns, strict=True
+            heard.tx, heard.channel, pairwise((0, *ends)), heard.seq, heard.sim_time_ns, strict=True
         )
     ]
     by_index = {index: receivers[node] for index, node in enumerate(nodes) if node in receivers}
-    for index, rx, rssi_dbm, snr_db in zip(heard.packet, heard.rx, heard.rssi_dbm, heard.snr_db, strict=True):
+    columns = (plain(each) for each in (heard.packet, heard.rx, heard.rssi_dbm, heard.snr_db))
+    for index, rx, rssi_dbm, snr_db in zip(*columns, strict=True):
         by_index[rx].packet_came(packets[index], rssi_dbm, snr_db)
-    for node, (begin, end) in zip(heard.status_of, pairwise((0, *heard.status_end)), strict=True):
+    for node, (begin, end) in zip(heard.status_of, pairwise((0, *plain(heard.status_end))), strict=True):
         by_index[node].comm_status_came(partial(_status, heard, nodes, nodes[node], begin, end))
     for node, measurements in measurements_by_node(heard.measurements).items():
         by_index[node].measurements_came(measurements)
 
 
 def _status(heard: Heard, nodes: Sequence[str], node: str, begin: int, end: int) -> CommunicationStatus:
-    others = tuple(nodes[other] for other in heard.status_node[begin:end])
+    others = tuple(nodes[other] for other in plain(heard.status_node[begin:end]))
     header = Header(heard.header.stamp, node)
-    return CommunicationStatus(header, others, tuple(heard.status_delivered[begin:end]))
+    return CommunicationStatus(header, others, tuple(plain(heard.status_delivered[begin:end])))
+
+
+def plain(values: Any) -> Sequence[Any]:
+    """Python's numbers: a message that was not on a bus has arrays, whose numbers would compute otherwise."""
+    found: Sequence[Any] = values.tolist() if isinstance(values, np.ndarray) else values
+    return found

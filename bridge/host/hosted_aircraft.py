@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from typing import Any
 
-import zenoh
-
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
+from aps.links.called import CalledClient
 from bridge.aircraft.aircraft_bridge import AircraftBridge
-from bridge.bus.inbox import Inbox
-from bridge.bus.session import Query, Session
 from bridge.host.hosted_node import HostedNode
-from bridge.host.node import ASKED_MAX
+from bridge.host.node import Outlets
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
@@ -28,9 +24,22 @@ log = logging.getLogger("host")
 
 
 class HostedAircraft(HostedNode):
-    """One UA."""
+    """One UA.
 
-    def __init__(self, session: Session, run: RunDirectory, config: Aircraft) -> None:
+    Args:
+        run: the run.
+        config: the UA as the scenario has it.
+        outlets: where what it says goes.
+        autopilot: one in this process; None: it listens on its port.
+    """
+
+    def __init__(
+        self,
+        run: RunDirectory,
+        config: Aircraft,
+        outlets: Outlets,
+        autopilot: CalledClient | None = None,
+    ) -> None:
         scenario, record = run.scenario, NodeRecord(run, config.node)
         self.daemon = HeldDaemon(
             DaemonConfig(
@@ -41,10 +50,11 @@ class HostedAircraft(HostedNode):
                 tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
                 tlog_name=config.node,
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
-            )
+            ),
+            autopilot=autopilot,
         )
         self._aircraft = AircraftBridge(self.daemon, config.node)
-        super().__init__(session, run, config, record, self._aircraft)
+        super().__init__(run, config, record, self._aircraft, outlets)
         self._api_port = scenario.api_port(config)
         self._api = AsyncExitStack()
         self.daemon.on_bytes = record.write_mavlink
@@ -75,26 +85,13 @@ class HostedAircraft(HostedNode):
             )
             log.info("API of UA %s at http://127.0.0.1:%d", self.id, self._api_port)
 
-    def serve(self) -> None:
-        """Take operators' commands, and questions for MAVLink."""
-        super().serve()
-        looked_at: Inbox[Query] = Inbox(asyncio.get_running_loop(), self._look, limit=ASKED_MAX)
-        self._session.serve(self._keys.mavlink(self.id, "*"), looked_at.push)
+    def last_message(self, name: str) -> dict[str, Any] | None:
+        """The last MAVLink message of a type that the autopilot sent; None if there is none.
 
-    def _look(self, query: Query) -> None:
-        """The last MAVLink message of a type: nothing is asked of the autopilot, so nothing is recorded."""
-        name = str(query.key_expr).rsplit("/", 1)[1]
-        try:
-            found = self._aircraft.last_message(name)
-        except ValueError:
-            found = None
-        try:
-            if found is not None:
-                key = self._keys.mavlink(self.id, name)
-                query.reply(key, json.dumps(found).encode(), encoding="application/json")
-            query.drop()
-        except zenoh.ZError as error:
-            log.warning("mavlink/%s: whoever asked is gone: %s", name, error)
+        Raises:
+            ValueError: there is no message of this name.
+        """
+        return self._aircraft.last_message(name)
 
     async def __aexit__(self, *exc: Any) -> None:
         """Close the daemon's sockets."""

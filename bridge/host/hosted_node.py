@@ -6,31 +6,15 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
 from typing import TYPE_CHECKING, Any
-
-import zenoh
 
 from bridge.agents import agent_class
 from bridge.agents.client import UaClient
 from bridge.agents.runner import AgentRunner
 from bridge.aircraft.body import Body
-from bridge.bus.inbox import Inbox
-from bridge.bus.messages import (
-    AgentStatus,
-    CommandEvent,
-    CommandGoal,
-    DecodeError,
-    Header,
-    decode,
-    encode,
-    encoding_of,
-)
-from bridge.bus.session import Query, Session
-from bridge.host.node import ASKED_MAX, AgentOutlet, Node, OnReply
+from bridge.bus.messages import AgentStatus, Header
+from bridge.host.node import AgentOutlet, Node, Outlets
 from bridge.host.node_record import NodeRecord
-from bridge.host.outlets import ZenohOutlets
-from bridge.record.input_fields import VERBS
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import current_node
@@ -48,28 +32,31 @@ class HostedNode:
     """One node that the clock waits for.
 
     Args:
-        session: of the host.
         run: the run.
         config: the node as the scenario has it.
         record: of the node.
         body: its aircraft, or what it has in its place.
+        outlets: where what it says goes.
+
+    Attributes:
+        asks_dropped: how many commands found no room before they came to the node.
     """
 
     def __init__(
         self,
-        session: Session,
         run: RunDirectory,
         config: Aircraft | GroundNode,
         record: NodeRecord,
         body: Body,
+        outlets: Outlets,
     ) -> None:
         self.id = config.node
         self._config, self._scenario = config, run.scenario
-        self._session, self._keys = session, run.keys
         self._loop = asyncio.get_running_loop()
         self._record = record
         self._agent_folder = run.agent_folder(config.node)
-        self._outlets = ZenohOutlets(session, run.keys, config.node)
+        self._outlets = outlets
+        self.asks_dropped: Callable[[], int] = lambda: 0
         self.node = Node(config.node, body, self._outlets, record)
         self.runner: AgentRunner | None = None
         self._flush = Every(FLUSH_PERIOD_S)
@@ -115,15 +102,6 @@ class HostedNode:
         from channel.sensing.sensor import Sensor
 
         return Sensor(sensor_of(self._config.sensor, self._scenario.origin))
-
-    def serve(self) -> None:
-        """Take operators' commands."""
-        self._asked: Inbox[tuple[str, Query]] = Inbox(self._loop, self._asked_for, limit=ASKED_MAX)
-        for verb in VERBS:
-            self._session.serve(self._keys.command(self.id, verb), partial(self._push_asked, verb))
-
-    def _push_asked(self, verb: str, query: Query) -> None:
-        self._asked.push((verb, query))
 
     # Ticks.
 
@@ -172,31 +150,6 @@ class HostedNode:
         text = f"its aircraft bridge cannot go on: {error}"
         self._outlets.report(AgentStatus(Header.at(self._record.now_ns, self.id), text, failed=True))
 
-    # What comes for the node.
-
-    def _asked_for(self, item: tuple[str, Query]) -> None:
-        verb, query = item
-        reply = self._replies(verb, query)
-        try:
-            goal = decode(query.payload.to_bytes(), CommandGoal) if query.payload else CommandGoal()
-        except DecodeError as error:
-            reply(CommandEvent(CommandEvent.RESULT, False, str(error)))
-            return
-        self.node.operator_asked(verb, goal, reply)
-
-    def _replies(self, verb: str, query: Query) -> OnReply:
-        key = self._keys.command(self.id, verb)
-
-        def reply(event: CommandEvent) -> None:
-            try:
-                query.reply(key, encode(event), encoding=encoding_of(CommandEvent))
-                if event.phase == CommandEvent.RESULT:
-                    query.drop()
-            except zenoh.ZError as error:
-                log.warning("%s: whoever asked is gone: %s", verb, error)
-
-        return reply
-
     # The end.
 
     def statistics(self) -> Mapping[str, Any]:
@@ -208,6 +161,6 @@ class HostedNode:
         self._closed = True
         counters = {
             "messages_the_agent_could_not_read": 0 if self.runner is None else self.runner.ua.malformed,
-            "commands_dropped": self._asked.dropped + self.node.commands_dropped,
+            "commands_dropped": self.asks_dropped() + self.node.commands_dropped,
         }
         self._record.close(self.statistics(), counters)

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bridge.aircraft.state_table import StateRows
 from bridge.bus.messages import AgentStatus, AircraftState
 from bridge.record import names
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, RecordedInput, inputs_of
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.streams import StreamWriter
+from bridge.record.tables.states import StateWriter
 from bridge.run.directory import RunDirectory
 
 
@@ -48,8 +48,12 @@ class NodeRecord:
             if has_autopilot
         }
         self._logged = StreamWriter(names.logged(node).path(run.path))
-        self._states = StateRows(run.path, node)
-        self._writers: list[StreamWriter | StateRows] = [*self._mavlink.values(), self._logged, self._states]
+        self._states = StateWriter(run.path, node)
+        self._writers: list[StreamWriter | StateWriter] = [
+            *self._mavlink.values(),
+            self._logged,
+            self._states,
+        ]
 
     def write_mavlink(self, direction: str, data: bytes) -> None:
         """Bytes that were read from, or written to, the autopilot at this instant."""

@@ -8,20 +8,19 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from functools import partial
-from time import monotonic
 
 from bridge.bus.inbox import Inbox
 from bridge.bus.messages import Clock, DecodeError, Header, Heard, decode
 from bridge.bus.session import Sample, Session, open_client
 from bridge.host.arrivals import hand_out
-from bridge.host.hosted_aircraft import HostedAircraft
-from bridge.host.hosted_ground import HostedGround
+from bridge.host.hosted import hosted_node, stop_all
 from bridge.host.hosted_node import HostedNode
+from bridge.host.on_bus import AskedOnBus
+from bridge.host.outlets import ZenohOutlets
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import Arguments, log_clock, parse_arguments, run_until_stopped
-from bridge.scenario.nodes import Aircraft, GroundNode
-from bridge.timeouts import AGENT_END_S, START_S
+from bridge.timeouts import START_S
 
 log = logging.getLogger("host")
 _Came = tuple[Callable[[Sample], None], Sample]
@@ -33,7 +32,7 @@ async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: a
     report = Report(run.path, name)
     with open_client(run.info.endpoint, run.credentials(name), timeout_s=START_S) as session:
         async with AsyncExitStack() as stack:
-            hosted = [_hosted(session, run, node) for node in nodes]
+            hosted = [hosted_node(run, node, ZenohOutlets(session, run.keys, node)) for node in nodes]
             for one in hosted:
                 await stack.enter_async_context(one)
             listener = _Listener(run, name, hosted, report)
@@ -45,32 +44,11 @@ async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: a
             report.close()
 
 
-def _hosted(session: Session, run: RunDirectory, node: str) -> HostedNode:
-    config = run.scenario.node(node)
-    if isinstance(config, Aircraft):
-        return HostedAircraft(session, run, config)
-    assert isinstance(config, GroundNode), "emitters have no host"
-    return HostedGround(session, run, config)
-
-
-def stop_all(hosted: Sequence[HostedNode]) -> None:
-    """End all agents together, and write what is left of every record, whatever an agent does on its way out."""
-    runners = [one.runner for one in hosted if one.runner is not None]
-    for runner in runners:
-        runner.ask_to_stop()
-    until = monotonic() + AGENT_END_S
-    for runner in runners:
-        if not runner.join(until - monotonic()):
-            log.warning("the agent of node %s did not end", runner.ua.node)
-    for one in hosted:
-        one.close()
-
-
 class _Listener:
     """Hands what comes on Zenoh to the event loop, in one order over all keys."""
 
     def __init__(self, run: RunDirectory, name: str, hosted: Sequence[HostedNode], report: Report) -> None:
-        self._keys, self._name = run.keys, name
+        self._run, self._keys, self._name = run, run.keys, name
         self._stations = run.scenario.transceiver_ids
         self._hosted = {one.id: one for one in hosted}
         self._nodes = {one.id: one.node for one in hosted}
@@ -81,7 +59,7 @@ class _Listener:
     def listen(self, session: Session) -> None:
         """Subscribe."""
         for one in self._hosted.values():
-            one.serve()
+            AskedOnBus(session, self._run, one)
         session.subscribe(self._keys.heard(self._name), partial(self._push, self._heard_came))
         session.subscribe(self._keys.clock, partial(self._push, self._clock_came))
         session.subscribe(self._keys.clock_exchange, partial(self._push, self._exchange_came))

@@ -7,12 +7,11 @@ import threading
 from functools import partial
 from typing import Protocol
 
-import zenoh
-
 from bridge.bus.clock_commands import VERBS, ClockCommand, answer, read_command, refusal
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header
-from bridge.bus.session import Query, Session
+from bridge.bus.session import Query, Session, end_of_answers, refuse
+from bridge.bus.session import answer as answer_query
 from fdm.clock.status import check_speed
 
 REMIND_S = 1.0
@@ -68,14 +67,13 @@ class HeldClock:
             self._do(read_command(verb, query.payload.to_bytes() if query.payload else b""))
         except ValueError as mistake:
             error = refusal(mistake)
-        try:
-            if error is None:
-                query.reply(key, answer(self.sim_time_ns, self._speed, paused=self._paused), encoding=JSON)
-            else:
-                query.reply_err(error, encoding=JSON)
-            query.drop()
-        except zenoh.ZError as gone:
-            log.warning("%s: whoever asked is gone: %s", verb, gone)
+        if error is None:
+            told = answer_query(query, key, answer(self.sim_time_ns, self._speed, paused=self._paused), JSON)
+        else:
+            told = refuse(query, error, JSON)
+        if not told:
+            log.warning("%s: whoever asked is gone", verb)
+        end_of_answers(query)
 
     def _do(self, command: ClockCommand) -> None:
         if command.verb == "status":

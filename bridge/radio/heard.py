@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import Header, Heard
-from bridge.radio.measurements import Told, as_message
+from bridge.radio.measurements import as_message
 from bridge.radio.picture import Row
+from bridge.radio.radio import SettledTick
 from bridge.radio.virtual_radio import Settled
 from channel.medium.reception import DELIVERED
 
@@ -28,10 +29,9 @@ class Hosts:
         host_of = {node: index for index, name in enumerate(self.names) for node in groups[name]}
         self._host_of: NDArray[np.intp] = np.array([host_of.get(node, -1) for node in nodes], dtype=np.intp)
 
-    def shares(
-        self, sim_time_ns: int, settled: Settled, rows: Sequence[Row], told: Sequence[Told] = ()
-    ) -> dict[str, Heard]:
+    def shares(self, tick: SettledTick) -> dict[str, Heard]:
         """The message for each host for whose nodes there is something."""
+        sim_time_ns, settled, rows, told = tick.sim_time_ns, tick.settled, tick.rows, tick.told
         receptions = settled.receptions
         arrived = np.flatnonzero(receptions.fate == DELIVERED)
         hosts = self._host_of[receptions.rx[arrived]]

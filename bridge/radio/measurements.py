@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from bridge.bus.messages import Header, Measurements
-from bridge.record.tables.journal import TableWriter
-from bridge.record.tables.schema import MEASUREMENTS
+from bridge.record.tables.measurements import MeasurementWriter
 from bridge.run.directory import RunDirectory
 from channel.link.emitter import Emitter
 from channel.medium.medium import Medium
-from channel.sensing.measured import MEASURED, NOTHING, OUTCOMES, Measured, Places
+from channel.sensing.measured import MEASURED, NOTHING, Measured, Places
 from channel.sensing.sensing import Sensing
 from channel.sensing.sensor import SensorConfig
 from channel.sensing.settings import Identifies
@@ -106,44 +104,6 @@ def as_message(sim_time_ns: int, told: Sequence[Told], frame_id: str = "") -> Me
     )
 
 
-class MeasurementColumns:
-    """Writes what was measured, a row per sensor and emitter in its band.
-
-    Args:
-        run: the run directory.
-        sensors: ids of the nodes with sensors, as `Measured.sensor` counts them.
-        emitters: ids of the emitters, likewise.
-    """
-
-    def __init__(self, run: Path, sensors: Collection[str], emitters: Collection[str]) -> None:
-        labels = {
-            "node": tuple(sensors),
-            "emitter": tuple(emitters),
-            "outcome": tuple(each.value for each in OUTCOMES),
-        }
-        self._writer = TableWriter(run, MEASUREMENTS, labels)
-        self.flush, self.close = self._writer.flush, self._writer.close
-
-    def write(self, sim_time_ns: int, measured: Measured) -> None:
-        """Append the measurements of a tick."""
-        if not measured.size:
-            return
-        self._writer.append(
-            measured.size,
-            sim_time_ns=sim_time_ns,
-            node=measured.sensor,
-            emitter=measured.emitter,
-            number=measured.number,
-            distance_m=measured.distance_m,
-            mean_power_dbm=measured.mean_power_dbm,
-            shadowing_db=measured.shadowing_db,
-            fading_db=measured.fading_db,
-            reading_dbm=measured.reading_dbm,
-            power_dbm=measured.power_dbm,
-            outcome=measured.outcome,
-        )
-
-
 class SensorsOfRun:
     """The sensors of a run with the table that they fill.
 
@@ -152,7 +112,7 @@ class SensorsOfRun:
         table: which keeps what they do.
     """
 
-    def __init__(self, sensors: RfSensors, table: MeasurementColumns) -> None:
+    def __init__(self, sensors: RfSensors, table: MeasurementWriter) -> None:
         self._sensors = sensors
         self._table = table
         self.flush, self.close = table.flush, table.close
@@ -169,7 +129,7 @@ class SensorsOfRun:
         if not sensors:
             return None
         sensing = Sensing(sensors, emitters, seed=run.scenario.seed)
-        table = MeasurementColumns(run.path, sensing.sensors, [each.name for each in emitters])
+        table = MeasurementWriter(run.path, sensing.sensors, [each.name for each in emitters])
         return cls(RfSensors(sensing, [each.identifies for each in sensors.values()], medium), table)
 
     def measure(self, sim_time_ns: int) -> list[Told]:

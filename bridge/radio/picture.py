@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.bus.messages import CommunicationMatrix, CommunicationStatus, Fates, Header, Links
+from bridge.bus.messages import CommunicationMatrix, CommunicationStatus, Header, Links
+from bridge.record.tables.deliveries import DELIVERED, FIGURES
+from bridge.record.tables.schema import Columns
 from channel.medium.ledger import Ledger
-from channel.medium.reception import DELIVERED, FATES, Receptions
 
 LINK_PERIOD_NS = 200_000_000
 """How often link reports are published, sim time."""
-CAUSES = tuple(fate.value for fate in FATES)
 
 
 class Row(NamedTuple):
@@ -34,24 +34,16 @@ class Picture:
         self._known = np.zeros(shape, dtype=bool)
         self._delivered = np.zeros(shape, dtype=bool)
         self._changed = np.zeros(len(nodes), dtype=bool)
-        self._when = np.zeros(shape, dtype=np.int64)
         self._figures = np.full((4, *shape), np.nan)
 
-    def take(self, receptions: Receptions) -> None:
-        """Take fates in canonical order: the later ones stand."""
-        rx, tx = receptions.rx, receptions.packets.tx[receptions.packet]
+    def take(self, columns: Columns) -> None:
+        """Take rows of deliveries in canonical order, one per receiver and none of gaps: the later ones stand."""
+        rx, tx = columns["rx"], columns["tx"]
         self._known[rx, tx] = True
-        self._delivered[rx, tx] = receptions.fate == DELIVERED
+        self._delivered[rx, tx] = columns["fate"] == DELIVERED
         self._changed[rx] = True
-        self._when[rx, tx] = receptions.packets.sim_time_ns[receptions.packet]
-        columns = (
-            receptions.distance_m,
-            receptions.received_power_dbm,
-            receptions.snr_db,
-            receptions.per,
-        )
-        for kept, values in zip(self._figures, columns, strict=True):
-            kept[rx, tx] = values
+        for kept, name in zip(self._figures, FIGURES, strict=True):
+            kept[rx, tx] = columns[name]
 
     def changed(self) -> list[Row]:
         """The communication status of each node that got, or missed, a packet since the last call."""
@@ -92,33 +84,3 @@ class Picture:
             delivered.astype(np.uint64),
             np.flatnonzero(radios_off).astype(np.uint16),
         )
-
-
-def fates_message(
-    nodes: Sequence[str], sim_time_ns: int, receptions: Receptions, counted_bytes: NDArray[np.int64]
-) -> Fates:
-    """What a tick settled, as a message.
-
-    Args:
-        nodes: ids of all nodes.
-        sim_time_ns: the tick.
-        receptions: what it settled.
-        counted_bytes: lengths of ``receptions.packets`` as the error model counts them.
-    """
-    r, p = receptions, receptions.packets
-    return Fates(
-        Header.at(sim_time_ns, ""),
-        tuple(nodes),
-        CAUSES,
-        p.tx[r.packet].astype(np.uint16),
-        r.rx.astype(np.uint16),
-        p.seq[r.packet],
-        p.sim_time_ns[r.packet],
-        counted_bytes[r.packet].astype(np.uint32),
-        r.distance_m,
-        r.received_power_dbm,
-        r.snr_db,
-        r.per,
-        r.fate.tobytes(),
-        np.ones(len(r.rx), dtype=np.uint32),
-    )

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bridge.bus.keys import Keys
 from bridge.bus.reception import attachment
 from bridge.bus.session import Session, Stamp
-from bridge.radio.heard import Hosts
 from bridge.radio.measurements import Told, as_message
-from bridge.radio.picture import LINK_PERIOD_NS, Picture, Row, fates_message
+from bridge.radio.picture import LINK_PERIOD_NS, Row
+from bridge.radio.radio import Radio, SettledTick
 from bridge.radio.virtual_radio import Settled
-from channel.medium.ledger import Ledger
+from bridge.record.tables.deliveries import fates_message
+from bridge.run.directory import RunDirectory
 from channel.medium.reception import DELIVERED
 
 
@@ -23,19 +22,14 @@ class TickPublisher:
 
     Args:
         session: the router's.
-        keys: of the run.
-        nodes: ids of all nodes, in the order of their indices.
-        hosts: by name, the ids of their nodes.
+        run: the run.
+        radio: what is published.
     """
 
-    def __init__(
-        self, session: Session, keys: Keys, nodes: Sequence[str], hosts: Mapping[str, Sequence[str]]
-    ) -> None:
-        self._session = session
-        self._keys = keys
-        self._nodes = tuple(nodes)
-        self._hosts = Hosts(nodes, hosts)
-        self._picture = Picture(nodes)
+    def __init__(self, session: Session, run: RunDirectory, radio: Radio) -> None:
+        keys, nodes = run.keys, run.scenario.transceiver_ids
+        self._session, self._keys, self._nodes = session, keys, nodes
+        self._radio, self._picture = radio, radio.picture
         self._reported_ns = -LINK_PERIOD_NS
         self._wants_rx = [session.interest(keys.rx(node, "*", "*")) for node in nodes]
         self._wants_status = [session.interest(keys.comm_status(node)) for node in nodes]
@@ -44,15 +38,11 @@ class TickPublisher:
             name: session.interest(keys.tick(name)) for name in ("fates", "communication", "links")
         }
 
-    def to_nodes(self, sim_time_ns: int, settled: Settled, told: Sequence[Told] = ()) -> None:
-        """What nodes get at their next tick, with what their sensors tell: it goes out before the tick is released."""
-        self._picture.take(settled.receptions)
-        rows = self._picture.changed()
-        for host, share in self._hosts.shares(sim_time_ns, settled, rows, told).items():
-            self._session.put(self._keys.heard(host), share, must_arrive=True)
-        self._forward(settled)
-        self._tell_statuses(sim_time_ns, rows)
-        self._tell_measurements(sim_time_ns, told)
+    def to_nodes(self, tick: SettledTick) -> None:
+        """What nodes get at their next tick, for whoever subscribes: it goes out before the tick is released."""
+        self._forward(tick.settled)
+        self._tell_statuses(tick.sim_time_ns, tick.rows)
+        self._tell_measurements(tick.sim_time_ns, tick.told)
 
     def _forward(self, settled: Settled) -> None:
         """Put each packet that arrives where somebody beside the hosts listens, in canonical order."""
@@ -90,23 +80,15 @@ class TickPublisher:
                 message = as_message(sim_time_ns, mine, self._nodes[node])
                 self._session.put(self._keys.measurements(self._nodes[node]), message, must_arrive=True)
 
-    def to_observers(
-        self,
-        sim_time_ns: int,
-        settled: Settled,
-        ledger: Ledger,
-        radios_off: Callable[[int], NDArray[np.bool_]],
-        *,
-        is_end: bool = False,
-    ) -> None:
+    def to_observers(self, tick: SettledTick, *, is_end: bool = False) -> None:
         """What observers want to see: they can wait."""
+        sim_time_ns, settled = tick.sim_time_ns, tick.settled
         if self._wants["fates"]() and len(settled.receptions.rx):
-            fates = fates_message(self._nodes, sim_time_ns, settled.receptions, settled.counted_bytes)
+            fates = fates_message(sim_time_ns, self._nodes, settled.columns)
             self._session.put(self._keys.tick("fates"), fates)
         if self._wants["communication"]():
             self._session.put(self._keys.tick("communication"), self._picture.matrix(sim_time_ns))
         if is_end or sim_time_ns - self._reported_ns >= LINK_PERIOD_NS:
             self._reported_ns = sim_time_ns
             if self._wants["links"]():
-                links = self._picture.links(sim_time_ns, ledger, radios_off(sim_time_ns))
-                self._session.put(self._keys.tick("links"), links)
+                self._session.put(self._keys.tick("links"), self._radio.links(sim_time_ns))

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
 
+from bridge.record.tables.deliveries import Cause, Gap
 from channel.medium.reception import EVERYBODY
 
 MAX_GAP = 100_000
@@ -29,15 +29,6 @@ class Refused(StrEnum):
     REPEATED = "repeated_sequence_number"
     BACKWARDS = "stamped_before_the_one_before"
     OVERLOAD = "overload"
-
-
-class Cause(StrEnum):
-    """Causes of loss that are not the channel's."""
-
-    TRANSPORT = "transport"
-    """The packet left its sender and never came to the router: the host lost it, not the radio."""
-    TOO_LONG = "too_long"
-    """The packet is longer than the MTU of the sender's radio."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +53,6 @@ class TxPacket:
     def channel(self) -> str:
         """Last part of the keys."""
         return self.address.rpartition("/")[2]
-
-
-class Gap(NamedTuple):
-    """Packets of one sender that are lost before the channel: from ``first_seq`` on."""
-
-    sim_time_ns: int
-    tx: int
-    to: int
-    first_seq: int
-    packets: int
-    length_bytes: int
-    cause: Cause
 
 
 class Senders:

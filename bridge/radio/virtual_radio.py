@@ -10,7 +10,7 @@ because the host was slow, and a run does not depend on how fast it went.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,9 @@ from bridge.bus.keys import ALL, MAIN, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.ring import Closed, Ring
-from bridge.radio.senders import Cause, Gap, Refused, Senders, TxPacket
+from bridge.radio.senders import Refused, Senders, TxPacket
+from bridge.record.tables.deliveries import Cause, Gap, columns_of
+from bridge.record.tables.schema import Columns
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
@@ -40,13 +42,13 @@ class Settled:
         packets: those that were settled; ``receptions.packet`` is an index into them.
         receptions: their fates, as columns.
         gaps: packets that were lost before the channel.
-        counted_bytes: lengths of ``receptions.packets`` as the error model counts them.
+        columns: of the receptions, as the table of deliveries has them.
     """
 
     packets: Sequence[TxPacket]
     receptions: Receptions
     gaps: Sequence[Gap]
-    counted_bytes: NDArray[np.int64]
+    columns: Columns
 
 
 class VirtualRadio:
@@ -75,28 +77,49 @@ class VirtualRadio:
 
     # What comes in.
 
-    def on_truths(self, truths: Iterable[Truth]) -> None:
-        """Take the true states of nodes, in the fleet's frame."""
-        for truth in truths:
-            node, sim_time_ns = truth.header.frame_id, truth.header.stamp.ns
-            if node not in self._index and node not in self._emitters:
-                self.refused[Refused.UNKNOWN_NODE] += 1
-            elif not self._is_plausible(sim_time_ns):
+    def on_truths(self, truths: Sequence[Truth]) -> None:
+        """Take the true states of nodes, each once, in the fleet's frame."""
+        good = [truth for truth in truths if self._is_good(truth)]
+        nodes = [truth for truth in good if truth.header.frame_id in self._index]
+        emitters = [truth for truth in good if truth.header.frame_id in self._emitters]
+        one_by_one = [(self._observe_emitter, each) for each in emitters]
+        if nodes and not self._took(self._observe, nodes):
+            one_by_one += [(self._observe, each) for each in nodes]
+        for observe, each in one_by_one:
+            if not self._took(observe, [each]):
                 self.refused[Refused.MALFORMED] += 1
-            else:
-                self._observe(node, sim_time_ns, truth)
 
-    def _observe(self, node: str, sim_time_ns: int, truth: Truth) -> None:
-        q, place = truth.attitude, truth.position_ned_m.xyz
-        try:
-            if node in self._emitters:
-                self._medium.emitters.observe([node], sim_time_ns, [place])
-            else:
-                self._medium.observe(node, sim_time_ns, place, (q.w, q.x, q.y, q.z))
-        except ChannelInputError:  # numbers that no radio can work with
+    def _is_good(self, truth: Truth) -> bool:
+        node = truth.header.frame_id
+        if node not in self._index and node not in self._emitters:
+            self.refused[Refused.UNKNOWN_NODE] += 1
+        elif not self._is_plausible(truth.header.stamp.ns):
             self.refused[Refused.MALFORMED] += 1
         else:
-            self._latest_ns = max(self._latest_ns, sim_time_ns)
+            return True
+        return False
+
+    def _took(self, observe: Callable[[Sequence[Truth]], None], truths: Sequence[Truth]) -> bool:
+        """Whether they are numbers that a radio can work with."""
+        try:
+            observe(truths)
+        except ChannelInputError:
+            return False
+        self._latest_ns = max(self._latest_ns, *(truth.header.stamp.ns for truth in truths))
+        return True
+
+    def _observe(self, truths: Sequence[Truth]) -> None:
+        self._medium.observe(
+            [truth.header.frame_id for truth in truths],
+            np.array([truth.header.stamp.ns for truth in truths]),
+            [truth.position_ned_m.xyz for truth in truths],
+            [(q.w, q.x, q.y, q.z) for q in (truth.attitude for truth in truths)],
+        )
+
+    def _observe_emitter(self, truths: Sequence[Truth]) -> None:
+        [truth] = truths
+        place = truth.position_ned_m.xyz
+        self._medium.emitters.observe([truth.header.frame_id], truth.header.stamp.ns, [place])
 
     def on_packet(self, address: Address, payload: bytes, encoding: str, stamp: Stamp | None) -> bool:
         """Take a packet with its sender's stamp; returns whether it was. `settle` decides its fate."""
@@ -196,7 +219,7 @@ class VirtualRadio:
         done = receptions.packets
         packets = [self._in_flight.pop(key) for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
         gaps, self._gaps = sorted(self._gaps, key=_place_of), []  # whoever was first
-        return Settled(packets, receptions, gaps, self._medium.counted_bytes(done))
+        return Settled(packets, receptions, gaps, columns_of(receptions, self._medium.counted_bytes(done)))
 
     def _book_gap(self, gap: Gap) -> None:
         to = None if gap.to == EVERYBODY else self.nodes[gap.to]

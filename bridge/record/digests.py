@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bridge.record.names import streams_of
 from bridge.record.streams import open_stream
-from bridge.record.tables.schema import TABLES
+from bridge.record.tables.every import TABLES
 
 
 def digests(run: Path) -> dict[str, str]:

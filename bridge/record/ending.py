@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from bridge.record.events import KILLED, read_reports
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import TRUTH
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 
 WHOLE = ("done", "duration")
@@ -73,10 +75,8 @@ def last_whole_tick(run: Path) -> int | None:
     """
     if not TRUTH.is_in(run):
         return None
-    last: set[int] = set()
-    for batch in read_table(run, TRUTH, (TRUTH.tick,)):
-        last = set(sorted(last | set(batch[TRUTH.tick].tolist()))[-2:])
-    return min(last) if len(last) > 1 else None
+    ticks_ns = np.unique(read_columns(run, TRUTH, (TRUTH.tick,))[TRUTH.tick])
+    return int(ticks_ns[-2]) if len(ticks_ns) > 1 else None
 
 
 def _ending(run: Path) -> str | None:

@@ -11,11 +11,14 @@ import json
 import math
 import re
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from bridge.bus.keys import checked_chunk
 from bridge.bus.messages import AgentStatus, decode, encode
+from bridge.record import names
+from bridge.record.streams import decoded
 
 NAME_MAX: Final = 64
 TEXT_MAX: Final = 4096
@@ -158,3 +161,13 @@ def decode_logged(payload: bytes) -> LoggedValue | AgentStatus:
         return LoggedValue(name, checked_value(name, json.loads(payload[end:])))
     except (TypeError, RecursionError) as error:
         raise ValueError(f"not a value that an agent logged: {error}") from error
+
+
+def logged_of(run: Path, node: str) -> Iterator[tuple[int, LoggedValue | AgentStatus]]:
+    """What the agent of ``node`` logged in the run in ``run``, with the ticks; none if it has no such stream.
+
+    Raises:
+        StreamError, OSError: as `decoded`.
+        ValueError: the id cannot be one.
+    """
+    return decoded(names.logged(node).path(run), decode_logged)

@@ -8,8 +8,13 @@ and the packet's own bytes; all numbers are little-endian.
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
+
+from bridge.record import names
+from bridge.record.streams import decoded
 
 _HEAD: Final = struct.Struct("<qqH")
 CHANNEL_MAX_BYTES: Final = 0xFFFF
@@ -55,3 +60,13 @@ def decode_packet(entry: bytes) -> SentPacket:
     if len(entry) < end:
         raise ValueError(f"{len(entry)} bytes are too few for a channel's name of {length} bytes")
     return SentPacket(seq, sim_time_ns, entry[_HEAD.size : end].decode(), entry[end:])
+
+
+def packets_of(run: Path, node: str) -> Iterator[tuple[int, SentPacket]]:
+    """What ``node`` gave to the radio in the run in ``run``, with the ticks; none if it has no such stream.
+
+    Raises:
+        StreamError, OSError: as `decoded`.
+        ValueError: the id cannot be one.
+    """
+    return decoded(names.packets(node).path(run), decode_packet)

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, Self, TypeVar
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -34,6 +34,9 @@ ENTRY_HEAD_BYTES: Final = _HEAD.size
 PACKED: Final = ".zst"
 """Added to the name of a packed file."""
 PACK_LEVEL: Final = 3
+
+
+T = TypeVar("T")
 
 
 class StreamError(ValueError):
@@ -191,6 +194,21 @@ def read_stream(path: Path) -> Iterator[Entry]:
 def entries_of(path: Path) -> Iterator[Entry]:
     """As `read_stream`; no entries if there is no such stream."""
     return read_stream(path) if stream_exists(path) else iter(())
+
+
+def decoded(path: Path, decode: Callable[[bytes], T]) -> Iterator[tuple[int, T]]:
+    """The tick of each entry, and what its payload holds; none if there is no such stream.
+
+    Raises:
+        StreamError: the file is damaged, or an entry is not what ``decode`` takes.
+        OSError: it cannot be read.
+    """
+    for tick_ns, payload in entries_of(path):
+        try:
+            item = decode(payload)
+        except ValueError as error:
+            raise StreamError(f"{path}: at {tick_ns} ns: {error}") from error
+        yield tick_ns, item
 
 
 def _has_start(path: Path, start: bytes) -> bool:

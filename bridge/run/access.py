@@ -57,6 +57,10 @@ def access_of(run: str | Path, identity: str) -> Access:
         raise NoAccess(f"{directory.path} is no run: {error}") from error
     if not directory.is_live:
         raise NoAccess(f"the run {directory.path} is over")
+    if not info.endpoint:
+        raise NoAccess(
+            f"the run {directory.path} has no Zenoh beside it: fly it with --zenoh (zenoh: true in its scenario)"
+        )
     keyring = Keyring(Path(info.secrets))
     try:
         names = [known.name for known in keyring.identities]

@@ -56,14 +56,18 @@ class Arguments:
 class NodeLogs(logging.Handler):
     """Writes what is logged for a node to the node's own log, and the rest to stderr, the log of the process.
 
+    Args:
+        run: whose logs.
+        rest: where the rest goes, if not to stderr.
+
     A record's node is that of the context, or of the agent's thread.
     """
 
-    def __init__(self, run: RunDirectory) -> None:
+    def __init__(self, run: RunDirectory, rest: logging.Handler | None = None) -> None:
         super().__init__()
         self._run = run
         self._form = LogForm()
-        self._rest = logging.StreamHandler(sys.stderr)
+        self._rest = rest or logging.StreamHandler(sys.stderr)
         self._rest.setFormatter(self._form)
         self._of_nodes: dict[str, logging.Handler] = {}
 
@@ -85,18 +89,28 @@ class NodeLogs(logging.Handler):
         return handler
 
 
+def add_run_arguments(parser: argparse.ArgumentParser, name: str) -> None:
+    """The arguments that every process of a run has."""
+    parser.add_argument("--run-dir", required=True, help="directory that `lostlink run` made for the run")
+    parser.add_argument("--name", default=name, help="what the run calls this process")
+
+
+def log_to_files(arguments: argparse.Namespace) -> RunDirectory:
+    """The run of the arguments; from now on its log goes to the run's files and stderr."""
+    run = RunDirectory(Path(arguments.run_dir))
+    logging.basicConfig(level=logging.INFO, handlers=[NodeLogs(run)])
+    return run
+
+
 def parse_arguments(name: str, description: str, *, has_nodes: bool = False) -> Arguments:
     """The run's directory, the process's name, and the nodes that it serves. Sets up the log on stderr."""
     parser = argparse.ArgumentParser(prog=name, description=description)
-    parser.add_argument("--run-dir", required=True, help="directory that `lostlink run` made for the run")
-    parser.add_argument("--name", default=name, help="what the run calls this process")
+    add_run_arguments(parser, name)
     if has_nodes:
         parser.add_argument("--nodes", required=True, help="node ids of its UA, such as 0,1")
     arguments = parser.parse_args()
-    run = RunDirectory(Path(arguments.run_dir))
-    logging.basicConfig(level=logging.INFO, handlers=[NodeLogs(run)])
     nodes = tuple(arguments.nodes.split(",")) if has_nodes else ()
-    return Arguments(run, arguments.name, nodes)
+    return Arguments(log_to_files(arguments), arguments.name, nodes)
 
 
 def on_stop_signal(stop: Callable[[], object]) -> None:

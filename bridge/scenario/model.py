@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 import yaml
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, WithJsonSchema, field_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from bridge.scenario.expectations import Expectation
 from bridge.scenario.mcap import McapSettings
@@ -162,7 +170,9 @@ class Scenario(Part):
         duration_s: longest sim time; the run ends earlier when all tasks are done.
         tick_rate_hz: ticks per second of sim time: radio and agents.
         mavlink_rate_hz: how often MAVLink is exchanged with autopilots; as the ticks unless given.
-        hosts: processes for daemons and agents.
+        processes: whether all parts are called in one process or joined by Zenoh in many; no result depends on it.
+        zenoh: whether a run of one process has Zenoh beside it; auto = at a speed other than max, and for `free` nodes.
+        hosts: of many processes, those for daemons and agents.
         api: whether each UA's HTTP API is served.
         figure: whether the probability of delivery is drawn at the end.
         origin: zero of the fleet's north-east-down frame.
@@ -187,6 +197,8 @@ class Scenario(Part):
     duration_s: Positive
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
+    processes: Literal["auto", "one", "many"] = "auto"
+    zenoh: Literal["auto"] | bool = "auto"
     hosts: Annotated[int | str, BeforeValidator(_hosts), WithJsonSchema(HOSTS)] = "auto"
     api: bool = False
     figure: bool = True
@@ -248,10 +260,31 @@ class Scenario(Part):
             raise ValueError("there has to be a UA: the flight dynamics keep the time")
         return nodes
 
+    @model_validator(mode="after")
+    def _one_process_is_one(self) -> Self:
+        if self.processes == "one" and self.asks_for_processes:
+            raise ValueError(f"processes: one, and {self.asks_for_processes}: choose one of them")
+        return self
+
     @property
     def tick_period_ns(self) -> int:
         """Sim time between two ticks."""
         return 1_000_000_000 // self.tick_rate_hz
+
+    @property
+    def asks_for_processes(self) -> str:
+        """The first setting that wants processes of its own; "" if there is none."""
+        if any(node.agent.isolated for node in self.transceivers):
+            return "an agent with isolated: true"
+        if self.hosts != AUTO:
+            return f"hosts: {self.hosts}"
+        return "" if self.fdm.workers in (AUTO, 1) else f"fdm.workers: {self.fdm.workers}"
+
+    @property
+    def has_bus(self) -> bool:
+        """Whether a run of one process has Zenoh beside it; one of many processes always has."""
+        free = any(not node.has_agent for node in self.transceivers)
+        return free or self.speed != MAX if self.zenoh == AUTO else bool(self.zenoh)
 
     @property
     def exchange_period_ns(self) -> int:

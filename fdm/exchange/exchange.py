@@ -15,6 +15,7 @@ from fdm.clock.events import UaEvent
 from fdm.clock.fleet_clock import FleetClock, Peers
 from fdm.clock.status import ClockSettings, ClockStatus, check_speed, nanoseconds
 from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
+from fdm.exchange.called import CalledAutopilot, CalledSeat
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
 from fdm.exchange.placement import Placer
@@ -59,6 +60,8 @@ class Exchange:
         build_model: makes a flight model from airframe and home.
         sockets: the UA's sockets, if they are bound already, in the order of `aircraft`; the exchange's from now on.
         peers: the rest of the fleet, in other processes (see fdm.workers.fleet_exchange).
+        called: the UA's autopilots, in the order of `aircraft`, if they are called and not reached over UDP. Then each
+            UA flies from tick to tick in one go.
 
     Raises:
         PortInUseError: a port is taken.
@@ -86,10 +89,11 @@ class Exchange:
         build_model: BuildModel = JsbsimModel,
         sockets: Sequence[socket.socket] | None = None,
         peers: Peers | None = None,
+        called: Sequence[CalledAutopilot] = (),
     ) -> None:
         settings = ClockSettings(
             speed=speed,
-            window_ns=window_ns,
+            window_ns=tick_period_ns if called else window_ns,
             tick_period_ns=tick_period_ns,
             hold_ticks=hold_ticks,
             stall_timeout_ns=nanoseconds("stall_timeout_s", stall_timeout_s),
@@ -108,6 +112,7 @@ class Exchange:
         self._placer = Placer(placement, alone=peers is None)
         self._service = Service(self._clock, self._commands, on_truth, self._at_tick, on_event)
         self._seats = self._service.seats
+        self._called: list[CalledSeat] = []
         self._lone: Seat | None = None
         self._stopping = False
         self._poller = Poller()
@@ -115,18 +120,25 @@ class Exchange:
         self.listen(self._commands.fileno(), self._commands.drain)
         try:
             for index, spec in enumerate(aircraft):
-                self._add(spec, sockets[index] if sockets else bind(spec, host), build_model)
+                if called:
+                    self._add_called(spec, called[index], build_model)
+                else:
+                    self._add(spec, sockets[index] if sockets else bind(spec, host), build_model)
         except BaseException:
             self.close()
             raise
-        if len(self._seats) == 1:
-            (self._lone,) = self._seats.values()
+        self._choose_lone(speed)
+
+    def _choose_lone(self, speed: float) -> None:
+        seats = list(self._seats.values())
+        if len(seats) == 1 and isinstance(seats[0], Seat):
+            self._lone = seats[0]
             self._choose_reader(self._lone, speed)
 
     @property
     def ports(self) -> dict[int, int]:
         """UDP port of each UA, by its id."""
-        return {seat.aircraft.ua_id: seat.sock.getsockname()[1] for seat in self._seats.values()}
+        return {seat.aircraft.ua_id: seat.port for seat in self._seats.values()}
 
     def counters(self, ua_id: int) -> dict[str, int]:
         """What UA `ua_id` received and did so far, by reason (fdm.wire.lockstep.Verdict, fdm.exchange.seat)."""
@@ -150,17 +162,27 @@ class Exchange:
     def turn(self) -> None:
         """Once round the loop: wait until something is there to do, and do it. What `run` repeats."""
         lone = self._lone
-        if lone is None or lone.member.waiting or not lone.member.live:
+        if self._called:
+            self._call()
+        elif lone is None or lone.member.waiting or not lone.member.live:
             self._wait()
         elif self._wait_and_fly(lone):
             return
         self._service.progress()
         self._service.let_go_the_stalled()
 
+    def _call(self) -> None:
+        """Fly the called UA as far as they may; wait where none may."""
+        if not any(seat.packets for seat in self._called):
+            self._wait()
+        self._clock.update(time.monotonic_ns())
+        for seat in self._called:
+            self._service.hear_called(seat)
+
     def _at_tick(self, status: ClockStatus) -> None:
-        self._placer.at_tick(
-            self._seats.values(), self._clock.pace.speed, status.sim_time_ns, time.monotonic_ns()
-        )
+        if not self._called:
+            seats = [seat for seat in self._seats.values() if isinstance(seat, Seat)]
+            self._placer.at_tick(seats, self._clock.pace.speed, status.sim_time_ns, time.monotonic_ns())
         if self._on_tick is not None:
             self._on_tick(status)
 
@@ -195,10 +217,10 @@ class Exchange:
         seats = self._seats
         for fd, _ in ready:
             seat = seats.get(fd)
-            if seat is None:
-                self._listeners[fd]()
-            else:
+            if isinstance(seat, Seat):
                 self._service.hear(seat)
+            else:
+                self._listeners[fd]()
         self._service.start_without_the_absent()
 
     def stop(self) -> None:
@@ -211,7 +233,7 @@ class Exchange:
         self._stopping = True
         self._placer.give_back()
         for seat in self._seats.values():
-            seat.sock.close()
+            seat.close()
         self._poller.close()
         self._commands.close()
 
@@ -273,3 +295,11 @@ class Exchange:
             raise
         self._seats[sock.fileno()] = seat
         self._poller.register(sock.fileno())
+
+    def _add_called(self, spec: AircraftSpec, autopilot: CalledAutopilot, build_model: BuildModel) -> None:
+        member = self._clock.members[spec.ua_id]
+        seat = CalledSeat(
+            spec, autopilot, member, lambda: build_model(spec.airframe, spec.home), self._coupling
+        )
+        self._called.append(seat)
+        self._seats[-len(self._called)] = seat

@@ -86,6 +86,15 @@ class Seat:
             self.aircraft.count("send_failed")
             _log.debug("UA %d: reply not sent: %s", self.aircraft.ua_id, error)
 
+    @property
+    def port(self) -> int:
+        """Its UDP port."""
+        return int(self.sock.getsockname()[1])
+
+    def close(self) -> None:
+        """Close the socket."""
+        self.sock.close()
+
     def counters(self) -> dict[str, int]:
         """What the aircraft counted, and what the system dropped before."""
         counters = self.aircraft.counters()

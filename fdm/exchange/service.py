@@ -12,8 +12,9 @@ from fdm.clock.fleet_clock import FleetClock
 from fdm.clock.member import Member
 from fdm.clock.status import ClockStatus
 from fdm.errors import ModelDivergedError
+from fdm.exchange.called import CalledSeat
 from fdm.exchange.command_queue import CommandQueue
-from fdm.exchange.seat import Seat
+from fdm.exchange.seat import Seat as SocketSeat
 from fdm.model.truth import TrueState
 from fdm.wire.lockstep import STEPPING, ServoVerdict
 from fdm.wire.sensor_frame import decode_sensor_frame
@@ -25,6 +26,7 @@ DRAIN_MAX = 16
 BATCH = 8
 """UA that are stepped one after the other before they are answered: that keeps JSBSim in the processor's caches."""
 
+Seat = SocketSeat | CalledSeat
 _log = logging.getLogger(__name__)
 
 
@@ -37,7 +39,7 @@ class Service:
         on_truth, on_tick, on_event: see fdm.exchange.exchange.Exchange.
 
     Attributes:
-        seats: the UA, by the file descriptor of their socket.
+        seats: the UA, by the file descriptor of their socket; below 0 those that have none.
     """
 
     def __init__(
@@ -84,7 +86,16 @@ class Service:
             self._tell(EventKind.STALLED, member, "its autopilot does not answer")
             self.progress()
 
-    def hear(self, seat: Seat) -> None:
+    def hear_called(self, seat: CalledSeat) -> None:
+        """Take what a called autopilot answered, and fly on until its UA has to wait."""
+        member, packets = seat.member, seat.packets
+        while packets:
+            if member.live and not member.waiting:
+                self.take(seat, packets.popleft(), seat)
+            else:
+                self._act(seat, seat.aircraft.receive(packets.popleft(), seat, self._clock.wall_ns))
+
+    def hear(self, seat: SocketSeat) -> None:
         """Read datagrams of one UA until one asks for a step, or there are none."""
         for _ in range(DRAIN_MAX):
             try:

@@ -25,6 +25,7 @@ from fdm.clock.fleet_ticks import FleetTicks
 from fdm.clock.pace import NEVER_NS
 from fdm.clock.status import check_speed
 from fdm.exchange.aircraft_spec import AircraftSpec
+from fdm.exchange.called import CalledAutopilot
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.exchange import Exchange
 from fdm.exchange.seat import bind
@@ -283,12 +284,24 @@ def worker_count(workers: Workers, ua: int) -> int:
 
 
 def open_exchange(
-    aircraft: Sequence[AircraftSpec], *, workers: Workers = "auto", **settings: Unpack[ExchangeSettings]
+    aircraft: Sequence[AircraftSpec],
+    *,
+    workers: Workers = "auto",
+    called: Sequence[CalledAutopilot] = (),
+    **settings: Unpack[ExchangeSettings],
 ) -> Exchange | FleetExchange:
     """An exchange in this process, or spread over `workers` processes if that is more than one.
+
+    Args:
+        aircraft: the UA.
+        workers: how many processes; one, if autopilots are `called`.
+        called: see fdm.exchange.exchange.Exchange.
+        settings: of the exchange.
 
     Raises:
         As fdm.exchange.exchange.Exchange and FleetExchange.
     """
-    count = worker_count(workers, len(aircraft))
-    return FleetExchange(aircraft, workers=count, **settings) if count > 1 else Exchange(aircraft, **settings)
+    count = 1 if called else worker_count(workers, len(aircraft))
+    if count > 1:
+        return FleetExchange(aircraft, workers=count, **settings)
+    return Exchange(aircraft, called=called, **settings)

@@ -22,6 +22,8 @@ OPTIONS = {
     "radio": "--radio",
     "ports.first_slot": "--first-slot",
     "ports.zenoh": "--zenoh-port",
+    "processes": "--processes",
+    "zenoh": "--zenoh",
     "api": "--api",
     "mcap.write": "--mcap",
     "figure": "--figure",

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from bridge.record.names import Kind, Stream, streams_of
 from bridge.record.streams import Entry, read_stream
-from bridge.record.tables.schema import DELIVERIES, MEASUREMENTS, STATES, TABLES, TRUTH, Table
+from bridge.record.tables.every import TABLES
+from bridge.record.tables.schema import Table
+from bridge.record.tables.truth import TRUTH
 from lostlink.compare.difference import Comparison, Difference, seconds
 from lostlink.compare.explain import NOTHING, describe, explain
 from lostlink.compare.tables import compare_table
@@ -73,13 +75,7 @@ def examine(
         _check_run(run)
     work = _Work(run_a, run_b, NEVER_NS if until_ns is None else until_ns, a_was_cut, on_progress)
     in_a, in_b = set(streams_of(run_a)), set(streams_of(run_b))
-    parts: list[Stream | Table] = [
-        TRUTH,
-        *sorted(in_a | in_b, key=_order),
-        STATES,
-        MEASUREMENTS,
-        DELIVERIES,
-    ]
+    parts: list[Stream | Table] = [TRUTH, *sorted(in_a | in_b, key=_order), *TABLES[1:]]
     for each in parts:
         if isinstance(each, Stream):
             work.take(str(each), work.compare_stream(each, in_a, in_b))

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import Batch, Table
+from bridge.record.tables.reader import no_rows, read_batches
+from bridge.record.tables.schema import Columns, Table
 from lostlink.compare.difference import Difference
 from lostlink.compare.explain import NOTHING
 
@@ -63,8 +63,8 @@ class _Rows:
 
     def __init__(self, run: Path, table: Table, until_ns: int | None) -> None:
         self._names = [column.name for column in table.columns]
-        self._batches = _until(read_table(run, table), table, NEVER_NS if until_ns is None else until_ns)
-        self._batch: Batch = {name: np.empty(0) for name in self._names}
+        self._batches = _until(read_batches(run, table), table, NEVER_NS if until_ns is None else until_ns)
+        self._batch = no_rows(table)
         self._next = 0
         self.done = 0
 
@@ -77,7 +77,7 @@ class _Rows:
             self._batch, self._next = batch, 0
         return len(self._batch[self._names[0]]) - self._next
 
-    def take(self, count: int) -> Batch:
+    def take(self, count: int) -> Columns:
         """The next rows."""
         found = {name: values[self._next : self._next + count] for name, values in self._batch.items()}
         self._next += count
@@ -100,13 +100,13 @@ class _Rows:
         return {name: self._batch[name][self._next] for name in self._names}
 
 
-def _until(batches: Iterator[Batch], table: Table, until_ns: int) -> Iterator[Batch]:
+def _until(batches: Iterator[Columns], table: Table, until_ns: int) -> Iterator[Columns]:
     for batch in batches:
         early = batch[table.tick] <= until_ns
         yield batch if early.all() else {name: values[early] for name, values in batch.items()}
 
 
-def _first_difference(a: Batch, b: Batch, table: Table) -> tuple[int, str]:
+def _first_difference(a: Columns, b: Columns, table: Table) -> tuple[int, str]:
     """The first row that differs and its first such column; the number of rows and "" if none does."""
     count = len(a[table.tick])
     first, found = count, ""

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from bridge.record.tables.schema import TABLES
+from bridge.record.tables.every import TABLES
 from lostlink.compare.difference import Comparison, Difference, seconds
 
 SCHEMA = 1

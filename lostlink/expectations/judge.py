@@ -32,6 +32,7 @@ class Judgement:
         found: what the record has; None if it has nothing of the kind.
         unit: of ``found``: m, s, packets, or "".
         passed: whether it is as wanted.
+        error: why it could not be judged, if a table could not be read.
     """
 
     name: str
@@ -40,15 +41,23 @@ class Judgement:
     found: float | str | None
     unit: str
     passed: bool
+    error: str = ""
 
     def __str__(self) -> str:
+        if self.error:
+            return f"FAILED: {self.name}: wanted {self.wanted}, cannot be judged: {self.error}"
         found = f"{self.found:.4g}" if isinstance(self.found, float) else self.found
         told = "nothing of the kind" if self.found is None else f"{found} {self.unit}".strip()
         return f"{'ok' if self.passed else 'FAILED'}: {self.name}: wanted {self.wanted}, found {told}"
 
 
 def judge(
-    run: Path, scenario: Scenario, ending: str, expectations: Sequence[Expectation] | None = None
+    run: Path,
+    scenario: Scenario,
+    ending: str,
+    expectations: Sequence[Expectation] | None = None,
+    *,
+    as_far_as_possible: bool = False,
 ) -> list[Judgement]:
     """Judge the run in directory ``run``.
 
@@ -57,21 +66,14 @@ def judge(
         scenario: what was flown.
         ending: how it ended, as in summary.json.
         expectations: what to judge; those of the scenario unless given.
+        as_far_as_possible: what needs a table that cannot be read is not met, and says why.
 
     Raises:
-        TableError, OSError: a table is there and cannot be read.
+        TableError, OSError: a table cannot be read, unless ``as_far_as_possible``.
     """
     wanted = scenario.expectations if expectations is None else expectations
     judges = _Judge(PacketFinder(run, scenario), PlaceFinder(run, scenario), ending)
-    return [judges.judgement(each) for each in wanted]
-
-
-def unjudged(scenario: Scenario) -> list[Judgement]:
-    """The expectations of a run whose tables cannot be read: none of them is met."""
-    return [
-        Judgement(each.title, each.type, each.wanted, None, "", passed=False)
-        for each in scenario.expectations
-    ]
+    return [(judges.if_possible if as_far_as_possible else judges.judgement)(each) for each in wanted]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +86,14 @@ class _Judge:
         found, unit, passed = self._found(wanted)
         shown = round(found, 6) if isinstance(found, float) else found
         return Judgement(wanted.title, wanted.type, wanted.wanted, shown, unit, passed)
+
+    def if_possible(self, wanted: Expectation) -> Judgement:
+        try:
+            return self.judgement(wanted)
+        except (OSError, TableError) as error:
+            return Judgement(
+                wanted.title, wanted.type, wanted.wanted, None, "", passed=False, error=str(error)
+            )
 
     def _found(self, wanted: Expectation) -> tuple[float | str | None, str, bool]:
         match wanted:

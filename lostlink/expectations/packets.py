@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.record.tables.deliveries import TRANSPORT
 from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
 from bridge.scenario.model import Scenario
 from lostlink.reading.ages import received_ns, sawtooth
 from lostlink.reading.rows import LinkRows, link_rows
 
 DECIMALS_S = 9
-TRANSPORT = "transport"
-"""The fate of packets that were lost before the radio."""
 Mask = NDArray[np.bool_]
 
 
@@ -79,11 +78,12 @@ class PacketFinder:
 
     @cached_property
     def _received_ns(self) -> NDArray[np.int64]:
-        return received_ns(self._rows.columns["sim_time_ns"], self._tick_ns)
+        return received_ns(self._rows.columns, self._tick_ns)
 
     def lost_by_host(self) -> int:
         """Packets that never got to the radio, once per receiver."""
-        return int(self._rows.columns["packets"][self._rows.has_fate(TRANSPORT)].sum())
+        columns = self._rows.columns
+        return int(columns["packets"][columns["fate"] == TRANSPORT].sum())
 
     def _of(self, tx: str | None, rx: str | None) -> Mask:
         """Rows of a sender and receiver; None: any."""

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import TABLES, Column, Table, TableError
+from bridge.record.tables.every import TABLES
+from bridge.record.tables.reader import read_batches
+from bridge.record.tables.schema import Column, Table, TableError
 
 
 def export_csv(run: Path, folder: Path) -> list[Path]:
@@ -32,7 +33,7 @@ def _write(run: Path, table: Table, path: Path) -> Path:
     with partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(column.name for column in table.columns)
-        for batch in read_table(run, table):
+        for batch in read_batches(run, table):
             texts = [_texts(column, batch[column.name]) for column in table.columns]
             writer.writerows(zip(*texts, strict=True))
     partial.replace(path)

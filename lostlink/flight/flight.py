@@ -12,10 +12,12 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from bridge.bus.messages import Clock, Message
+from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.glance import Glance
-from bridge.fleet.supervisor import Ending, Fleet, FleetError, Observer
+from bridge.fleet.how import How
+from bridge.fleet.supervisor import Fleet, Observer
 from bridge.record.pack import pack_streams
-from bridge.record.tables.parquet import finish_tables
+from bridge.record.tables.every import finish_tables
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.scenario.model import Scenario
@@ -88,9 +90,13 @@ class Flight:
         scenario: what to fly.
         directory: where to, already there.
         watcher: who is told of it.
+        how: how the parts of the run are joined; None: as the scenario says.
     """
 
-    def __init__(self, scenario: Scenario, directory: RunDirectory, watcher: Watcher) -> None:
+    def __init__(
+        self, scenario: Scenario, directory: RunDirectory, watcher: Watcher, how: How | None = None
+    ) -> None:
+        self._how = how
         self.scenario = scenario
         self.directory = directory
         self.signal: signal.Signals | None = None
@@ -148,7 +154,7 @@ class Flight:
             self._watcher.on_message(message)
 
         observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance)
-        fleet = Fleet(self.scenario, self.directory, observer, ardupilot_dir, replay)
+        fleet = Fleet(self.scenario, self.directory, observer, ardupilot_dir, replay, self._how)
         if takes_signals:
             self._take_signals(fleet)
         self._take_charge(fleet)
@@ -161,12 +167,12 @@ class Flight:
                 self._loop = None
         for name in fleet.killed:
             text = f"{name} did not end in time and was killed; its log is {self.directory.log_path(name)}"
-            if name == "router":
+            if name == fleet.recorder:
                 ending = self._break_off(f"{text}; without its last part the record is not complete")
             else:
                 self._watcher.on_error(text)
-        self._unfinished = sorted(fleet.not_done)
-        return ending, fleet.sim_time_ns
+        self._unfinished = sorted(fleet.course.not_done)
+        return ending, fleet.course.sim_time_ns
 
     def _take_charge(self, fleet: Fleet) -> None:
         """From here on `interrupt` reaches the fleet."""

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import yaml
 from rich.console import Console
 
-from bridge.fleet.supervisor import preflight
+from bridge.fleet.preflight import preflight
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario, with_changes

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from bridge.radio.deliveries import LEDGER
+from bridge.radio.ledger_file import LEDGER
 from bridge.record.digests import digest_line, digests
 from bridge.record.events import read_reports
-from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
-from lostlink.expectations.judge import Judgement, judge, unjudged
+from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.verdict import UNJUDGED, verdict_of
 
 SCHEMA = 3
@@ -52,7 +51,7 @@ def summarise(
     judged = [row for row in ledger["bins"] if is_judged(row)]
     within = sum(not is_outside(row) for row in judged)
     found, reports = digests(run.path), read_reports(run.path)
-    judgements = _judgements(scenario, run, ending)
+    judgements = judge(run.path, scenario, ending, as_far_as_possible=True)
     verdict = verdict_of(ledger["checks"], ledger["links"], ending, judgements, unfinished)
     return {
         "schema": SCHEMA,
@@ -82,13 +81,6 @@ def summarise(
         "outcome": verdict.outcome,
         "verdict": verdict.text,
     }
-
-
-def _judgements(scenario: Scenario, run: RunDirectory, ending: str) -> list[Judgement]:
-    try:
-        return judge(run.path, scenario, ending)
-    except (OSError, TableError):
-        return unjudged(scenario)  # a run that broke off has told why already
 
 
 def expectation_lines(summary: dict[str, Any]) -> list[str]:

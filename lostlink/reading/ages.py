@@ -15,7 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lostlink.reading.rows import Columns, LinkRows
+from bridge.record.tables.deliveries import settled_ns
+from bridge.record.tables.schema import Columns
+from lostlink.reading.rows import LinkRows
 
 NS_PER_S: Final = 1e9
 SHARE: Final = 0.95
@@ -97,13 +99,12 @@ def _quantile(low: NDArray[np.float64], high: NDArray[np.float64], share: float)
     return float(np.interp(share * passed_s[-1], passed_s, at))
 
 
-def received_ns(sim_time_ns: Times, tick_period_ns: int) -> Times:
-    """When packets come to agents: the tick after the one that settled them, which is the first at or after their time.
+def received_ns(columns: Columns, tick_period_ns: int) -> Times:
+    """When packets come to agents: the tick after the one that settled them.
 
     Rows are in the order in which the radio settled them: none was settled before the row before it.
     """
-    settled = np.maximum.accumulate(-(-sim_time_ns // tick_period_ns) * tick_period_ns)
-    return np.asarray(settled + tick_period_ns, dtype=np.int64)
+    return np.maximum.accumulate(settled_ns(columns, tick_period_ns)) + tick_period_ns
 
 
 class LinkTimes(NamedTuple):
@@ -134,7 +135,7 @@ def times_of(rows: LinkRows, tick_period_ns: int) -> list[LinkTimes]:
     came = np.flatnonzero(rows.is_delivered)
     came = came[np.argsort(rows.place[came], kind="stable")]
     bounds = np.searchsorted(rows.place[came], np.arange(len(rows.links) + 1)).tolist()
-    generated, received = sent_ns[came], received_ns(sent_ns, tick_period_ns)[came]
+    generated, received = sent_ns[came], received_ns(rows.columns, tick_period_ns)[came]
     return [
         LinkTimes(link, first_ns, generated[begin:end], received[begin:end])
         for link, first_ns, (begin, end) in zip(

@@ -10,17 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.bus.keys import ALL
-from bridge.radio.deliveries import FATES
-from bridge.radio.senders import Cause
-from bridge.record.tables.schema import DELIVERIES
-from channel.medium.reception import FATES as CHANNEL_FATES
-from channel.medium.reception import Packets, Receptions
-from lostlink.reading.coded import Columns, coded_columns, no_rows
-
-TRANSPORT, TOO_LONG = (FATES.index(cause.value) for cause in (Cause.TRANSPORT, Cause.TOO_LONG))
-GAPS_FROM = len(CHANNEL_FATES)
-"""Fates from here on are not the channel's: such a row stands for packets that were lost before it."""
+from bridge.radio.picture import Picture
+from bridge.record.tables.deliveries import (
+    DELIVERIES,
+    FATES,
+    GAPS_FROM,
+    for_each_receiver,
+    no_deliveries,
+    read_deliveries,
+    settled_ns,
+)
+from bridge.record.tables.schema import Columns
+from channel.medium.ledger import Ledger
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class Decisions:
     Attributes:
         nodes: ids of all stations.
         columns: as docs/run-output.md has them; ``tx`` and ``rx`` are places in ``nodes``, ``rx`` of a row for all
-            is ``len(nodes)``, and ``fate`` is a place in `bridge.radio.deliveries.FATES`.
+            is ``len(nodes)``, and ``fate`` is a place in `bridge.record.tables.deliveries.FATES`.
         settled_ns: the tick that settled each row, rising.
     """
 
@@ -53,19 +54,16 @@ class Decisions:
         Raises:
             TableError, OSError: its deliveries are damaged, or cannot be read.
         """
-        if not DELIVERIES.is_in(run):
-            return cls(tuple(nodes), no_rows(DELIVERIES), np.empty(0, dtype=np.int64))
-        labels = {"tx": tuple(nodes), "rx": (*nodes, ALL), "fate": FATES}
-        columns = coded_columns(run, DELIVERIES, labels)
+        columns = read_deliveries(run, nodes) if DELIVERIES.is_in(run) else no_deliveries()
         # a packet of a free program may wait for its truth, or come late: none was settled before the row before
-        return cls(tuple(nodes), columns, np.maximum.accumulate(settled_ticks(columns, tick_period_ns)))
+        return cls(tuple(nodes), columns, np.maximum.accumulate(settled_ns(columns, tick_period_ns)))
 
     @classmethod
     def of(
         cls, nodes: Sequence[str], columns: Columns, tick_period_ns: int, order_of: Decisions
     ) -> Decisions:
         """Rows in any order, put into that of a record: the one of a run with the same rows, or that of a radio."""
-        found = cls(tuple(nodes), columns, settled_ticks(columns, tick_period_ns))
+        found = cls(tuple(nodes), columns, settled_ns(columns, tick_period_ns))
         keys, known = found.keys(), order_of.keys()
         mine, theirs = np.argsort(keys, kind="stable"), np.argsort(known, kind="stable")
         if np.array_equal(keys[mine], known[theirs]):
@@ -94,50 +92,25 @@ class Decisions:
 
     def each(self) -> Decisions:
         """The rows with one for each receiver in the place of one for everybody."""
-        to_all = self.columns["rx"] == len(self.nodes)
-        rows = np.repeat(np.arange(len(self)), np.where(to_all, len(self.nodes), 1))
-        found = self.at(rows)
-        first = np.flatnonzero(np.append(True, rows[1:] != rows[:-1])) if rows.size else rows
-        number = np.arange(rows.size) - np.repeat(first, np.diff(np.append(first, rows.size)))
-        found.columns["rx"] = np.where(to_all[rows], number, found.columns["rx"])
-        return found.at(found.columns["rx"] != found.columns["tx"])
-
-    def receptions(self) -> Receptions:
-        """The rows that are the channel's, as the medium gave them but for the model's probability of delivery."""
-        c = self.at(~self.is_gap).columns
-        rows = np.arange(len(c["seq"]))
-        lengths = c["length_bytes"].astype(np.int64)
-        packets = Packets(c["sim_time_ns"], c["tx"], c["seq"], lengths, c["rx"])
-        heard = c["distance_m"], c["received_power_dbm"], c["snr_db"], c["per"]
-        return Receptions(
-            packets, rows, c["rx"], *heard, np.full(rows.size, np.nan), c["fate"].astype(np.uint8)
-        )
+        whole = for_each_receiver(self.columns | {"settled_ns": self.settled_ns}, len(self.nodes))
+        settled = whole.pop("settled_ns")
+        return Decisions(self.nodes, whole, settled)
 
     def counts(self) -> NDArray[np.int64]:
         """How many packets of each link had each fate, shape (nodes, nodes, FATES): [tx, rx, fate]."""
-        return counts_of(self.columns, len(self.nodes))
+        nodes, c = len(self.nodes), self.each().columns
+        counts = np.zeros((nodes, nodes, len(FATES)), dtype=np.int64)
+        np.add.at(counts, (c["tx"], c["rx"], c["fate"]), c["packets"])
+        return counts
 
 
-def tick_of(sim_time_ns: NDArray[np.int64], tick_period_ns: int) -> NDArray[np.int64]:
-    """The first tick at or after each instant."""
-    return -(-sim_time_ns // tick_period_ns) * tick_period_ns
+def take_rows(columns: Columns, picture: Picture, ledger: Ledger) -> None:
+    """Take rows, one per receiver, into the picture of all links and into their counts, as a run does.
 
-
-def settled_ticks(columns: Columns, tick_period_ns: int) -> NDArray[np.int64]:
-    """The tick that settled each row, as far as its time tells: the first at or after the packet.
-
-    What was missed (`transport`) is stamped within the tick at which it was missed.
+    What was lost before the channel counts, and is in no picture.
     """
-    times: NDArray[np.int64] = columns["sim_time_ns"]
-    return np.where(
-        columns["fate"] == TRANSPORT, times // tick_period_ns * tick_period_ns, tick_of(times, tick_period_ns)
-    )
-
-
-def counts_of(columns: Columns, nodes: int) -> NDArray[np.int64]:
-    """How many packets of each link had each fate, shape (nodes, nodes, FATES); a row for everybody counts at each."""
-    counts = np.zeros((nodes, nodes + 1, len(FATES)), dtype=np.int64)
-    np.add.at(counts, (columns["tx"], columns["rx"], columns["fate"]), columns["packets"])
-    each = counts[:, :nodes] + counts[:, nodes:]
-    each[np.arange(nodes), np.arange(nodes)] = 0
-    return each
+    counted = columns["tx"], columns["rx"], columns["fate"]
+    np.add.at(ledger.sent, counted[:2], columns["packets"])
+    np.add.at(ledger.settled, counted, columns["packets"])
+    settled = columns["fate"] < GAPS_FROM
+    picture.take({name: values[settled] for name, values in columns.items()})

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lostlink.reading.rows import DELIVERED, Columns, LinkRows, link_rows
-
-_FIGURES: Final = ("distance_m", "received_power_dbm", "snr_db", "per")
+from bridge.record.tables.deliveries import FIGURES
+from bridge.record.tables.schema import Columns
+from lostlink.reading.rows import LinkRows, link_rows
 
 
 def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
@@ -28,10 +27,8 @@ def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
 
 def counts_of(rows: LinkRows) -> Columns:
     """As `link_counts`, of rows that were read."""
-    counts = rows.counts(rows.place, len(rows.links))
-    lost = {fate: counts[:, i] for i, fate in enumerate(rows.fates) if fate != DELIVERED}
     tx, rx = rows.ends_of(rows.links)
-    return {"tx": tx, "rx": rx, "sent": counts.sum(axis=1), "delivered": rows.delivered(counts), **lost}
+    return {"tx": tx, "rx": rx, **rows.counts(rows.place, len(rows.links))}
 
 
 def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
@@ -46,7 +43,7 @@ def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
     """
     if period_ns <= 0:
         raise ValueError(f"a period of {period_ns} ns; it has to be above 0")
-    rows = link_rows(run, nodes, ("sim_time_ns", *_FIGURES))
+    rows = link_rows(run, nodes, ("sim_time_ns", *FIGURES))
     columns, squared = rows.columns, len(nodes) ** 2
     bins, place = np.unique(columns["sim_time_ns"] // period_ns * squared + rows.link, return_inverse=True)
     counts = rows.counts(place, len(bins))
@@ -55,9 +52,9 @@ def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
         "sim_time_ns": bins // squared * period_ns,
         "tx": tx,
         "rx": rx,
-        "sent": counts.sum(axis=1),
-        "delivered": rows.delivered(counts),
-        **{name: _means(columns[name], place, len(bins)) for name in _FIGURES},
+        "sent": counts["sent"],
+        "delivered": counts["delivered"],
+        **{name: _means(columns[name], place, len(bins)) for name in FIGURES},
     }
 
 

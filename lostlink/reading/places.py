@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.schema import NED, TRUTH
-from lostlink.reading.coded import coded_columns
+from bridge.record.tables.truth import POSITION, TrueStates
 
-PLACE: Final = tuple(f"position_{axis}_m" for axis in NED)
 Floats = NDArray[np.float64]
 
 
@@ -31,11 +28,10 @@ def places_of(run: Path, nodes: Sequence[str]) -> tuple[NDArray[np.int64], dict[
     Raises:
         TableError, OSError: the true states are missing or damaged, or cannot be read.
     """
-    columns = coded_columns(run, TRUTH, {"node": tuple(nodes)}, ("tick_ns", "node", *PLACE))
-    ticks_ns, tick = np.unique(columns["tick_ns"], return_inverse=True)
-    places = np.full((len(nodes), len(ticks_ns), 3), np.nan)
-    places[columns["node"], tick] = np.stack([columns[name] for name in PLACE], axis=-1)
-    return ticks_ns, dict(zip(nodes, places, strict=True))
+    truth = TrueStates.read(run, nodes, POSITION)
+    places = np.full((len(nodes), len(truth.ticks_ns), 3), np.nan)
+    places[truth.node, truth.tick] = truth.position_ned_m
+    return truth.ticks_ns, dict(zip(nodes, places, strict=True))
 
 
 def nearest_m(tracks: Iterable[Floats]) -> float:

@@ -5,31 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.bus.keys import ALL
-from bridge.record.tables.schema import DELIVERIES
-from lostlink.reading.coded import coded_columns
-
-DELIVERED: Final = "delivered"
-Columns = dict[str, NDArray[Any]]
+from bridge.record.tables.deliveries import DELIVERED, FATES, for_each_receiver, read_deliveries
+from bridge.record.tables.schema import Columns
 
 
 @dataclass(frozen=True)
 class LinkRows:
-    """Rows of the table, in its order; those for everybody come last, once per receiver.
+    """Rows of the table, in its order; those for everybody once per receiver.
 
     Attributes:
-        nodes: ids of all nodes; ``tx`` and ``rx`` are places in it.
-        fates: what became of packets, sorted, those that occur; ``fate`` is a place in it.
+        nodes: ids of all nodes; ``tx`` and ``rx`` are places in it, ``fate`` is one in FATES.
         columns: by name, of one length.
     """
 
     nodes: tuple[str, ...]
-    fates: tuple[str, ...]
     columns: Columns
 
     @cached_property
@@ -52,28 +46,26 @@ class LinkRows:
     @property
     def is_delivered(self) -> NDArray[np.bool_]:
         """Which rows are of packets that arrived."""
-        return self.has_fate(DELIVERED)
-
-    def has_fate(self, fate: str) -> NDArray[np.bool_]:
-        """Which rows are of packets with a fate."""
-        return np.equal(self.columns["fate"], self.fates.index(fate) if fate in self.fates else -1)
+        return np.equal(self.columns["fate"], DELIVERED)
 
     def ends_of(self, links: NDArray[np.int64]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Ids of sender and receiver of links by their numbers."""
         names = np.array(self.nodes, dtype=object)
         return names[links // len(self.nodes)], names[links % len(self.nodes)]
 
-    def counts(self, place: NDArray[np.intp], groups: int) -> NDArray[np.int64]:
-        """Packets by group and fate, shape (groups, fates); ``place`` is the group of each row."""
-        cells = place * len(self.fates) + self.columns["fate"]
-        packets = np.bincount(cells, self.columns["packets"], groups * len(self.fates))
-        return np.rint(packets).astype(np.int64).reshape(groups, len(self.fates))
+    def counts(self, place: NDArray[np.intp], groups: int) -> Columns:
+        """Packets of each group: ``sent``, ``delivered``, and by the causes of loss that occur anywhere, sorted.
 
-    def delivered(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Of `counts`, those that arrived."""
-        if DELIVERED not in self.fates:
-            return np.zeros(len(counts), dtype=np.int64)
-        return counts[:, self.fates.index(DELIVERED)]
+        Args:
+            place: the group of each row.
+            groups: how many there are.
+        """
+        cells = place * len(FATES) + self.columns["fate"]
+        packets = np.bincount(cells, self.columns["packets"], groups * len(FATES))
+        counts = np.rint(packets).astype(np.int64).reshape(groups, len(FATES))
+        occur = np.bincount(self.columns["fate"], minlength=len(FATES)) > 0
+        lost = {FATES[i]: counts[:, i] for i in np.flatnonzero(occur).tolist() if i != DELIVERED}
+        return {"sent": counts.sum(axis=1), "delivered": counts[:, DELIVERED], **dict(sorted(lost.items()))}
 
 
 def link_rows(run: Path, nodes: tuple[str, ...], names: tuple[str, ...]) -> LinkRows:
@@ -87,23 +79,5 @@ def link_rows(run: Path, nodes: tuple[str, ...], names: tuple[str, ...]) -> Link
     Raises:
         TableError, OSError: the deliveries cannot be read.
     """
-    fates: list[str] = []
-    labels = {"tx": nodes, "rx": (*nodes, ALL), "fate": fates}
-    found = coded_columns(run, DELIVERIES, labels, ("tx", "rx", "packets", "fate", *names))
-    for_all = np.flatnonzero(found["rx"] == len(nodes))
-    if for_all.size:
-        found = _spread(found, for_all, len(nodes))
-    occur = np.bincount(found["fate"], minlength=len(fates)) > 0
-    known = sorted(fate for fate, does in zip(fates, occur, strict=True) if does)
-    place = np.array([known.index(fate) if fate in known else -1 for fate in fates], dtype=np.intp)
-    return LinkRows(nodes, tuple(known), found | {"fate": place[found["fate"]]})
-
-
-def _spread(columns: Columns, for_all: NDArray[np.intp], nodes: int) -> Columns:
-    """Rows for everybody, once for each node but their sender."""
-    rows, receivers = np.repeat(for_all, nodes), np.tile(np.arange(nodes), len(for_all))
-    others = columns["tx"][rows] != receivers
-    rows, receivers = rows[others], receivers[others]
-    one = np.delete(np.arange(len(columns["tx"])), for_all)
-    found = {name: np.concatenate([values[one], values[rows]]) for name, values in columns.items()}
-    return found | {"rx": np.concatenate([columns["rx"][one], receivers])}
+    found = read_deliveries(run, nodes, ("tx", "rx", "packets", "fate", *names))
+    return LinkRows(nodes, for_each_receiver(found, len(nodes)))

@@ -15,16 +15,21 @@ from bridge.record import names
 from bridge.record.events import Reports, read_reports
 from bridge.record.input_fields import to_fields
 from bridge.record.inputs import RecordedInput, all_inputs
-from bridge.record.logged import LoggedValue, decode_logged
-from bridge.record.packets import SentPacket, decode_packet
+from bridge.record.logged import LoggedValue, logged_of
+from bridge.record.packets import SentPacket, packets_of
 from bridge.record.provenance import Provenance, read_provenance
 from bridge.record.streams import Entry, entries_of
-from bridge.record.tables.schema import DELIVERIES, MEASUREMENTS, STATES, TABLES, TRUTH, Table
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.every import TABLES
+from bridge.record.tables.measurements import MEASUREMENTS
+from bridge.record.tables.reader import read_arrow, read_columns
+from bridge.record.tables.schema import Table
+from bridge.record.tables.states import STATES
+from bridge.record.tables.truth import TRUTH
 from bridge.run.access import RUNS
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies, times_of
-from lostlink.reading.arrow import arrow_of, columns_of
 from lostlink.reading.frames import frame_of_columns, frame_of_rows, frame_of_table
 from lostlink.reading.links import link_counts, link_series
 from lostlink.reading.rows import link_rows
@@ -241,18 +246,18 @@ class Run:
         """Columns of a table as numpy arrays, without pandas; names as text.
 
         Args:
-            table: ``truth``, ``states`` or ``deliveries``.
+            table: ``truth``, ``states``, ``measurements`` or ``deliveries``.
             columns: which; all of them unless given.
 
         Raises:
             ValueError: there is no such table or column, or it is damaged.
             OSError: it cannot be read.
         """
-        return columns_of(self.path, _table(table), columns)
+        return read_columns(self.path, _table(table), columns)
 
     def table(self, table: str, columns: Sequence[str] | None = None) -> pa.Table:
         """A table as Arrow; arguments and errors as of `columns`."""
-        return arrow_of(self.path, _table(table), columns)
+        return read_arrow(self.path, _table(table), columns)
 
     def transmitted(self, node: str) -> Iterator[SentPacket]:
         """The packets that ``node`` gave to the radio, with their payloads; none if it has no such stream.
@@ -260,8 +265,7 @@ class Run:
         Raises:
             ValueError: the file is damaged, or the id cannot be one.
         """
-        path = names.packets(node).path(self.path)
-        return (decode_packet(entry.payload) for entry in entries_of(path))
+        return (packet for _, packet in packets_of(self.path, node))
 
     def logged(self) -> list[tuple[int, str, LoggedValue | AgentStatus]]:
         """What all agents logged and reported, as tick in ns, node and item; by tick, then by node.
@@ -269,10 +273,7 @@ class Run:
         Raises:
             ValueError: a file is damaged.
         """
-        found = []
-        for node in self.nodes:
-            path = names.logged(node).path(self.path)
-            found += [(e.tick_ns, node, decode_logged(e.payload)) for e in entries_of(path)]
+        found = [(t, node, item) for node in self.nodes for t, item in logged_of(self.path, node)]
         return sorted(found, key=lambda each: each[0])
 
     def mavlink(self, node: str, direction: Literal["from_autopilot", "to_autopilot"]) -> Iterator[Entry]:

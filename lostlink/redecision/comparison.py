@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.radio.deliveries import FATES
+from bridge.record.tables.deliveries import FATES, FIGURES
 from channel.medium.ledger import BIN_WIDTH_M, BinSummary
 from channel.medium.reception import DELIVERED
 from lostlink.reading.decisions import Decisions
-
-_FIGURES = ("distance_m", "received_power_dbm", "snr_db", "per")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +99,7 @@ def compare_decisions(before: Decisions, after: Decisions, bins: Sequence[BinSum
         _changes(changed),
         not missing
         and not changed.any()
-        and all(_same_bits(one.columns[f], other.columns[f]) for f in _FIGURES),
+        and all(_same_bits(one.columns[f], other.columns[f]) for f in FIGURES),
         missing,
         _links(one, other),
         _bins(before, bins),

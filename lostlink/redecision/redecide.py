@@ -19,15 +19,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bridge.bus.keys import ALL
-from bridge.radio.deliveries import FATES
-from bridge.radio.senders import Cause
 from bridge.record.ending import was_cut
 from bridge.record.radio_switches import switches_of
-from bridge.record.tables.columns import numbers, texts
-from bridge.record.tables.schema import DELIVERIES, LABEL
+from bridge.record.tables.deliveries import (
+    DELIVERIES,
+    FATES,
+    FIGURES,
+    TOO_LONG,
+    TRANSPORT,
+    Cause,
+    columns_of,
+    labels_of,
+    tick_of,
+)
+from bridge.record.tables.parquet import array_of
+from bridge.record.tables.reader import joined
+from bridge.record.tables.schema import Columns
+from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
@@ -36,14 +45,12 @@ from bridge.scenario.resolve.sensing import emitters_of
 from channel.link.radio import Radio
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
-from channel.medium.reception import EVERYBODY, Packets, Receptions
+from channel.medium.reception import EVERYBODY, Packets
 from channel.medium.verdict import Check, Judge
-from lostlink.reading.coded import Columns, joined
-from lostlink.reading.decisions import TOO_LONG, TRANSPORT, Decisions, tick_of
-from lostlink.reading.positions import Positions
+from lostlink.reading.decisions import Decisions
 from lostlink.reading.sent import SentPackets
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
-from lostlink.redecision.settling import settle
+from lostlink.redecision.settling import last_whole_ns, settle, without_nonsense
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -81,16 +88,10 @@ class Redecision:
         """The rows of `deliveries.parquet` as this radio has them (docs/run-output.md)."""
         import pyarrow as pa
 
-        names = {"tx": self.after.nodes, "rx": (*self.after.nodes, ALL), "fate": FATES}
-        columns: dict[str, Any] = {}
-        for column in DELIVERIES.columns:
-            values = self.after.columns[column.name]
-            if column.dtype == LABEL:
-                codes = numbers(values.astype(np.int16))
-                columns[column.name] = pa.DictionaryArray.from_arrays(codes, texts(names[column.name]))
-            else:
-                columns[column.name] = numbers(values)
-        return pa.table(columns)
+        names, columns = labels_of(self.after.nodes), self.after.columns
+        return pa.table(
+            {c.name: array_of(c, columns[c.name].astype(c.dtype), names) for c in DELIVERIES.columns}
+        )
 
 
 def redecide(
@@ -135,12 +136,12 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     emitters = emitters_of(scenario)
     radios = radios_of(scenario, emitters)
     before = Decisions.read(run, nodes, period_ns)
-    positions = Positions.read(run, scenario.stations, only_places=True).without_nonsense()
+    positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
     if not positions.ticks_ns.size:
         raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
     packets = _transmitted(run, before)
     if was_cut(run):
-        packets = packets.at(packets.sim_time_ns <= positions.last_whole_ns)
+        packets = packets.at(packets.sim_time_ns <= last_whole_ns(positions))
     packets, too_long = _split(packets, [radios[node] for node in nodes])
     judge = Judge(len(nodes))
     names = [emitter.name for emitter in emitters]
@@ -153,11 +154,11 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
         _book(ledger, part)
     for receptions in settle(medium, positions, packets, tick_of(packets.sim_time_ns, period_ns)):
         ledger.settle(receptions)
-        parts.append(_rows(receptions, medium.counted_bytes(receptions.packets)))
+        parts.append(columns_of(receptions, medium.counted_bytes(receptions.packets)))
         done += receptions.packets.size
         on_progress(done / max(1, packets.size))
     ledger.check(in_flight=0)
-    after = Decisions.of(nodes, joined(DELIVERIES, parts), period_ns, order_of=before)
+    after = Decisions.of(nodes, joined(parts), period_ns, order_of=before)
     return Redecision(run, scenario, before, after, ledger, judge.verdict().checks)
 
 
@@ -186,25 +187,7 @@ def _split(packets: Packets, radios: list[Radio]) -> tuple[Packets, Packets]:
     return packets.at(fits), packets.at(~fits)
 
 
-def _rows(receptions: Receptions, counted_bytes: NDArray[np.int64]) -> Columns:
-    r, p = receptions, receptions.packets
-    return {
-        "sim_time_ns": p.sim_time_ns[r.packet],
-        "tx": p.tx[r.packet],
-        "rx": r.rx,
-        "seq": p.seq[r.packet],
-        "packets": np.ones(r.size, dtype=np.int32),
-        "length_bytes": counted_bytes[r.packet].astype(np.int32),
-        "distance_m": r.distance_m,
-        "received_power_dbm": r.received_power_dbm,
-        "snr_db": r.snr_db,
-        "per": r.per,
-        "fate": r.fate.astype(np.intp),
-    }
-
-
 def _too_long_rows(packets: Packets, everybody: int) -> Columns:
-    nan = np.full(packets.size, math.nan)
     return {
         "sim_time_ns": packets.sim_time_ns,
         "tx": packets.tx,
@@ -212,10 +195,7 @@ def _too_long_rows(packets: Packets, everybody: int) -> Columns:
         "seq": packets.seq,
         "packets": np.ones(packets.size, dtype=np.int32),
         "length_bytes": packets.length_bytes.astype(np.int32),
-        "distance_m": nan,
-        "received_power_dbm": nan,
-        "snr_db": nan,
-        "per": nan,
+        **dict.fromkeys(FIGURES, np.full(packets.size, math.nan)),
         "fate": np.full(packets.size, TOO_LONG),
     }
 

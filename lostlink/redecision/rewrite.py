@@ -6,10 +6,10 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
+from bridge.radio.ledger_file import LEDGER, write_ledger
 from bridge.record.names import INPUT_FOLDER, PROVENANCE_FILE, REPORT_FOLDER, STREAM_FOLDER
-from bridge.record.tables.parquet import finish_tables
-from bridge.record.tables.schema import TRUTH
+from bridge.record.tables.deliveries import DELIVERIES, DeliveryWriter
+from bridge.record.tables.every import TABLES, finish_tables
 from bridge.run.directory import RunDirectory
 from lostlink.redecision.redecide import Redecision
 
@@ -41,13 +41,12 @@ def write_run(
         if (result.run / name).is_dir():
             on_progress(name, 0)
             shutil.copytree(result.run / name, directory / name)
-    for path in (
-        TRUTH.parquet_path(result.run),
-        TRUTH.journal_path(result.run),
-        result.run / PROVENANCE_FILE,
-    ):
+    tables = (path for table in TABLES if table is not DELIVERIES for path in table.files(result.run))
+    for path in (*tables, result.run / PROVENANCE_FILE):
         if path.exists():
-            shutil.copyfile(path, directory / path.name)
+            copy = directory / path.relative_to(result.run)
+            copy.parent.mkdir(exist_ok=True)
+            shutil.copyfile(path, copy)
     write_ledger(directory / LEDGER, result.ledger, {}, checks=result.checks)
     write_deliveries(result, directory, on_progress)
     return made
@@ -63,7 +62,7 @@ def write_deliveries(
         ValueError: a journal that lies there cannot be read.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    writer = DeliveryColumns(directory, result.after.nodes)
+    writer = DeliveryWriter(directory, result.after.nodes)
     try:
         for begin in range(0, len(result.after), ROWS_AT_ONCE):
             part = result.after.at(slice(begin, begin + ROWS_AT_ONCE))

@@ -13,16 +13,30 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.record.tables.truth import TrueStates
 from channel.medium.medium import Medium
 from channel.medium.reception import Packets, Receptions
-from lostlink.reading.positions import Positions
 
 TICKS_AT_ONCE = 512
 """Fewer than the medium keeps samples of a node."""
 
 
+def without_nonsense(positions: TrueStates) -> TrueStates:
+    """All but rows that no radio can work with, which the router refuses: a flight model may diverge."""
+    length = np.sqrt(np.sum(np.square(positions.attitude_wxyz), axis=-1))
+    good = np.isfinite(positions.position_ned_m).all(axis=-1) & (length > 0.5) & (length < 2.0)
+    return positions if good.all() else positions.at(good)
+
+
+def last_whole_ns(positions: TrueStates) -> int:
+    """The last tick that has as many rows as the one before it, or that one: a file that was cut ends in a row."""
+    rows = np.diff(positions.first)
+    is_whole = rows.size < 2 or rows[-1] >= rows[-2]
+    return int(positions.ticks_ns[-1 if is_whole else -2])
+
+
 def settle(
-    medium: Medium, positions: Positions, packets: Packets, due_ns: NDArray[np.int64]
+    medium: Medium, positions: TrueStates, packets: Packets, due_ns: NDArray[np.int64]
 ) -> Iterator[Receptions]:
     """Yield what becomes of packets, at all their receivers.
 
@@ -45,7 +59,7 @@ def settle(
     yield medium.flush()
 
 
-def _observe(medium: Medium, positions: Positions, tick: int) -> None:
+def _observe(medium: Medium, positions: TrueStates, tick: int) -> None:
     """Tell the medium where all were at a tick: emitters, which exchange no packets, come behind the nodes."""
     rows = slice(int(positions.first[tick]), int(positions.first[tick + 1]))
     ours = positions.node[rows] < len(medium.nodes)
@@ -61,12 +75,10 @@ def _observe(medium: Medium, positions: Positions, tick: int) -> None:
         medium.emitters.observe([name], int(positions.sim_time_ns[row]), [place])
 
 
-def _whole_ticks(positions: Positions) -> NDArray[np.bool_]:
+def _whole_ticks(positions: TrueStates) -> NDArray[np.bool_]:
     """At which ticks there is a truth of each node, and none is older than the tick."""
-    ticks = positions.ticks_ns.size
-    tick_of = np.repeat(np.arange(ticks), np.diff(positions.first))
-    young = positions.sim_time_ns >= positions.ticks_ns[tick_of]
-    known = np.bincount(tick_of[young], minlength=ticks)
+    young = positions.sim_time_ns >= positions.ticks_ns[positions.tick]
+    known = np.bincount(positions.tick[young], minlength=positions.ticks_ns.size)
     return np.equal(known, len(positions.nodes))
 
 

@@ -12,7 +12,7 @@ from bridge.record.events import read_reports
 from bridge.record.inputs import all_inputs
 from bridge.record.names import streams_of
 from bridge.record.provenance import differences, read_provenance
-from bridge.record.tables.schema import DELIVERIES
+from bridge.record.tables.deliveries import DELIVERIES
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
 from bridge.scenario.model import Scenario

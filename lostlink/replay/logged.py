@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bridge.bus.messages import AgentStatus
-from bridge.record import names
-from bridge.record.logged import LoggedValue, decode_logged
-from bridge.record.streams import entries_of
+from bridge.record.logged import LoggedValue, logged_of
 
 
 class NodeLogged:
@@ -19,11 +17,11 @@ class NodeLogged:
     """
 
     def __init__(self, run: Path, node: str) -> None:
-        self._path = names.logged(node).path(run)
+        self._run, self._node = run, node
         self._begin()
 
     def _begin(self) -> None:
-        self._entries = entries_of(self._path)
+        self._entries = logged_of(self._run, self._node)
         self._next = next(self._entries, None)
         self._read_ns = -1
 
@@ -36,9 +34,9 @@ class NodeLogged:
         if after_ns < self._read_ns:
             self._begin()
         found: list[tuple[int, LoggedValue | AgentStatus]] = []
-        while self._next is not None and self._next.tick_ns <= until_ns:
-            entry, self._next = self._next, next(self._entries, None)
-            if entry.tick_ns > after_ns:
-                found.append((entry.tick_ns, decode_logged(entry.payload)))
+        while self._next is not None and self._next[0] <= until_ns:
+            if self._next[0] > after_ns:
+                found.append(self._next)
+            self._next = next(self._entries, None)
         self._read_ns = until_ns
         return found

@@ -23,9 +23,10 @@ from bridge.bus.messages import (
 )
 from bridge.bus.reception import attachment
 from bridge.bus.session import Stamp
-from bridge.radio.picture import Row, fates_message
+from bridge.radio.picture import Row
 from bridge.record.events import RunEvent
 from bridge.record.logged import LoggedValue
+from bridge.record.tables.deliveries import fates_message
 from channel.medium.reception import DELIVERED
 from lostlink.reading.decisions import Decisions
 
@@ -74,19 +75,17 @@ class Moment:
         sim_time_ns: the tick.
         is_last: whether the record ends with it.
         links_are_due: whether the run published link reports at it.
-        states_are_due: whether the run published the states of UA at it.
     """
 
     def __init__(self, player: Player, tick: int, decided: Decisions, changed: Sequence[Row]) -> None:
         self._player = player
         self._tick = tick
-        self._rows = player.positions.rows_of(tick)
+        self._rows = player.truth.rows_of(tick)
         self._changed = changed
         self.decided = decided
         self.sim_time_ns = int(player.ticks_ns[tick])
         self.is_last = tick == player.ticks_ns.size - 1
         self.links_are_due = bool(player.links_due[tick])
-        self.states_are_due = bool(player.states_due[tick])
 
     @property
     def _at(self) -> Player:
@@ -101,7 +100,7 @@ class Moment:
 
     def truth(self) -> dict[str, Truth]:
         """The true state of each node."""
-        messages = (self._at.positions.message(row) for row in self._rows)
+        messages = (self._at.truth.message(row) for row in self._rows)
         return {message.header.frame_id: message for message in messages}
 
     def truths(self) -> Truths:
@@ -115,9 +114,8 @@ class Moment:
 
     def fates(self) -> Fates:
         """What the tick settled."""
-        receptions = self.decided.receptions()
-        counted = receptions.packets.length_bytes
-        return fates_message(self._at.nodes, self.sim_time_ns, receptions, counted)
+        rows = self.decided.at(~self.decided.is_gap)
+        return fates_message(self.sim_time_ns, self._at.nodes, rows.columns)
 
     def links(self) -> Links:
         """All links that carried a packet: the latest figures, and counts from the run's beginning on."""
@@ -159,16 +157,17 @@ class Moment:
         return Received(nodes[rx], nodes[tx], sent.channels[row], payload, seq, sim_time_ns, *signal)
 
     def states(self, wanted: Sequence[str] | None = None) -> dict[str, AircraftState]:
-        """The state of each UA as its autopilot reported it: made from the MAVLink bytes that were recorded.
+        """The newest state that each node published by now, under its own stamp; without those that have none yet.
 
         Args:
-            wanted: ids of UA; all of them unless given.
+            wanted: ids of nodes; all of them unless given.
 
         Raises:
-            StreamError, OSError: the record of a node's MAVLink is damaged or cannot be read.
+            TableError, OSError: the table of states is damaged or cannot be read.
         """
-        states = self._at.states
-        return {node: states[node].at(self.sim_time_ns) for node in (states if wanted is None else wanted)}
+        at = self._at
+        found = {n: at.states.at(n, self.sim_time_ns) for n in (at.nodes if wanted is None else wanted)}
+        return {node: state for node, state in found.items() if state is not None}
 
     def events(self) -> list[RunEvent]:
         """What the run's processes reported between the tick before and this one."""

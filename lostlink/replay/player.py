@@ -15,20 +15,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.aircraft.body import StatePace
 from bridge.radio.picture import LINK_PERIOD_NS, Picture
-from bridge.radio.senders import Cause
 from bridge.record.events import RunEvent, read_reports
 from bridge.record.radio_switches import switches_of
-from bridge.record.tables.schema import TRUTH
+from bridge.record.tables.deliveries import Cause
+from bridge.record.tables.states import States
+from bridge.record.tables.truth import TRUTH, TrueStates
 from bridge.run.directory import RunDirectory
 from channel.medium.ledger import Ledger
-from lostlink.reading.decisions import Decisions
-from lostlink.reading.positions import Positions
+from lostlink.reading.decisions import Decisions, take_rows
 from lostlink.reading.sent import SentPackets
 from lostlink.replay.logged import NodeLogged
 from lostlink.replay.moment import Moment
-from lostlink.replay.states import NodeStates
 
 
 class Player:
@@ -57,8 +55,8 @@ class Player:
             raise ValueError(
                 f"{run}: nothing to play: it has no {TRUTH.parquet_path(run).name}, nor a journal of it"
             )
-        self.positions = Positions.read(run, self.scenario.stations)
-        self.ticks_ns = self.positions.ticks_ns
+        self.truth = TrueStates.read(run, self.scenario.stations)
+        self.ticks_ns = self.truth.ticks_ns
         if not self.ticks_ns.size:
             raise ValueError(f"{run}: nothing to play: the run ended before its first tick was written down")
         self.decisions = Decisions.read(run, self.nodes, self.scenario.tick_period_ns)
@@ -105,12 +103,6 @@ class Player:
         due[-1] = True
         return due
 
-    @cached_property
-    def states_due(self) -> NDArray[np.bool_]:
-        """Ticks at which a run publishes the states of UA."""
-        pace = StatePace()
-        return np.array([pace.is_due(sim_time_ns) for sim_time_ns in self.ticks_ns.tolist()])
-
     @property
     def following_ns(self) -> int | None:
         """The tick that `step` plays; None at the end."""
@@ -152,11 +144,7 @@ class Player:
 
     def _take(self, rows: slice) -> None:
         """Take rows into the picture of all links, and into their counts."""
-        decided = self.decisions.at(rows)
-        counts = decided.counts()
-        self.ledger.sent += counts.sum(axis=-1)
-        self.ledger.settled += counts
-        self.picture.take(decided.receptions())
+        take_rows(self.decisions.at(rows).each().columns, self.picture, self.ledger)
 
     # What is read when it is asked for.
 
@@ -167,9 +155,9 @@ class Player:
         return [SentPackets(self.run, node, places) for node in self.nodes]
 
     @cached_property
-    def states(self) -> dict[str, NodeStates]:
-        """The states of each UA."""
-        return {ua.node: NodeStates(self.run, ua.node, ua.sysid) for ua in self.scenario.ua}
+    def states(self) -> States:
+        """The states of each node."""
+        return States.read(self.run, self.nodes)
 
     @cached_property
     def logged(self) -> dict[str, NodeLogged]:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.record.tables.deliveries import DELIVERIES, TRANSPORT, no_deliveries
+from bridge.record.tables.truth import TRUTH
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
 from channel.checks import ChannelInputError
@@ -74,14 +75,9 @@ def least_separation_m(run: Run) -> float | None:
 
 def rows_of_packets(run: Run) -> LinkRows:
     """The deliveries of a run; no rows if it broke off before there were any."""
-    if DELIVERIES.is_in(run.path):
-        return link_rows(run.path, run.scenario.transceiver_ids, packets.COLUMNS)
-    empty = {name: np.empty(0, dtype=np.int64) for name in ("tx", "rx", "packets", "fate", "sim_time_ns")}
-    return LinkRows(
-        run.scenario.transceiver_ids,
-        (),
-        empty | {name: np.empty(0) for name in ("distance_m", "received_power_dbm")},
-    )
+    nodes = run.scenario.transceiver_ids
+    is_there = DELIVERIES.is_in(run.path)
+    return link_rows(run.path, nodes, packets.COLUMNS) if is_there else LinkRows(nodes, no_deliveries())
 
 
 def _run(run: Run) -> Content:
@@ -129,11 +125,9 @@ def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
 
 def _host(run: Run, rows: LinkRows) -> Content:
     """What the machine did to the run: packets it lost, by sender, and what was not accepted."""
-    lost = {}
-    if "transport" in rows.fates:
-        mine = rows.columns["fate"] == rows.fates.index("transport")
-        counts = np.bincount(rows.columns["tx"][mine], rows.columns["packets"][mine], len(rows.nodes))
-        lost = {node: int(count) for node, count in zip(rows.nodes, counts.tolist(), strict=True) if count}
+    mine = rows.columns["fate"] == TRANSPORT
+    counts = np.bincount(rows.columns["tx"][mine], rows.columns["packets"][mine], len(rows.nodes))
+    lost = {node: int(count) for node, count in zip(rows.nodes, counts.tolist(), strict=True) if count}
     reports = run.reports
     return {
         "host": {

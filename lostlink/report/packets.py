@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from channel.medium.ledger import BIN_WIDTH_M
 from lostlink.reading.ages import LinkTimes, link_ages, link_latencies
 from lostlink.reading.links import counts_of
-from lostlink.reading.rows import DELIVERED, LinkRows
+from lostlink.reading.rows import LinkRows
 from lostlink.report.scales import nice_step, rows_of
 
 COLUMNS = ("sim_time_ns", "distance_m", "received_power_dbm")
@@ -34,7 +34,7 @@ def links_of(rows: LinkRows, times: Sequence[LinkTimes], end_ns: int) -> list[di
         end_ns: the end of the run.
     """
     counts, ages, latencies = counts_of(rows), link_ages(times, end_ns), link_latencies(times)
-    causes = [fate for fate in rows.fates if fate != DELIVERED]
+    causes = [name for name in counts if name not in ("tx", "rx", "sent", "delivered")]
     found = []
     for count, age, latency in zip(rows_of(counts), rows_of(ages), rows_of(latencies), strict=True):
         found.append(
@@ -81,12 +81,12 @@ def losses_of(rows: LinkRows, end_ns: int) -> dict[str, Any]:
     period_ns = period_of(end_ns)
     periods = int(max(end_ns, rows.columns["sim_time_ns"].max(initial=0)) // period_ns) + 1
     counts = rows.counts(rows.columns["sim_time_ns"] // period_ns, periods)
-    by_fate = {fate: counts[:, place] for place, fate in enumerate(rows.fates)}
+    del counts["sent"]
     return {
         "period_s": period_ns / 1e9,
         "sim_time_s": np.arange(periods) * (period_ns / 1e9),
-        "delivered": by_fate.pop(DELIVERED, np.zeros(periods, dtype=np.int64)),
-        "lost": by_fate,
+        "delivered": counts.pop("delivered"),
+        "lost": counts,
     }
 
 

@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.schema import NED, TRUTH
-from lostlink.reading.coded import coded_columns
+from bridge.record.tables.truth import POSITION, TRUTH, VELOCITY, TrueStates
 from lostlink.reading.run import Run
 
 POINTS_MAX = 600
 """Of a node's way; more are not seen."""
-_PLACE = tuple(f"position_{axis}_m" for axis in NED)
-_VELOCITY = tuple(f"velocity_{axis}_mps" for axis in NED)
 
 
 def tracks_of(run: Run) -> dict[str, Any]:
@@ -37,20 +34,18 @@ def _ways(run: Run) -> list[tuple[str, NDArray[Any], NDArray[Any], NDArray[Any]]
     """Of each node of which there is a true state: instants, places and velocities, in the order of the scenario."""
     if not TRUTH.is_in(run.path):
         return []
-    columns = coded_columns(
-        run.path, TRUTH, {"node": run.nodes}, ("node", "sim_time_ns", *_PLACE, *_VELOCITY)
-    )
-    order = np.argsort(columns["node"], kind="stable")
-    bounds = np.searchsorted(columns["node"][order], np.arange(len(run.nodes) + 1))
-    found = []
-    for place, node_id in enumerate(run.nodes):
-        own = order[bounds[place] : bounds[place + 1]]
-        if own.size:
-            ned_m, ned_mps = (
-                np.stack([columns[name][own] for name in names], axis=1) for names in (_PLACE, _VELOCITY)
-            )
-            found.append((node_id, columns["sim_time_ns"][own] / 1e9, ned_m, ned_mps))
-    return found
+    truth = TrueStates.read(run.path, run.nodes, (*POSITION, *VELOCITY))
+    own = [(node_id, np.flatnonzero(truth.node == place)) for place, node_id in enumerate(run.nodes)]
+    return [
+        (
+            node_id,
+            truth.sim_time_ns[rows] / 1e9,
+            truth.position_ned_m[rows],
+            truth.velocity_ned_mps[rows],
+        )
+        for node_id, rows in own
+        if rows.size
+    ]
 
 
 def _figures(ned_m: NDArray[Any], ned_mps: NDArray[Any]) -> dict[str, float]:

@@ -1,25 +1,34 @@
-"""One run of a study, in a process of its own: ``python -m lostlink.study.case_process DIRECTORY``.
+"""One run of a study, in a process of its own: ``python -m lostlink.study.case_process``.
 
-The directory has `plan.json` (`CasePlan`). What came of it goes to `result.json`, written as a whole when the run is
-over and measured, so that whoever finds one need not fly again. An interrupted run leaves none.
+That process reads directories of cases, a line each, and flies each in a process that is forked from it: what is
+imported is imported once, and nothing that a case leaves behind, such as an agent's module-level state, is there for
+the next. It answers each line with one: the directory again.
+
+A case's directory has `plan.json` (`CasePlan`). What came of it goes to `result.json`, written as a whole when the run
+is over and measured, so that whoever finds one need not fly again. An interrupted run leaves none.
 """
 
 from __future__ import annotations
 
 import fcntl
+import gc
 import hashlib
 import json
 import os
 import shutil
+import signal
 import sys
 import traceback
-from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
+from bridge.fleet.course import Ending
+from bridge.fleet.how import How, how_joined
+from bridge.fleet.leash import end_with_parent
+from bridge.fleet.preflight import preflight
 from bridge.fleet.slots import at_free_ports
-from bridge.fleet.supervisor import Ending, preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.sources import sources_of
@@ -31,6 +40,15 @@ from lostlink.study.model import Function
 PLAN_FILE = "plan.json"
 RESULT_FILE = "result.json"
 RUN_FOLDER = "run"
+LOG_FILE = "log.txt"
+WARM = (
+    "bridge.program.process",
+    "fdm.model.jsbsim_model",
+    "lostlink.export.mcap.export",
+    "pyarrow.parquet",
+    "scipy.special",
+)
+"""What a case imports late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +183,8 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
         binaries = Path(plan.ardupilot_dir) if plan.ardupilot_dir else None
         preflight(placed, binaries)
         run = RunDirectory.create(directory, placed.name)
-        flight = Flight(placed, run, Silent())
+        how: How = how_joined(placed)
+        flight = Flight(placed, run, Silent(), "task" if how == "one" else how)
         summary = flight.fly(binaries)
     if flight.signal is not None:
         return None
@@ -174,12 +193,59 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
     return run.path
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Fly the case of the directory that is named."""
-    (directory,) = arguments
-    os.chdir(directory)  # nothing that a run leaves where it is started lands beside the study
-    return fly_case(Path(directory))
+def fly_forked(directory: Path) -> None:
+    """Fly a case in a process that is forked from this one, and wait for its end."""
+    child = os.fork()
+    if child == 0:
+        _be_a_case(directory)
+    ended = False
+
+    def pass_on(number: int, _: object) -> None:
+        if not ended:
+            os.kill(child, number)
+
+    kept = {number: signal.signal(number, pass_on) for number in (signal.SIGTERM, signal.SIGINT)}
+    os.waitpid(child, 0)
+    ended = True
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+def _be_a_case(directory: Path) -> NoReturn:
+    status = 1
+    try:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, signal.SIG_DFL)
+        end_with_parent()
+        with (directory / LOG_FILE).open("ab") as log:
+            for standard in (1, 2):
+                os.dup2(log.fileno(), standard)
+        os.chdir(directory)  # nothing that a run leaves where it is started lands beside the study
+        status = fly_case(directory)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+
+
+def load_all() -> None:
+    """Import what flying and measuring a case imports, so that no case has to."""
+    for name in WARM:
+        import_module(name)
+    gc.collect()
+    gc.freeze()
+
+
+def main() -> int:
+    """Fly the cases whose directories come on stdin, one after the other."""
+    load_all()
+    for line in sys.stdin:
+        fly_forked(Path(line.rstrip("\n")))
+        print(line, end="", flush=True)
+    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

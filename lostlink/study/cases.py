@@ -21,9 +21,9 @@ from bridge.scenario.model import MAX, Scenario
 from bridge.scenario.resolve.named_files import named_files
 from lostlink.study.model import RUNS_MAX, StudyError, StudyFile
 
-NOT_OF_THE_RESULT = ("ports", "hosts", "speed", "figure", "mcap", "mavlink.tlog")
+NOT_OF_THE_RESULT = ("ports", "processes", "zenoh", "hosts", "speed", "figure", "mcap", "mavlink.tlog")
 """Keys of a scenario that change no result."""
-UNASKED = {"speed": MAX, "hosts": 1, "figure": False}
+UNASKED = {"speed": MAX, "figure": False}
 """What runs of a study have unless the study says otherwise: as many as fit fly at a time, and nobody looks on."""
 UNKEPT = {"mcap.write": False, "mavlink.tlog": False}
 """The same where directories of runs do not stay."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -14,10 +15,9 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from bridge.fleet.child import on_a_leash
+from bridge.fleet.environment import environment_of
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.study.model import StudyError
-
-LOG_FILE = "log.txt"
 
 
 class Lanes(Protocol):
@@ -33,11 +33,46 @@ class Lanes(Protocol):
         """Fly the cases of these directories; gives each when it is over, and None now and then in between."""
 
 
-class _Flights:
-    """Flies cases, each in a process of its own, until it is told to end them."""
+class _Worker:
+    """A process that flies cases one after the other, each forked from it (`lostlink.study.case_process`)."""
 
     def __init__(self) -> None:
-        self._flying: set[subprocess.Popen[bytes]] = set()
+        self._process = subprocess.Popen(
+            on_a_leash([sys.executable, "-m", "lostlink.study.case_process"]),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment_of(os.environ),
+            start_new_session=True,  # Ctrl-C reaches the study only, which ends the others in order
+        )
+
+    def fly(self, case: Path) -> bool:
+        """Fly a case, and wait for it; returns whether the worker is of further use."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        try:
+            self._process.stdin.write(f"{case}\n".encode())
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            return False
+        return bool(self._process.stdout.readline())
+
+    def end_case(self) -> None:
+        """Ask the case that flies to end."""
+        self._process.send_signal(signal.SIGTERM)
+
+    def close(self) -> None:
+        """End it: it has no case any more."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._process.wait()
+
+
+class _Flights:
+    """Flies cases in workers, as many as are asked for at a time, until it is told to end them."""
+
+    def __init__(self) -> None:
+        self._flying: set[_Worker] = set()
+        self._idle: list[_Worker] = []
         self._lock = threading.Lock()
         self._ended = False
 
@@ -46,20 +81,30 @@ class _Flights:
         with self._lock:
             if self._ended:
                 return
-            process = _start(case)
-            self._flying.add(process)
+            worker = self._idle.pop() if self._idle else _Worker()
+            self._flying.add(worker)
+        is_of_use = False
         try:
-            process.wait()
+            is_of_use = worker.fly(case)
         finally:
             with self._lock:
-                self._flying.discard(process)
+                self._flying.discard(worker)
+                if is_of_use:
+                    self._idle.append(worker)
+            if not is_of_use:
+                worker.close()
 
     def end(self) -> None:
         """Ask those that fly to end, and start no others."""
         with self._lock:
             self._ended = True
-            for process in self._flying:
-                process.send_signal(signal.SIGTERM)
+            for worker in self._flying:
+                worker.end_case()
+
+    def close(self) -> None:
+        """End the workers, which have nothing to fly any more."""
+        while self._idle:
+            self._idle.pop().close()
 
 
 class LocalLanes:
@@ -77,6 +122,7 @@ class LocalLanes:
     ) -> None:
         self._flights.end()
         self._pool.shutdown(cancel_futures=True)
+        self._flights.close()
 
     def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
         """Fly the cases; see `Lanes.fly`."""
@@ -139,17 +185,6 @@ def fly_here(client: str, case: str) -> None:
 def end_here(client: str) -> None:
     """End what a client has flying on this worker."""
     _here.setdefault(client, _Flights()).end()
-
-
-def _start(case: Path) -> subprocess.Popen[bytes]:
-    with (case / LOG_FILE).open("ab") as log:
-        return subprocess.Popen(
-            on_a_leash([sys.executable, "-m", "lostlink.study.case_process", str(case)]),
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,  # Ctrl-C reaches the study only, which ends the others in order
-        )
 
 
 def _passing_to(local: Future[Any]) -> Callable[[Any], None]:

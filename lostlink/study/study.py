@@ -8,9 +8,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from lostlink.study.case_process import CasePlan, is_done, read_result
+from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, read_result
 from lostlink.study.cases import Case, cases_of
-from lostlink.study.lanes import LOG_FILE, Lanes
+from lostlink.study.lanes import Lanes
 from lostlink.study.metrics import load
 from lostlink.study.model import Function, StudyError, StudyFile, read_study
 from lostlink.study.table import TABLE_FILE, write_table

@@ -10,9 +10,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from bridge.fleet.preflight import preflight
 from bridge.fleet.slots import at_free_ports
-from bridge.fleet.supervisor import preflight
-from bridge.record.tables.schema import DELIVERIES, TRUTH, Table
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.schema import Table
+from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from lostlink.flight.flight import Flight, Silent
 from lostlink.flight.scripted import RunResult, ScenarioLike, read_like

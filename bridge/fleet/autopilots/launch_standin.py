@@ -8,15 +8,12 @@ from collections.abc import Iterator, Sequence
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.child import ProcessSpec
 from bridge.fleet.hosts import standin_groups
+from bridge.program.standins import frame_parameters, standin_options
 from bridge.record.provenance import AutopilotOrigin, standin_origin
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft
 from bridge.scenario.resolve.flight import airframe_of
-from fdm.model.airframe import Airframe
-from standin.control.mixer import MotorFrame, UnknownFrameError, motor_frame
-
-FRAME_PARAMETERS = ("FRAME_CLASS", "FRAME_TYPE")
-"""What the stand-in takes of an airframe's parameters for ArduPilot: its gains are its own."""
+from standin.control.mixer import UnknownFrameError, motor_frame
 
 
 class StandIn(Launcher):
@@ -37,7 +34,7 @@ class StandIn(Launcher):
                 f"{airframe.vehicle}; fly it with --autopilot ardupilot"
             )
         try:
-            _motor_frame(airframe)
+            motor_frame(*frame_parameters(airframe).values())
         except UnknownFrameError as error:
             raise AutopilotError(f"UA {ua.id}: airframe {ua.airframe}: {error}") from error
 
@@ -61,21 +58,5 @@ class StandIn(Launcher):
 
 def _options(plan: LaunchPlan, *, has_log: bool) -> list[str]:
     """One stand-in's. Whoever is alone in its process needs no log besides that of the process."""
-    scenario, ua = plan.scenario, plan.ua
-    options = ["--sysid", str(ua.sysid), "--name", f"the stand-in of UA {ua.node}", "--home", plan.home_text]
-    options += ["--rate-hz", str(scenario.fdm.standin_rate_hz)]
-    options += ["--fdm-port", str(scenario.fdm_port(ua)), "--mavlink-port", str(scenario.autopilot_port(ua))]
-    for name, value in _frame(plan.airframe).items():
-        options += ["--parameter", f"{name}={value:g}"]
-    if has_log:
-        options += ["--log", str(plan.run.log_path(plan.name))]
-    return options
-
-
-def _frame(airframe: Airframe) -> dict[str, float]:
-    given = airframe.ardupilot_parameters
-    return {name: given.get(name, 1.0) for name in FRAME_PARAMETERS}
-
-
-def _motor_frame(airframe: Airframe) -> MotorFrame:
-    return motor_frame(*_frame(airframe).values())
+    log = ["--log", str(plan.run.log_path(plan.name))] if has_log else []
+    return [*standin_options(plan.scenario, plan.ua), *log]

@@ -195,5 +195,5 @@ def checked_places(path: Path, names: Sequence[str], places: NDArray[Any]) -> ND
         TableError: one is outside.
     """
     if places.size and not 0 <= int(places.min()) <= int(places.max()) < len(names):
-        raise TableError(f"{path}: a row has a name that the header has not")
+        raise TableError(f"{path}: a row has a name that the file has not")
     return places

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bridge.record.tables.journal import Labels, checked_places, read_rows
-from bridge.record.tables.schema import Batch, Column, Table
+from bridge.record.tables.schema import Table
 
-READ_ROWS = 1 << 16
 Rows = NDArray[np.void]
 
 
-def rows_of(run: Path, table: Table, rows: int = READ_ROWS) -> tuple[Labels, Iterator[Rows]]:
+def rows_of(run: Path, table: Table, rows: int) -> tuple[Labels, Iterator[Rows]]:
     """The names of a table's journals, and their rows in arrays of ``rows``, the last one shorter.
 
     Raises:
@@ -78,28 +76,3 @@ def _in_arrays(arrays: Iterator[Rows], rows: int) -> Iterator[Rows]:
             kept.append(rest)
     if kept:
         yield np.concatenate(kept) if len(kept) > 1 else kept[0]
-
-
-def read_journals(run: Path, table: Table, columns: Sequence[str]) -> Iterator[Batch]:
-    """The rows of a table's journals by column, with names and text as text.
-
-    Raises:
-        TableError, OSError: as `rows_of`.
-    """
-    labels, arrays = rows_of(run, table)
-    names = {name: np.array(labels[name], dtype=object) for name in table.labels}
-    kinds = {column.name: column for column in table.columns}
-    for rows in arrays:
-        yield {
-            name: names[name][rows[name]] if name in names else plain(kinds[name], rows[name])
-            for name in columns
-        }
-
-
-def plain(column: Column, values: NDArray[Any]) -> NDArray[Any]:
-    """A column's values; text as str."""
-    if not column.is_text:
-        return values
-    texts, places = np.unique(values, return_inverse=True)
-    found: NDArray[Any] = np.array([text.decode(errors="replace") for text in texts], dtype=object)[places]
-    return found

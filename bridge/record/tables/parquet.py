@@ -1,4 +1,4 @@
-"""Tables as Parquet: a journal becomes one file when its run is over, and either is read by column.
+"""Tables as Parquet: a journal becomes one file when its run is over.
 
 The bytes of a file follow from its rows alone: row groups have a fixed number of rows, and nothing of wall time is in
 it. pyarrow is imported where it is used: no process of a running simulation needs it.
@@ -13,121 +13,95 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.columns import numbers, texts, values_of
-from bridge.record.tables.journals import plain, read_journals, rows_of
-from bridge.record.tables.schema import LABEL, NUMBER, TABLES, Batch, Column, Table, TableError
+from bridge.record.tables.columns import numbers, texts
+from bridge.record.tables.journals import rows_of
+from bridge.record.tables.schema import LABEL, NUMBER, Column, Table, TableError
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 GROUP_ROWS: Final = 1 << 17
-READ_ROWS: Final = 1 << 16
 DICTIONARY_MAX_BYTES: Final = 1 << 24
 """A dictionary of a column and row group may be as large: numbers in steps often recur."""
 OnProgress = Callable[[str, int], object]
 
 
-def finish_tables(run: Path, on_progress: OnProgress = lambda _name, _rows: None) -> None:
-    """Turn what the run in ``run`` left of journals into Parquet; its processes have to be gone.
-
-    Args:
-        run: the run directory.
-        on_progress: told now and then the table's name and how many rows are done.
+def write_parquet(run: Path, table: Table, on_progress: OnProgress) -> None:
+    """Write a table's file from its journals, which stay.
 
     Raises:
         TableError: a journal cannot be read.
         OSError: a file cannot be read or written.
     """
-    for table in TABLES:
-        journals = table.journals(run)
-        if journals and not table.parquet_path(run).exists():
-            _write(table, run, on_progress)
-        for journal in journals:
-            journal.unlink()
-        if journals and table.by_node:
-            journals[0].parent.rmdir()
-
-
-def _write(table: Table, run: Path, on_progress: OnProgress) -> None:
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    labels, arrays = rows_of(run, table, GROUP_ROWS)
     path = table.parquet_path(run)
     partial, done = path.with_suffix(".partial"), 0
-    schema = pa.schema([(column.name, _type(column)) for column in table.columns])
     as_they_are = [c.name for c in table.columns if c.dtype == NUMBER and not c.steps_per_unit]
     with pq.ParquetWriter(
         partial,
-        schema,
+        schema_of(table.columns),
         compression="zstd",
         use_dictionary=[c.name for c in table.columns if c.name not in as_they_are],
         dictionary_pagesize_limit=DICTIONARY_MAX_BYTES,
         column_encoding=dict.fromkeys(as_they_are, "BYTE_STREAM_SPLIT") or None,
     ) as writer:
-        for rows in arrays:
-            try:
-                columns = [_column(column, rows[column.name], labels) for column in table.columns]
-            except pa.ArrowException as error:
-                raise TableError(f"{run}: {table.name}: {error}") from error
-            writer.write_table(pa.table(columns, schema=schema), row_group_size=GROUP_ROWS)
-            done += len(rows)
+        for batch in batches_of_journals(run, table, table.columns, GROUP_ROWS):
+            writer.write_batch(batch, row_group_size=GROUP_ROWS)
+            done += batch.num_rows
             on_progress(table.name, done)
     partial.replace(path)
 
 
-def _type(column: Column) -> pa.DataType:
+def schema_of(columns: Sequence[Column]) -> pa.Schema:
+    """The types of columns: names are dictionary-encoded."""
     import pyarrow as pa
 
-    if column.is_name:
-        return pa.dictionary(pa.int16(), pa.string())
-    return pa.from_numpy_dtype(column.dtype)
+    names = pa.dictionary(pa.int16(), pa.string())
+    return pa.schema([(c.name, names if c.is_name else pa.from_numpy_dtype(c.dtype)) for c in columns])
 
 
-def _column(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence[str]]) -> pa.Array:
+def batches_of_journals(
+    run: Path, table: Table, columns: Sequence[Column], rows: int
+) -> Iterator[pa.RecordBatch]:
+    """Some columns of a table's journals, ``rows`` rows at a time.
+
+    Raises:
+        TableError: a file is not the journal of such a table, or a row has no name.
+        OSError: one cannot be read.
+    """
+    import pyarrow as pa
+
+    labels, arrays = rows_of(run, table, rows)
+    schema = schema_of(columns)
+    for each in arrays:
+        try:
+            values = [array_of(column, each[column.name], labels) for column in columns]
+        except pa.ArrowException as error:
+            raise TableError(f"{table.journal_path(run, '*')}: {error}") from error
+        yield pa.record_batch(values, schema=schema)
+
+
+def array_of(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence[str]]) -> pa.Array:
+    """A column as Arrow has it, from values as in a journal; ``labels`` has the names of those of names."""
     import pyarrow as pa
 
     packed = np.ascontiguousarray(values)
     if column.dtype == LABEL:
         return pa.DictionaryArray.from_arrays(numbers(packed), texts(labels[column.name]))
     if column.is_text:
-        return texts(plain(column, packed).tolist()).dictionary_encode().cast(_type(column))
+        own: dict[bytes, int] = {}
+        places = np.array([own.setdefault(text, len(own)) for text in packed.tolist()], dtype=np.int16)
+        return pa.DictionaryArray.from_arrays(
+            numbers(places), texts([text.decode(errors="replace") for text in own])
+        )
     return numbers(packed)
 
 
-def read_table(run: Path, table: Table, columns: Sequence[str] | None = None) -> Iterator[Batch]:
-    """The rows of a table of the run in ``run``, some at a time: from Parquet, or from what its journal has so far.
-
-    Args:
-        run: the run directory.
-        table: which table.
-        columns: names of columns; all of them unless given.
-
-    Raises:
-        TableError: there is none, or it is damaged.
-        OSError: it cannot be read.
-    """
-    names = tuple(columns or (column.name for column in table.columns))
-    if table.parquet_path(run).exists():
-        return read_parquet(table.parquet_path(run), table, names)
-    if table.journals(run):
-        return read_journals(run, table, names)
-    raise TableError(f"{run}: it has no {table.parquet_path(run).name}, nor a journal of it")
-
-
-def read_parquet(path: Path, table: Table, columns: Sequence[str]) -> Iterator[Batch]:
-    """The rows of a table's Parquet file, some at a time.
-
-    Raises:
-        TableError: it is damaged, or not such a table.
-        OSError: it cannot be opened.
-    """
-    for batch in read_batches(path, table, columns, READ_ROWS):
-        yield {name: _values(batch.column(name)) for name in columns}
-
-
-def read_batches(path: Path, table: Table, columns: Sequence[str], rows: int) -> Iterator[pa.RecordBatch]:
-    """The rows of a table's Parquet file as Arrow, up to ``rows`` at a time: of the table's types, none missing.
+def batches_of_parquet(
+    path: Path, table: Table, columns: Sequence[Column], rows: int
+) -> Iterator[pa.RecordBatch]:
+    """Some columns of a table's file, up to ``rows`` rows at a time: of the table's types, none missing.
 
     Raises:
         TableError: it is damaged, or not such a table.
@@ -136,28 +110,28 @@ def read_batches(path: Path, table: Table, columns: Sequence[str], rows: int) ->
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    expected = {column.name: _type(column) for column in table.columns}
+    expected = schema_of(columns)
     with path.open("rb") as source:
         try:
             file = pq.ParquetFile(source)
             schema = file.schema_arrow
-            missing = [n for n in columns if n not in schema.names or schema.field(n).type != expected[n]]
-            if missing:
-                raise TableError(f"{path}: no such column as in {table.name}: {', '.join(missing)}")
-            for batch in file.iter_batches(rows, columns=list(columns), use_threads=False):
-                gaps = [name for name in columns if batch.column(name).null_count]
+            wrong = [
+                f.name for f in expected if f.name not in schema.names or schema.field(f.name).type != f.type
+            ]
+            if wrong:
+                raise TableError(f"{path}: no such column as in {table.name}: {', '.join(wrong)}")
+            for batch in file.iter_batches(rows, columns=expected.names, use_threads=False):
+                gaps = [name for name in expected.names if _has_gap(batch.column(name))]
                 if gaps:
                     raise TableError(f"{path}: a row has no value in {', '.join(gaps)}")
-                yield batch
+                yield batch.select(expected.names)
         except (pa.ArrowException, OSError) as error:
             raise TableError(f"{path}: damaged: {error}") from error
 
 
-def _values(column: pa.Array) -> NDArray[Any]:
+def _has_gap(column: pa.Array) -> bool:
     import pyarrow as pa
 
-    if isinstance(column, pa.DictionaryArray):
-        names = np.array(column.dictionary.to_pylist(), dtype=object)
-        found: NDArray[Any] = names[values_of(column.indices)]
-        return found
-    return values_of(column)
+    return bool(
+        column.null_count or (isinstance(column, pa.DictionaryArray) and column.dictionary.null_count)
+    )

@@ -1,8 +1,8 @@
-"""The tables of a run: their columns, units and steps; docs/run-output.md says what each means."""
+"""What a table of a run is: its columns, units and steps, and its files. Each table has a module beside this one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -18,8 +18,10 @@ LABEL: Final = "<i2"
 """A place in a list of names, which the table has once."""
 TEXT_PREFIX: Final = "|S"
 """Text of so many bytes of UTF-8 at most: ``|S24``. What is longer is cut."""
-Batch = Mapping[str, NDArray[Any]]
-"""Some rows of a table, by column; names as text."""
+NED: Final = ("north", "east", "down")
+FRD: Final = ("forward", "right", "down")
+Columns = dict[str, NDArray[Any]]
+"""Rows of a table, by column."""
 
 
 class TableError(ValueError):
@@ -85,9 +87,33 @@ class Table:
         path = self.journal_path(run)
         return [path] if path.exists() else []
 
+    def files(self, run: Path) -> list[Path]:
+        """All files that the run directory ``run`` has of it."""
+        path = self.parquet_path(run)
+        return [*([path] if path.exists() else []), *self.journals(run)]
+
     def is_in(self, run: Path) -> bool:
         """Whether the run directory ``run`` has anything of it."""
-        return self.parquet_path(run).exists() or bool(self.journals(run))
+        return bool(self.files(run))
+
+    def chosen(self, names: Sequence[str] | None) -> tuple[Column, ...]:
+        """The columns of these names; all of them for None.
+
+        Raises:
+            TableError: there is no such column.
+        """
+        by_name = {column.name: column for column in self.columns}
+        unknown = [name for name in names or () if name not in by_name]
+        if unknown:
+            raise TableError(
+                f"{self.name} has no column {', '.join(unknown)}; there are {', '.join(by_name)}"
+            )
+        return self.columns if names is None else tuple(by_name[name] for name in names)
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Names of the columns of floating-point numbers."""
+        return tuple(column.name for column in self.columns if column.dtype == NUMBER)
 
     @property
     def dtype(self) -> np.dtype[np.void]:
@@ -105,112 +131,6 @@ def _by_number(path: Path) -> tuple[int, str]:
     return (int(path.stem) if path.stem.isdecimal() else 1 << 62), path.stem
 
 
-def _vector(name: str, unit: str, axes: tuple[str, ...]) -> tuple[Column, ...]:
+def vector(name: str, unit: str, axes: Sequence[str]) -> tuple[Column, ...]:
+    """A column for each axis."""
     return tuple(Column(f"{name}_{axis}{unit}", NUMBER) for axis in axes)
-
-
-DELIVERIES: Final = Table(
-    "deliveries",
-    (
-        Column("sim_time_ns", TICK),
-        Column("tx", LABEL),
-        Column("rx", LABEL),
-        Column("seq", TICK),
-        Column("packets", COUNT),
-        Column("length_bytes", COUNT),
-        Column("distance_m", NUMBER, 1e3),
-        Column("received_power_dbm", NUMBER, 1e3),
-        Column("snr_db", NUMBER, 1e3),
-        Column("per", NUMBER, 1e7),
-        Column("fate", LABEL),
-    ),
-    keys=("sim_time_ns", "tx", "rx", "seq"),
-    tick="sim_time_ns",
-    node="tx",
-)
-"""A row per packet and intended receiver; written by the radio."""
-NED: Final = ("north", "east", "down")
-FRD: Final = ("forward", "right", "down")
-TRUTH: Final = Table(
-    "truth",
-    (
-        Column("tick_ns", TICK),
-        Column("node", LABEL),
-        Column("sim_time_ns", TICK),
-        Column("longitude_deg", NUMBER),
-        Column("latitude_deg", NUMBER),
-        Column("altitude_amsl_m", NUMBER),
-        *_vector("position", "_m", NED),
-        *_vector("velocity", "_mps", NED),
-        *_vector("attitude", "", ("w", "x", "y", "z")),
-        *_vector("body_rate", "_radps", FRD),
-        *_vector("specific_force", "_mps2", FRD),
-        Column("airspeed_mps", NUMBER),
-        *_vector("wind", "_mps", NED),
-    ),
-    keys=("tick_ns", "node"),
-    tick="tick_ns",
-    node="node",
-)
-"""A row per tick and node, with the fields of `bridge.bus.messages.Truth`; written by physics."""
-MEASUREMENTS: Final = Table(
-    "measurements",
-    (
-        Column("sim_time_ns", TICK),
-        Column("node", LABEL),
-        Column("emitter", LABEL),
-        Column("number", TICK),
-        Column("distance_m", NUMBER, 1e3),
-        Column("mean_power_dbm", NUMBER, 1e3),
-        Column("shadowing_db", NUMBER, 1e3),
-        Column("fading_db", NUMBER, 1e3),
-        Column("reading_dbm", NUMBER, 1e3),
-        Column("power_dbm", NUMBER, 1e3),
-        Column("outcome", LABEL),
-    ),
-    keys=("sim_time_ns", "node", "emitter"),
-    tick="sim_time_ns",
-    node="node",
-)
-"""A row per measurement of an RF sensor and emitter in its band; written by the radio, if a node has a sensor."""
-AGES: Final = (
-    *("heartbeat", "status", "attitude", "position", "local_position", "velocity"),
-    *("speed", "airspeed", "wind", "current", "clock"),
-)
-"""Groups of fields of a state that an autopilot tells together, in the order of AircraftState.msg."""
-STATES: Final = Table(
-    "states",
-    (
-        Column("tick_ns", TICK),
-        Column("node", LABEL),
-        Column("mav_id", COUNT),
-        *(Column(f"{name}_rad", NUMBER) for name in ("roll", "pitch", "yaw")),
-        Column("longitude_deg", NUMBER),
-        Column("latitude_deg", NUMBER),
-        Column("altitude_amsl_m", NUMBER),
-        Column("altitude_rel_m", NUMBER),
-        *_vector("position", "_m", NED),
-        *_vector("velocity", "_mps", NED),
-        Column("indicated_airspeed_mps", NUMBER),
-        Column("groundspeed_mps", NUMBER),
-        Column("airspeed_mps", NUMBER),
-        Column("mode", f"{TEXT_PREFIX}32"),
-        Column("base_mode", f"{TEXT_PREFIX}192"),
-        Column("heartbeat_age_s", NUMBER),
-        Column("flight_time_s", NUMBER),
-        Column("voltage_v", NUMBER),
-        Column("current_a", NUMBER),
-        *_vector("wind", "_mps", FRD),
-        Column("throttle_percent", NUMBER),
-        Column("armed", FLAG),
-        Column("ready_to_arm", FLAG),
-        *(Column(f"age_{name}_s", NUMBER, 1e3) for name in AGES),
-    ),
-    keys=("tick_ns", "node"),
-    tick="tick_ns",
-    node="node",
-    by_node=True,
-)
-"""A row per node and tick at which its state is published, with the fields of `bridge.bus.messages.AircraftState`."""
-TABLES: Final = (TRUTH, STATES, MEASUREMENTS, DELIVERIES)
-"""In the order of cause."""

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from bridge.fleet.supervisor import FleetError, preflight
+from bridge.fleet.course import FleetError
+from bridge.fleet.preflight import preflight
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.flying.run import SpeedOption

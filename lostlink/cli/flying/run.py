@@ -11,7 +11,8 @@ from typing import Any, get_args
 import click
 from rich.console import Console
 
-from bridge.fleet.supervisor import FleetError, preflight
+from bridge.fleet.course import FleetError
+from bridge.fleet.preflight import preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from fdm.exchange.settings import Coupling
@@ -61,6 +62,16 @@ class SpeedOption(click.ParamType[float | str]):
 )
 @click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
+@click.option(
+    "--zenoh/--no-zenoh",
+    default=None,
+    help="Whether programs beside the run may join it; they may at any speed but max.",
+)
+@click.option(
+    "--processes",
+    type=click.Choice(["auto", "one", "many"]),
+    help="All parts in one process, or joined by Zenoh in many; no result depends on it.",
+)
 @click.option("--api", is_flag=True, default=None, help="Serve each UA's HTTP API, from port 8760 on.")
 @click.option(
     "--mcap/--no-mcap",
@@ -131,9 +142,9 @@ def run(
       lostlink run --speed 1 --view
       lostlink run --quiet --digest                  run it twice: the digest is the same
     """
-    _check(as_json=as_json, digest=digest, control=control, view=view)
+    _check(as_json=as_json, digest=digest, control=control, view=view, zenoh=asked["zenoh"])
     try:
-        resolved = scenario_with(scenario, _changes(**asked), settings)
+        resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
         preflight(resolved, ardupilot_dir)
         viewing = ViewProcess(view_port, control=control) if view else None
         directory = RunDirectory.create(out, resolved.name)
@@ -156,19 +167,21 @@ def run(
     sys.exit(flight.exit_status(summary))
 
 
-def _check(*, as_json: bool, digest: bool, control: bool, view: bool) -> None:
+def _check(*, as_json: bool, digest: bool, control: bool, view: bool, zenoh: bool | None) -> None:
     if as_json and digest:
         raise click.UsageError(
             "--digest and --json: choose one; the JSON has the digest under its key digest"
         )
+    if view and zenoh is False:
+        raise click.UsageError("--view looks at the run over Zenoh: leave out --no-zenoh")
     if control and not view:
         raise click.UsageError("--control is what viewers may do: it needs --view")
 
 
-def _changes(*, udp_out: tuple[str, ...], **asked: Any) -> dict[str, Any]:
+def _changes(*, view: bool, udp_out: tuple[str, ...], **asked: Any) -> dict[str, Any]:
     """What the options of the scenario ask for, by its keys; None where nothing is asked for."""
     places = [place for place in udp_out if place != "none"] if udp_out else None
-    given = asked | {"udp_out": places}
+    given = asked | {"udp_out": places, "zenoh": True if view else asked["zenoh"]}
     return {key: given[option.removeprefix("--").replace("-", "_")] for key, option in OPTIONS.items()}
 
 

@@ -11,7 +11,7 @@ import click
 
 from aps.api.guard import TOKEN_VARIABLE, ApiConfig
 from bridge.bus.session import SessionError
-from bridge.record.tables.schema import TRUTH
+from bridge.record.tables.truth import TRUTH
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail

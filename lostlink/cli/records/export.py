@@ -43,7 +43,7 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
         raise click.UsageError("one of --csv, --parquet and --mcap is needed")
     if not as_mcap and any(mcap.values()):
         raise click.UsageError("--payloads, --mavlink, --compression, --rate and --size go with --mcap")
-    from bridge.record.tables.parquet import finish_tables
+    from bridge.record.tables.every import finish_tables
     from lostlink.export.csv_files import export_csv
 
     folder = out or run

@@ -77,18 +77,15 @@ def fit(
 
 
 def _from_run(base: RadioConfig, run: Path) -> FlightLog:
-    import numpy as np
-
-    from bridge.record.tables.parquet import read_table
-    from bridge.record.tables.schema import DELIVERIES
+    from bridge.record.tables.deliveries import DELIVERIES
+    from bridge.record.tables.reader import read_columns
     from channel.fit.columns import log_of_columns
 
     names = ("distance_m", "fate", "length_bytes", "tx", "rx")
     try:
-        batches = list(read_table(run, DELIVERIES, names))
+        columns = read_columns(run, DELIVERIES, names)
     except (OSError, ValueError) as error:
         raise BadInput(str(error)) from error
-    columns = {name: np.concatenate([np.empty(0), *(batch[name] for batch in batches)]) for name in names}
     return log_of_columns(columns, base, str(run))
 
 

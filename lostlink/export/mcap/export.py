@@ -8,7 +8,8 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
-from bridge.record.tables.schema import TRUTH
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.mcap import McapSettings
 from bridge.scenario.model import Scenario
@@ -19,7 +20,6 @@ from lostlink.export.mcap.radio import RadioSource, packets_source
 from lostlink.export.mcap.said import agent_sources, events_source, text_sources
 from lostlink.export.mcap.source import Source
 from lostlink.export.mcap.topics import prefixes
-from lostlink.reading.arrow import columns_of
 
 MCAP_FILE: Final = "run.mcap"
 WINDOW_NS: Final = 5_000_000_000
@@ -78,7 +78,7 @@ def _end_of(run: Path) -> int:
     """The last tick that has truth; 0 if there is none."""
     if not TRUTH.is_in(run):
         return 0
-    ticks_ns = columns_of(run, TRUTH, (TRUTH.tick,))[TRUTH.tick]
+    ticks_ns = read_columns(run, TRUTH, (TRUTH.tick,))[TRUTH.tick]
     return int(ticks_ns[-1]) if len(ticks_ns) else 0
 
 

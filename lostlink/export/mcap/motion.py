@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import AircraftState, Truth
-from bridge.record.tables.schema import AGES, FRD, NED, NUMBER, STATES, TRUTH
+from bridge.record.tables.schema import FRD, NED, Columns
+from bridge.record.tables.states import AGES, STATES
+from bridge.record.tables.truth import ATTITUDE, NUMBERS, TRUTH
 from lostlink.export.mcap.file import Channel, McapFile
 from lostlink.export.mcap.rounding import rounded
 from lostlink.export.mcap.rows import Part, Rows, doubles, floats, header, stamps
-from lostlink.export.mcap.source import Columns, Item, Pace, Slices, picked, rows_of_nodes
+from lostlink.export.mcap.source import Item, Pace, Slices, picked, rows_of_nodes
 from lostlink.export.mcap.topics import MAP
 
 _ROOT_HALF: Final = np.sqrt(0.5)
-_TRUTH_NUMBERS: Final = tuple(column.name for column in TRUTH.columns if column.dtype == NUMBER)
-_QUATERNION: Final = tuple(f"attitude_{axis}" for axis in "wxyz")
 
 
 class _Topic(NamedTuple):
@@ -40,7 +40,8 @@ class TruthSource:
 
     def __init__(self, run: Path, file: McapFile, prefixes: dict[str, str]) -> None:
         self._file, self._prefixes = file, prefixes
-        self._slices = Slices(run, TRUTH)
+        self._nodes = tuple(prefixes)
+        self._slices = Slices(run, TRUTH, {"node": self._nodes})
         self._topics: dict[str, list[_Topic]] = {}
         self._clock = self._clock_topic()
 
@@ -51,7 +52,7 @@ class TruthSource:
             return
         yield from self._clock_items(np.unique(columns["tick_ns"]))
         columns = {name: rounded(name, values) for name, values in columns.items()}
-        for node, rows in rows_of_nodes(columns):
+        for node, rows in rows_of_nodes(columns, self._nodes):
             if node not in self._topics:
                 self._topics[node] = list(self._topics_of(node))
             for topic in self._topics[node]:
@@ -95,19 +96,19 @@ _FIX: Final = (
 
 def _truth_parts() -> tuple[Part, ...]:
     """As in Truth.msg: the table's order, but the quaternion has w last."""
-    names = list(_TRUTH_NUMBERS)
-    begin = names.index(_QUATERNION[0])
-    names[begin : begin + 4] = [*_QUATERNION[1:], _QUATERNION[0]]
+    names = list(NUMBERS)
+    begin = names.index(ATTITUDE[0])
+    names[begin : begin + 4] = [*ATTITUDE[1:], ATTITUDE[0]]
     return doubles(*names)
 
 
 def _as_it_is(columns: Columns) -> Columns:
-    return {name: columns[name] for name in _TRUTH_NUMBERS}
+    return {name: columns[name] for name in NUMBERS}
 
 
 def _pose(columns: Columns) -> Columns:
     """East, north, up; body forward, left, up: what REP 103 asks for."""
-    w, x, y, z = (columns[name] for name in _QUATERNION)
+    w, x, y, z = (columns[name] for name in ATTITUDE)
     r = _ROOT_HALF
     return {
         "x": columns["position_east_m"],
@@ -140,7 +141,8 @@ class StateSource:
 
     def __init__(self, run: Path, file: McapFile, prefixes: dict[str, str]) -> None:
         self._file, self._prefixes = file, prefixes
-        self._slices = Slices(run, STATES)
+        self._nodes = tuple(prefixes)
+        self._slices = Slices(run, STATES, {"node": self._nodes})
         self._paces: dict[str, Pace] = {}
         self._rows: dict[tuple[str, str, str, bool], Rows] = {}
 
@@ -150,7 +152,7 @@ class StateSource:
         if columns is None:
             return
         columns = {name: rounded(name, values) for name, values in columns.items()}
-        for node, rows in rows_of_nodes(columns):
+        for node, rows in rows_of_nodes(columns, self._nodes):
             channel = self._file.channel(f"/{self._prefixes[node]}/state", AircraftState.TYPE, "state")
             pace = self._paces.setdefault(node, Pace(self._file.settings.rate_hz("state")))
             chosen = picked(rows, pace.chosen(rows["tick_ns"]))

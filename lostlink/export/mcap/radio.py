@@ -4,25 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bridge.bus.keys import ALL
 from bridge.bus.messages import CommunicationMatrix, Fates, Header, Links, Packet, encode
+from bridge.radio.picture import Picture
 from bridge.record import names
-from bridge.record.packets import decode_packet
+from bridge.record.packets import packets_of
 from bridge.record.radio_switches import switches_of
-from bridge.record.streams import read_stream, stream_exists
-from bridge.record.tables.schema import DELIVERIES
+from bridge.record.streams import stream_exists
+from bridge.record.tables.deliveries import (
+    DELIVERIES,
+    FIGURES,
+    Cause,
+    fates_message,
+    for_each_receiver,
+    labels_of,
+    settled_ns,
+)
+from bridge.record.tables.schema import Columns
 from bridge.scenario.model import Scenario
+from channel.medium.ledger import Ledger
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.rounding import rounded
-from lostlink.export.mcap.source import Columns, Feed, Item, Slices
-
-DELIVERED: Final = "delivered"
-FIGURES: Final = ("distance_m", "received_power_dbm", "snr_db", "per")
+from lostlink.export.mcap.source import Feed, Item, Slices
+from lostlink.reading.decisions import take_rows
 
 
 class RadioSource:
@@ -37,11 +44,9 @@ class RadioSource:
     def __init__(self, run: Path, file: McapFile, scenario: Scenario) -> None:
         self._nodes, self._tick_ns = scenario.transceiver_ids, scenario.tick_period_ns
         self._radios = switches_of(scenario, run)
-        self._slices = Slices(run, DELIVERIES)
-        self._board = _Board(self._nodes)
-        self._causes: dict[str, int] = {DELIVERED: 0}
+        self._slices = Slices(run, DELIVERIES, labels_of(self._nodes))
+        self._picture, self._ledger = Picture(self._nodes), Ledger(self._nodes, causes=tuple(Cause))
         self._now_ns = 0
-        self._kept: Columns | None = None
         settings = file.settings
         self._channels = {
             kind: file.channel(f"/{kind}", cls.TYPE, kind) if settings.has(kind) else None
@@ -53,133 +58,46 @@ class RadioSource:
         columns = self._slices.until(time_ns)
         if columns is None:
             return
-        columns = self._numbered(columns)
+        columns = self._in_ticks(columns)
         ends = np.flatnonzero(np.diff(columns["tick_ns"])) + 1
         for begin, end in zip([0, *ends.tolist()], [*ends.tolist(), len(columns["tick_ns"])], strict=True):
             tick = {name: values[begin:end] for name, values in columns.items()}
             yield from self._tick(int(tick["tick_ns"][0]), tick)
 
-    def _numbered(self, columns: Columns) -> Columns:
-        """Names as places, a tick for each row, and rows for everybody once for each receiver."""
-        place_of = {node: place for place, node in enumerate((*self._nodes, ALL))}
-        tx, rx = (np.array([place_of[n] for n in columns[end]], dtype=np.intp) for end in ("tx", "rx"))
-        for cause in np.unique(columns["fate"].astype(str)).tolist():
-            self._causes.setdefault(cause, len(self._causes))
-        fate = np.array([self._causes[cause] for cause in columns["fate"]], dtype=np.uint8)
-        ticks_ns = -(-columns["sim_time_ns"] // self._tick_ns) * self._tick_ns
+    def _in_ticks(self, columns: Columns) -> Columns:
+        """With a tick for each row, and rows for everybody once for each receiver."""
+        ticks_ns = settled_ns(columns, self._tick_ns)
         ticks_ns[0] = max(ticks_ns[0], self._now_ns)
         ticks_ns = np.maximum.accumulate(ticks_ns)
         self._now_ns = int(ticks_ns[-1])
         figures = {name: rounded(name, columns[name]) for name in FIGURES}
-        found = {**columns, **figures, "tx": tx, "rx": rx, "fate": fate, "tick_ns": ticks_ns}
-        return _spread(found, len(self._nodes)) if (rx == len(self._nodes)).any() else found
+        return for_each_receiver(columns | figures | {"tick_ns": ticks_ns}, len(self._nodes))
 
     def _tick(self, tick_ns: int, rows: Columns) -> Iterator[Item]:
-        header = Header.at(tick_ns, "")
-        self._board.take(rows, delivered=self._causes[DELIVERED])
+        take_rows(rows, self._picture, self._ledger)
         for kind, channel in self._channels.items():
             if channel is None or not channel.is_due(tick_ns):
                 continue
             if kind == "fates":
-                message: Any = self._fates(header, rows)
+                message: Any = fates_message(tick_ns, self._nodes, rows)
             elif kind == "links":
-                message = self._board.links(header, self._radios.off_at(tick_ns))
+                message = self._picture.links(tick_ns, self._ledger, self._radios.off_at(tick_ns))
             else:
-                message = self._board.matrix(header)
+                message = self._picture.matrix(tick_ns)
             yield tick_ns, channel, encode(message)
-
-    def _fates(self, header: Header, rows: Columns) -> Fates:
-        return Fates(
-            header,
-            self._nodes,
-            tuple(self._causes),
-            rows["tx"].astype(np.uint16),
-            rows["rx"].astype(np.uint16),
-            rows["seq"],
-            rows["sim_time_ns"],
-            rows["length_bytes"].astype(np.uint32),
-            rows["distance_m"],
-            rows["received_power_dbm"],
-            rows["snr_db"],
-            rows["per"],
-            rows["fate"].tobytes(),
-            rows["packets"].astype(np.uint32),
-        )
-
-
-def _spread(columns: Columns, nodes: int) -> Columns:
-    """Rows for everybody, once for each node but their sender, where they are."""
-    is_for_all = columns["rx"] == nodes
-    rows = np.repeat(np.arange(len(is_for_all)), np.where(is_for_all, nodes, 1))
-    begins = np.cumsum(np.where(is_for_all, nodes, 1)) - np.where(is_for_all, nodes, 1)
-    receiver = np.arange(len(rows)) - begins[rows]
-    rx = np.where(is_for_all[rows], receiver, columns["rx"][rows])
-    kept = ~is_for_all[rows] | (rx != columns["tx"][rows])
-    return {name: values[rows][kept] for name, values in columns.items()} | {"rx": rx[kept]}
-
-
-class _Board:
-    """The newest of each link, by sender and receiver."""
-
-    def __init__(self, nodes: tuple[str, ...]) -> None:
-        self._nodes = nodes
-        size = len(nodes) ** 2
-        self._known, self._heard = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
-        self._sent, self._delivered = (np.zeros(size, dtype=np.uint64) for _ in range(2))
-        self._figures = {name: np.full(size, np.nan) for name in FIGURES}
-
-    def take(self, rows: Columns, delivered: int) -> None:
-        """Take the fates of a tick, in order: the later ones stand."""
-        link, arrived = rows["tx"] * len(self._nodes) + rows["rx"], rows["fate"] == delivered
-        self._known[link] = True
-        self._heard[link] = arrived
-        for name, kept in self._figures.items():
-            kept[link] = rows[name]
-        np.add.at(self._sent, link, rows["packets"].astype(np.uint64))
-        np.add.at(self._delivered, link[arrived], rows["packets"][arrived].astype(np.uint64))
-
-    def links(self, header: Header, radios_off: NDArray[np.bool_]) -> Links:
-        """All links that carried a packet, and which nodes' radios are off."""
-        link = np.flatnonzero(self._known)
-        ends = ((link // len(self._nodes)).astype(np.uint16), (link % len(self._nodes)).astype(np.uint16))
-        distance_m, received_power_dbm, snr_db, per = (self._figures[name][link] for name in FIGURES)
-        return Links(
-            header,
-            self._nodes,
-            *ends,
-            distance_m,
-            received_power_dbm,
-            snr_db,
-            per,
-            self._sent[link],
-            self._delivered[link],
-            np.flatnonzero(radios_off).astype(np.uint16),
-        )
-
-    def matrix(self, header: Header) -> CommunicationMatrix:
-        """Who was heard, row by row of receivers."""
-        known, heard = (_by_receiver(each, len(self._nodes)) for each in (self._known, self._heard))
-        return CommunicationMatrix(header, self._nodes, known, heard)
-
-
-def _by_receiver(values: NDArray[np.bool_], nodes: int) -> NDArray[np.bool_]:
-    turned: NDArray[np.bool_] = values.reshape(nodes, nodes).T.ravel()
-    return turned
 
 
 def packets_source(run: Path, file: McapFile, node: str, prefix: str) -> Feed | None:
     """What a node transmitted; None if that is not wanted, or there is no stream of it."""
-    path = names.packets(node).path(run)
-    if not file.settings.has("packets") or not stream_exists(path):
+    if not file.settings.has("packets") or not stream_exists(names.packets(node).path(run)):
         return None
     channel = file.channel(f"/{prefix}/packets", Packet.TYPE, "packets")
 
     def items() -> Iterator[Item]:
-        for entry in read_stream(path):
-            packet = decode_packet(entry.payload)
+        for tick_ns, packet in packets_of(run, node):
             payload = packet.payload if file.settings.payloads else b""
             header = Header.at(packet.sim_time_ns, node)
             message = Packet(header, packet.seq, packet.channel, len(packet.payload), payload)
-            yield entry.tick_ns, channel, encode(message)
+            yield tick_ns, channel, encode(message)
 
     return Feed(items())

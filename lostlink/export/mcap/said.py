@@ -9,10 +9,8 @@ from typing import Final
 
 from bridge.bus.messages import AgentStatus, encode
 from bridge.bus.messages.sequences import aligned
-from bridge.record import names
 from bridge.record.events import read_reports
-from bridge.record.logged import LoggedValue, decode_logged
-from bridge.record.streams import read_stream, stream_exists
+from bridge.record.logged import LoggedValue, logged_of
 from bridge.run.directory import LOG_FOLDER
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.source import Feed, Item
@@ -32,11 +30,9 @@ def agent_sources(run: Path, file: McapFile, prefixes: dict[str, str]) -> Iterat
     """What the agents logged and reported."""
     settings, known = file.settings, _Types()
     for node, prefix in prefixes.items():
-        path = names.logged(node).path(run)
-        if stream_exists(path):
-            types = _types_of(path, known) if settings.has("log") else {}
-            file.schemas.add({each.name: each.definition for each in types.values()})
-            yield Feed(_agent_items(path, file, node, prefix, types))
+        types = _types_of(run, node, known) if settings.has("log") else {}
+        file.schemas.add({each.name: each.definition for each in types.values()})
+        yield Feed(_agent_items(run, file, node, prefix, types))
 
 
 class _Types:
@@ -54,11 +50,10 @@ class _Types:
         return self._found[key]
 
 
-def _types_of(path: Path, known: _Types) -> dict[str, ValueType]:
+def _types_of(run: Path, node: str, known: _Types) -> dict[str, ValueType]:
     """The types of a node's values, by their names: from all that there are."""
     kinds: dict[str, dict[str, str]] = {}
-    for entry in read_stream(path):
-        item = decode_logged(entry.payload)
+    for _, item in logged_of(run, node):
         if isinstance(item, LoggedValue):
             fields = kinds.setdefault(item.name, {})
             for key, value in _fields(item).items():
@@ -72,22 +67,21 @@ def _fields(item: LoggedValue) -> dict[str, object]:
 
 
 def _agent_items(
-    path: Path, file: McapFile, node: str, prefix: str, types: dict[str, ValueType]
+    run: Path, file: McapFile, node: str, prefix: str, types: dict[str, ValueType]
 ) -> Iterator[Item]:
     topics: dict[str, str] = {}
-    for entry in read_stream(path):
-        item = decode_logged(entry.payload)
+    for tick_ns, item in logged_of(run, node):
         if isinstance(item, AgentStatus):
             if file.settings.has("agent"):
                 channel = file.channel(f"/{prefix}/agent", AgentStatus.TYPE, "agent")
-                yield entry.tick_ns, channel, encode(item)
+                yield tick_ns, channel, encode(item)
         elif item.name in types:
             if item.name not in topics:
                 name = unique(named_chunk(item.name), set(topics.values()))
                 topics[item.name] = name
             kind = types[item.name]
             channel = file.channel(f"/{prefix}/log/{topics[item.name]}", kind.name, "log")
-            yield entry.tick_ns, channel, kind.encode(entry.tick_ns, node, _fields(item))
+            yield tick_ns, channel, kind.encode(tick_ns, node, _fields(item))
 
 
 def events_source(run: Path, file: McapFile) -> Feed | None:

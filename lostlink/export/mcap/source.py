@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import Batch, Table
+from bridge.record.tables.reader import Names, joined, read_batches
+from bridge.record.tables.schema import Columns, Table
 from lostlink.export.mcap.file import Channel
 
 Item = tuple[int, Channel, bytes]
 """Sim time in ns, where to, and the message."""
-Columns = dict[str, NDArray[Any]]
 
 
 class Source(Protocol):
@@ -46,13 +45,13 @@ class Slices:
     Args:
         run: the run directory.
         table: which table; none if the run does not have it.
+        names: of what columns are read as places.
     """
 
-    def __init__(self, run: Path, table: Table) -> None:
-        self._batches: Iterator[Batch] = read_table(run, table) if table.is_in(run) else iter(())
-        self._names = [column.name for column in table.columns]
+    def __init__(self, run: Path, table: Table, names: Names) -> None:
+        self._batches = read_batches(run, table, None, names) if table.is_in(run) else iter(())
         self._tick = table.tick
-        self._kept: list[Batch] = []
+        self._kept: list[Columns] = []
 
     def until(self, time_ns: int) -> Columns | None:
         """The rows up to the first that is later than ``time_ns``; None if there are none."""
@@ -64,7 +63,7 @@ class Slices:
                 self._kept.append(batch)
         if not self._kept:
             return None
-        whole = {name: np.concatenate([batch[name] for batch in self._kept]) for name in self._names}
+        whole = joined(self._kept)
         later = np.flatnonzero(whole[self._tick] > time_ns)
         count = int(later[0]) if later.size else len(whole[self._tick])
         self._kept = [{n: v[count:] for n, v in whole.items()}] if count < len(whole[self._tick]) else []
@@ -88,12 +87,10 @@ class Pace:
         return first
 
 
-def rows_of_nodes(columns: Columns) -> Iterator[tuple[str, Columns]]:
-    """A table's rows of each node."""
-    nodes = columns["node"].astype(str)
-    for node in np.unique(nodes).tolist():
-        chosen = nodes == node
-        yield node, {name: values[chosen] for name, values in columns.items()}
+def rows_of_nodes(columns: Columns, nodes: Sequence[str]) -> Iterator[tuple[str, Columns]]:
+    """A table's rows of each node; ``node`` is a place in ``nodes``."""
+    for place in np.unique(columns["node"]).tolist():
+        yield nodes[place], picked(columns, np.flatnonzero(columns["node"] == place))
 
 
 def picked(columns: Columns, places: NDArray[np.intp]) -> Columns:

@@ -27,9 +27,9 @@ class MomentPublisher:
         self._keys = keys
         self._channel = scenario.transmit.channel
         self._waits = False
-        nodes, ua = scenario.stations, [each.node for each in scenario.ua]
+        nodes, stations = scenario.stations, scenario.transceiver_ids
         self._wants_truth = self._interests(nodes, keys.truth)
-        self._wants_state = self._interests(ua, keys.state)
+        self._wants_state = self._interests(stations, keys.state)
         self._wants_rx = self._interests(nodes, lambda node: keys.rx(node, "*", "*"))
         self._wants_status = self._interests(nodes, keys.comm_status)
         self._wants_report = self._interests(nodes, keys.agent)
@@ -53,8 +53,7 @@ class MomentPublisher:
         self._waits = pace.speed == float("inf")
         self._truths(moment)
         self.clock(moment, pace)
-        if moment.states_are_due or everything:
-            self._states(moment)
+        self._states(moment, everything=everything)
         self._received(moment)
         self._statuses(moment)
         self._logged(moment)
@@ -85,10 +84,11 @@ class MomentPublisher:
         if self._wants_tick["truths"]():
             self._session.put(self._keys.tick("truths"), moment.truths(), must_arrive=True)
 
-    def _states(self, moment: Moment) -> None:
+    def _states(self, moment: Moment, *, everything: bool) -> None:
         wanted = [node for node, wants in self._wants_state.items() if wants()]
         for node, state in moment.states(wanted).items() if wanted else ():
-            self._put(self._keys.state(node), state)
+            if everything or state.header.stamp.ns == moment.sim_time_ns:
+                self._put(self._keys.state(node), state)
 
     def _received(self, moment: Moment) -> None:
         wanted = [node for node, wants in self._wants_rx.items() if wants()]

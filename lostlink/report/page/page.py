@@ -129,7 +129,8 @@ def _flat(value: Any) -> str:
 
 
 def _expectation(each: dict[str, Any]) -> Row:
-    found = "nothing of the kind" if each["found"] is None else f"{num(each['found'])} {each['unit']}".strip()
+    nothing = each.get("error") or "nothing of the kind"
+    found = nothing if each["found"] is None else f"{num(each['found'])} {each['unit']}".strip()
     return [each["name"], each["wanted"], found, _passed(each["passed"])]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
+from contextlib import suppress
 
 from bridge.bus.messages import AgentStatus
 from lostlink.replay.moment import Moment
@@ -18,7 +19,7 @@ SLICE_S = 0.03
 """Longest that is played at once: viewers are served in between."""
 REST_S = 0.02
 STATES_PERIOD_S = 0.25
-"""How often the states of autopilots are looked up: each is made from its MAVLink."""
+"""How often the states of autopilots are looked up."""
 CLOCK_PERIOD_S = 0.25
 """How often the clock is told while it stands."""
 
@@ -81,6 +82,8 @@ class RecordSource:
 
     async def run(self) -> None:
         """Play until cancelled."""
+        with suppress(OSError, ValueError):  # is told when they are looked up
+            await asyncio.to_thread(lambda: self._player.states)
         told_s = self._clock()
         while True:
             self.play()

@@ -17,8 +17,9 @@ from bridge.bus.keys import Keys
 from bridge.record import names
 from bridge.record.provenance import read_provenance
 from bridge.record.streams import read_stream
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.truth import TRUTH
 from channel.link.radio import Radio
 from channel.presets import radio_from_mapping
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
@@ -48,8 +49,7 @@ def rows_of(run: Run) -> list[Row]:
     columns = ("tx", *Row._fields)
     return [
         Row(*numbers)
-        for batch in read_table(run.directory, DELIVERIES, columns)
-        for tx, *numbers in zip(*(batch[name].tolist() for name in columns), strict=True)
+        for tx, *numbers in zip(*read_columns(run.directory, DELIVERIES, columns).values(), strict=True)
         if tx == "0"
     ]
 
@@ -194,7 +194,7 @@ def test_a_killed_run_leaves_all_but_its_last_second(start_run: StartRun) -> Non
     for name in (names.from_autopilot("1"), names.packets("0")):
         entries = list(read_stream(name.path(run.directory)))
         assert entries[-1].tick_ns > 8_000_000_000
-    ticks = np.concatenate([batch["tick_ns"] for batch in read_table(run.directory, TRUTH, ("tick_ns",))])
+    ticks = read_columns(run.directory, TRUTH, ("tick_ns",))["tick_ns"]
     assert ticks[::2].tolist() == [50_000_000 * n for n in range(len(ticks[::2]))]
     assert ticks[-1] > 8_000_000_000
     assert not TRUTH.parquet_path(run.directory).exists()

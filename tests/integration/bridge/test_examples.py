@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.schema import NED
+from bridge.record.tables.truth import TRUTH
 from bridge.scenario.file import SCENARIOS
 from lostlink.cli.flying.check import check
 from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
@@ -99,8 +101,8 @@ def lines_of(run: Path, node: str, name: str) -> list[dict[str, Any]]:
 
 
 def heights_m(run: Path, node: str) -> list[float]:
-    batches = read_table(run, TRUTH, ("node", "position_down_m"))
-    return [-down for batch in batches for who, down in zip(*batch.values(), strict=True) if who == node]
+    columns = read_columns(run, TRUTH, ("node", "position_down_m"))
+    return (-columns["position_down_m"][columns["node"] == node]).tolist()
 
 
 @pytest.mark.slow
@@ -129,8 +131,7 @@ def test_the_ground_station_keeps_what_it_hears(fly: Fly) -> None:
     run = fly("ground_station", "--duration", str(SHORT_S["ground_station"]), "--quiet")
     lines = lines_of(run, "gcs", "telemetry")
     assert {line["ua"] for line in lines} == {"0", "1", "2"}
-    senders = {tx for batch in read_table(run, DELIVERIES, ("tx",)) for tx in batch["tx"].tolist()}
-    assert senders == {"0", "1", "2"}
+    assert set(read_columns(run, DELIVERIES, ("tx",))["tx"]) == {"0", "1", "2"}
 
 
 @pytest.mark.long
@@ -148,17 +149,9 @@ def test_an_acceptance_run_is_accepted_and_a_stricter_one_is_not(fly: Fly, tmp_p
         [*LOSTLINK, "judge", str(run), str(stricter)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 3
-    places = {
-        node: np.concatenate(
-            [
-                np.column_stack([batch[f"position_{axis}_m"] for axis in ("north", "east", "down")])[
-                    batch["node"] == node
-                ]
-                for batch in read_table(run, TRUTH)
-            ]
-        )
-        for node in ("0", "1")
-    }
+    truth = read_columns(run, TRUTH)
+    position_ned_m = np.column_stack([truth[f"position_{axis}_m"] for axis in NED])
+    places = {node: position_ned_m[truth["node"] == node] for node in ("0", "1")}
     nearest_m = np.linalg.norm(places["0"] - places["1"], axis=1).min()
     assert done.stdout == f"FAILED: separation of UA: wanted at least 250 m, found {nearest_m:.4g} m\n"
 

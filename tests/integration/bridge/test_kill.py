@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, decode
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import DELIVERIES, TRUTH, Table
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.schema import Table
+from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.conftest import STILL, Run, StartRun
 
 SPEED = 4.0
@@ -28,8 +30,7 @@ PROCESSES = {"router": "bridge.radio.process", "host": "bridge.host.process", "s
 
 def column(run: Run, table: Table, name: str) -> NDArray[Any]:
     """All of one column; empty if the kill came within the first second."""
-    parts = [batch[name] for batch in read_table(run.directory, table)]
-    return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
+    return read_columns(run.directory, table, (name,))[name]
 
 
 @pytest.mark.slow

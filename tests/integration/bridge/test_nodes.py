@@ -6,13 +6,13 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from bridge.agents import connect_ua
 from bridge.bus.keys import Keys
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.conftest import STILL, Run, StartRun
 
 BASE = """\
@@ -29,14 +29,9 @@ TRACK = "[{{sim_time_s: 1, north_m: 10}}, {{sim_time_s: 2, north_m: 30, height_m
 
 
 def rows(run: Run, **wanted: str) -> list[dict[str, Any]]:
-    found = []
-    for batch in read_table(run.directory, DELIVERIES):
-        names = list(batch)
-        for values in zip(*(batch[name].tolist() for name in names), strict=True):
-            row = dict(zip(names, values, strict=True))
-            if all(row[name] == value for name, value in wanted.items()):
-                found.append(row)
-    return found
+    table = read_columns(run.directory, DELIVERIES)
+    found = (dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True))
+    return [row for row in found if all(row[name] == value for name, value in wanted.items())]
 
 
 def test_a_ground_station_hears_and_sends_to_one(start_run: StartRun, tmp_path: Path) -> None:
@@ -53,10 +48,7 @@ def test_a_ground_station_hears_and_sends_to_one(start_run: StartRun, tmp_path: 
     assert {row["fate"] for row in orders} == {"delivered"}
     assert not [row for row in rows(run, tx="gcs", rx="0") if row["length_bytes"] == len(b"to one")]
     assert all(abs(row["distance_m"] - 200.0) < 0.1 for row in rows(run, tx="0", rx="gcs"))
-    truth = {
-        name: np.concatenate([batch[name] for batch in read_table(run.directory, TRUTH)])
-        for name in ("node", "tick_ns", "position_north_m", "position_down_m")
-    }
+    truth = read_columns(run.directory, TRUTH)
     van = truth["node"] == "van"
     at = {
         int(t): (n, d)

@@ -13,7 +13,7 @@ from bridge.bus.keys import Keys
 from bridge.bus.messages import CommandEvent, Links, decode
 from bridge.bus.radio_command import radio_goal
 from bridge.bus.session import Session
-from bridge.record.tables.schema import DELIVERIES
+from bridge.record.tables.deliveries import DELIVERIES
 from lostlink import connect_ua, load_run
 from lostlink.redecision.redecide import redecide
 from lostlink.redecision.rewrite import write_deliveries

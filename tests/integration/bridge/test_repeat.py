@@ -17,7 +17,7 @@ from pymavlink import mavutil
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect as open_stream
 
-from bridge.record.tables.schema import DELIVERIES
+from bridge.record.tables.deliveries import DELIVERIES
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 from tests.unit.bridge.record.runs import change_table
 

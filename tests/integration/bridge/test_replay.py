@@ -14,7 +14,7 @@ from bridge.bus.identity.keyring import OBSERVERS
 from bridge.bus.keys import Keys
 from bridge.bus.messages import encode
 from bridge.bus.session import Sample, open_client
-from bridge.record.tables.schema import DELIVERIES
+from bridge.record.tables.deliveries import DELIVERIES
 from lostlink.redecision.redecide import redecide
 from lostlink.redecision.rewrite import write_deliveries
 from lostlink.replay.player import Player
@@ -166,7 +166,8 @@ def test_a_record_is_played_as_the_run_published_it(start_run: StartRun) -> None
         messages += [(keys.truth(node), truth) for node, truth in moment.truth().items()]
         messages += [(keys.tick("communication"), moment.communication())]
         messages += [(keys.comm_status(s.header.frame_id), s) for s in moment.statuses()]
-        messages += [(keys.state(node), s) for node, s in moment.states().items() if moment.states_are_due]
+        states = moment.states().items()
+        messages += [(keys.state(node), s) for node, s in states if s.header.stamp.ns == moment.sim_time_ns]
         messages += [(keys.tick("links"), moment.links())] if moment.links_are_due else []
         for key, message in messages:
             played.setdefault(key, set()).add(encode(message))

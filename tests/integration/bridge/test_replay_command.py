@@ -156,7 +156,8 @@ def test_an_observer_gets_what_an_observer_of_the_run_got(played: Any, record: P
             messages += [(keys.truth(node), truth) for node, truth in moment.truth().items()]
             messages += [(keys.tick("communication"), moment.communication())]
             messages += [(keys.comm_status(s.header.frame_id), s) for s in moment.statuses()]
-            messages += [(keys.state(n), s) for n, s in moment.states().items() if moment.states_are_due]
+            states = moment.states().items()
+            messages += [(keys.state(n), s) for n, s in states if s.header.stamp.ns == moment.sim_time_ns]
             messages += [(keys.tick("links"), moment.links())] if moment.links_are_due else []
             for key, message in messages:
                 expected.setdefault(key, []).append(encode(message))

@@ -17,7 +17,7 @@ import pytest
 
 from bridge.bus.keys import Keys
 from bridge.bus.session import Stamp
-from bridge.record.tables.schema import DELIVERIES
+from bridge.record.tables.deliveries import DELIVERIES
 from bridge.scenario.file import SCENARIOS
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 

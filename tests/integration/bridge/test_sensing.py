@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from bridge.agents import connect_ua
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import MEASUREMENTS, TRUTH, Table
+from bridge.record.tables.measurements import MEASUREMENTS
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.schema import Table
+from bridge.record.tables.truth import TRUTH
 from lostlink.reading.run import load_run
 from lostlink.replay.player import Player
 from tests.integration.bridge.conftest import Run, StartRun
@@ -111,12 +113,11 @@ def scenario(nodes: Sequence[dict[str, object]], **more: object) -> str:
 
 def columns(run: Run, table: Table, **wanted: str) -> dict[str, NDArray[np.generic]]:
     """Columns of those rows of a table that have the wanted names."""
-    batches = list(read_table(run.directory, table))
-    joined = {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
-    rows = np.ones(len(joined["sim_time_ns"]), dtype=bool)
+    whole = read_columns(run.directory, table)
+    rows = np.ones(len(whole["sim_time_ns"]), dtype=bool)
     for name, value in wanted.items():
-        rows &= joined[name] == value
-    return {name: column[rows] for name, column in joined.items()}
+        rows &= whole[name] == value
+    return {name: column[rows] for name, column in whole.items()}
 
 
 def track(run: Run, node: str) -> Floats:

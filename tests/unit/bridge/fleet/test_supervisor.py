@@ -9,10 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from bridge.bus.messages import Clock, Header
-from bridge.fleet import supervisor
+from bridge.bus.messages import Clock, Header, encode
+from bridge.fleet import many
 from bridge.fleet.child import ProcessSpec
-from bridge.fleet.supervisor import Ending, Fleet, FleetError, Observer, patience_of
+from bridge.fleet.course import Ending, FleetError
+from bridge.fleet.many import ManyProcesses
+from bridge.fleet.supervisor import Fleet, Observer, patience_of
 from bridge.record.events import Reports, RunEvent, read_reports
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
@@ -46,10 +48,12 @@ class OneProcess(Fleet):
 
     async def _fly(self) -> Ending:
         log = self._run.log_path(self.name)
-        child = await self._start(ProcessSpec(self.name, [sys.executable, "-c", self.script], log))
+        self._write_run()
+        self._parts = ManyProcesses(self._run, self._crew, self, self._observer.on_phase)
+        child = await self._crew.start(ProcessSpec(self.name, [sys.executable, "-c", self.script], log))
         while "up" not in log.read_text() and not child.ended.done():  # noqa: ASYNC110 - a file has no event
             await asyncio.sleep(0.01)
-        self._on_clock(Clock(Header.at(12_500_000_000, "")))
+        self.clock(encode(Clock(Header.at(12_500_000_000, ""))))
         if self.script is STUBBORN:
             return Ending.DONE
         await asyncio.wait_for(self._outcome, 20.0)
@@ -70,8 +74,8 @@ def told(run: RunDirectory) -> tuple[Reports, RunEvent]:
 async def test_a_process_that_had_to_be_killed_is_an_event_and_a_reason(
     run: RunDirectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(supervisor, "AGENT_GRACE_S", 0.2)
-    fleet = OneProcess(read_scenario("separation"), run, OBSERVER)
+    monkeypatch.setattr(many, "AGENT_GRACE_S", 0.2)
+    fleet = OneProcess(read_scenario("separation"), run, OBSERVER, how="many")
     assert await fleet.fly() is Ending.DONE
     assert fleet.killed == ["host-0"]
     reports, event = told(run)
@@ -89,7 +93,7 @@ async def test_a_process_that_died_is_an_event_and_a_reason(
         OneProcess, "script", "import time; print('up', flush=True); time.sleep(0.5); raise SystemExit(3)"
     )
     with pytest.raises(FleetError, match="host-0 ended with status 3"):
-        await OneProcess(read_scenario("separation"), run, OBSERVER).fly()
+        await OneProcess(read_scenario("separation"), run, OBSERVER, how="many").fly()
     reports, event = told(run)
     assert (event.sim_time_ns, event.node, event.kind) == (12_500_000_000, "", "died")
     assert event.text == f"host-0 ended with status 3; its log is {run.log_path('host-0')}"

@@ -15,8 +15,9 @@ from bridge.record.events import Reports, RunEvent, read_reports
 from bridge.record.inputs import InputError, RecordedInput, read_inputs
 from bridge.record.logged import LoggedValue, decode_logged
 from bridge.record.streams import Entry, read_stream
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import NED, STATES
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.schema import NED
+from bridge.record.tables.states import STATES
 from bridge.run.directory import RUN_FILE, RunDirectory, RunInfo
 
 TICK_NS = 50_000_000
@@ -71,8 +72,8 @@ def test_states_and_what_the_agent_logs_are_there_after_a_flush(run: RunDirector
     for item in logged:
         record.write_logged(item)
     record.flush()
-    (batch,) = read_table(run.path, STATES)
-    found = {name: batch[name].tolist() for name in ("tick_ns", "node", "mav_id", "latitude_deg", "mode")}
+    states = read_columns(run.path, STATES)
+    found = {name: states[name].tolist() for name in ("tick_ns", "node", "mav_id", "latitude_deg", "mode")}
     assert found == {
         "tick_ns": [TICK_NS],
         "node": ["3"],
@@ -80,7 +81,7 @@ def test_states_and_what_the_agent_logs_are_there_after_a_flush(run: RunDirector
         "latitude_deg": [40.5],
         "mode": ["AUTO"],
     }
-    assert [batch[f"position_{axis}_m"][0] for axis in NED] == [1.0, 2.0, -3.0]
+    assert [states[f"position_{axis}_m"][0] for axis in NED] == [1.0, 2.0, -3.0]
     entries = list(read_stream(names.logged("3").path(run.path)))
     assert [(e.tick_ns, decode_logged(e.payload)) for e in entries] == [(TICK_NS, item) for item in logged]
     record.close({}, {})

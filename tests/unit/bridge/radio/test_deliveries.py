@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from bridge.radio.deliveries import FATES, DeliveryColumns
+from bridge.record.tables.deliveries import FATES, DeliveryWriter
 from channel.medium.reception import Fate
 from tests.unit.bridge.radio.core import MTU_BYTES, place, send, virtual_radio
 from tests.unit.bridge.record.tables.rows import read
@@ -18,9 +18,9 @@ def test_receptions_and_gaps_become_rows(tmp_path: Path) -> None:
     place(core, 7, n0=0.0, n1=30.0, ngcs=1e6)
     send(core, "0", 5, 7, b"four")
     send(core, "1", 0, 7, bytes(MTU_BYTES + 1), to="gcs")
-    writer = DeliveryColumns(tmp_path, NODES)
-    writer.write(core.settle())
-    writer.write(core.settle())
+    writer = DeliveryWriter(tmp_path, NODES)
+    for settled in (core.settle(), core.settle()):
+        writer.write(settled.columns, settled.gaps)
     writer.close()
     found = read(tmp_path)
     rows = list(zip(*(found[n] for n in ("tx", "rx", "seq", "packets", "fate")), strict=True))

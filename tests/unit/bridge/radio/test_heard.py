@@ -8,6 +8,7 @@ from bridge.host.arrivals import hand_out
 from bridge.host.node import Packet
 from bridge.radio.heard import Hosts
 from bridge.radio.picture import Picture
+from bridge.radio.radio import SettledTick
 from bridge.radio.virtual_radio import VirtualRadio
 from channel.medium.reception import DELIVERED
 from tests.unit.bridge.radio.core import place, send, virtual_radio
@@ -40,10 +41,14 @@ def apart() -> VirtualRadio:
 
 
 def shares(core: VirtualRadio, picture: Picture) -> dict[str, Heard]:
+    return {host: decode(encode(share), Heard) for host, share in called(core, picture).items()}
+
+
+def called(core: VirtualRadio, picture: Picture) -> dict[str, Heard]:
+    """The same without a bus between."""
     settled = core.settle()
-    picture.take(settled.receptions)
-    found = Hosts(NODES, GROUPS).shares(7, settled, picture.changed())
-    return {host: decode(encode(share), Heard) for host, share in found.items()}
+    picture.take(settled.columns)
+    return Hosts(NODES, GROUPS).shares(SettledTick(7, settled, picture.changed(), ()))
 
 
 def test_a_packet_is_there_once_for_all_nodes_of_a_host() -> None:
@@ -57,6 +62,20 @@ def test_a_packet_is_there_once_for_all_nodes_of_a_host() -> None:
     assert [(p.sender, p.channel, p.payload) for p in ears["0"].packets] == [("gcs", "team", b"to all")]
     assert [p.payload for p in ears["2"].packets] == [b"more", b"to all"]
     assert ears["0"].packets[0] is ears["2"].packets[1]
+
+
+def test_what_is_called_hands_out_what_the_bus_would() -> None:
+    """To the bit and the type: an agent computes with it."""
+    told = []
+    for path in (shares, called):
+        core = apart()
+        send(core, "gcs", payload=b"to all")
+        ear = Ear()
+        hand_out(path(core, Picture(NODES))["host-0"], NODES, {"0": ear, "2": Ear()})
+        told.append((ear.packets, ear.signals, [look() for look in ear.looks]))
+    assert told[0] == told[1]
+    assert [type(number) for signal in told[1][1] for number in signal] == [float, float]
+    assert type(told[1][0][0].stamp.seq) is int
 
 
 def test_a_host_hears_of_losses_too() -> None:
@@ -89,7 +108,7 @@ def test_links_have_the_latest_figures_and_the_counts() -> None:
     core, picture = apart(), Picture(NODES)
     for seq in range(3):
         send(core, "0", seq)
-    picture.take(core.settle().receptions)
+    picture.take(core.settle().columns)
     links = picture.links(9, core.ledger, core.radios_off(9))
     names = [(links.node[tx], links.node[rx]) for tx, rx in zip(links.tx, links.rx, strict=True)]
     assert names == [("0", "1"), ("0", "2"), ("0", "gcs")]
@@ -107,7 +126,7 @@ def test_each_receiver_is_told_the_power_that_the_packet_had_there() -> None:
         send(core, "1", seq)
     settled = core.settle()
     ears = {node: Ear() for node in NODES}
-    for host, share in Hosts(NODES, GROUPS).shares(7, settled, []).items():
+    for host, share in Hosts(NODES, GROUPS).shares(SettledTick(7, settled, [], ())).items():
         hand_out(decode(encode(share), Heard), NODES, {node: ears[node] for node in GROUPS[host]})
     r = settled.receptions
     for rx, node in enumerate(NODES[:3]):

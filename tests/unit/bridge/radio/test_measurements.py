@@ -12,12 +12,14 @@ from bridge.agents.measurements import Measurement
 from bridge.bus.messages import Header, Heard, Quaternion, Truth, Vector3, decode, encode
 from bridge.host.arrivals import hand_out
 from bridge.radio.heard import Hosts
-from bridge.radio.measurements import MeasurementColumns, RfSensors, Told, as_message
+from bridge.radio.measurements import RfSensors, Told, as_message
+from bridge.radio.radio import SettledTick
 from bridge.radio.ring import Ring
 from bridge.radio.senders import Refused
 from bridge.radio.virtual_radio import VirtualRadio
-from bridge.record.tables.parquet import finish_tables, read_table
-from bridge.record.tables.schema import MEASUREMENTS
+from bridge.record.tables.every import finish_tables
+from bridge.record.tables.measurements import MEASUREMENTS, MeasurementWriter
+from bridge.record.tables.reader import read_columns
 from channel.link.emitter import Emitter
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
@@ -92,7 +94,7 @@ def test_measurements_come_to_the_nodes_that_took_them_when_they_are_due() -> No
     assert bench.told(1) == []
     told = bench.told(2)
     hosts = Hosts(NODES, {"host-0": ("0", "gcs"), "host-1": ("1",)})
-    shares = hosts.shares(2 * TICK_NS, bench.core.settle(), [], told)
+    shares = hosts.shares(SettledTick(2 * TICK_NS, bench.core.settle(), [], told))
     got: dict[str, list[Measurement]] = {}
 
     class Ear:
@@ -125,11 +127,11 @@ def test_truth_of_emitters_is_taken_and_of_strangers_is_not() -> None:
 def test_the_record_has_the_terms_that_agents_do_not_see(tmp_path: Path) -> None:
     bench = Bench("none")
     bench.tick(0)
-    columns = MeasurementColumns(tmp_path, ("1", "0"), [each.name for each in EMITTERS])
+    columns = MeasurementWriter(tmp_path, ("1", "0"), [each.name for each in EMITTERS])
     columns.write(0, bench.sensors.measure(0))
     columns.close()
     finish_tables(tmp_path)
-    (batch,) = read_table(tmp_path, MEASUREMENTS)
+    batch = read_columns(tmp_path, MEASUREMENTS)
     assert batch["node"].tolist() == ["1"] * 3 + ["0"] * 3
     assert batch["emitter"].tolist() == ["c", "a", "b"] * 2
     assert batch["power_dbm"].tolist() == [*POWERS_DBM] * 2

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from bridge.radio.senders import MAX_GAP, TAKEN_MAX_BYTES, Cause, Gap, Refused, Senders, TxPacket
+from bridge.radio.senders import MAX_GAP, TAKEN_MAX_BYTES, Refused, Senders, TxPacket
+from bridge.record.tables.deliveries import Cause, Gap
 from channel.medium.reception import EVERYBODY
 
 MTU_BYTES = 1000

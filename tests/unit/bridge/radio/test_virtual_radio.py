@@ -6,8 +6,9 @@ import pytest
 
 from bridge.bus.keys import Address
 from bridge.bus.session import Stamp
-from bridge.radio.senders import Cause, Refused
+from bridge.radio.senders import Refused
 from bridge.radio.virtual_radio import VirtualRadio
+from bridge.record.tables.deliveries import Cause
 from tests.unit.bridge.radio.core import MTU_BYTES, TICK_NS, fates, place, send, virtual_radio
 
 

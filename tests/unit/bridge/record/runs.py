@@ -12,14 +12,14 @@ import pyarrow.parquet as pq
 
 from aps.wire.dialect import Encoder, mavlink
 from bridge.bus.messages import Header, Truth, Vector3
-from bridge.physics.truth_table import TruthColumns
-from bridge.radio.deliveries import DeliveryColumns
 from bridge.record.names import Stream, from_autopilot, packets, to_autopilot
 from bridge.record.pack import pack_streams
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry, StreamWriter
-from bridge.record.tables.parquet import finish_tables
-from bridge.record.tables.schema import TRUTH, Table
+from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.record.tables.every import finish_tables
+from bridge.record.tables.schema import Table
+from bridge.record.tables.truth import TRUTH, TruthWriter
 from tests.unit.bridge.record.tables.rows import DeliveryRow, append_rows
 
 TICK_NS = 50_000_000
@@ -62,11 +62,11 @@ class RunContent:
             with StreamWriter(stream.path(path)) as writer:
                 for entry in entries:
                     writer.write(*entry)
-        truth = TruthColumns(path, NODES)
+        truth = TruthWriter(path, NODES)
         for state in self.truths:
             truth.append(state.header.stamp.ns, [state])
         truth.close()
-        deliveries = DeliveryColumns(path, NODES)
+        deliveries = DeliveryWriter(path, NODES)
         append_rows(deliveries, NODES, self.rows)
         deliveries.close()
         if is_finished:

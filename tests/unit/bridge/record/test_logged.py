@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from bridge.agents.client import LOGGED_MAX, UaClient
 from bridge.bus.messages import AgentStatus, Header
+from bridge.record import names
 from bridge.record.logged import (
     LoggedValue,
     as_json,
@@ -20,7 +22,9 @@ from bridge.record.logged import (
     decode_logged,
     encode_logged,
     kind_of,
+    logged_of,
 )
+from bridge.record.streams import StreamError, StreamWriter
 
 SCALARS = st.one_of(
     st.booleans(), st.integers(-(2**63) + 1, 2**63 - 1), st.floats(allow_nan=False), st.text(max_size=50)
@@ -43,6 +47,18 @@ def test_a_value_comes_back_as_it_was(name: str, value: object) -> None:
 def test_any_bytes_are_an_entry_or_a_value_error(payload: bytes) -> None:
     with contextlib.suppress(ValueError):
         decode_logged(payload)
+
+
+def test_an_entry_that_is_none_is_told_with_file_and_tick(tmp_path: Path) -> None:
+    path = names.logged("1").path(tmp_path)
+    with StreamWriter(path) as writer:
+        writer.write(5, encode_logged(LoggedValue("a", 1.5)))
+        writer.write(7, b"none")
+    items = logged_of(tmp_path, "1")
+    assert next(items) == (5, LoggedValue("a", 1.5))
+    with pytest.raises(StreamError, match=rf"{path}: at 7 ns: 4 bytes that are nothing an agent logged"):
+        next(items)
+    assert list(logged_of(tmp_path, "2")) == []
 
 
 def test_a_report_comes_back() -> None:

@@ -10,7 +10,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bridge.record.digests import digests
-from bridge.record.tables.schema import DELIVERIES, TRUTH
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from lostlink.cli.records.export import export

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from bridge.radio.deliveries import DeliveryColumns
-from bridge.record.tables.parquet import finish_tables
+from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.record.tables.every import finish_tables
 from channel.link.radio import Radio
 from channel.presets import load_radio
 from lostlink.cli.records.fit import fit
@@ -29,7 +29,7 @@ def run(tmp_path: Path) -> Path:
     link = radio.link(distance_m)
     fading_db = -np.abs(rng.normal(0.0, 3.0, distance_m.size))
     delivered = rng.random(distance_m.size) > 1.0 / (1.0 + np.exp(link.snr_db + fading_db - 3.0))
-    writer = DeliveryColumns(tmp_path, ("0", "1"))
+    writer = DeliveryWriter(tmp_path, ("0", "1"))
     writer.append(
         distance_m.size,
         sim_time_ns=np.arange(distance_m.size),

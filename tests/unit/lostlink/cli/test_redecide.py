@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from bridge.record.tables.every import finish_tables
+from bridge.record.tables.measurements import MeasurementWriter
 from bridge.scenario.file import read_scenario
+from channel.sensing.measured import MEASURED, Measured
 from lostlink.cli.main import lostlink
 from lostlink.compare.compare import compare
+from lostlink.reading.run import load_run
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 NODES = ("0", "1", "gcs")
@@ -93,6 +98,27 @@ def test_what_is_written_is_a_run(run: Path, tmp_path: Path) -> None:
     again = json.loads(redecide(tmp_path / "disk", "--json").stdout)
     assert again["is_same"]
     assert (tmp_path / "disk" / "probability_of_delivery.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_run_decided_anew_has_all_tables_of_the_run(tmp_path: Path, killed: bool) -> None:
+    made = flown(tmp_path / "made", scenario_of("moon2020", NODES), 20, killed=killed)
+    measured = MeasurementWriter(made, ["0"], ["e"])
+    measured.write(0, measurement())
+    measured.close()
+    if not killed:
+        finish_tables(made)
+    assert redecide(made, "--out", tmp_path / "same", "--quiet").exit_code == 0
+    assert compare(made, tmp_path / "same") is None
+    again = load_run(tmp_path / "same")
+    assert len(again.states) == 10 * len(NODES)
+    assert again.measurements["power_dbm"].tolist() == [-60.0]
+    assert not list((tmp_path / "same").rglob("*.journal"))
+
+
+def measurement() -> Measured:
+    one, number = np.zeros(1, dtype=np.intp), np.array([-60.0])
+    return Measured(one, one, one, *[number] * 6, np.array([MEASURED], dtype=np.uint8))
 
 
 def test_mistakes_are_told_in_a_line(run: Path, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, RecordedInput
 from bridge.record.names import inputs_path
 from bridge.record.provenance import Provenance, write_provenance
-from bridge.record.tables.schema import TRUTH
+from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from bridge.scenario.model import Scenario

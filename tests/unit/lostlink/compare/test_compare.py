@@ -12,7 +12,9 @@ from bridge.record.events import KILLED, Report
 from bridge.record.names import from_autopilot, packets, to_autopilot
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry, StreamError
-from bridge.record.tables.schema import DELIVERIES, TRUTH, TableError
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.schema import TableError
+from bridge.record.tables.truth import TRUTH
 from lostlink.compare.compare import NotARun, compare, examine
 from lostlink.compare.difference import Difference, seconds
 from tests.unit.bridge.record.runs import (

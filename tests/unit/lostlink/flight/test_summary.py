@@ -8,12 +8,14 @@ from typing import Any
 
 import pytest
 
-from bridge.radio.deliveries import LEDGER
+from bridge.radio.ledger_file import LEDGER
+from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from bridge.scenario.resolve.radio import radio_of
 from lostlink.flight.figure import draw_probability_of_delivery
-from lostlink.flight.summary import Timing, summarise
+from lostlink.flight.summary import Timing, expectation_lines, summarise
+from tests.unit.bridge.record.runs import make_run
 
 SCENARIO = read_scenario("separation")
 
@@ -81,6 +83,25 @@ def test_required_keys_and_real_time_factor(tmp_path: Path) -> None:
     required = "scenario seed autopilot speed sim_duration_s wall_duration_s real_time_factor links bins checks verdict"
     assert set(required.split()) <= set(summary)
     assert summary["real_time_factor"] == pytest.approx(10.0)
+
+
+def test_what_needs_a_table_that_cannot_be_read_says_so_and_the_rest_is_judged(tmp_path: Path) -> None:
+    """The truth is damaged: who heard whom, and how it ended, is known all the same."""
+    run = make_run(tmp_path / "run")
+    TRUTH.parquet_path(run).write_bytes(b"PAR1")
+    (run / LEDGER).write_text(json.dumps({"links": [], "bins": [], "refused": {}, "checks": []}))
+    expectations = [
+        {"type": "separation", "at_least_m": 0.5},
+        {"type": "delivery", "at_least": 1.0},
+        {"type": "ending", "ending": "done"},
+    ]
+    scenario = read_scenario("separation", {"expectations": expectations})
+    summary = summarise(scenario, RunDirectory(run), Timing(1.0, 1.0), "done")
+    assert [row["passed"] for row in summary["expectations"]] == [False, True, True]
+    first, *others = expectation_lines(summary)
+    assert first.startswith("FAILED: ")
+    assert f"cannot be judged: {TRUTH.parquet_path(run)}: damaged: " in first
+    assert all(line.startswith("ok: ") for line in others)
 
 
 def test_figure_is_a_picture(tmp_path: Path) -> None:

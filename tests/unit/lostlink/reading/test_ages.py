@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bridge.radio.deliveries import FATES, DeliveryColumns
-from bridge.record.tables.parquet import finish_tables
+from bridge.record.tables.deliveries import FATES, DeliveryWriter
+from bridge.record.tables.every import finish_tables
 from lostlink.reading.ages import link_ages, link_latencies, received_ns, sawtooth, times_of
 from lostlink.reading.rows import link_rows
 
@@ -77,13 +77,20 @@ def test_quantile_against_samples_of_the_age_itself():
 
 
 def test_a_packet_comes_at_the_tick_after_the_one_that_settled_it():
-    assert received_ns(times(0, 0.1, 0.15, 0.11), TICK_NS).tolist() == times(0.1, 0.2, 0.3, 0.3).tolist()
+    columns = {"sim_time_ns": times(0, 0.1, 0.15, 0.11), "fate": np.zeros(4, dtype=np.intp)}
+    assert received_ns(columns, TICK_NS).tolist() == times(0.1, 0.2, 0.3, 0.3).tolist()
+
+
+def test_what_was_missed_within_a_tick_does_not_hold_up_what_that_tick_settled():
+    fates = [FATES.index(fate) for fate in ("transport", "delivered")]
+    columns = {"sim_time_ns": times(0.13, 0.1), "fate": np.array(fates)}
+    assert received_ns(columns, TICK_NS).tolist() == times(0.2, 0.2).tolist()
 
 
 @pytest.mark.parametrize("is_finished", [True, False])
 def test_links_of_a_table(tmp_path: Path, is_finished: bool):
     """a sends each tick for 2 s: b hears all, c nothing; b's packet is lost before the radio, to everybody."""
-    writer = DeliveryColumns(tmp_path, NODES)
+    writer = DeliveryWriter(tmp_path, NODES)
     unknown = dict.fromkeys(("distance_m", "received_power_dbm", "snr_db", "per"), np.nan)
     for tick in range(20):
         for rx, fate in ((1, "delivered"), (2, "out_of_range")):

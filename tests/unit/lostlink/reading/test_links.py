@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bridge.radio.deliveries import FATES, DeliveryColumns
-from bridge.record.tables.parquet import finish_tables
+from bridge.record.tables.deliveries import FATES, DeliveryWriter
+from bridge.record.tables.every import finish_tables
 from lostlink.reading.links import link_counts, link_series
 
 NODES = ("a", "b", "c")
@@ -19,7 +19,7 @@ LOST = ("channel_erasure", "out_of_range")
 def write(run: Path, *, is_finished: bool) -> list[tuple[int, int, int, str]]:
     """Random fates of single packets, and 7 packets that node b lost together before the channel."""
     rng = np.random.default_rng(5)
-    writer = DeliveryColumns(run, NODES)
+    writer = DeliveryWriter(run, NODES)
     rows = []
     for tick in range(60):
         tx, rx = rng.choice(3, 2, replace=False)
@@ -95,6 +95,6 @@ def test_series_has_counts_and_means_of_each_period(tmp_path: Path) -> None:
 
 
 def test_a_run_without_packets_has_no_links(tmp_path: Path) -> None:
-    DeliveryColumns(tmp_path, NODES).close()
+    DeliveryWriter(tmp_path, NODES).close()
     assert len(link_counts(tmp_path, NODES)["tx"]) == 0
     assert len(link_series(tmp_path, NODES, 10**9)["tx"]) == 0

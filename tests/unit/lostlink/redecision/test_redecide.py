@@ -11,9 +11,8 @@ import pytest
 
 from bridge.bus.messages import CommandGoal
 from bridge.bus.radio_command import radio_goal
-from bridge.radio.deliveries import FATES
-from bridge.record.tables.parquet import finish_tables
-from bridge.record.tables.schema import DELIVERIES
+from bridge.record.tables.deliveries import DELIVERIES, FATES
+from bridge.record.tables.every import finish_tables
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import RadioOutage
 from channel.presets import preset_names

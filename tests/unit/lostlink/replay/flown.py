@@ -9,12 +9,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from bridge.aircraft.body import StatePace
 from bridge.bus.keys import Address
-from bridge.bus.messages import AgentStatus, CommandGoal, Header, Quaternion, Truth, Vector3
+from bridge.bus.messages import AgentStatus, AircraftState, CommandGoal, Header, Quaternion, Truth, Vector3
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
 from bridge.bus.session import Stamp
-from bridge.physics.truth_table import TruthColumns
-from bridge.radio.deliveries import LEDGER, DeliveryColumns, write_ledger
+from bridge.radio.ledger_file import LEDGER, write_ledger
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import Settled, VirtualRadio
 from bridge.record import names
@@ -24,7 +24,10 @@ from bridge.record.pack import pack_streams
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
-from bridge.record.tables.parquet import finish_tables
+from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.record.tables.every import finish_tables
+from bridge.record.tables.states import AGES, StateWriter
+from bridge.record.tables.truth import TruthWriter
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.file import parse_scenario
 from bridge.scenario.model import Scenario
@@ -95,6 +98,24 @@ def truth_at(node: str, place: int, sim_time_ns: int, scale: float = 1.0) -> Tru
     return Truth(Header.at(sim_time_ns, node), position_ned_m=here, attitude=attitude)
 
 
+def state_at(node: str, sim_time_ns: int) -> AircraftState:
+    """What a node's autopilot says; one on the ground has none, and tells no ages."""
+    sim_time_s, mode = sim_time_ns / NS_PER_S, "GUIDED" if sim_time_ns < NS_PER_S else "RTL"
+    header, height_m = Header.at(sim_time_ns, node), 10.0 + sim_time_s
+    if not node.isdecimal():
+        return AircraftState(header, altitude_rel_m=height_m, mode="GROUND")
+    place, ages_s = Vector3(sim_time_s, 2.0, -height_m), tuple(0.05 * group for group in range(len(AGES)))
+    return AircraftState(
+        header,
+        int(node) + 1,
+        altitude_rel_m=height_m,
+        position_ned_m=place,
+        mode=mode,
+        armed=True,
+        age_s=ages_s,
+    )
+
+
 def everybody(node_ids: Sequence[str], length: int = 40) -> Callable[[int], list[Sent]]:
     """One packet of each node at each tick."""
     return lambda _: [Sent(node, length=length) for node in node_ids]
@@ -119,8 +140,10 @@ class Router:
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self.core = VirtualRadio(medium, Ring(nodes, tick_period_ns=TICK_NS), mtu_bytes)
         self.nodes = nodes
-        self.truth = TruthColumns(path, scenario.stations)
-        self.rows = DeliveryColumns(path, nodes)
+        self.truth = TruthWriter(path, scenario.stations)
+        self.rows = DeliveryWriter(path, nodes)
+        self.states = {node: StateWriter(path, node) for node in nodes}
+        self.pace = StatePace()
         self.streams = {node: StreamWriter(names.packets(node).path(path)) for node in nodes}
         self.logged = {node: StreamWriter(names.logged(node).path(path)) for node in nodes}
         self.inputs: dict[str, InputWriter] = {}
@@ -129,6 +152,9 @@ class Router:
     def tick(self, sim_time_ns: int, truths: Sequence[Truth], sent: Sequence[Sent]) -> Settled:
         """Physics tells where all are, the nodes transmit and answer, the radio settles."""
         self.truth.append(sim_time_ns, truths)
+        if self.pace.is_due(sim_time_ns):
+            for node, states in self.states.items():
+                states.append(state_at(node, sim_time_ns))
         self.core.on_truths(truths)
         self.core.on_tick(sim_time_ns)
         for packet in sent:
@@ -159,7 +185,7 @@ class Router:
         assert self.core.on_packet(address, bytes(packet.length), "", stamp)
 
     def _write(self, settled: Settled) -> None:
-        self.rows.write(settled)
+        self.rows.write(settled.columns, settled.gaps)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for p in transmitted:
             entry = encode_packet(SentPacket(p.seq, p.sim_time_ns, p.address, p.payload))
@@ -174,8 +200,8 @@ class Router:
         """End the run, or leave what a killed one leaves."""
         if not killed:
             self._write(self.core.finish())
-        self.rows.close()
-        self.truth.close()
+        for table in (self.rows, self.truth, *self.states.values()):
+            table.close()
         for inputs in self.inputs.values():
             inputs.close()
         for stream in (*self.streams.values(), *self.logged.values()):

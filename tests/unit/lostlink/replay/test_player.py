@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from bridge.bus.messages import encode
+from bridge.record.tables.schema import TableError
+from bridge.record.tables.states import STATES
 from lostlink.replay.moment import Moment
 from lostlink.replay.player import Player
-from tests.unit.lostlink.replay.flown import TICK_NS, Router, Sent, flown, scenario_of, truths
+from tests.unit.lostlink.replay.flown import TICK_NS, Router, Sent, flown, scenario_of, state_at, truths
 
 NODES = ("0", "1", "gcs")
 SCENARIO = scenario_of("moon2020", NODES)
@@ -118,10 +120,37 @@ def test_a_killed_run_plays_as_far_as_it_goes(tmp_path: Path) -> None:
     assert played[:28] == whole[:28]
 
 
-def test_link_reports_and_states_are_due_as_often_as_in_a_run(run: Path) -> None:
-    moments = [(m.links_are_due, m.states_are_due) for m in Player.open(run).moments()]
-    assert [i for i, (due, _) in enumerate(moments) if due] == [*range(0, 90, 4), 89]
-    assert [i for i, (_, due) in enumerate(moments) if due] == list(range(0, 90, 2))
+def test_link_reports_are_due_as_often_as_in_a_run(run: Path) -> None:
+    moments = [m.links_are_due for m in Player.open(run).moments()]
+    assert [i for i, due in enumerate(moments) if due] == [*range(0, 90, 4), 89]
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_states_are_those_that_were_published_last(tmp_path: Path, killed: bool) -> None:
+    run = flown(tmp_path / "made", SCENARIO, 30, killed=killed)
+    player = Player.open(run)
+    assert player.seek(0).states()
+    for path in STATES.files(run):  # they are read once, whatever is sought
+        path.unlink()
+    for tick in (0, 1, 7, 28, 29, 3):  # 10 Hz of 20
+        published_ns = tick // 2 * 2 * TICK_NS
+        states = player.seek(tick * TICK_NS).states()
+        expected = {node: encode(state_at(node, published_ns)) for node in NODES}
+        assert {node: encode(state) for node, state in states.items()} == expected
+    assert list(player.seek(0).states(["1"])) == ["1"]
+
+
+def test_a_record_without_states_has_none_and_a_damaged_one_is_told(tmp_path: Path) -> None:
+    run = flown(tmp_path / "made", SCENARIO, 5)
+    STATES.parquet_path(run).write_bytes(b"PAR1")
+    moment = Player.open(run).step()
+    assert moment is not None
+    with pytest.raises(TableError, match=r"made/states\.parquet: damaged"):
+        moment.states()
+    STATES.parquet_path(run).unlink()
+    moment = Player.open(run).step()
+    assert moment is not None
+    assert moment.states() == {}
 
 
 def test_what_is_no_run_is_said(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.cbook import boxplot_stats
 
+from channel.medium.reception import DELIVERED, ERASED
 from lostlink.reading.ages import times_of
 from lostlink.reading.rows import LinkRows, link_rows
 from lostlink.report.packets import COLUMNS, ages_of, bins_of, links_of, losses_of, powers_of, totals_of
@@ -20,12 +21,12 @@ NODES = ("0", "1", "gcs")
 
 
 def rows_of(fate: list[int], distance_m: list[float], power_dbm: list[float]) -> LinkRows:
-    """A packet a second from 0 to 1."""
+    """A packet a second from 0 to 1; its fate is 1 if it arrived."""
     count = len(fate)
     columns = {"tx": np.zeros(count, int), "rx": np.ones(count, int), "packets": np.ones(count, int)}
-    columns |= {"fate": np.array(fate), "sim_time_ns": np.arange(count) * S}
+    columns |= {"fate": np.where(fate, DELIVERED, ERASED), "sim_time_ns": np.arange(count) * S}
     columns |= {"distance_m": np.array(distance_m), "received_power_dbm": np.array(power_dbm)}
-    return LinkRows(NODES, ("channel_erasure", "delivered"), columns)
+    return LinkRows(NODES, columns)
 
 
 def test_boxes_are_those_of_matplotlib():

@@ -113,7 +113,7 @@ def test_table_on_the_terminal_as_json_and_as_a_page(runs: list[Path], tmp_path:
 
 
 def test_two_runs_alone_are_compared_for_identity(runs: list[Path]):
-    assert run(*runs[:2]).output.startswith("identical: truth, deliveries")
+    assert run(*runs[:2]).output.startswith("identical: truth, states, deliveries")
     assert run(runs[0], runs[2]).exit_code == 1
 
 

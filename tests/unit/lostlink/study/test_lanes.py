@@ -26,7 +26,15 @@ def waiting(tmp_path: Path) -> Iterator[Path]:
 
 
 def _processes(case: Path) -> list[psutil.Process]:
-    return [each for each in psutil.Process().children(recursive=True) if str(case) in each.cmdline()]
+    """Those that fly it: they work in its directory."""
+    return [each for each in psutil.Process().children(recursive=True) if _works_in(each, case)]
+
+
+def _works_in(process: psutil.Process, folder: Path) -> bool:
+    try:
+        return process.cwd() == str(folder)
+    except psutil.Error:  # it has just ended
+        return False
 
 
 def _leave(lanes: Lanes, case: Path) -> list[psutil.Process]:

@@ -73,11 +73,9 @@ def test_runs_write_what_the_study_keeps_unless_it_says_otherwise(tmp_path):
 
     kept = written("keep: all\n")
     failed = written("keep: failed\n")
-    said = written(
-        "keep: failed\nset: {hosts: auto, mcap.write: true, mavlink: {tlog: true}, figure: true}\n"
-    )
-    assert (kept[1], failed[1]) == ((1, False, True, True), (1, False, False, False))
-    assert said[1] == ("auto", True, True, True)
+    said = written("keep: failed\nset: {hosts: 2, mcap.write: true, mavlink: {tlog: true}, figure: true}\n")
+    assert (kept[1], failed[1]) == (("auto", False, True, True), ("auto", False, False, False))
+    assert said[1] == (2, True, True, True)
     assert kept[0] == failed[0] == said[0]  # the same run
 
 

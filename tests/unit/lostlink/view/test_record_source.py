@@ -10,6 +10,7 @@ import pytest
 from bridge.bus.messages import AgentStatus, Header
 from bridge.record import names
 from bridge.record.logged import LoggedValue
+from bridge.record.tables.states import STATES
 from lostlink.replay.player import Player
 from lostlink.view.picture.fleet_view import FleetView, view_of
 from lostlink.view.sources.record import RecordSource
@@ -151,3 +152,20 @@ def test_a_record_whose_logs_are_damaged_is_played_all_the_same(tmp_path: Path) 
     assert watched.sim_time_s > 0.5
     told = [line.text for line in watched.view.lines if "what agents logged cannot be read" in line.text]
     assert len(told) == 1
+
+
+def test_states_are_shown_of_any_instant_and_damaged_ones_are_told(tmp_path: Path) -> None:
+    run = flown(tmp_path / "made", SCENARIO, ticks=40)
+    watched = Watched(run)
+    for goal_s, mode in ((1.5, "RTL"), (0.5, "GUIDED")):
+        watched.source.seek(goal_s)
+        watched.source.play()
+        state = watched.view.news["1"].state
+        assert state is not None
+        assert (state.mode, state.header.stamp.ns) == (mode, goal_s * 1e9)
+    STATES.parquet_path(run).write_bytes(b"PAR1")
+    damaged = Watched(run)
+    damaged.wait(1.0)
+    assert damaged.sim_time_s > 0.5
+    (told,) = [line.text for line in damaged.view.lines if "the states of autopilots cannot" in line.text]
+    assert "states.parquet: damaged" in told

@@ -11,16 +11,16 @@ import numpy as np
 
 from benchmarks.bench_record import Columns, fleet_columns
 from bridge.bus.keys import ALL
-from bridge.radio.deliveries import FATES, DeliveryColumns
-from bridge.record.tables.parquet import read_table
-from bridge.record.tables.schema import DELIVERIES, Table
+from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.schema import Table
 
 __all__ = ["Columns", "assert_same", "fleet_columns", "joined", "read", "write_deliveries"]
 
 
 def write_deliveries(run: Path, ticks: list[Columns], nodes: int) -> None:
     run.mkdir(parents=True, exist_ok=True)
-    writer = DeliveryColumns(run, [str(node) for node in range(nodes)])
+    writer = DeliveryWriter(run, [str(node) for node in range(nodes)])
     for columns in ticks:
         writer.append(len(columns["tx"]), **columns)
     writer.close()
@@ -35,8 +35,7 @@ def joined(ticks: list[Columns]) -> Columns:
 
 
 def read(run: Path, table: Table = DELIVERIES) -> Columns:
-    batches = list(read_table(run, table))
-    return {column.name: np.concatenate([b[column.name] for b in batches]) for column in table.columns}
+    return read_columns(run, table)
 
 
 def assert_same(found: Columns, expected: Columns) -> None:
@@ -69,7 +68,7 @@ class DeliveryRow:
     packets: int = 1
 
 
-def append_rows(writer: DeliveryColumns, nodes: Sequence[str], rows: Sequence[DeliveryRow]) -> None:
+def append_rows(writer: DeliveryWriter, nodes: Sequence[str], rows: Sequence[DeliveryRow]) -> None:
     """Append rows by their names."""
     if not rows:
         return

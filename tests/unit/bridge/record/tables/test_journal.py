@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bridge.radio.deliveries import FATES, DeliveryColumns
+from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter
+from bridge.record.tables.every import finish_tables
 from bridge.record.tables.journal import BUFFER_ROWS, TableWriter, read_rows
-from bridge.record.tables.parquet import finish_tables
-from bridge.record.tables.schema import DELIVERIES, TRUTH, TableError
+from bridge.record.tables.schema import TableError
+from bridge.record.tables.truth import TRUTH
 from bridge.timeouts import FLUSH_PERIOD_S
 from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
 
@@ -36,7 +37,7 @@ ROW: dict[str, Any] = {
 
 
 def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> None:
-    writer = DeliveryColumns(tmp_path, ("0", "gcs"))
+    writer = DeliveryWriter(tmp_path, ("0", "gcs"))
     writer.append(1, **ROW)
     writer.append(2, **ROW | {"seq": np.array([8, 9]), "fate": np.array([1, FATES.index("transport")])})
     assert len(DELIVERIES.journal_path(tmp_path).read_bytes()) < 1000
@@ -52,7 +53,7 @@ def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> N
 
 
 def test_a_reader_between_two_halves_of_a_row_takes_whole_rows_only(tmp_path: Path) -> None:
-    writer = DeliveryColumns(tmp_path, ("0", "1"))
+    writer = DeliveryWriter(tmp_path, ("0", "1"))
     writer.append(4, **ROW | {"seq": np.arange(4)})
     writer.close()
     path = DELIVERIES.journal_path(tmp_path)
@@ -66,7 +67,7 @@ def test_a_reader_between_two_halves_of_a_row_takes_whole_rows_only(tmp_path: Pa
 
 @pytest.mark.parametrize("rows", [0, 1, BUFFER_ROWS - 1, BUFFER_ROWS, BUFFER_ROWS + 1, 3 * BUFFER_ROWS + 5])
 def test_any_number_of_rows_at_once(tmp_path: Path, rows: int) -> None:
-    writer = DeliveryColumns(tmp_path, ("0", "1"))
+    writer = DeliveryWriter(tmp_path, ("0", "1"))
     for begin in (0, rows):
         writer.append(rows, **ROW | {"seq": np.arange(begin, begin + rows)})
     writer.close()
@@ -78,7 +79,7 @@ def test_any_number_of_rows_at_once(tmp_path: Path, rows: int) -> None:
 
 
 def test_numbers_are_rounded_to_whole_steps_and_zero_has_no_sign(tmp_path: Path) -> None:
-    writer = DeliveryColumns(tmp_path, ("0", "1"))
+    writer = DeliveryWriter(tmp_path, ("0", "1"))
     given = {"distance_m": 1234.5674999, "received_power_dbm": -1e-9, "snr_db": -99.00051, "per": 0.12345678}
     writer.append(1, **ROW | given)
     writer.close()
@@ -144,7 +145,7 @@ def test_every_beginning_of_a_journal_is_read(tmp_path: Path) -> None:
         (lambda raw: raw.replace(b'"labels"', b'"lables"'), "its header cannot be read"),
         (lambda raw: raw.replace(b'{"table"', b'["table"'), "its header cannot be read"),
         (lambda raw: raw[:8] + b"\xff\xff\xff\x7f" + raw[12:], "a header of 2147483647 bytes"),
-        (lambda raw: raw[:-1] + b"\x7f", "a name that the header has not|out of bounds"),
+        (lambda raw: raw[:-1] + b"\x7f", "a name that the file has not|out of bounds"),
     ],
 )
 def test_a_foreign_or_damaged_journal_is_told(tmp_path: Path, change: Any, words: str) -> None:
@@ -170,11 +171,11 @@ WRITER = """\
 import sys, time
 from pathlib import Path
 import numpy as np
-from bridge.radio.deliveries import DeliveryColumns
+from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.run.every import Every
 from bridge.timeouts import FLUSH_PERIOD_S
 
-writer, flush, begin = DeliveryColumns(Path(sys.argv[1]), ("0", "1")), Every(FLUSH_PERIOD_S), 0
+writer, flush, begin = DeliveryWriter(Path(sys.argv[1]), ("0", "1")), Every(FLUSH_PERIOD_S), 0
 print("begins", flush=True)
 while True:
     rows = 1 + begin % 57

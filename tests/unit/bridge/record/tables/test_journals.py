@@ -8,12 +8,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from bridge.aircraft.state_table import BUFFER_ROWS, StateRows
 from bridge.bus.messages import AircraftState, Header, Vector3
 from bridge.record.tables import journals
-from bridge.record.tables.parquet import finish_tables, read_table
-from bridge.record.tables.schema import AGES, STATES, TableError
-from lostlink.reading.arrow import arrow_of
+from bridge.record.tables.every import finish_tables
+from bridge.record.tables.reader import read_arrow, read_columns
+from bridge.record.tables.schema import TableError
+from bridge.record.tables.states import AGES, BUFFER_ROWS, STATES, StateWriter
 
 NODES = ("2", "10", "gcs")
 
@@ -22,7 +22,7 @@ def write(run: Path, nodes: tuple[str, ...] = NODES, ticks: int = 700) -> list[t
     """Each node at a pace of its own; nodes are numbered before they are named, and 2 comes before 10."""
     expected = []
     for number, node in enumerate(nodes):
-        rows = StateRows(run, node)
+        rows = StateWriter(run, node)
         for i in range(ticks // (number + 1)):
             tick_ns = i * (number + 1) * 100
             state = AircraftState(
@@ -43,7 +43,7 @@ def write(run: Path, nodes: tuple[str, ...] = NODES, ticks: int = 700) -> list[t
 
 def rows_in(run: Path) -> list[tuple[object, ...]]:
     names = ("tick_ns", "node", "altitude_rel_m", "mode", "armed")
-    return [row for b in read_table(run, STATES, names) for row in zip(*(b[n] for n in names), strict=True)]
+    return list(zip(*read_columns(run, STATES, names).values(), strict=True))
 
 
 @pytest.mark.parametrize("chunk", [7, 100, 1 << 16])
@@ -56,10 +56,10 @@ def test_rows_of_all_nodes_by_tick(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert set(sizes[:-1]) <= {chunk}
     assert sum(sizes) == len(expected)
     assert rows_in(tmp_path) == expected
-    killed = arrow_of(tmp_path, STATES)
+    killed = read_arrow(tmp_path, STATES)
     finish_tables(tmp_path)
     assert rows_in(tmp_path) == expected
-    assert arrow_of(tmp_path, STATES).to_pydict() == killed.to_pydict()
+    assert read_arrow(tmp_path, STATES).to_pydict() == killed.to_pydict()
     assert [path.name for path in tmp_path.iterdir()] == ["states.parquet"]
 
 
@@ -88,5 +88,5 @@ def test_a_place_without_a_name_is_told(tmp_path: Path) -> None:
     rows = np.frombuffer(path.read_bytes()[-STATES.dtype.itemsize :], STATES.dtype).copy()
     rows["node"] = 1
     path.write_bytes(path.read_bytes() + rows.tobytes())
-    with pytest.raises(TableError, match=r"0\.journal: a row has a name that the header has not"):
+    with pytest.raises(TableError, match=r"0\.journal: a row has a name that the file has not"):
         rows_in(tmp_path)

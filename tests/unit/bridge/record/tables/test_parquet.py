@@ -16,11 +16,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
-from bridge.physics.truth_table import TruthColumns
-from bridge.radio.deliveries import FATES, DeliveryColumns
-from bridge.record.tables.parquet import GROUP_ROWS, finish_tables
-from bridge.record.tables.schema import DELIVERIES, TRUTH, TableError
-from lostlink.reading.coded import coded_columns
+from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter, read_deliveries
+from bridge.record.tables.every import finish_tables
+from bridge.record.tables.parquet import GROUP_ROWS
+from bridge.record.tables.reader import read_arrow, read_columns
+from bridge.record.tables.schema import TableError
+from bridge.record.tables.truth import TRUTH, TruthWriter
 from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
 
 NODES = ("0", "1", "gcs-1")
@@ -57,7 +58,7 @@ def test_written_decimals_come_back_exactly(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[Any, ...]], parts: list[int]
 ) -> None:
     run = tmp_path_factory.mktemp("run")
-    writer, begin = DeliveryColumns(run, NODES), 0
+    writer, begin = DeliveryWriter(run, NODES), 0
     names = [column.name for column in DELIVERIES.columns]
     while begin < len(rows):
         part = rows[begin : begin + parts[begin % len(parts)]]
@@ -76,7 +77,7 @@ def test_bytes_follow_from_the_rows_alone(tmp_path: Path) -> None:
     whole = {name: np.concatenate([tick[name] for tick in ticks]) for name in ticks[0]}
     write_deliveries(tmp_path / "a", ticks, 4)
     write_deliveries(tmp_path / "b", [whole], 4)
-    writer = DeliveryColumns(tmp_path / "b", list("0123"))
+    writer = DeliveryWriter(tmp_path / "b", list("0123"))
     for tick in ticks:
         writer.append(len(tick["tx"]), **tick)
         writer.flush()
@@ -90,7 +91,7 @@ def test_bytes_follow_from_the_rows_alone(tmp_path: Path) -> None:
 
 
 def test_truth_has_all_of_its_message_to_the_last_bit(tmp_path: Path) -> None:
-    writer = TruthColumns(tmp_path, NODES)
+    writer = TruthWriter(tmp_path, NODES)
     rng = np.random.Generator(np.random.PCG64(1))
 
     def vector() -> Vector3:
@@ -168,7 +169,7 @@ def test_an_end_that_was_killed_itself_is_made_up_for(tmp_path: Path) -> None:
 
 def test_row_groups_have_a_fixed_number_of_rows(tmp_path: Path) -> None:
     rows = GROUP_ROWS + 1000
-    writer = DeliveryColumns(tmp_path, NODES)
+    writer = DeliveryWriter(tmp_path, NODES)
     writer.append(
         rows,
         **dict.fromkeys(("sim_time_ns", "tx", "rx", "length_bytes", "fate"), 0),
@@ -249,4 +250,25 @@ def test_a_column_of_foreign_make_is_told(tmp_path: Path, column: str, made: Cal
     with pytest.raises(TableError, match=why):
         read(tmp_path)
     with pytest.raises(TableError, match=why):
-        coded_columns(tmp_path, DELIVERIES, {"tx": NODES, "rx": NODES, "fate": FATES})
+        read_columns(tmp_path, DELIVERIES, None, {"tx": NODES, "rx": NODES, "fate": FATES})
+    with pytest.raises(TableError, match=why):
+        read_arrow(tmp_path, DELIVERIES)
+
+
+@pytest.mark.parametrize("finish", [finish_tables, lambda _: None], ids=["Parquet", "journal"])
+def test_names_as_places_in_a_list_that_has_them_all(tmp_path: Path, finish: Any) -> None:
+    ticks = list(fleet_columns(3, 5))
+    write_deliveries(tmp_path, ticks, 3)
+    finish(tmp_path)
+    found = read_deliveries(tmp_path, ("x", "2", "1", "0"), ("tx", "rx", "seq"))
+    whole = joined(ticks)
+    assert [list(found), set(found["tx"].tolist())] == [["tx", "rx", "seq"], {1, 2, 3}]
+    for end in ("tx", "rx"):
+        assert found[end].tolist() == [3 - int(node) for node in whole[end]]
+    assert found["seq"].tolist() == whole["seq"].tolist()
+    with pytest.raises(
+        TableError, match=r"/deliveries\..*: a row has a name that is none of this run's: '2'"
+    ):
+        read_deliveries(tmp_path, ("0", "1"))
+    with pytest.raises(TableError, match="deliveries has no column snr; there are sim_time_ns, tx"):
+        read_deliveries(tmp_path, ("0", "1", "2"), ("snr",))

@@ -1,0 +1,77 @@
+"""What operators and observers ask of a hosted node, on the bus: commands, and the last MAVLink message of a type."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from functools import partial
+
+from bridge.bus.inbox import Inbox
+from bridge.bus.messages import CommandEvent, CommandGoal, DecodeError, decode, encode, encoding_of
+from bridge.bus.session import Query, Session, answer, end_of_answers
+from bridge.host.hosted_aircraft import HostedAircraft
+from bridge.host.hosted_node import HostedNode
+from bridge.host.node import ASKED_MAX, OnReply
+from bridge.record.input_fields import VERBS
+from bridge.run.directory import RunDirectory
+
+log = logging.getLogger("host")
+
+
+class AskedOnBus:
+    """Takes queries for a node; those that find no room are dropped and counted.
+
+    Args:
+        session: of the host.
+        run: the run.
+        hosted: the node.
+    """
+
+    def __init__(self, session: Session, run: RunDirectory, hosted: HostedNode) -> None:
+        self._keys, self._hosted = run.keys, hosted
+        loop = asyncio.get_running_loop()
+        commands: Inbox[tuple[str, Query]] = Inbox(loop, self._asked, limit=ASKED_MAX)
+        for verb in VERBS:
+            session.serve(self._keys.command(hosted.id, verb), partial(_push, commands, verb))
+        hosted.asks_dropped = lambda: commands.dropped
+        if isinstance(hosted, HostedAircraft):
+            looks: Inbox[Query] = Inbox(loop, partial(self._look, hosted), limit=ASKED_MAX)
+            session.serve(self._keys.mavlink(hosted.id, "*"), looks.push)
+
+    def _asked(self, item: tuple[str, Query]) -> None:
+        verb, query = item
+        reply = self._replies(verb, query)
+        try:
+            goal = decode(query.payload.to_bytes(), CommandGoal) if query.payload else CommandGoal()
+        except DecodeError as error:
+            reply(CommandEvent(CommandEvent.RESULT, False, str(error)))
+            return
+        self._hosted.node.operator_asked(verb, goal, reply)
+
+    def _replies(self, verb: str, query: Query) -> OnReply:
+        key = self._keys.command(self._hosted.id, verb)
+
+        def reply(event: CommandEvent) -> None:
+            if not answer(query, key, encode(event), encoding_of(CommandEvent)):
+                log.warning("%s: whoever asked is gone", verb)
+            elif event.phase == CommandEvent.RESULT:
+                end_of_answers(query)
+
+        return reply
+
+    def _look(self, hosted: HostedAircraft, query: Query) -> None:
+        """The last MAVLink message of a type: nothing is asked of the autopilot, so nothing is recorded."""
+        name = str(query.key_expr).rsplit("/", 1)[1]
+        try:
+            found = hosted.last_message(name)
+        except ValueError:
+            found = None
+        key = self._keys.mavlink(hosted.id, name)
+        if found is not None and not answer(query, key, json.dumps(found).encode(), "application/json"):
+            log.warning("mavlink/%s: whoever asked is gone", name)
+        end_of_answers(query)
+
+
+def _push(commands: Inbox[tuple[str, Query]], verb: str, query: Query) -> None:
+    commands.push((verb, query))

@@ -1,0 +1,146 @@
+"""The flight dynamics of a run: every UA's airframe and sim time, with what they record. No bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from bridge.bus.messages import Clock, Header, Truth, Truths
+from bridge.physics.truth_message import clock_message, ground_truth_message, truth_message
+from bridge.record.events import Report
+from bridge.record.tables.truth import TruthWriter
+from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
+from bridge.run.process import log_clock
+from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Emitter, GroundNode
+from bridge.scenario.resolve.flight import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
+from bridge.scenario.resolve.ground_track import GroundTrack
+from bridge.timeouts import FLUSH_PERIOD_S, START_S
+from fdm.air.weather import in_weather
+from fdm.clock.events import EventKind, UaEvent
+from fdm.clock.status import ClockStatus
+from fdm.exchange.aircraft_spec import AircraftSpec
+from fdm.exchange.called import CalledAutopilot
+from fdm.exchange.exchange import Exchange
+from fdm.model.truth import TrueState
+from fdm.workers.fleet_exchange import FleetExchange, open_exchange
+
+_BY_WALL_TIME = {
+    EventKind.ABSENT: "was not waited for any longer: its autopilot sent no packet in time",
+    EventKind.STALLED: "was let go: its autopilot did not answer in time",
+    EventKind.RESTARTED: "booted anew: when its autopilot was there again is a matter of wall time",
+    EventKind.RETURNED: "was taken back: when its autopilot answered again is a matter of wall time",
+}
+
+
+class Held(Protocol):
+    """Who is told that the fleet is held at an instant; `FlightDynamics.release` lets it go on."""
+
+    def exchange(self, sim_time_ns: int) -> None:
+        """Between two ticks, for MAVLink alone."""
+
+    def tick(self, clock: Clock, truths: Truths) -> None:
+        """At a tick, with the true states of all nodes."""
+
+
+class FlightDynamics:
+    """The flight dynamics of a run.
+
+    Args:
+        run: the run.
+        report: of the process.
+        held: told of ticks and exchanges, in the thread of `run`.
+        autopilots: in the order of the scenario's UA, those that are called; none: all are served over UDP.
+
+    Raises:
+        FdmError: a port is taken, or a model cannot be loaded.
+    """
+
+    def __init__(
+        self,
+        run: RunDirectory,
+        report: Report,
+        held: Held,
+        autopilots: Sequence[CalledAutopilot] = (),
+    ) -> None:
+        self._scenario = run.scenario
+        self._origin = origin_of(self._scenario.origin)
+        self._report, self._to = report, held
+        self._table = TruthWriter(run.path, self._scenario.stations)
+        placed: tuple[GroundNode | Emitter, ...] = (*self._scenario.ground, *self._scenario.emitters)
+        self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in placed]
+        self._truths: list[TrueState] = []
+        self._flush = Every(FLUSH_PERIOD_S)
+        self.exchange = self._open(autopilots)
+        self.run, self.stop = self.exchange.run, self.exchange.stop
+        self.release: Callable[[int], object] = self.exchange.release_tick
+
+    def _open(self, autopilots: Sequence[CalledAutopilot]) -> Exchange | FleetExchange:
+        scenario = self._scenario
+        return open_exchange(
+            [_spec(scenario, index) for index in range(len(scenario.ua))],
+            workers=1 if autopilots else scenario.fdm.workers,
+            called=autopilots,
+            coupling=scenario.fdm.coupling,
+            speed=scenario.speed_factor,
+            tick_period_ns=scenario.exchange_period_ns,
+            hold_ticks=True,
+            placement="spread" if autopilots else scenario.fdm.placement,
+            stall_timeout_s=scenario.fdm.stall_timeout_s,
+            start_timeout_s=START_S,
+            on_truth=lambda truth: self._truths.append(truth),
+            on_tick=self._on_tick,
+            on_event=self._on_event,
+        )
+
+    def close(self) -> None:
+        """Close sockets and files, and report counters."""
+        for ua_id in self.exchange.ports:
+            counters = self.exchange.counters(ua_id)
+            self._report.set_counters({f"ua {ua_id} {name}": n for name, n in counters.items()})
+        self.exchange.close()
+        self._table.close()
+        self._report.close()
+
+    def _on_tick(self, status: ClockStatus) -> None:
+        truths, self._truths = self._truths, []
+        log_clock.now_ns = status.sim_time_ns
+        if status.sim_time_ns % self._scenario.tick_period_ns:
+            self._to.exchange(status.sim_time_ns)
+            return
+        batch = Truths(Header.at(status.sim_time_ns, ""), self._messages(status.sim_time_ns, truths))
+        self._table.append(status.sim_time_ns, batch.truth)
+        if self._flush.is_due():
+            self._table.flush()
+            self._report.flush()
+        self._to.tick(clock_message(status), batch)
+
+    def _messages(self, tick_ns: int, truths: Sequence[TrueState]) -> tuple[Truth, ...]:
+        """The true states of all nodes; those on the ground are where the scenario says."""
+        flown = [truth_message(truth, self._origin) for truth in truths]
+        placed = [ground_truth_message(node, track.at(tick_ns), tick_ns) for node, track in self._ground]
+        return (*flown, *placed)
+
+    def _on_event(self, event: UaEvent) -> None:
+        node = str(event.ua_id)
+        self._report.event(event.sim_time_ns, node, event.kind.value, event.detail)
+        why = _BY_WALL_TIME.get(event.kind)
+        if event.kind is EventKind.JOINED and event.sim_time_ns > 0:
+            why = "came late: when its autopilot was there is a matter of wall time"
+        if why is not None:
+            self._report.may_not_repeat(f"UA {node} {why} (at {event.sim_time_ns / 1e9:.2f} s)")
+
+
+def _spec(scenario: Scenario, index: int) -> AircraftSpec:
+    ua = scenario.ua[index]
+    home = home_of(ua, scenario.origin)
+    return AircraftSpec(
+        ua.id,
+        in_weather(airframe_of(ua), scenario.weather, home),
+        home,
+        scenario.fdm_port(ua),
+        wind_of(scenario).build(seed=scenario.seed, ua_id=ua.id),
+        disturb_of(scenario, ua),
+        legacy_of(scenario, ua),
+    )

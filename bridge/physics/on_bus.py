@@ -1,0 +1,76 @@
+"""The flight dynamics on the bus: truth and clock go out, releases come in, operators hold the clock."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from bridge.bus.keys import Keys
+from bridge.bus.messages import Clock, DecodeError, Header, Truths, decode
+from bridge.bus.session import Sample, Session
+from bridge.physics.held_clock import HeldClock, Paced
+from bridge.run.directory import RunDirectory
+
+log = logging.getLogger("physics")
+
+
+class ClockOnBus:
+    """Publishes the instants at which the fleet is held (`bridge.physics.flight_dynamics.Held`).
+
+    Args:
+        session: of the flight dynamics.
+        run: the run.
+    """
+
+    def __init__(self, session: Session, run: RunDirectory) -> None:
+        self._session, self._keys, self._scenario = session, run.keys, run.scenario
+        stations = self._scenario.stations
+        self._wanted = {node: session.interest(self._keys.truth(node)) for node in stations}
+        self._clock: HeldClock | None = None
+
+    @property
+    def keys(self) -> Keys:
+        """Of the run."""
+        return self._keys
+
+    def hold(self, paced: Paced) -> None:
+        """Let operators hold the clock."""
+        scenario = self._scenario
+        self._clock = HeldClock(
+            self._session,
+            self._keys,
+            paced,
+            speed=scenario.speed_factor,
+            tick_period_ns=scenario.tick_period_ns,
+        )
+
+    def listen(self, release: Callable[[int], object]) -> None:
+        """Call ``release`` with each instant that the radio has closed."""
+
+        def on_release(sample: Sample) -> None:
+            try:
+                release(decode(sample.payload.to_bytes(), Header).stamp.ns)
+            except DecodeError as error:
+                log.warning("%s", error)
+
+        self._session.subscribe(self._keys.clock_release, on_release)
+
+    def exchange(self, sim_time_ns: int) -> None:
+        """Publish it."""
+        self._session.put(self._keys.clock_exchange, Header.at(sim_time_ns, ""), must_arrive=True)
+
+    def tick(self, clock: Clock, truths: Truths) -> None:
+        """Publish it: the true states first."""
+        if self._clock is not None:
+            self._clock.sim_time_ns = clock.header.stamp.ns
+        for message in truths.truth:
+            node = message.header.frame_id
+            if self._wanted[node]():
+                self._session.put(self._keys.truth(node), message)
+        self._session.put(self._keys.tick("truths"), truths, must_arrive=True)
+        self._session.put(self._keys.clock, clock, must_arrive=True)
+
+    def close(self) -> None:
+        """Tell no more."""
+        if self._clock is not None:
+            self._clock.close()

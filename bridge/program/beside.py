@@ -1,0 +1,123 @@
+"""The bus beside a run of one process: who looks or speaks from outside finds there what a run of many has."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from bridge.bus.inbox import Inbox
+from bridge.bus.keys import KeyMistake
+from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Truths, decode
+from bridge.bus.session import Sample, Session, Stamp
+from bridge.host.hosted_node import HostedNode
+from bridge.host.on_bus import AskedOnBus
+from bridge.host.outlets import ZenohOutlets
+from bridge.physics.held_clock import Paced
+from bridge.physics.on_bus import ClockOnBus
+from bridge.radio.process import REFUSALS_LOGGED_MAX
+from bridge.radio.publisher import TickPublisher
+from bridge.radio.radio import Radio, SettledTick
+from bridge.radio.senders import Refused
+from bridge.run.directory import RunDirectory
+
+if TYPE_CHECKING:
+    from bridge.bus.messages import AircraftState
+    from bridge.record.logged import LoggedValue
+
+log = logging.getLogger("router")
+
+
+class BesideBus:
+    """Publishes what the parts of a run do, and takes what free programs transmit.
+
+    Args:
+        session: the router's.
+        run: the run.
+        radio: of the run.
+    """
+
+    def __init__(self, session: Session, run: RunDirectory, radio: Radio) -> None:
+        self._session, self._run, self._keys, self._radio = session, run, run.keys, radio
+        self._clock = ClockOnBus(session, run)
+        self._publisher = TickPublisher(session, run, radio)
+        self._outlets = {node: ZenohOutlets(session, run.keys, node) for node in run.scenario.transceiver_ids}
+        inbox: Inbox[tuple[Callable[[Sample], None], Sample]] = Inbox(
+            asyncio.get_running_loop(), self._take, limit=None
+        )
+        for node in (each.node for each in run.scenario.transceivers if not each.has_agent):
+            for key, handler in (
+                (self._keys.tx(node, "*", to="*", radio="*"), self._packet_came),
+                (self._keys.agent(node), self._agent_came),
+            ):
+                session.subscribe(key, partial(_push, inbox, handler))
+
+    def serve(self, hosted: Sequence[HostedNode], paced: Paced) -> None:
+        """Take operators' commands."""
+        self._clock.hold(paced)
+        for one in hosted:
+            AskedOnBus(self._session, self._run, one)
+
+    # What goes out.
+
+    def exchange(self, sim_time_ns: int) -> None:
+        """The fleet stands between two ticks."""
+        self._clock.exchange(sim_time_ns)
+
+    def tick(self, clock: Clock, truths: Truths) -> None:
+        """The fleet stands at a tick."""
+        self._clock.tick(clock, truths)
+
+    def settled(self, tick: SettledTick, *, is_end: bool) -> None:
+        """What became of it."""
+        self._publisher.to_nodes(tick)
+        key = self._keys.clock_end if is_end else self._keys.clock_release
+        self._session.put(key, Header.at(tick.sim_time_ns, ""), must_arrive=True)
+        self._publisher.to_observers(tick, is_end=is_end)
+
+    def state(self, state: AircraftState) -> None:
+        """The aircraft's state."""
+        self._outlets[state.header.frame_id].state(state)
+
+    def report(self, node: str, status: AgentStatus) -> None:
+        """What the node's agent is doing."""
+        self._outlets[node].report(status)
+
+    def logged(self, node: str, item: LoggedValue, sim_time_ns: int) -> None:
+        """A value that the node's agent logged."""
+        self._outlets[node].logged(item, sim_time_ns)
+
+    def close(self) -> None:
+        """Tell no more."""
+        self._clock.close()
+
+    # What comes in.
+
+    def _take(self, item: tuple[Callable[[Sample], None], Sample]) -> None:
+        handler, sample = item
+        try:
+            handler(sample)
+        except (DecodeError, KeyMistake) as error:
+            self._radio.core.refused[Refused.MALFORMED] += 1
+            self._tell_refusal(f"{sample.key_expr}: {error}")
+
+    def _packet_came(self, sample: Sample) -> None:
+        address, payload = self._keys.address_of(str(sample.key_expr)), sample.payload.to_bytes()
+        if not self._radio.packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
+            self._tell_refusal(f"a packet on {sample.key_expr}")
+
+    def _agent_came(self, sample: Sample) -> None:
+        node = self._keys.node_of(str(sample.key_expr))
+        self._radio.agent(node, decode(sample.payload.to_bytes(), AgentStatus))
+
+    def _tell_refusal(self, text: str) -> None:
+        if self._radio.core.refused.total() <= REFUSALS_LOGGED_MAX:
+            log.warning("refused %s; refused so far: %s", text, dict(self._radio.core.refused))
+
+
+def _push(
+    inbox: Inbox[tuple[Callable[[Sample], None], Sample]], handler: Callable[[Sample], None], sample: Sample
+) -> None:
+    inbox.push((handler, sample))

@@ -1,0 +1,92 @@
+"""Where what a node says goes in a run of one process: to the radio and to whoever is told, by calls."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from bridge.bus.keys import MAIN, Address
+from bridge.bus.messages import AgentStatus, AircraftState
+from bridge.bus.session import Stamp
+from bridge.radio.radio import Radio
+from bridge.record.logged import LoggedValue
+
+
+class Listeners(Protocol):
+    """Who is told what a node says, besides the radio."""
+
+    def state(self, state: AircraftState) -> None:
+        """The aircraft's state."""
+
+    def report(self, node: str, status: AgentStatus) -> None:
+        """What the node's agent is doing."""
+
+    def logged(self, node: str, item: LoggedValue, sim_time_ns: int) -> None:
+        """A value that the node's agent logged."""
+
+
+class _Packet(NamedTuple):
+    address: Address
+    payload: bytes
+    encoding: str
+    stamp: Stamp
+
+
+class CalledOutlets:
+    """What one node says (`bridge.host.node.Outlets`).
+
+    What its agent says comes in the agent's thread; it is passed on in the event loop's, in its order, ahead of the
+    node's answer.
+
+    Args:
+        node: its id.
+        radio: of the run.
+        listeners: who else is told.
+        on_answer: told when the node is done with an instant.
+    """
+
+    def __init__(
+        self, node: str, radio: Radio, listeners: Listeners, on_answer: Callable[[str, int], object]
+    ) -> None:
+        self._node, self._radio, self._listeners, self._on_answer = node, radio, listeners, on_answer
+        self._loop = asyncio.get_running_loop()
+        self._said: deque[_Packet | AgentStatus] = deque()
+
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+        """Give a packet to the radio."""
+        address = Address(self._node, MAIN, to, channel)
+        self._said.append(_Packet(address, bytes(payload), encoding or "", stamp))
+
+    def report(self, status: AgentStatus) -> None:
+        """Tell what the agent is doing."""
+        self._said.append(status)
+        self._loop.call_soon_threadsafe(self.pass_on)
+
+    def pass_on(self) -> None:
+        """Pass on what the agent has said so far."""
+        while self._said:
+            item = self._said.popleft()
+            if isinstance(item, _Packet):
+                self._radio.packet(*item)
+            else:
+                self._radio.agent(self._node, item)
+                self._listeners.report(self._node, item)
+
+    def state(self, state: AircraftState) -> None:
+        """Publish the aircraft's state."""
+        self._listeners.state(state)
+
+    def logged(self, item: LoggedValue, sim_time_ns: int) -> None:
+        """Publish what the agent logged, if anybody wants it."""
+        self._listeners.logged(self._node, item, sim_time_ns)
+
+    def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
+        """Tell the radio that this node's was switched."""
+        self._radio.switch(self._node, sim_time_ns, on=on)
+
+    def answer(self, sim_time_ns: int) -> None:
+        """Tell the radio that this node is done with an instant."""
+        self.pass_on()
+        self._on_answer(self._node, sim_time_ns)

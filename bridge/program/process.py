@@ -1,0 +1,47 @@
+"""The process of a run that is one program: tells its supervisor through a pipe what it does."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+from contextlib import ExitStack
+from functools import partial
+
+from bridge.bus.identity.logins import LoginWatch
+from bridge.bus.pipe import PipeWriter
+from bridge.bus.session import Session, open_router
+from bridge.program.program import NAME, Program, Tell
+from bridge.radio.process import login_refused
+from bridge.record.events import Report
+from bridge.run.directory import RunDirectory
+from bridge.run.process import add_run_arguments, log_to_files, run_until_stopped
+
+
+def main() -> int:
+    """Run the process."""
+    parser = argparse.ArgumentParser(prog=NAME, description=__doc__)
+    add_run_arguments(parser, NAME)
+    parser.add_argument("--tell-fd", type=int, required=True, help="file descriptor of the supervisor's pipe")
+    arguments = parser.parse_args()
+    run = log_to_files(arguments)
+    pipe = PipeWriter(arguments.tell_fd)
+    return run_until_stopped(partial(fly, run, pipe.put))
+
+
+async def fly(run: RunDirectory, tell: Tell, stop: asyncio.Event) -> None:
+    """Fly the run in this process, with its router if it has one."""
+    with ExitStack() as stack:
+        report = Report(run.path, "router")
+        await Program(run, tell, report, _router(run, report, stack)).run(stop)
+
+
+def _router(run: RunDirectory, report: Report, stack: ExitStack) -> Session | None:
+    if not run.info.endpoint:
+        return None
+    stack.enter_context(LoginWatch(partial(login_refused, report)))
+    return stack.enter_context(open_router(run.info.endpoint, run.guard))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

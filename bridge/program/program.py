@@ -1,0 +1,263 @@
+"""A whole run in one process: physics, stand-ins, nodes, radio and record are called in the ring's order.
+
+Physics flies in a thread of its own, as it waits for real autopilots; the event loop has everything else. While the
+fleet is held at a tick the physics' thread sleeps, and while it flies the event loop does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack, suppress
+from time import monotonic
+from typing import Any
+
+from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header, Message, Truths
+from bridge.bus.session import Session
+from bridge.host.arrivals import hand_out
+from bridge.host.hosted import hosted_node, stop_all
+from bridge.host.hosted_node import HostedNode
+from bridge.host.node import Node
+from bridge.physics.flight_dynamics import FlightDynamics
+from bridge.program.beside import BesideBus
+from bridge.program.outlets import CalledOutlets
+from bridge.program.standins import standin_options
+from bridge.radio.heard import Hosts
+from bridge.radio.radio import Radio
+from bridge.radio.ring import Closed
+from bridge.record.events import Report
+from bridge.record.logged import LoggedValue
+from bridge.run.directory import RunDirectory
+from bridge.run.every import Every
+from bridge.run.process import log_clock
+from bridge.timeouts import FLUSH_PERIOD_S
+from channel.validity import OutsideValidityError
+from standin.called import CalledStandIn
+from standin.cli import called_standins
+
+NAME = "fleet"
+"""Of the process, and of the one host in it."""
+TELL_PERIOD_S = 0.05
+"""The supervisor is told of ticks this often, wall time; of the last one in any case."""
+GLANCE_PERIOD_S = 0.25
+GC_THRESHOLD = 50_000
+"""Frames make many short-lived objects: what Python has by default would look at them every few frames."""
+Tell = Callable[[str, Message], object]
+log = logging.getLogger(NAME)
+
+
+class Program:
+    """All parts of a run; an event loop's task.
+
+    Args:
+        run: the run.
+        tell: told, with a key of the run, what a supervisor has to know.
+        report: of the radio.
+        session: of the run's router, if somebody may look or speak from outside.
+    """
+
+    def __init__(self, run: RunDirectory, tell: Tell, report: Report, session: Session | None = None) -> None:
+        self._run, self._keys, self._tell = run, run.keys, tell
+        self._nodes = run.scenario.transceiver_ids
+        self._loop = asyncio.get_running_loop()
+        self._over: asyncio.Future[None] = self._loop.create_future()
+        self._report = Report(run.path, NAME)
+        self._radio = Radio(run, report)
+        self._hosts = Hosts(self._nodes, {NAME: run.scenario.regulated})
+        self._bus = None if session is None else BesideBus(session, run, self._radio)
+        self._flush, self._told_at_s, self._untold = Every(FLUSH_PERIOD_S), 0.0, Clock()
+        self._glance = {node: Every(GLANCE_PERIOD_S) for node in (*self._nodes, "")}
+        self._standins = _standins(run)
+        self._outlets = {
+            node: CalledOutlets(node, self._radio, self, self._answered) for node in run.scenario.regulated
+        }
+        self._hosted: list[HostedNode] = []
+        self._receivers: dict[str, Node] = {}
+        self._dynamics = FlightDynamics(
+            run, Report(run.path, "physics"), _InTheLoop(self), list(self._standins.values())
+        )
+        self._thread = threading.Thread(target=self._fly, name="physics", daemon=True)
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Fly until ``stop`` is set, then write what is left of the record.
+
+        Raises:
+            OutsideValidityError: a packet has no fate.
+            Exception: whatever a part raises.
+        """
+        async with AsyncExitStack() as stack:
+            stack.push_async_callback(self._end)
+            for node, outlets in self._outlets.items():
+                hosted = hosted_node(self._run, node, outlets, self._standins.get(node))
+                self._hosted.append(await stack.enter_async_context(hosted))
+                self._receivers[node] = hosted.node
+            if self._bus is not None:
+                self._bus.serve(self._hosted, self._dynamics.exchange)
+            gc.collect()
+            gc.freeze()
+            gc.set_threshold(GC_THRESHOLD)
+            self._thread.start()
+            self._tell(self._keys.alive(NAME), Header())
+            waiting: set[asyncio.Future[Any]] = {asyncio.ensure_future(stop.wait()), self._over}
+            await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+            self._stop()
+
+    def _stop(self) -> None:
+        """End agents and physics, and pass on what they said on their way out."""
+        stop_all(self._hosted)
+        for outlets in self._outlets.values():
+            outlets.pass_on()
+        self._dynamics.stop()
+        self._thread.join()
+
+    async def _end(self) -> None:
+        """Close everything, and write what is left of the record."""
+        self._dynamics.stop()
+        if self._thread.is_alive():
+            self._thread.join()
+        if self._bus is not None:
+            self._bus.close()
+        self._dynamics.close()
+        self._tell_clock()
+        failure = self._over.exception() if self._over.done() else None
+        if isinstance(failure, OutsideValidityError):  # the packet has no fate: the books cannot be closed
+            self._radio.close()
+        else:
+            self._radio.finish(self._tell_progress)
+        self._report.close()
+        if failure is not None:
+            raise failure
+
+    def _tell_progress(self, share: float) -> None:
+        text = f"writes its record: {100 * share:.0f} % of the distance bins"
+        self._tell(self._keys.ending, Header.at(0, text))
+
+    def _fail(self, error: BaseException) -> None:
+        """Whatever a part raises ends the run."""
+        if not self._over.done():
+            self._over.set_exception(error)
+
+    # The physics' thread.
+
+    def _fly(self) -> None:
+        try:
+            self._dynamics.run()
+        except BaseException as error:
+            with suppress(RuntimeError):  # the loop is closed: the run is over
+                self._loop.call_soon_threadsafe(self._fail, error)
+
+    # The ring, in the event loop.
+
+    def exchange(self, sim_time_ns: int) -> None:
+        """The fleet is held between two ticks."""
+        log_clock.now_ns = sim_time_ns
+        if self._bus is not None:
+            self._bus.exchange(sim_time_ns)
+        for one in self._hosted:
+            one.clock_came(sim_time_ns, is_tick=False)
+
+    def tick(self, clock: Clock, truths: Truths) -> None:
+        """The fleet is held at a tick."""
+        log_clock.now_ns = sim_time_ns = clock.header.stamp.ns
+        if self._bus is not None:
+            self._bus.tick(clock, truths)
+        self._radio.truths(truths.truth)
+        self._radio.tick(sim_time_ns)
+        self._untold = clock
+        if monotonic() - self._told_at_s >= TELL_PERIOD_S:
+            self._tell_clock()
+        for one in self._hosted:
+            one.clock_came(sim_time_ns, is_tick=True, absent=one.id in clock.stalled)
+
+    def _tell_clock(self) -> None:
+        self._told_at_s = monotonic()
+        self._tell(self._keys.clock, self._untold)
+
+    def _answered(self, node: str, sim_time_ns: int) -> None:
+        closed = self._radio.answer(node, sim_time_ns)
+        if closed is None or self._over.done():
+            return
+        try:
+            self._close(closed)
+        except Exception as error:
+            self._fail(error)
+
+    def _close(self, closed: Closed) -> None:
+        """Everybody is done with an instant."""
+        if not closed.is_tick:
+            self._dynamics.release(closed.sim_time_ns)
+            return
+        tick = self._radio.settle(closed.sim_time_ns)
+        for share in self._hosts.shares(tick).values():
+            hand_out(share, self._nodes, self._receivers)
+        if self._bus is not None:
+            self._bus.settled(tick, is_end=closed.is_end)
+        if not closed.is_end:
+            self._dynamics.release(closed.sim_time_ns)
+        if self._glance[""].is_due() or closed.is_end:
+            self._tell(self._keys.tick("links"), self._radio.links(closed.sim_time_ns))
+        self._radio.write(tick.settled)
+        if self._flush.is_due():
+            self._radio.flush()
+        if closed.is_end:
+            self._tell_clock()
+            self._tell(self._keys.clock_end, Header.at(closed.sim_time_ns, ""))
+
+    # What nodes say, besides to the radio (`bridge.program.outlets.Listeners`).
+
+    def state(self, state: AircraftState) -> None:
+        """Tell of it now and then."""
+        node = state.header.frame_id
+        if self._glance[node].is_due():
+            self._tell(self._keys.state(node), state)
+        if self._bus is not None:
+            self._bus.state(state)
+
+    def report(self, node: str, status: AgentStatus) -> None:
+        """Tell of it."""
+        self._tell(self._keys.agent(node), status)
+        if self._bus is not None:
+            self._bus.report(node, status)
+
+    def logged(self, node: str, item: LoggedValue, sim_time_ns: int) -> None:
+        """Tell the bus."""
+        if self._bus is not None:
+            self._bus.logged(node, item, sim_time_ns)
+
+
+class _InTheLoop:
+    """Passes what physics tells in its thread on to the event loop's."""
+
+    def __init__(self, program: Program) -> None:
+        self._program, self._loop = program, asyncio.get_running_loop()
+
+    def exchange(self, sim_time_ns: int) -> None:
+        self._call(self._program.exchange, sim_time_ns)
+
+    def tick(self, clock: Clock, truths: Truths) -> None:
+        self._call(self._program.tick, clock, truths)
+
+    def _call(self, callback: Callable[..., None], *arguments: object) -> None:
+        self._loop.call_soon_threadsafe(self._guarded, callback, arguments)
+
+    def _guarded(self, callback: Callable[..., None], arguments: Sequence[object]) -> None:
+        try:
+            callback(*arguments)
+        except Exception as error:
+            self._program._fail(error)
+
+
+def _standins(run: RunDirectory) -> dict[str, CalledStandIn]:
+    """The stand-ins of a run by their nodes; none if others fly."""
+    scenario = run.scenario
+    if scenario.autopilot != "standin":
+        return {}
+    return {
+        ua.node: standin
+        for ua, standin in zip(
+            scenario.ua, called_standins([standin_options(scenario, ua) for ua in scenario.ua]), strict=True
+        )
+    }

@@ -1,0 +1,61 @@
+"""The counters of the radio, in `ledger.json`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import TypeVar
+
+from channel.medium.ledger import Ledger
+from channel.medium.verdict import Check
+
+LEDGER = "ledger.json"
+Refusal = TypeVar("Refusal", bound=StrEnum)
+
+
+def write_ledger(
+    path: Path,
+    ledger: Ledger,
+    refused: Mapping[Refusal, int],
+    progress: Callable[[float], object] = lambda _: None,
+    checks: Iterable[Check] = (),
+) -> None:
+    """Write the counters: per directed link, what was measured and predicted per bin, what was not taken, checks.
+
+    ``progress`` is told now and then which share of the bins is done.
+    """
+    links = [
+        {"tx": tx, "rx": rx, "sent": a.sent, "delivered": a.delivered, "lost": dict(sorted(a.lost.items()))}
+        for (tx, rx), a in sorted(ledger.links.items())
+    ]
+    bins = [
+        {
+            "tx": b.tx,
+            "rx": b.rx,
+            "distance_min_m": b.distance_min_m,
+            "distance_max_m": b.distance_max_m,
+            "sent": b.sent,
+            "delivered": b.delivered,
+            "measured": b.measured,
+            "predicted": b.predicted,
+            "ci99": [b.ci99_low, b.ci99_high],
+        }
+        for b in ledger.bins(progress)
+    ]
+    partial = path.with_suffix(".partial")
+    partial.write_text(
+        json.dumps(
+            {
+                "links": links,
+                "bins": bins,
+                "refused": {r.value: n for r, n in sorted(refused.items())},
+                "checks": [check._asdict() | {"passed": check.passed} for check in checks],
+            },
+            indent=1,
+        )
+        + "\n",
+        encoding="ascii",
+    )
+    partial.replace(path)

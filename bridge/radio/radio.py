@@ -1,0 +1,207 @@
+"""The radio of a run: virtual radio, RF sensors, and the record of both. No bus: whoever has it calls it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from bridge.bus.keys import Address
+from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Links, Truth, decode, encoding_of
+from bridge.bus.session import Stamp
+from bridge.radio.ledger_file import LEDGER, write_ledger
+from bridge.radio.measurements import SensorsOfRun, Told
+from bridge.radio.picture import Picture, Row
+from bridge.radio.ring import Closed, Ring
+from bridge.radio.senders import Refused
+from bridge.radio.virtual_radio import Settled, VirtualRadio
+from bridge.record import names
+from bridge.record.events import Report
+from bridge.record.packets import SentPacket, encode_packet
+from bridge.record.radio_switches import switches_of
+from bridge.record.streams import StreamWriter
+from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.run.directory import RunDirectory
+from bridge.scenario.resolve.radio import radios_of
+from bridge.scenario.resolve.sensing import emitters_of, sensors_of
+from channel.medium.medium import Medium
+from channel.medium.verdict import Judge
+
+NO_PACKAGE = "no_data_package_on_the_data_channel"
+"""Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
+PACKAGE_ENCODING = encoding_of(DataPackage)
+
+
+@dataclass(frozen=True, slots=True)
+class SettledTick:
+    """What became of a tick at the radio.
+
+    Attributes:
+        sim_time_ns: the tick.
+        settled: its packets.
+        rows: whom each node heard, of those for which that changed.
+        told: what RF sensors tell.
+    """
+
+    sim_time_ns: int
+    settled: Settled
+    rows: Sequence[Row]
+    told: Sequence[Told]
+
+
+class Radio:
+    """The radio of a run.
+
+    Args:
+        run: the run.
+        report: of the process.
+    """
+
+    def __init__(self, run: RunDirectory, report: Report) -> None:
+        scenario = run.scenario
+        emitters = emitters_of(scenario)
+        radios = radios_of(scenario, emitters)
+        nodes = scenario.transceiver_ids
+        self._run, self._report = run, report
+        ring = Ring(
+            scenario.regulated,
+            tasks=scenario.nodes_with_a_task,
+            end_ns=round(scenario.duration_s * 1e9),
+            tick_period_ns=scenario.tick_period_ns,
+        )
+        self._judge = Judge(len(nodes))
+        medium = Medium(
+            radios,
+            seed=scenario.seed,
+            nodes=nodes,
+            judge=self._judge,
+            emitters=[each.name for each in emitters],
+            switches=switches_of(scenario),
+        )
+        mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
+        self.core = VirtualRadio(medium, ring, mtu_bytes)
+        self.picture = Picture(nodes)
+        self._free = {node.node for node in scenario.transceivers if not node.has_agent}
+        self._data_channel = scenario.transmit.channel
+        self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
+        self._writer = DeliveryWriter(run.path, nodes)
+        self._sensors = SensorsOfRun.of(run, sensors_of(scenario), emitters, medium)
+
+    # What comes in.
+
+    def truths(self, truths: Sequence[Truth]) -> None:
+        """Take the true states of nodes."""
+        self.core.on_truths(truths)
+
+    def tick(self, sim_time_ns: int) -> None:
+        """Take a tick of the fleet clock."""
+        self.core.on_tick(sim_time_ns)
+
+    def packet(self, address: Address, payload: bytes, encoding: str, stamp: Stamp | None) -> bool:
+        """Take what a node transmits; returns whether it was taken."""
+        if not self.core.on_packet(address, payload, encoding, stamp):
+            return False
+        self._tell_if_free(address.node)
+        if address.channel == self._data_channel and not _is_package(payload, encoding):
+            self._report.count(f"{NO_PACKAGE}.{address.node}")
+        return True
+
+    def agent(self, node: str, status: AgentStatus) -> None:
+        """Take what a node's agent says of itself."""
+        self.core.on_sent_total(node, status.sent)
+        self._tell_if_free(node)
+        if status.failed:
+            self.core.ring.end()
+        if status.done:
+            self.core.ring.done(node)
+
+    def switch(self, node: str, sim_time_ns: int, *, on: bool) -> None:
+        """Take a node's word that an operator switched its radio."""
+        self.core.on_switch(node, sim_time_ns, on=on)
+
+    def answer(self, node: str, sim_time_ns: int) -> Closed | None:
+        """Take a node's word that it is done with an instant; `settle` a tick that this closes."""
+        return self.core.on_answer(node, sim_time_ns)
+
+    def _tell_if_free(self, node: str) -> None:
+        """What a node that the clock does not wait for does, it does by wall time."""
+        if node in self._free:
+            self._free.discard(node)
+            text = f"a program that the clock does not wait for transmits as node {node}"
+            self._report.may_not_repeat(text)
+
+    # What becomes of it.
+
+    def settle(self, sim_time_ns: int) -> SettledTick:
+        """Settle the packets of a closed tick, and have the sensors measure; `write` is to follow."""
+        settled = self.core.settle()
+        told = self._sensors.measure(sim_time_ns) if self._sensors is not None else ()
+        self.picture.take(settled.columns)
+        return SettledTick(sim_time_ns, settled, self.picture.changed(), told)
+
+    def links(self, sim_time_ns: int) -> Links:
+        """All links that carried a packet, as they are after a tick."""
+        return self.picture.links(sim_time_ns, self.core.ledger, self.core.radios_off(sim_time_ns))
+
+    # The record.
+
+    def write(self, settled: Settled) -> None:
+        """Record what became of packets, and what was transmitted."""
+        self._writer.write(settled.columns, settled.gaps)
+        transmitted, self.core.transmitted = self.core.transmitted, []
+        for packet in transmitted:
+            sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)
+            self._packets[self.core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(sent))
+
+    def flush(self) -> None:
+        """Hand the record to the operating system."""
+        self._writer.flush()
+        if self._sensors is not None:
+            self._sensors.flush()
+        for writer in self._packets.values():
+            writer.flush()
+        self._report.flush()
+
+    def finish(self, tell_progress: Callable[[float], object], dropped: int = 0) -> None:
+        """Write what is left of the record, however long that takes.
+
+        Args:
+            tell_progress: told now and then which share is done.
+            dropped: packets that came faster than they were taken.
+
+        Raises:
+            LedgerError: sent is not delivered plus lost: a defect of ours.
+        """
+        try:
+            self.write(self.core.finish())
+        finally:
+            self.close()
+        self._tell_overload(dropped)
+        self._report.close()
+        checks = self._judge.verdict().checks
+        write_ledger(self._run.path / LEDGER, self.core.ledger, self.core.refused, tell_progress, checks)
+
+    def close(self) -> None:
+        """Close the files of the record as they are."""
+        self._writer.close()
+        if self._sensors is not None:
+            self._sensors.close()
+        for writer in self._packets.values():
+            writer.close()
+
+    def _tell_overload(self, dropped: int) -> None:
+        if dropped:
+            self.core.refused[Refused.OVERLOAD] += dropped
+            self._report.may_not_repeat(f"{dropped} packets came faster than the radio took them")
+        elif self.core.refused[Refused.OVERLOAD]:
+            self._report.may_not_repeat("a node transmitted more packets in a tick than the radio takes")
+
+
+def _is_package(payload: bytes, encoding: str) -> bool:
+    """Whether a packet is a data package: by what it is said to be, or else by its bytes."""
+    if encoding == PACKAGE_ENCODING:
+        return True
+    try:
+        decode(payload, DataPackage)
+    except DecodeError:
+        return False
+    return True

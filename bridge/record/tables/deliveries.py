@@ -1,0 +1,211 @@
+"""The table `deliveries`: what became of packets, a row per packet and intended receiver. Written by the radio."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bridge.bus.keys import ALL
+from bridge.bus.messages import Fates, Header
+from bridge.record.tables.journal import TableWriter
+from bridge.record.tables.reader import no_rows, read_columns
+from bridge.record.tables.schema import COUNT, LABEL, NUMBER, TICK, Column, Columns, Table
+from channel.medium import reception
+from channel.medium.reception import EVERYBODY, Receptions
+
+DELIVERIES: Final = Table(
+    "deliveries",
+    (
+        Column("sim_time_ns", TICK),
+        Column("tx", LABEL),
+        Column("rx", LABEL),
+        Column("seq", TICK),
+        Column("packets", COUNT),
+        Column("length_bytes", COUNT),
+        Column("distance_m", NUMBER, 1e3),
+        Column("received_power_dbm", NUMBER, 1e3),
+        Column("snr_db", NUMBER, 1e3),
+        Column("per", NUMBER, 1e7),
+        Column("fate", LABEL),
+    ),
+    keys=("sim_time_ns", "tx", "rx", "seq"),
+    tick="sim_time_ns",
+    node="tx",
+)
+FIGURES: Final = DELIVERIES.numbers
+"""What the channel computed; nan where it computed nothing."""
+
+
+class Cause(StrEnum):
+    """Causes of loss that are not the channel's."""
+
+    TRANSPORT = "transport"
+    """The packet left its sender and never came to the router: the host lost it, not the radio."""
+    TOO_LONG = "too_long"
+    """The packet is longer than the MTU of the sender's radio."""
+
+
+FATES: Final = (*(fate.value for fate in reception.FATES), *(cause.value for cause in Cause))
+"""What became of a packet at one receiver; rows have places in this."""
+DELIVERED, TRANSPORT, TOO_LONG = (
+    FATES.index(name) for name in (reception.Fate.DELIVERED.value, Cause.TRANSPORT, Cause.TOO_LONG)
+)
+GAPS_FROM: Final = len(reception.FATES)
+"""Fates from here on are not the channel's: such a row stands for packets that were lost before it."""
+
+
+class Gap(NamedTuple):
+    """Packets of one sender that are lost before the channel: from ``first_seq`` on."""
+
+    sim_time_ns: int
+    tx: int
+    to: int
+    first_seq: int
+    packets: int
+    length_bytes: int
+    cause: Cause
+
+
+class DeliveryWriter:
+    """Writes what became of packets.
+
+    Args:
+        run: the run directory.
+        nodes: ids of all nodes.
+    """
+
+    def __init__(self, run: Path, nodes: Sequence[str]) -> None:
+        self.everybody = len(nodes)
+        self._writer = TableWriter(run, DELIVERIES, labels_of(nodes))
+        self.flush, self.close = self._writer.flush, self._writer.close
+
+    def append(self, rows: int, *, packets: ArrayLike = 1, **columns: ArrayLike) -> None:
+        """Append rows: arrays of that length, or one value for all of them.
+
+        Args:
+            rows: how many.
+            packets: how many a row stands for: those that were lost together have one.
+            columns: the other columns. ``tx`` has places in ``nodes``, ``rx`` too or ``everybody``, ``fate`` places in
+                FATES; ``length_bytes`` is as the error model counts it.
+
+        Raises:
+            ValueError: a column is missing or unknown, or an array has another length.
+            TypeError: an array has numbers of another kind.
+        """
+        self._writer.append(rows, packets=packets, **columns)
+
+    def write(self, columns: Columns, gaps: Iterable[Gap] = ()) -> None:
+        """Append a row for each reception, and one for packets that were lost together.
+
+        Args:
+            columns: as of `columns_of`.
+            gaps: what was lost before the channel.
+        """
+        self.append(len(columns["tx"]), **columns)
+        for gap in gaps:
+            self._write_gap(gap)
+
+    def _write_gap(self, gap: Gap) -> None:
+        self.append(
+            1,
+            sim_time_ns=gap.sim_time_ns,
+            tx=gap.tx,
+            rx=self.everybody if gap.to == EVERYBODY else gap.to,
+            seq=gap.first_seq,
+            packets=gap.packets,
+            length_bytes=gap.length_bytes,
+            fate=FATES.index(gap.cause),
+            **dict.fromkeys(FIGURES, math.nan),
+        )
+
+
+def labels_of(nodes: Sequence[str]) -> dict[str, Sequence[str]]:
+    """The names that rows have places in: those of all nodes, and of what becomes of packets."""
+    return {"tx": tuple(nodes), "rx": (*nodes, ALL), "fate": FATES}
+
+
+def columns_of(receptions: Receptions, counted_bytes: NDArray[np.int64]) -> Columns:
+    """A row per reception; ``counted_bytes``: lengths of its packets as the error model counts them."""
+    r, p = receptions, receptions.packets
+    return {
+        "sim_time_ns": p.sim_time_ns[r.packet],
+        "tx": p.tx[r.packet],
+        "rx": r.rx,
+        "seq": p.seq[r.packet],
+        "packets": np.ones(r.size, dtype=np.int32),
+        "length_bytes": counted_bytes[r.packet].astype(np.int32),
+        "distance_m": r.distance_m,
+        "received_power_dbm": r.received_power_dbm,
+        "snr_db": r.snr_db,
+        "per": r.per,
+        "fate": r.fate,
+    }
+
+
+def read_deliveries(run: Path, nodes: Sequence[str], names: Sequence[str] | None = None) -> Columns:
+    """The columns of these names, or all: ``tx`` as places in ``nodes``, ``rx`` too or their number for everybody.
+
+    Raises:
+        TableError, OSError: the table is missing or damaged, or cannot be read.
+    """
+    return read_columns(run, DELIVERIES, names, labels_of(nodes))
+
+
+def no_deliveries(names: Sequence[str] | None = None) -> Columns:
+    """As `read_deliveries`, of a run that has none."""
+    return no_rows(DELIVERIES, names, labels_of(()))
+
+
+def for_each_receiver(columns: Columns, nodes: int) -> Columns:
+    """The rows with one for each node but the sender in the place of one for everybody."""
+    to_all = columns["rx"] == nodes
+    if not to_all.any():
+        return columns
+    copies = np.where(to_all, nodes, 1)
+    rows = np.repeat(np.arange(len(to_all)), copies)
+    number = np.arange(len(rows)) - np.repeat(np.cumsum(copies) - copies, copies)
+    rx = np.where(to_all[rows], number, columns["rx"][rows])
+    kept = rx != columns["tx"][rows]
+    return {name: values[rows[kept]] for name, values in columns.items()} | {"rx": rx[kept]}
+
+
+def tick_of(sim_time_ns: NDArray[np.int64], tick_period_ns: int) -> NDArray[np.int64]:
+    """The first tick at or after each instant."""
+    return -(-sim_time_ns // tick_period_ns) * tick_period_ns
+
+
+def settled_ns(columns: Columns, tick_period_ns: int) -> NDArray[np.int64]:
+    """The tick that settled each row, as far as its time tells: the first at or after the packet.
+
+    What was missed (`transport`) is stamped within the tick at which it was missed.
+    """
+    times_ns: NDArray[np.int64] = columns["sim_time_ns"]
+    begun_ns = times_ns // tick_period_ns * tick_period_ns
+    return np.where(columns["fate"] == TRANSPORT, begun_ns, tick_of(times_ns, tick_period_ns))
+
+
+def fates_message(sim_time_ns: int, nodes: Sequence[str], columns: Columns) -> Fates:
+    """What the tick ``sim_time_ns`` settled, as a message: rows as of `read_deliveries`, none of them for everybody."""
+    c = columns
+    return Fates(
+        Header.at(sim_time_ns, ""),
+        tuple(nodes),
+        FATES,
+        c["tx"].astype(np.uint16),
+        c["rx"].astype(np.uint16),
+        c["seq"],
+        c["sim_time_ns"],
+        c["length_bytes"].astype(np.uint32),
+        c["distance_m"],
+        c["received_power_dbm"],
+        c["snr_db"],
+        c["per"],
+        c["fate"].astype(np.uint8).tobytes(),
+        c["packets"].astype(np.uint32),
+    )

@@ -1,0 +1,78 @@
+"""A UA whose autopilot is called, not reached over UDP: the same packets and frames pass, in the same order."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+from fdm.clock.member import Member
+from fdm.exchange.aircraft_spec import AircraftSpec
+from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
+from fdm.exchange.settings import Coupling
+from fdm.wire.sensor_frame import make_encoder
+
+
+class CalledAutopilot(Protocol):
+    """An autopilot in this process, deterministic: what it answers depends on what it was given alone."""
+
+    @property
+    def packet(self) -> bytes:
+        """Its latest servo packet; before the first frame, the one that opens the exchange."""
+
+    def frame(self, datagram: bytes) -> bytes | None:
+        """Take a sensor frame; return the servo packet that answers it, or None if it answers none."""
+
+
+class CalledSeat:
+    """One UA of an exchange with its autopilot (`fdm.exchange.seat.Seat` is one with a socket).
+
+    Args:
+        spec: the UA.
+        autopilot: flies it.
+        member: its place in the fleet clock.
+        build_model: makes its flight model.
+        coupling: of the exchange.
+
+    Attributes:
+        packets: of the autopilot, that were not heard yet.
+
+    Raises:
+        AirframeError: the model cannot be loaded.
+    """
+
+    __slots__ = ("_autopilot", "aircraft", "member", "packets", "port")
+
+    def __init__(
+        self,
+        spec: AircraftSpec,
+        autopilot: CalledAutopilot,
+        member: Member,
+        build_model: Callable[[], FlightModel],
+        coupling: Coupling,
+    ) -> None:
+        self.member = member
+        self.port = 0
+        self.aircraft = ExchangedAircraft(
+            member,
+            build_model,
+            make_encoder(spec.airframe.sensors),
+            spec.wind,
+            spec.disturb,
+            parallel=coupling == "parallel",
+        )
+        self._autopilot = autopilot
+        self.packets: deque[bytes] = deque((autopilot.packet,))
+
+    def send(self, reply: bytes) -> None:
+        """Have the autopilot fly a frame; its answer is in `packets`."""
+        packet = self._autopilot.frame(reply)
+        if packet is not None:
+            self.packets.append(packet)
+
+    def counters(self) -> dict[str, int]:
+        """What the aircraft counted."""
+        return self.aircraft.counters()
+
+    def close(self) -> None:
+        """Nothing is held."""

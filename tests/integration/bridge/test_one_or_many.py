@@ -1,0 +1,93 @@
+"""The same scenario gives the same digests whether its parts are called in one process or joined by Zenoh in many."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.integration.bridge.conftest import LOSTLINK
+
+ROOT = Path(__file__).parents[3]
+EXAMPLES = ROOT / "examples"
+NOISY = ("--set", "wind=gusty", "--set", "fdm.sensor_noise={gyro_sigma_radps: 0.002, accel_sigma_mps2: 0.05}")
+FLOWN = {
+    "separation": ("separation",),
+    "turbulence, noise, exchanges": ("separation", *NOISY, "--set", "mavlink_rate_hz=100"),
+    "parallel coupling": ("separation", "--set", "fdm.coupling=parallel"),
+    "outages": ("separation", "--radio", "wifi-2.4", "--set", "nodes.1.radio_off=[{from_s: 2, to_s: 4}]"),
+    "localise": ("localise",),
+    "wander": (str(EXAMPLES / "wander.yaml"),),
+    "turn back": (str(EXAMPLES / "turn_back.yaml"),),
+    "relay placement": (str(EXAMPLES / "relay_placement" / "relay_placement.yaml"),),
+    "consensus": (str(EXAMPLES / "consensus" / "consensus.yaml"),),
+    "a ground station": (str(EXAMPLES / "ground_station.yaml"),),
+    "many UA": (str(EXAMPLES / "ring.yaml"),),
+}
+SHORT = {"separation", "turbulence, noise, exchanges", "localise"}
+
+
+def fly(
+    tmp_path: Path, slot: int, processes: str, *arguments: str, duration_s: float = 8.0
+) -> dict[str, Any]:
+    """The summary of a run."""
+    command = [*LOSTLINK, "run", *arguments, "--json", "--duration", str(duration_s), "--speed", "max"]
+    command += ["--processes", processes, "--out", str(tmp_path / processes), "--no-figure", "--no-mcap"]
+    command += ["--set", "ports.zenoh=0", "--first-slot", str(slot)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=300)
+    assert done.stdout, done.stderr
+    summary: dict[str, Any] = json.loads(done.stdout)
+    assert summary["ending"] in ("done", "duration"), summary["error"]
+    return summary
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in SHORT else pytest.param(name, marks=pytest.mark.slow) for name in FLOWN]
+)
+def test_the_digests_are_equal(name: str, tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    slot = free_slot(24)
+    one, many = (fly(tmp_path, slot, processes, *FLOWN[name]) for processes in ("one", "many"))
+    assert one["digests"] == many["digests"]
+    assert one["links"] == many["links"]
+    assert one["sim_duration_s"] == many["sim_duration_s"]
+    assert (one["may_not_repeat"], many["may_not_repeat"]) == ([], [])
+    assert one["refused"] == many["refused"]
+
+
+def test_one_process_is_one(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    """No router, no port of ours, no log of a process that is not there."""
+    summary = fly(tmp_path, free_slot(2), "one", "separation", duration_s=2.0)
+    (run,) = (tmp_path / "one").iterdir()
+    assert sorted(path.name for path in (run / "logs").iterdir()) == ["fleet.log", "node-0.log", "node-1.log"]
+    assert json.loads((run / "run.json").read_text())["endpoint"] == ""
+    assert not (run / "secrets").exists()
+    assert summary["counters"]["physics"]["ua 0 frames"] > 0
+
+
+@pytest.mark.parametrize(
+    "setting",
+    ["hosts=2", "fdm.workers=2", "nodes.0.agent.isolated=true"],
+    ids=lambda text: text.split("=")[0],
+)
+def test_what_asks_for_processes_gets_them_or_is_told(setting: str, tmp_path: Path) -> None:
+    command = [*LOSTLINK, "check", "separation", "--set", setting, "--set", "processes=one"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 2
+    assert "processes: one, and" in done.stderr
+
+
+@pytest.mark.skipif("ARDUPILOT_HOME" not in os.environ, reason="needs ARDUPILOT_HOME")
+@pytest.mark.ardupilot
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["separation", "mixed", "localise_wings"])
+def test_real_autopilots_fly_the_same(scenario: str, tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    slot = free_slot(4)
+    arguments = (scenario, "--autopilot", "ardupilot")
+    one, many = (fly(tmp_path, slot, processes, *arguments, duration_s=25.0) for processes in ("one", "many"))
+    assert one["digests"] == many["digests"]
+    assert (one["may_not_repeat"], many["may_not_repeat"]) == ([], [])
