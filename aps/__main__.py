@@ -12,7 +12,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from aps.config import DaemonConfig
 from aps.daemon import Daemon
 from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
 from aps.status import plain_state
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 EXAMPLES = """\
 examples:
@@ -109,7 +109,7 @@ def _configs(arguments: argparse.Namespace) -> list[DaemonConfig]:
     return [settings.config()]
 
 
-def state_line(state: AircraftState) -> str:
+def state_line(state: VehicleState) -> str:
     """The state as one line of JSON; what is not known is null."""
     return json.dumps({"event": "state", **plain_state(state)})
 
@@ -132,7 +132,12 @@ def _api_address(text: str | None) -> tuple[str, int] | None:
     return host.strip("[]") or "127.0.0.1", int(port)
 
 
-async def _serve_api(daemons: Sequence[Daemon], address: tuple[str, int], stack: AsyncExitStack) -> list[str]:
+async def _serve_api(
+    daemons: Sequence[Daemon],
+    address: tuple[str, int],
+    stack: AsyncExitStack,
+    on_failure: Callable[[BaseException], None],
+) -> list[str]:
     """Serve each daemon's API; returns where."""
     from aps.api.backend import DaemonBackend  # FastAPI takes its time, and most daemons do without
     from aps.api.guard import ApiConfig
@@ -143,7 +148,7 @@ async def _serve_api(daemons: Sequence[Daemon], address: tuple[str, int], stack:
     places = []
     for number, daemon in enumerate(daemons):
         config = ApiConfig(host=host, port=port + API_STEP * number if port else 0, token=token)
-        server = await stack.enter_async_context(ApiServer(DaemonBackend(daemon), config))
+        server = await stack.enter_async_context(ApiServer(DaemonBackend(daemon), config, on_failure))
         shown = f"[{host}]" if ":" in host else host
         places.append(f"http://{shown}:{server.port}/")
     return places
@@ -152,19 +157,25 @@ async def _serve_api(daemons: Sequence[Daemon], address: tuple[str, int], stack:
 async def _serve(
     configs: Sequence[DaemonConfig], *, as_json: bool, rate_hz: float, api: tuple[str, int] | None = None
 ) -> BaseException | None:
-    """Serve until a signal; returns what a daemon failed of, if one did."""
+    """Serve until a signal; returns what a daemon or its API failed of, if one did."""
     stop = asyncio.Event()
+    failures: list[BaseException] = []
+
+    def failed(error: BaseException) -> None:
+        failures.append(error)
+        stop.set()
+
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
     async with AsyncExitStack() as stack:
         daemons = [await stack.enter_async_context(Daemon(config)) for config in configs]
         for daemon in daemons:
-            daemon.on_failure = lambda _: stop.set()
+            daemon.on_failure = failed
             print(_ready(daemon, as_json=as_json), flush=True)
             if as_json:
                 daemon.subscribe(lambda state: print(state_line(state), flush=True), rate_hz)
-        places = [] if api is None else await _serve_api(daemons, api, stack)
+        places = [] if api is None else await _serve_api(daemons, api, stack, failed)
         for daemon, place in zip(daemons, places, strict=False):
             told = {"event": "api", "sysid": daemon.config.sysid, "url": place}
             print(json.dumps(told) if as_json else f"API aps sysid={daemon.config.sysid} {place}", flush=True)
@@ -177,7 +188,7 @@ async def _serve(
             except TimeoutError:
                 _log_statistics(daemons)
         _log_statistics(daemons)
-        return next((daemon.failure for daemon in daemons if daemon.failure is not None), None)
+        return next(iter(failures), None)
 
 
 def _log_statistics(daemons: Sequence[Daemon]) -> None:

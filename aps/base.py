@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from aps.config import DaemonConfig
 from aps.core import Core
-from aps.links.address import Address, parse_address
+from aps.links.address import LinkAddress, parse_address
 from aps.links.drivers import Driver, make_driver
 from aps.links.link import Link, Role
 from aps.links.table import LinkTable
@@ -23,7 +23,7 @@ from aps.status import StatusServer, plain_state
 from aps.timeouts import SILENCE_TIMEOUT_S
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.subscription import Subscription
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.framer import Frame
 
 __all__ = ["DaemonBase"]
@@ -66,7 +66,7 @@ class DaemonBase(ABC):
             max_clients=config.max_clients,
             frames_per_s=config.client_frames_per_s,
         )
-        listen = Address("tcp-server", config.listen_host, config.listen_port)
+        listen = LinkAddress("tcp-server", config.listen_host, config.listen_port)
         self.server = TcpServer(listen, self.links, config.queue_limit_bytes)
         self._addresses = [parse_address(text) for text in config.links]
         self.vehicle = self.core.vehicle
@@ -94,7 +94,7 @@ class DaemonBase(ABC):
         self.vehicle.on_heard = self._heard_event.set
 
     @property
-    def state(self) -> AircraftState:
+    def state(self) -> VehicleState:
         """The UA's state now."""
         return self.telemetry.state(self._clock())
 
@@ -118,7 +118,7 @@ class DaemonBase(ABC):
         self.vehicle.texts = callback
 
     def subscribe(
-        self, callback: Callable[[AircraftState], None], rate_hz: float | None = None
+        self, callback: Callable[[VehicleState], None], rate_hz: float | None = None
     ) -> Subscription:
         """Call back with the state as it changes.
 

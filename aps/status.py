@@ -18,7 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 __all__ = ["SUFFIX", "StatusServer", "plain_state", "status_directory"]
 
@@ -78,7 +78,7 @@ class StatusServer:
             self._path.unlink(missing_ok=True)
 
 
-def plain_state(state: AircraftState) -> dict[str, Any]:
+def plain_state(state: VehicleState) -> dict[str, Any]:
     """The state as plain data; what is not known is ``None``."""
     values = asdict(state) | {"wind_body_mps": state.wind_body_mps}
     for inner in ("as_of_ns", "heard_ns"):

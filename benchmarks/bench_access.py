@@ -23,7 +23,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from bridge.bus.identity.guard import Guard
+from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Keyring
 from bridge.bus.identity.roster import node_identity, roster
 from bridge.bus.identity.rules import access_control
@@ -54,7 +54,7 @@ class Place:
 def serve(place: Place, pipe: Connection) -> None:
     """The measured process: says how long it took to open, then its CPU time whenever asked."""
     start = time.monotonic()
-    guard = Guard(RUN, place.keyring) if place.keyring else None
+    guard = RouterGuard(RUN, place.keyring) if place.keyring else None
     with open_router(place.endpoint, guard) as session:
         opened_s = time.monotonic() - start
         keys = [KEYS.rx(node, "0", "team") for node in place.nodes[1:]]

@@ -182,8 +182,8 @@ def speed_of(text: str) -> float:
     return inf if text == "max" else float(text)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, print people's lines, the table and one line of JSON."""
+def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """What was asked for."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -205,7 +205,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--parameters", type=Path, nargs="*", default=[], help="more parameters of arducopter"
     )
     parser.add_argument("--plot", type=Path, help="file of the plot")
-    options = parser.parse_args(arguments)
+    return parser.parse_args(arguments)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, print people's lines, the table and one line of JSON."""
+    options = options_of(arguments)
     binary, more = find_arducopter(), [path.resolve() for path in options.parameters]
     commands: dict[str, Callable[[Sequence[int]], list[list[str]]]] = {
         "standin": lambda instances: standin_commands(instances, options.standin_processes)

@@ -26,7 +26,7 @@ from fdm.exchange.exchange import AircraftSpec, Exchange
 from fdm.exchange.seat import DROPPED_BY_SYSTEM
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
-from fdm.wire.lockstep import Verdict
+from fdm.wire.lockstep import ServoVerdict
 from fdm.wire.servo_packet import DROP_REASONS, ServoPacket, encode_servo_packet, unpack_servo_packet
 
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 0.0)
@@ -154,7 +154,7 @@ def measure(total: int, speed: float, peace_s: float, pause_s: float) -> dict[st
         dropped = counted(exchange, DROPPED_BY_SYSTEM)
         exchange.close()
     got = {reason: counted(exchange, reason) for reason in DROP_REASONS}
-    valid = sum(counted(exchange, verdict.value) for verdict in Verdict)
+    valid = sum(counted(exchange, verdict.value) for verdict in ServoVerdict)
     return {
         "sent": sent,
         "sent_by_pilots": by_pilots.value,

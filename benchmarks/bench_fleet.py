@@ -2,8 +2,8 @@
 
     python -m benchmarks.bench_fleet [--autopilot arducopter] [--sizes 1 2 4 8 16] [--modes one many one+1]
 
-Each UA hovers at 40 m (alone: arducopters stand on the ground, stand-ins hover), 60 m from the next, transmits at 20 Hz to
-all over `corrected`, and everything is recorded. A mode is a value of the scenario's ``processes``, with ``+1`` for
+Each UA hovers at 40 m (alone: arducopters stand on the ground, stand-ins hover), 60 m from the next, transmits at 20 Hz
+to all over `corrected`, and everything is recorded. A mode is a value of the scenario's ``processes``, with ``+1`` for
 ``lookahead_ticks: 1``. CPU time of all processes of the run, autopilots included, is per second of sim time.
 """
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from standin.protocols.endpoint import MavlinkEndpoint
 from standin.vehicle.location import Location
-from standin.vehicle.parameters import Parameters
-from standin.vehicle.vehicle import Vehicle
+from standin.vehicle.parameters import StandinParameters
+from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.fdm_link import FdmLink
 
 
@@ -17,9 +17,9 @@ class Autopilot:
     """Joins the physics link, the vehicle and the MAVLink endpoint."""
 
     def __init__(
-        self, home: Location, parameters: Parameters, *, frame_rate_hz: int, boot_unix_us: int
+        self, home: Location, parameters: StandinParameters, *, frame_rate_hz: int, boot_unix_us: int
     ) -> None:
-        self.vehicle = Vehicle(home, parameters)
+        self.vehicle = StandinVehicle(home, parameters)
         self.fdm = FdmLink(frame_rate_hz)
         self.mavlink = MavlinkEndpoint(self.vehicle, boot_unix_us)
 

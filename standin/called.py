@@ -7,7 +7,7 @@ the client, answer the physics. So the same bytes pass.
 from __future__ import annotations
 
 from standin.autopilot import Autopilot
-from standin.process import AutopilotError
+from standin.process import StandinError
 
 
 class CalledStandIn:
@@ -36,12 +36,12 @@ class CalledStandIn:
         """Take a sensor frame; return the servo packet that answers it, or None if it was none, or no new one.
 
         Raises:
-            AutopilotError: its code failed.
+            StandinError: its code failed.
         """
         try:
             return self._turn(datagram)
         except Exception as error:
-            raise AutopilotError(self.name, error) from error
+            raise StandinError(self.name, error) from error
 
     def _turn(self, datagram: bytes) -> bytes | None:
         autopilot = self._autopilot

@@ -12,10 +12,10 @@ from pathlib import Path
 from standin.autopilot import Autopilot
 from standin.called import CalledStandIn
 from standin.control.mixer import UnknownFrameError
-from standin.process import AutopilotError, Process
+from standin.process import Process, StandinError
 from standin.sockets import AutopilotSockets
 from standin.vehicle.location import Location
-from standin.vehicle.parameters import Parameters, UnknownParameterError
+from standin.vehicle.parameters import StandinParameters, UnknownParameterError
 
 EXIT_FAILED, EXIT_ERROR = 1, 2
 SEPARATOR = "+"
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gc.set_threshold(GC_THRESHOLD)  # the frames' tuples would set it off every few of them, for nothing
     try:
         process.run()
-    except AutopilotError as error:
+    except StandinError as error:
         failed = options[[one.name for one in served].index(error.autopilot)]
         _tell(failed, traceback.format_exc())
         print(f"{error}; its log is {failed.log}" if failed.log else error, file=sys.stderr)
@@ -92,7 +92,7 @@ def _tell(options: argparse.Namespace, text: str) -> None:
 
 
 def _autopilot(options: argparse.Namespace) -> Autopilot:
-    parameters = Parameters()
+    parameters = StandinParameters()
     for name, value in options.parameter:
         parameters.set(name, value)
     parameters.set("MAV_SYSID", options.sysid)
@@ -171,7 +171,7 @@ def _home(text: str) -> Location:
 def _setting(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     try:
-        number = Parameters().set(name, float(value))
+        number = StandinParameters().set(name, float(value))
     except (UnknownParameterError, ValueError):
         raise argparse.ArgumentTypeError(
             f"{text!r} is not the name of a parameter, '=' and a number"

@@ -20,7 +20,7 @@ KNOCK_AGAIN_S = 0.05
 """The same if there is no physics: whoever starts both at once need not wait for long."""
 
 
-class AutopilotError(Exception):
+class StandinError(Exception):
     """The code of one autopilot failed; the cause is chained.
 
     Attributes:
@@ -73,7 +73,7 @@ class Process:
                 try:
                     listens = one.turn()
                 except Exception as error:
-                    raise AutopilotError(one.name, error) from error
+                    raise StandinError(one.name, error) from error
                 if not listens:
                     resend_s = min(resend_s, now_s + KNOCK_AGAIN_S)
             now_s = monotonic()

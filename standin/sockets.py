@@ -30,7 +30,7 @@ BACKLOG = 5
 NEVER_S = float("-inf")
 
 
-class PortInUseError(OSError):
+class PortTakenError(OSError):
     """A port that the autopilot needs cannot be bound."""
 
 
@@ -201,7 +201,7 @@ def _listen(address: tuple[str, int]) -> socket.socket:
         listener.listen(BACKLOG)
     except OSError as error:
         listener.close()
-        raise PortInUseError(
+        raise PortTakenError(
             f"cannot listen on TCP {address[0]}:{address[1]} ({error.strerror or error}); "
             "choose another with --mavlink-port"
         ) from error

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from aps.base import DaemonBase
 from aps.vehicle.execution import CommandProgress, CommandResult
 from aps.vehicle.messages import LastMessage
-from aps.vehicle.state import AircraftState
+from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
 
 __all__ = ["Backend", "DaemonBackend"]
@@ -17,7 +17,7 @@ __all__ = ["Backend", "DaemonBackend"]
 class Backend(Protocol):
     """A UA as the API sees it."""
 
-    def state(self) -> AircraftState:
+    def state(self) -> VehicleState:
         """The state now."""
 
     def statistics(self) -> dict[str, Any]:
@@ -64,7 +64,7 @@ class Backend(Protocol):
         """
 
     def listen(
-        self, on_state: Callable[[AircraftState], None], on_text: Callable[[StatusText], None]
+        self, on_state: Callable[[VehicleState], None], on_text: Callable[[StatusText], None]
     ) -> Callable[[], None]:
         """Be told of every new state and of the autopilot's texts; returns what ends it."""
 
@@ -79,7 +79,7 @@ class DaemonBackend:
     def __init__(self, daemon: DaemonBase) -> None:
         self._daemon = daemon
 
-    def state(self) -> AircraftState:
+    def state(self) -> VehicleState:
         """The state now."""
         return self._daemon.state
 
@@ -127,7 +127,7 @@ class DaemonBackend:
         self._daemon.commands.start_named(verb, arguments, on_progress=on_progress, on_done=on_done)
 
     def listen(
-        self, on_state: Callable[[AircraftState], None], on_text: Callable[[StatusText], None]
+        self, on_state: Callable[[VehicleState], None], on_text: Callable[[StatusText], None]
     ) -> Callable[[], None]:
         """Be told of every new state and of the autopilot's texts."""
         subscription = self._daemon.subscribe(on_state)

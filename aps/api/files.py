@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Final
 
 from fastapi import FastAPI, HTTPException, Request
@@ -31,20 +32,34 @@ async def _read(read: Callable[[str], Any], request: Request) -> Any:
 
 def add_files(app: FastAPI, backend: Backend, jobs: Jobs) -> None:
     """Add the routes."""
+    lists = _Lists(backend, jobs)
+    _add_plan(app, lists)
+    _add_waypoints(app, lists)
+    _add_parameters(app, jobs)
 
-    async def download(kind: str) -> list[MissionItem]:
-        items = await run(jobs, "mission_download", {"kind": kind})
+
+@dataclass(frozen=True, slots=True)
+class _Lists:
+    """Missions, fences and rally points of the autopilot."""
+
+    backend: Backend
+    jobs: Jobs
+
+    async def download(self, kind: str) -> list[MissionItem]:
+        items = await run(self.jobs, "mission_download", {"kind": kind})
         return [MissionItem.from_json(item) for item in items]
 
-    async def upload(items: list[MissionItem], kind: str) -> int:
+    async def upload(self, items: list[MissionItem], kind: str) -> int:
         plain = [item.to_json() for item in items]
-        return int(await run(jobs, "mission_upload", {"items": plain, "kind": kind}))
+        return int(await run(self.jobs, "mission_upload", {"items": plain, "kind": kind}))
 
-    def home() -> tuple[float, float, float]:
-        state = backend.state()
+    def home(self) -> tuple[float, float, float]:
+        state = self.backend.state()
         place = (state.home_lat_deg, state.home_lon_deg, state.home_alt_amsl_m)
         return place if place[0] == place[0] else (0.0, 0.0, 0.0)
 
+
+def _add_plan(app: FastAPI, lists: _Lists) -> None:
     @app.get(
         "/plan",
         responses=ENDINGS,
@@ -52,9 +67,9 @@ def add_files(app: FastAPI, backend: Backend, jobs: Jobs) -> None:
         summary="Mission, fence and rally points as QGroundControl's .plan",
     )
     async def get_plan() -> Response:
-        state = backend.state()
-        lists = {kind: await download(kind) for kind in KINDS}
-        plan = FlightPlan(lists["mission"], lists["fence"], lists["rally"], home())
+        state = lists.backend.state()
+        found = {kind: await lists.download(kind) for kind in KINDS}
+        plan = FlightPlan(found["mission"], found["fence"], found["rally"], lists.home())
         text = write_plan(plan, state.vehicle_type, state.autopilot)
         return PlainTextResponse(text, media_type="application/json")
 
@@ -67,11 +82,13 @@ def add_files(app: FastAPI, backend: Backend, jobs: Jobs) -> None:
     )
     async def put_plan(request: Request) -> dict[str, int]:
         plan: FlightPlan = await _read(read_plan, request)
-        return {kind: await upload(getattr(plan, kind), kind) for kind in KINDS}
+        return {kind: await lists.upload(getattr(plan, kind), kind) for kind in KINDS}
 
+
+def _add_waypoints(app: FastAPI, lists: _Lists) -> None:
     @app.get("/waypoints", responses=ENDINGS, tags=["files"], summary="The mission as a waypoint file")
     async def get_waypoints() -> PlainTextResponse:
-        return PlainTextResponse(write_waypoints(await download("mission"), home()))
+        return PlainTextResponse(write_waypoints(await lists.download("mission"), lists.home()))
 
     @app.put(
         "/waypoints",
@@ -82,8 +99,10 @@ def add_files(app: FastAPI, backend: Backend, jobs: Jobs) -> None:
     )
     async def put_waypoints(request: Request) -> dict[str, int]:
         plan: FlightPlan = await _read(read_waypoints, request)
-        return {"mission": await upload(plan.mission, "mission")}
+        return {"mission": await lists.upload(plan.mission, "mission")}
 
+
+def _add_parameters(app: FastAPI, jobs: Jobs) -> None:
     @app.get("/parameters", responses=ENDINGS, tags=["files"], summary="All parameters as a .parm file")
     async def get_parameters() -> PlainTextResponse:
         return PlainTextResponse(write_parameters(await run(jobs, "parameters", {})))

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from importlib import resources
 from typing import Annotated, Any, Final
 
-from fastapi import FastAPI, HTTPException, Query, WebSocket, WebSocketDisconnect
+from fastapi import FastAPI, HTTPException, Query, WebSocket
 from fastapi.responses import HTMLResponse
 
 from aps.api.backend import Backend
@@ -15,7 +15,8 @@ from aps.api.commands import UNKNOWN, add_commands
 from aps.api.files import add_files
 from aps.api.jobs import Jobs
 from aps.api.links import add_links
-from aps.api.stream import Listener, Stream, state_json
+from aps.api.serving import serve_client
+from aps.api.stream import ApiStream, Listener, state_json
 
 __all__ = ["build"]
 
@@ -23,7 +24,7 @@ MAX_RATE_HZ: Final = 50.0
 MAX_STATUS_HZ: Final = 10.0
 
 
-def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, Stream]:
+def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStream]:
     """The application of one UA, and the stream that is to be closed with it.
 
     Args:
@@ -36,7 +37,7 @@ def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, Stream
         docs_url=None,  # FastAPI's own pages load their scripts from another site
         redoc_url=None,
     )
-    stream = Stream(backend)
+    stream = ApiStream(backend)
     jobs = Jobs(backend, stream.tell)
     _add_looks(app, backend)
     add_links(app, backend, has_token=has_token)
@@ -81,7 +82,7 @@ def _add_looks(app: FastAPI, backend: Backend) -> None:
         return asdict(last)
 
 
-def _add_stream(app: FastAPI, stream: Stream, backend: Backend) -> None:
+def _add_stream(app: FastAPI, stream: ApiStream, backend: Backend) -> None:
     @app.websocket("/stream")
     async def serve(
         socket: WebSocket,
@@ -115,19 +116,13 @@ def _add_stream(app: FastAPI, stream: Stream, backend: Backend) -> None:
         if not stream.add(listener):
             await socket.close(1013, "too many listeners")
             return
-        tasks = [asyncio.create_task(_send(socket, listener))]
+        works = [_send(socket, listener)]
         if status_hz:
-            tasks.append(asyncio.create_task(_tell_status(backend, listener, 1.0 / status_hz)))
+            works.append(_tell_status(backend, listener, 1.0 / status_hz))
         try:
-            while True:
-                await socket.receive_text()  # nothing is expected: this ends with the connection
-        except (WebSocketDisconnect, KeyError, RuntimeError):
-            return
+            await serve_client(socket, *works)
         finally:
             stream.remove(listener)
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _send(socket: WebSocket, listener: Listener) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -24,16 +25,22 @@ class ApiServer:
     Args:
         backend: the UA.
         config: where, and who may come.
+        on_failure: told the error if the server ends of itself.
 
     Raises:
         OSError: the port is taken (on entering the context).
     """
 
-    def __init__(self, backend: Backend, config: ApiConfig) -> None:
+    def __init__(
+        self,
+        backend: Backend,
+        config: ApiConfig,
+        on_failure: Callable[[BaseException], object] = lambda _error: None,
+    ) -> None:
         self.config = config
         self.refused: Counter[str] = Counter()
         """Requests that were refused, by reason: host, origin, token, size."""
-        self._backend = backend
+        self._backend, self._on_failure = backend, on_failure
         self._serving: Serving | None = None
 
     @property
@@ -48,6 +55,7 @@ class ApiServer:
             self.config.host,
             self.config.port,
             "api",
+            self._on_failure,
             lifespan="off",
             ws_max_size=MAX_FRAME_BYTES,
             limit_concurrency=MAX_CONNECTIONS,

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import uvicorn
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-__all__ = ["Serving"]
+__all__ = ["Serving", "serve_client"]
 
 BACKLOG = 64
+DIED: Final = 1011
+"""WebSocket close code: an internal error."""
+_log = logging.getLogger(__name__)
 STOP_S = 5.0
 """Until a server that does not end of itself is ended."""
 
@@ -33,6 +38,7 @@ class Serving:
         host: address or name to listen at.
         port: TCP port; 0 for any free one.
         name: of its task.
+        on_failure: told the error if it ends before it is told to.
         settings: further ones of `uvicorn.Config`.
 
     Attributes:
@@ -42,9 +48,18 @@ class Serving:
         OSError: the port is taken (on entering the context).
     """
 
-    def __init__(self, app: Any, host: str, port: int, name: str, **settings: Any) -> None:
+    def __init__(
+        self,
+        app: Any,
+        host: str,
+        port: int,
+        name: str,
+        on_failure: Callable[[BaseException], object] = lambda _error: None,
+        **settings: Any,
+    ) -> None:
         self.port = port
         self._host, self._name = host, name
+        self._on_failure = on_failure
         self._server = _Server(
             uvicorn.Config(
                 app,
@@ -61,13 +76,45 @@ class Serving:
 
     async def __aenter__(self) -> Self:
         family = socket.AF_INET6 if ":" in self._host else socket.AF_INET
-        listening = socket.create_server((self._host, self.port), family=family, backlog=BACKLOG)
-        self.port = listening.getsockname()[1]
-        self._task = asyncio.create_task(self._server.serve(sockets=[listening]), name=self._name)
+        self._listening = socket.create_server((self._host, self.port), family=family, backlog=BACKLOG)
+        self.port = self._listening.getsockname()[1]
+        self._task = asyncio.create_task(self._server.serve(sockets=[self._listening]), name=self._name)
+        self._task.add_done_callback(self._ended)
         return self
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._listening.close()
+        if self._server.should_exit or task.cancelled():
+            return
+        error = task.exception() or RuntimeError(f"the web server of the {self._name} ended of itself")
+        _log.error("nothing is served at port %d any more", self.port, exc_info=error)
+        self._on_failure(error)
 
     async def __aexit__(self, *_: object) -> None:
         self._server.should_exit = True
         await asyncio.wait({self._task}, timeout=STOP_S)
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)
+
+
+async def serve_client(client: WebSocket, *works: Coroutine[Any, Any, None]) -> None:
+    """Serve a client that was accepted by all of these until it goes; it is told if one of them dies."""
+    listening = asyncio.create_task(_until_gone(client))
+    tasks = [listening, *(asyncio.create_task(work) for work in works)]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        errors = [error for task in done if task is not listening and (error := task.exception())]
+        is_there = WebSocketState.CONNECTED == client.client_state == client.application_state
+        if errors and is_there and not isinstance(errors[0], WebSocketDisconnect):
+            _log.error("a client is served no more", exc_info=errors[0])
+            await client.close(DIED, "what it was sent cannot be made any more")
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _until_gone(client: WebSocket) -> None:
+    """Nothing is expected of it."""
+    while (await client.receive())["type"] != "websocket.disconnect":
+        pass

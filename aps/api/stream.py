@@ -13,10 +13,10 @@ from typing import Any, Final
 from aps.api.backend import Backend
 from aps.status import plain_state
 from aps.vehicle.messages import as_json
-from aps.vehicle.state import AircraftState
+from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
 
-__all__ = ["Listener", "Stream", "state_json"]
+__all__ = ["ApiStream", "Listener", "state_json"]
 
 MAX_WAITING: Final = 256
 """Events that wait for a client: then the oldest give way, and the client is told how many."""
@@ -24,7 +24,7 @@ MAX_LISTENERS: Final = 32
 NS_PER_S: Final = 1_000_000_000
 
 
-def state_json(state: AircraftState) -> dict[str, Any]:
+def state_json(state: VehicleState) -> dict[str, Any]:
     """A state as JSON: unknown numbers are null, and ``age_s`` has the age of every field."""
     return plain_state(state) | {"connected": state.connected, "age_s": as_json(state.ages_s())}
 
@@ -63,7 +63,7 @@ class Listener:
             return json.dumps({"type": "missed", "events": missed})
         return self._waiting.popleft()
 
-    def look(self, backend: Backend, state: AircraftState) -> None:
+    def look(self, backend: Backend, state: VehicleState) -> None:
         """There is a new state: send it, and new messages, if they are due."""
         now_ns = time.monotonic_ns()
         if self._period_ns is None or now_ns < self._due_ns:
@@ -77,7 +77,7 @@ class Listener:
                 self.put({"type": "message", **asdict(last)})
 
 
-class Stream:
+class ApiStream:
     """All clients of one UA's stream.
 
     Args:
@@ -109,7 +109,7 @@ class Stream:
         """Listen no more."""
         self._end()
 
-    def _new_state(self, state: AircraftState) -> None:
+    def _new_state(self, state: VehicleState) -> None:
         for listener in self._listeners:
             listener.look(self._backend, state)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
-from aps.hub.routing import Outcome, Router
+from aps.hub.routing import Router, RoutingOutcome
 from aps.links.link import Link, Role
 from aps.links.rules import RateLimiter
 from aps.wire.framer import Frame
@@ -118,7 +118,7 @@ class Hub:
                 continue
             outcome, links, to_us = router.route(frame, number, now_ns)
             if to_us and local is not None and frame[1] in local.answered:
-                local.addressed(frame, link, outcome is not Outcome.TARGETED)
+                local.addressed(frame, link, outcome is not RoutingOutcome.TARGETED)
             way = ways.get(links) or self._way(links)
             if way.plain is not plain:
                 _queue(together, plain)

@@ -32,7 +32,7 @@ from typing import Final, NamedTuple
 from aps.timeouts import ROUTE_EXPIRY_S
 from aps.wire.framer import Frame
 
-__all__ = ["Outcome", "Route", "Router"]
+__all__ = ["Route", "Router", "RoutingOutcome"]
 
 NS_PER_S: Final = 1_000_000_000
 DEFAULT_ROUTE_EXPIRY_NS: Final = round(ROUTE_EXPIRY_S * NS_PER_S)
@@ -46,7 +46,7 @@ _LINK_LOCAL: Final = frozenset({109, 166})
 """RADIO_STATUS and RADIO: about the link they arrive on."""
 
 
-class Outcome(Enum):
+class RoutingOutcome(Enum):
     """What the rules made of a frame. Every frame has exactly one."""
 
     __hash__ = object.__hash__  # an Enum's own is a Python function, called for every frame that is counted
@@ -67,17 +67,17 @@ class Outcome(Enum):
 class Route(NamedTuple):
     """Decision for one frame."""
 
-    outcome: Outcome
+    outcome: RoutingOutcome
     links: tuple[int, ...]
     """Ids of the links to send the original bytes to."""
     to_us: bool
     """Whether the daemon itself is (also) addressed."""
 
 
-_LINK_LOCAL_ROUTE: Final = Route(Outcome.LINK_LOCAL, (), True)
-_LOOP_ROUTE: Final = Route(Outcome.LOOP, (), False)
-_STANDBY_ROUTE: Final = Route(Outcome.STANDBY, (), True)
-_NOBODY_ROUTE: Final = Route(Outcome.BROADCAST, (), True)
+_LINK_LOCAL_ROUTE: Final = Route(RoutingOutcome.LINK_LOCAL, (), True)
+_LOOP_ROUTE: Final = Route(RoutingOutcome.LOOP, (), False)
+_STANDBY_ROUTE: Final = Route(RoutingOutcome.STANDBY, (), True)
+_NOBODY_ROUTE: Final = Route(RoutingOutcome.BROADCAST, (), True)
 
 
 class Router:
@@ -104,7 +104,7 @@ class Router:
         self.compid = compid
         self.autopilot_compid = autopilot_compid
         self.route_expiry_ns = route_expiry_ns
-        self.counters: Counter[Outcome] = Counter()
+        self.counters: Counter[RoutingOutcome] = Counter()
         self._links: dict[int, None] = {}
         self._autopilots: set[int] = set()
         self._primary: int | None = None
@@ -230,7 +230,7 @@ class Router:
             for link in self._others_of(source)
             if not self.knows(link, frame.sysid, frame.compid, now_ns)
         )
-        return Route(Outcome.HEARTBEAT, links, True)
+        return Route(RoutingOutcome.HEARTBEAT, links, True)
 
     def _targeted(self, frame: Frame, source: int, now_ns: int) -> Route:
         system, component = frame.target_system, frame.target_component
@@ -242,11 +242,11 @@ class Router:
         else:
             links = self._reaching_system(system, source, now_ns)
         if ours and component == self.compid:
-            return Route(Outcome.TARGETED if links else Outcome.LOCAL, links, True)
+            return Route(RoutingOutcome.TARGETED if links else RoutingOutcome.LOCAL, links, True)
         if ours and component and not links and self._primary is not None and source not in self._autopilots:
             links = (self._primary,)  # nobody has seen it: the autopilot decides
         to_us = ours and component == 0
-        return Route(Outcome.TARGETED if links else Outcome.NO_ROUTE, links, to_us)
+        return Route(RoutingOutcome.TARGETED if links else RoutingOutcome.NO_ROUTE, links, to_us)
 
     def _reaching_system(self, system: int, source: int, now_ns: int) -> tuple[int, ...]:
         oldest_ns = now_ns - self.route_expiry_ns
@@ -272,5 +272,5 @@ class Router:
         autopilots = self._autopilots
         beyond = set(autopilots) if source in autopilots else autopilots - {self._primary}
         others = tuple(link for link in self._links if link != source and link not in beyond)
-        route = self._others[source] = Route(Outcome.BROADCAST, others, True)
+        route = self._others[source] = Route(RoutingOutcome.BROADCAST, others, True)
         return route

@@ -11,7 +11,7 @@ from aps.links.link import CLIENT_OPENING, Opening, Role
 from aps.links.rules import Filter, LinkRules
 from aps.wire.signing import read_key
 
-__all__ = ["KINDS", "Address", "parse_address", "parse_autopilot", "parse_host_port"]
+__all__ = ["KINDS", "LinkAddress", "parse_address", "parse_autopilot", "parse_host_port"]
 
 DEFAULT_BAUD: Final = 57600
 LOOPBACK: Final = "127.0.0.1"
@@ -26,7 +26,7 @@ KINDS: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Address:
+class LinkAddress:
     """One place to open links at."""
 
     kind: str
@@ -56,7 +56,7 @@ def parse_host_port(text: str, *, lowest_port: int = 1) -> tuple[str, int]:
     return host.removeprefix("[").removesuffix("]"), int(port)
 
 
-def parse_address(text: str, role: Role = Role.CLIENT) -> Address:
+def parse_address(text: str, role: Role = Role.CLIENT) -> LinkAddress:
     """``KIND:PLACE[,RULE...]``, see ``KINDS``; ``:PORT`` alone is on loopback.
 
     Rules: ``read-only``; ``block-in=30/33``, ``allow-out=0/1``, and the same with ``-systems`` or ``-components``
@@ -80,17 +80,17 @@ def parse_address(text: str, role: Role = Role.CLIENT) -> Address:
         host, port = parse_host_port(where, lowest_port=0 if listens else 1)
     except ValueError as error:
         raise ValueError(f"{text!r} is not {kind}:HOST:PORT: {error}") from error
-    return Address(kind, host, port, opening=opening)
+    return LinkAddress(kind, host, port, opening=opening)
 
 
-def _serial(where: str, opening: Opening, text: str) -> Address:
+def _serial(where: str, opening: Opening, text: str) -> LinkAddress:
     device, _, baud = where.partition(":")
     if not device or (baud and not baud.isdecimal()):
         raise ValueError(f"{text!r} is not serial:DEVICE[:BAUD]")
-    return Address("serial", device=device, baud=int(baud or DEFAULT_BAUD), opening=opening)
+    return LinkAddress("serial", device=device, baud=int(baud or DEFAULT_BAUD), opening=opening)
 
 
-def parse_autopilot(text: str) -> Address:
+def parse_autopilot(text: str) -> LinkAddress:
     """The way to an autopilot: any kind but a TCP server.
 
     Raises:

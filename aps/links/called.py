@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from aps.links.address import Address
+from aps.links.address import LinkAddress
 from aps.links.held import RECEIVE_BUFFER_BYTES, HeldLink
 
 
@@ -33,7 +33,7 @@ class CalledLink(HeldLink):
         limit_bytes: bound of the queue towards the autopilot.
     """
 
-    def __init__(self, autopilot: CalledClient, address: Address, limit_bytes: int) -> None:
+    def __init__(self, autopilot: CalledClient, address: LinkAddress, limit_bytes: int) -> None:
         super().__init__(address, limit_bytes)
         self._autopilot = autopilot
         self._is_up = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from aps.links.address import Address
+from aps.links.address import LinkAddress
 from aps.links.link import LinkOwner
 from aps.links.serial import SerialConnector
 from aps.links.tcp import TcpConnector, TcpServer
@@ -18,7 +18,7 @@ class Driver(Protocol):
     """Opens links at one address, and opens them again when they are lost."""
 
     @property
-    def address(self) -> Address:
+    def address(self) -> LinkAddress:
         """Where."""
 
     async def start(self) -> None:
@@ -35,7 +35,7 @@ class Driver(Protocol):
         """Give everything back."""
 
 
-_DRIVERS: Final[dict[str, Callable[[Address, LinkOwner, int], Driver]]] = {
+_DRIVERS: Final[dict[str, Callable[[LinkAddress, LinkOwner, int], Driver]]] = {
     "tcp": TcpConnector,
     "tcp-server": TcpServer,
     "udp-out": UdpSender,
@@ -44,7 +44,7 @@ _DRIVERS: Final[dict[str, Callable[[Address, LinkOwner, int], Driver]]] = {
 }
 
 
-def make_driver(address: Address, owner: LinkOwner, limit_bytes: int) -> Driver:
+def make_driver(address: LinkAddress, owner: LinkOwner, limit_bytes: int) -> Driver:
     """The driver for an address.
 
     Args:

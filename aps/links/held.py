@@ -10,7 +10,7 @@ import logging
 import socket
 from typing import Final
 
-from aps.links.address import Address
+from aps.links.address import LinkAddress
 from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
@@ -35,7 +35,7 @@ class HeldLink(Link):
         limit_bytes: bound of the queue towards the autopilot.
     """
 
-    def __init__(self, address: Address, limit_bytes: int) -> None:
+    def __init__(self, address: LinkAddress, limit_bytes: int) -> None:
         super().__init__(str(address), FrameQueue(limit_bytes), address.opening)
         self.address = address
         self.connections = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Any, Final
 
-__all__ = ["Latency"]
+__all__ = ["LinkLatency"]
 
 NS_PER_MS: Final = 1_000_000
 MAX_UNANSWERED: Final = 8
@@ -14,7 +14,7 @@ WINDOW: Final = 60
 """Latest round trips that the figures are made of."""
 
 
-class Latency:
+class LinkLatency:
     """Round trips on one link.
 
     A request carries an instant of ours, the answer brings it back unchanged (mavlink.io, "Time Synchronization

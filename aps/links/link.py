@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any, Final, Protocol
 
-from aps.links.latency import Latency
+from aps.links.latency import LinkLatency
 from aps.links.outbox import FrameQueue
 from aps.links.rules import NO_RULES, LinkRules
 from aps.links.traffic import Traffic
@@ -81,7 +81,7 @@ class Link:
         self.connectionless = connectionless
         self.framer = Framer()
         self.traffic = Traffic()
-        self.latency = Latency() if opening.role is Role.AUTOPILOT else None
+        self.latency = LinkLatency() if opening.role is Role.AUTOPILOT else None
         """Round trips to the autopilot, where one is."""
         self.counters = LinkCounters()
         key = opening.rules.key

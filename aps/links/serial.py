@@ -10,7 +10,7 @@ import termios
 import tty
 from typing import Final
 
-from aps.links.address import Address
+from aps.links.address import LinkAddress
 from aps.links.link import Link, LinkOwner
 from aps.links.outbox import FrameQueue
 from aps.timeouts import FIRST_RETRY_S, LONGEST_RETRY_S
@@ -103,7 +103,7 @@ class SerialOutbox(FrameQueue):
 class SerialLink(Link):
     """One serial line while it is open."""
 
-    def __init__(self, owner: LinkOwner, address: Address, limit_bytes: int, line: int) -> None:
+    def __init__(self, owner: LinkOwner, address: LinkAddress, limit_bytes: int, line: int) -> None:
         super().__init__(str(address), SerialOutbox(limit_bytes, line), address.opening, connectionless=True)
         self.ended = asyncio.Event()
         self._owner, self._line = owner, line
@@ -142,7 +142,7 @@ class SerialLink(Link):
 class SerialConnector:
     """Keeps one serial line open; each time that it is opened is a new link."""
 
-    def __init__(self, address: Address, owner: LinkOwner, limit_bytes: int) -> None:
+    def __init__(self, address: LinkAddress, owner: LinkOwner, limit_bytes: int) -> None:
         self.address = address
         self.connections = 0
         """How often it was opened."""

@@ -8,7 +8,7 @@ import socket
 import weakref
 from typing import Final, cast
 
-from aps.links.address import Address
+from aps.links.address import LinkAddress
 from aps.links.link import Link, LinkOwner
 from aps.links.outbox import Outbox
 from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
@@ -31,7 +31,7 @@ class TcpLink(Link, asyncio.BufferedProtocol):
 
     outbox: Outbox
 
-    def __init__(self, owner: LinkOwner, address: Address, limit_bytes: int, read_bytes: int) -> None:
+    def __init__(self, owner: LinkOwner, address: LinkAddress, limit_bytes: int, read_bytes: int) -> None:
         super().__init__(str(address), Outbox(limit_bytes), address.opening)
         self.ended = asyncio.Event()
         self.why: Exception | None = None
@@ -99,7 +99,7 @@ class TcpLink(Link, asyncio.BufferedProtocol):
 class TcpServer:
     """Listens for clients; each is a link."""
 
-    def __init__(self, address: Address, owner: LinkOwner, limit_bytes: int) -> None:
+    def __init__(self, address: LinkAddress, owner: LinkOwner, limit_bytes: int) -> None:
         self.address = address
         self._owner, self._limit_bytes = owner, limit_bytes
         self._server: asyncio.Server | None = None
@@ -145,7 +145,7 @@ class TcpServer:
 class TcpConnector:
     """Keeps one connection up; each connection is a new link."""
 
-    def __init__(self, address: Address, owner: LinkOwner, limit_bytes: int) -> None:
+    def __init__(self, address: LinkAddress, owner: LinkOwner, limit_bytes: int) -> None:
         self.address = address
         self.connections = 0
         """How often a connection was made."""

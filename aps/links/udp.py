@@ -9,7 +9,7 @@ import socket
 from collections.abc import Callable
 from typing import Any, Final
 
-from aps.links.address import Address
+from aps.links.address import LinkAddress
 from aps.links.link import Link, LinkOwner
 from aps.links.outbox import FrameQueue
 from aps.timeouts import PEER_SILENCE_S, UDP_RETRY_S
@@ -55,7 +55,7 @@ class UdpLink(Link):
     def __init__(
         self,
         name: str,
-        address: Address,
+        address: LinkAddress,
         limit_bytes: int,
         send: Callable[[bytes], bool],
         forget: Callable[[], None],
@@ -95,7 +95,7 @@ class UdpSender:
     The socket is connected, so that only that peer is heard.
     """
 
-    def __init__(self, address: Address, owner: LinkOwner, limit_bytes: int) -> None:
+    def __init__(self, address: LinkAddress, owner: LinkOwner, limit_bytes: int) -> None:
         self.address = address
         self._owner, self._limit_bytes = owner, limit_bytes
         self._transport: asyncio.DatagramTransport | None = None
@@ -192,7 +192,7 @@ async def _connected_socket(host: str, port: int) -> socket.socket:
 class UdpListener:
     """A port of ours: whoever sends to it is a link, until it has been silent for long."""
 
-    def __init__(self, address: Address, owner: LinkOwner, limit_bytes: int) -> None:
+    def __init__(self, address: LinkAddress, owner: LinkOwner, limit_bytes: int) -> None:
         self.address = address
         self.turned_away = 0
         self._owner, self._limit_bytes = owner, limit_bytes

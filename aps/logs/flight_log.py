@@ -42,7 +42,7 @@ from aps.wire.framer import (
     Framer,
 )
 
-__all__ = ["RSSI_SCALES", "FlightLogError", "LinkRecord", "Place", "read_link", "read_tlog"]
+__all__ = ["RSSI_SCALES", "AutopilotLogError", "LinkRecord", "LoggedPlace", "read_link", "read_tlog"]
 
 FloatArray = NDArray[np.float64]
 TIMESTAMP: Final = struct.Struct(">Q")
@@ -71,12 +71,12 @@ RSSI_SCALES: Final[dict[str, Callable[[int], float]]] = {
 """What the unit of RADIO_STATUS.rssi may be: SiK's half decibels, or dBm as a signed byte."""
 
 
-class FlightLogError(ValueError):
+class AutopilotLogError(ValueError):
     """Logs from which no link can be read; the message names the file."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class LoggedPlace:
     """A place on Earth: degrees and metres above sea level."""
 
     lat_deg: float
@@ -148,7 +148,7 @@ def read_tlog(file: Path) -> Timed:
         out.append((TIMESTAMP.unpack_from(data, position)[0] * 1e-6, frame))
         position += TIMESTAMP.size + len(frame.raw)
     if not out:
-        raise FlightLogError(f"{file}: no MAVLink frames with times: not a .tlog")
+        raise AutopilotLogError(f"{file}: no MAVLink frames with times: not a .tlog")
     times_s = _in_order([time_s for time_s, _ in out])
     middle_s = float(np.median(times_s))
     return [
@@ -194,7 +194,7 @@ def read_link(
     sent: Path,
     *,
     sender_sysid: int | None = None,
-    receiver_at: Place | None = None,
+    receiver_at: LoggedPlace | None = None,
     rssi_scale: str = "sik",
 ) -> LinkRecord:
     """Read the radio link from a sender to a receiver out of their logs.
@@ -210,7 +210,7 @@ def read_link(
         FlightLogError: a file that cannot be read, or lacks what is needed; the message says what.
     """
     if received.suffix.lower() == ".bin":
-        raise FlightLogError(
+        raise AutopilotLogError(
             f"{received}: a .bin does not tell what arrived: give the receiver's .tlog first"
         )
     frames = read_tlog(received)
@@ -219,7 +219,7 @@ def read_link(
         (time, frame) for time, frame in frames if (frame.sysid, frame.compid) == (sysid, AUTOPILOT_COMPID)
     ]
     if len(stream) < 2:
-        raise FlightLogError(f"{received}: no stream of frames from system {sysid}")
+        raise AutopilotLogError(f"{received}: no stream of frames from system {sysid}")
     track = _Track(track.time_s + _clock_offset_s(stream, received), track.columns)
     end_s = min(frames[-1][0], float(track.time_s[-1]))
     time_s, length, delivered = _packets(stream, end_s)
@@ -227,7 +227,7 @@ def read_link(
     rssi_dbm = _rssi_dbm(frames, sysid, time_s, delivered, RSSI_SCALES[rssi_scale])
     good = np.isfinite(distance_m) & (distance_m > 0.0)
     if not good.any():
-        raise FlightLogError(f"{sent}: its positions and those of {received} have no time in common")
+        raise AutopilotLogError(f"{sent}: its positions and those of {received} have no time in common")
     return LinkRecord(time_s[good], distance_m[good], delivered[good], length[good], rssi_dbm[good])
 
 
@@ -235,7 +235,7 @@ def _bytes_of(file: Path) -> bytes:
     try:
         return file.read_bytes()
     except OSError as error:
-        raise FlightLogError(f"cannot read {file}: {error.strerror}") from error
+        raise AutopilotLogError(f"cannot read {file}: {error.strerror}") from error
 
 
 def _senders(sent: Path, frames: Timed, received: Path, sysid: int | None) -> tuple[_Track, int]:
@@ -244,19 +244,19 @@ def _senders(sent: Path, frames: Timed, received: Path, sysid: int | None) -> tu
         heard = _systems_with_positions(frames)
         if sysid is None and len(heard) != 1:
             names = ", ".join(map(str, sorted(heard))) or "none"
-            raise FlightLogError(f"{received}: which system is the sender's? It has positions of: {names}")
+            raise AutopilotLogError(f"{received}: which system is the sender's? It has positions of: {names}")
         return _track_of_bin(sent), next(iter(heard)) if sysid is None else sysid
     own = read_tlog(sent)
     counts = _systems_with_positions(own)
     if sysid is None:
         if not counts:
-            raise FlightLogError(f"{sent}: no GLOBAL_POSITION_INT")
+            raise AutopilotLogError(f"{sent}: no GLOBAL_POSITION_INT")
         sysid = counts.most_common(1)[0][0]
     rows = [(boot_s, *place) for _, boot_s, place in _positions(own, sysid)]
     if not rows:
-        raise FlightLogError(f"{sent}: no GLOBAL_POSITION_INT of system {sysid}")
+        raise AutopilotLogError(f"{sent}: no GLOBAL_POSITION_INT of system {sysid}")
     if any(later[0] < earlier[0] - 1.0 for earlier, later in pairwise(rows)):
-        raise FlightLogError(
+        raise AutopilotLogError(
             f"{sent}: the clock of system {sysid} went back: it was booted anew; cut the log there"
         )
     return _Track.of(rows), sysid
@@ -290,13 +290,13 @@ def _track_of_bin(file: Path) -> _Track:
                 tuple(float(message[key]) for key in ("TimeUS", "Lat", "Lng", "Alt")) for message in messages
             ]
         except DataflashError as error:
-            raise FlightLogError(f"{file}: {error}") from error
+            raise AutopilotLogError(f"{file}: {error}") from error
         except (KeyError, ValueError) as error:
-            raise FlightLogError(f"{file}: {name} without numbers TimeUS, Lat, Lng, Alt") from error
+            raise AutopilotLogError(f"{file}: {name} without numbers TimeUS, Lat, Lng, Alt") from error
         good = _plausible([(us * 1e-6, lat, lon, alt) for us, lat, lon, alt in rows if lat or lon])
         if good:
             return _Track.of(good)
-    raise FlightLogError(f"{file}: neither POS nor GPS with a position")
+    raise AutopilotLogError(f"{file}: neither POS nor GPS with a position")
 
 
 def _plausible(rows: list[tuple[float, float, float, float]]) -> list[tuple[float, float, float, float]]:
@@ -315,7 +315,7 @@ def _clock_offset_s(stream: Timed, received: Path) -> float:
     """Return the receiver's time less the sender's time since boot, the median over what arrived."""
     pairs = [time_s - boot_s for time_s, boot_s, _ in _positions(stream, stream[0][1].sysid)]
     if not pairs:
-        raise FlightLogError(
+        raise AutopilotLogError(
             f"{received}: no GLOBAL_POSITION_INT of system {stream[0][1].sysid}: nothing ties its clock to the sender's"
         )
     return float(np.median(pairs))
@@ -366,7 +366,7 @@ def _rate_hz(stream: Timed) -> float:
 
 
 def _receivers(
-    frames: Timed, received: Path, sender: int, given: Place | None, time_s: FloatArray
+    frames: Timed, received: Path, sender: int, given: LoggedPlace | None, time_s: FloatArray
 ) -> FloatArray:
     """Return where the receiver was at instants, shape (3, instants)."""
     if given is not None:
@@ -374,7 +374,7 @@ def _receivers(
         return np.broadcast_to(place, (3, time_s.size))
     others = [(sysid, n) for sysid, n in _systems_with_positions(frames).most_common() if sysid != sender]
     if not others:
-        raise FlightLogError(
+        raise AutopilotLogError(
             f"{received}: no GLOBAL_POSITION_INT but the sender's: say where the receiver stood (LAT,LON,ALT)"
         )
     return _Track.of((time_s, *place) for time_s, _, place in _positions(frames, others[0][0])).at(time_s)

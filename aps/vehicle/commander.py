@@ -11,21 +11,21 @@ from typing import Any, Final
 from aps.callbacks import Callbacks
 from aps.timeouts import SILENCE_TIMEOUT_S
 from aps.vehicle import messages
-from aps.vehicle.commands import ARMING, FLIGHT, CommandExecution, Plan
+from aps.vehicle.commands import ARMING, FLIGHT, CommandExecution, CommandPlan
 from aps.vehicle.execution import CommandProgress, CommandResult, Execution, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.missions import fly, transfer
 from aps.vehicle.parameters import transfer as parameters
 from aps.vehicle.parameters.everything import get_all
 from aps.vehicle.status_text import StatusText
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 __all__ = ["VERBS", "CommandHandle", "Commander", "OnDone", "OnProgress"]
 
 OnProgress = Callable[[CommandProgress], None]
 OnDone = Callable[[CommandResult], None]
 
-VERBS: Final[dict[str, Callable[..., Plan | Execution]]] = {
+VERBS: Final[dict[str, Callable[..., CommandPlan | Execution]]] = {
     "arm": plans.arm,
     "disarm": plans.disarm,
     "mode": plans.set_mode,
@@ -113,7 +113,7 @@ class Commander:
 
     def __init__(
         self,
-        state: Callable[[], AircraftState],
+        state: Callable[[], VehicleState],
         send: Callable[[list[Any], object], None],
         now_ns: Callable[[], int],
         wake: Callable[[], None],
@@ -256,7 +256,7 @@ class Commander:
             return _refused(verb, str(refusal))
         except (TypeError, OverflowError) as error:
             raise ValueError(f"wrong arguments of {verb}: {error}") from error
-        return CommandExecution(made, self._silence_s) if isinstance(made, Plan) else made
+        return CommandExecution(made, self._silence_s) if isinstance(made, CommandPlan) else made
 
     def _take_over(self, newer: Execution) -> None:
         """Give the newer command what it occupies, or refuse it."""
@@ -368,6 +368,6 @@ def _is_target(execution: Execution) -> bool:
 
 
 def _refused(verb: str, reason: str) -> Execution:
-    execution = CommandExecution(Plan(verb, (), lambda _: False, 0.0, occupies=""))
+    execution = CommandExecution(CommandPlan(verb, (), lambda _: False, 0.0, occupies=""))
     execution.refuse(reason)
     return execution

@@ -1,12 +1,12 @@
 """One command to the autopilot from request to result: acknowledgement, retry, feedback. No I/O, no clock.
 
-A ``Plan`` (see ``plans``) says what to send and when the goal is reached; a ``CommandExecution`` carries it
+A ``CommandPlan`` (see ``plans``) says what to send and when the goal is reached; a ``CommandExecution`` carries it
 through. Its owner calls ``poll`` whenever something has happened or the deadline has passed, sends the
 messages that come back and looks at ``events`` and ``result``.
 
 Two clocks: acknowledgements and retries run on the daemon's (``now_ns``: wall time, or sim time in held
 mode), since the link does; the time a flight may take runs on the autopilot's own
-(``AircraftState.time_boot_ms``), since a simulation may be paused, slow or fast. How long that one may stand
+(``VehicleState.time_boot_ms``), since a simulation may be paused, slow or fast. How long that one may stand
 still is again a matter of the daemon's: see ``timeouts``.
 """
 
@@ -26,10 +26,10 @@ from aps.timeouts import (
 )
 from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Outcome
 from aps.vehicle.status_text import StatusText
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import enum_label, mavlink
 
-__all__ = ["CommandExecution", "CommandProgress", "CommandResult", "Outcome", "Plan", "Step"]
+__all__ = ["CommandExecution", "CommandPlan", "CommandProgress", "CommandResult", "Outcome", "Step"]
 
 PARAMETER_TOLERANCE: Final = 1.0
 FLIGHT: Final = "flight"
@@ -58,16 +58,16 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class CommandPlan:
     """What a command sends and when it is done."""
 
     verb: str
     steps: tuple[Step, ...]
-    reached: Callable[[AircraftState], bool]
+    reached: Callable[[VehicleState], bool]
     timeout_s: float
     """Autopilot time allowed between acceptance and the goal."""
-    remaining_m: Callable[[AircraftState], float | None] = lambda _: None
-    position: Callable[[AircraftState], tuple[int, int | None]] | None = None
+    remaining_m: Callable[[VehicleState], float | None] = lambda _: None
+    position: Callable[[VehicleState], tuple[int, int | None]] | None = None
     """Which item of how many it is at, for feedback."""
     mode: str | None = None
     """Flight mode that the command needs: leaving it interrupts the command."""
@@ -79,13 +79,13 @@ class Plan:
     """What of the UA it takes for itself: it takes over from the command before that takes the same."""
     target: bool = False
     """Whether it only moves the point or velocity that the UA flies to: a newer one supersedes it."""
-    setpoint: Callable[[AircraftState, float], Any] | None = None
+    setpoint: Callable[[VehicleState, float], Any] | None = None
     """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
     setpoint_period_s: float = 0.0
     """By the autopilot's clock or the daemon's, whichever is faster."""
     duration_s: float | None = None
     """Reached when so much of the autopilot's time has passed since acceptance."""
-    farewell: Callable[[AircraftState], list[Any]] | None = None
+    farewell: Callable[[VehicleState], list[Any]] | None = None
     """What is said once the goal is reached."""
     reboots: bool = False
     """Whether a reboot is its goal."""
@@ -112,7 +112,7 @@ class CommandExecution(Execution):
         silence_s: for how long, by the daemon's clock, the autopilot's may stand still after acceptance.
     """
 
-    def __init__(self, plan: Plan, silence_s: float = SILENCE_TIMEOUT_S) -> None:
+    def __init__(self, plan: CommandPlan, silence_s: float = SILENCE_TIMEOUT_S) -> None:
         super().__init__(plan.verb, plan.occupies)
         self.plan = plan
         if any(step.parameter for step in plan.steps):
@@ -174,7 +174,7 @@ class CommandExecution(Execution):
         else:
             super().on_reboot()
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         if self._accepted_ms is None:
             messages = self._poll_steps(state, now_ns)
             if self._accepted_ms is None:
@@ -192,7 +192,7 @@ class CommandExecution(Execution):
 
     # Steps and their acknowledgements.
 
-    def _poll_steps(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def _poll_steps(self, state: VehicleState, now_ns: int) -> list[Any]:
         while self._waiting.answer == _ACCEPTED or not self.plan.steps:
             if not self._next_step(state, now_ns):
                 return self._poll_goal(state, now_ns)
@@ -207,7 +207,7 @@ class CommandExecution(Execution):
             return []
         return self._send_step(now_ns)
 
-    def _next_step(self, state: AircraftState, now_ns: int) -> bool:
+    def _next_step(self, state: VehicleState, now_ns: int) -> bool:
         """Go on to the next step; False when there is none and the flight towards the goal begins."""
         self._step += 1
         self._waiting = _Waiting()
@@ -251,7 +251,7 @@ class CommandExecution(Execution):
 
     # The flight towards the goal.
 
-    def _poll_goal(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def _poll_goal(self, state: VehicleState, now_ns: int) -> list[Any]:
         """Look whether the goal is reached or missed; returns what is to be said at the end."""
         plan = self.plan
         if state.time_boot_ms != self._clock_ms:
@@ -278,7 +278,7 @@ class CommandExecution(Execution):
             self._feedback(state)
         return []
 
-    def _feedback(self, state: AircraftState) -> None:
+    def _feedback(self, state: VehicleState) -> None:
         self._feedback_ms = state.time_boot_ms
         text, done, total = f"{state.mode}, {state.alt_rel_m:.1f} m above home", None, None
         if self.plan.position is not None:
@@ -288,7 +288,7 @@ class CommandExecution(Execution):
         text += "" if remaining_m is None else f", {remaining_m:.1f} m to go"
         self.tell("feedback", text, remaining_m=remaining_m, done=done, total=total)
 
-    def _poll_setpoint(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def _poll_setpoint(self, state: VehicleState, now_ns: int) -> list[Any]:
         """The setpoint, if it is due by the daemon's clock or by the autopilot's, which may run faster."""
         plan, clock_ms = self.plan, state.time_boot_ms
         if plan.setpoint is None or self.result is not None:

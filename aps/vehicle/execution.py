@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from aps.timeouts import LINK_LOSS_TIMEOUT_S
 from aps.vehicle.status_text import StatusText
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 __all__ = ["NS_PER_S", "CommandProgress", "CommandResult", "Execution", "Outcome", "Refusal"]
 
@@ -97,7 +97,7 @@ class Execution(ABC):
 
     # What happens.
 
-    def poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         """Go as far as possible; returns the pymavlink messages to send now."""
         if self.result is not None:
             return []
@@ -166,7 +166,7 @@ class Execution(ABC):
     # What each kind does.
 
     @abstractmethod
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         """As ``poll``, while there is no result."""
 
     @abstractmethod

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from aps.timeouts import ACK_TIMEOUTS_S
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import (
     AUTOPILOT_COMPID,
     enum_label,
@@ -134,7 +134,7 @@ class RequestExecution(Execution):
         param: what further says which one is meant, where the message's definition asks for that.
     """
 
-    def __init__(self, state: AircraftState, name: str, param: float = 0.0) -> None:
+    def __init__(self, state: VehicleState, name: str, param: float = 0.0) -> None:
         super().__init__("message")
         self._sysid = state.sysid
         self._name = str(message_class(name).msgname)
@@ -149,7 +149,7 @@ class RequestExecution(Execution):
         """What waits for the acknowledgement."""
         return self._request
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:  # noqa: ARG002
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:  # noqa: ARG002
         if now_ns < self._due_at_ns:
             return []
         if self._tries >= len(ACK_TIMEOUTS_S):
@@ -184,7 +184,7 @@ class SendExecution(Execution):
         super().__init__("send")
         self._message = message
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:  # noqa: ARG002
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:  # noqa: ARG002
         self.end(Outcome.REACHED)
         return [self._message]
 
@@ -192,7 +192,7 @@ class SendExecution(Execution):
         return 0
 
 
-def request(state: AircraftState, name: str, param: float = 0.0) -> RequestExecution:
+def request(state: VehicleState, name: str, param: float = 0.0) -> RequestExecution:
     """Get a message of the autopilot as it is now: the result's value is its fields.
 
     Args:
@@ -203,7 +203,7 @@ def request(state: AircraftState, name: str, param: float = 0.0) -> RequestExecu
     return RequestExecution(state, name, param)
 
 
-def send(state: AircraftState, name: str, fields: dict[str, Any]) -> SendExecution:
+def send(state: VehicleState, name: str, fields: dict[str, Any]) -> SendExecution:
     """Send a message to the autopilot, under the daemon's own ids; nothing is waited for.
 
     Args:

@@ -9,7 +9,7 @@ from typing import Final
 
 from aps.timeouts import CONNECTED_S
 
-__all__ = ["AircraftState", "LandedState", "Vector3"]
+__all__ = ["LandedState", "Vector3", "VehicleState"]
 
 NS_PER_S: Final = 1_000_000_000
 NAN: Final = math.nan
@@ -21,7 +21,7 @@ LandedState = str
 
 
 @dataclass(frozen=True, slots=True)
-class AircraftState:
+class VehicleState:
     """Table I of the paper, with a few more fields that commands need.
 
     Angles are radians of the body (FRD) in NED, positions geodetic (WGS 84) or NED metres from the

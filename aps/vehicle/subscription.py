@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from aps.callbacks import Callbacks
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 __all__ = ["Subscription", "Subscriptions"]
 
@@ -15,7 +15,7 @@ class Subscription:
 
     def __init__(
         self,
-        callback: Callable[[AircraftState], None],
+        callback: Callable[[VehicleState], None],
         period_ms: float,
         on_cancel: Callable[[Subscription], None],
         callbacks: Callbacks,
@@ -37,7 +37,7 @@ class Subscription:
         """Whether the period has passed in the autopilot's time (or that time has gone back)."""
         return not now_ms < self._next_ms <= now_ms + 2 * self._period_ms
 
-    def offer(self, state: AircraftState) -> None:
+    def offer(self, state: VehicleState) -> None:
         """Call back if it is due."""
         now_ms = state.time_boot_ms
         if not self.due(now_ms):
@@ -61,7 +61,7 @@ class Subscriptions:
     def __len__(self) -> int:
         return len(self._all)
 
-    def add(self, callback: Callable[[AircraftState], None], rate_hz: float | None) -> Subscription:
+    def add(self, callback: Callable[[VehicleState], None], rate_hz: float | None) -> Subscription:
         """Begin one; ``rate_hz`` in the autopilot's time, ``None`` for after every batch of telemetry."""
         if rate_hz is not None and not rate_hz > 0.0:
             raise ValueError(f"rate_hz must be positive, not {rate_hz}")
@@ -86,12 +86,12 @@ class Subscriptions:
         self._seen_ms = clock_ms
         return any(s.rated and s.due(clock_ms) for s in self._all)
 
-    def offer_due(self, state: AircraftState) -> None:
+    def offer_due(self, state: VehicleState) -> None:
         """Call back those with a rate that are due."""
         for subscription in [s for s in self._all if s.rated]:
             subscription.offer(state)
 
-    def offer(self, state: AircraftState) -> None:
+    def offer(self, state: VehicleState) -> None:
         """Call back all that are due, and those without a rate."""
         for subscription in list(self._all):
             subscription.offer(state)

@@ -14,11 +14,11 @@ from functools import lru_cache
 from typing import Any, Final
 
 from aps.timeouts import REBOOT_STEP_MS
-from aps.vehicle.state import NAN, NO_VECTOR, NS_PER_S, AircraftState, LandedState, Vector3
+from aps.vehicle.state import NAN, NO_VECTOR, NS_PER_S, LandedState, Vector3, VehicleState
 from aps.wire.dialect import enum_label, mavlink, mode_numbers
 from aps.wire.framer import Frame
 
-__all__ = ["AircraftState", "LandedState", "Telemetry", "Vector3"]
+__all__ = ["LandedState", "Telemetry", "Vector3", "VehicleState"]
 
 
 CLOCK_WRAP_MS: Final = 1 << 32
@@ -74,10 +74,10 @@ class Telemetry:
         clock_ms: int = self._values.get("time_boot_ms", 0)
         return clock_ms
 
-    def state(self, now_ns: int) -> AircraftState:
+    def state(self, now_ns: int) -> VehicleState:
         """The state as known at ``now_ns`` (same monotonic clock as ``update``)."""
         age_s = math.inf if self._heartbeat_ns is None else (now_ns - self._heartbeat_ns) / NS_PER_S
-        return AircraftState(
+        return VehicleState(
             **self._values,
             as_of_ns=now_ns,
             heard_ns=dict(self._heard_ns),

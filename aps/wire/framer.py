@@ -20,6 +20,7 @@ with a message that the tables have.
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -144,12 +145,16 @@ class Framer:
     def receive(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream and return the frames that they complete, in order."""
         buffer = self._pending + data if self._pending else bytes(data)
-        end = len(buffer)
-        position = 0
         frames: list[Frame] = []
-        append, unpack_v2, definition_of = frames.append, _HEADER_V2.unpack_from, _DEFINITIONS.get
-        senders = self._senders
-        # This loop is the whole cost of a message: kept inline, without calls to our own functions.
+        position = self._take(buffer, frames.append)
+        self._pending = self._keep(buffer, position)
+        self.counters.frames += len(frames)
+        return frames
+
+    def _take(self, buffer: bytes, append: Callable[[Frame], None]) -> int:
+        """Append whole frames; returns up to where. The whole cost of a message: inline, no calls of our own."""
+        position, end = 0, len(buffer)
+        senders, unpack_v2, definition_of = self._senders, _HEADER_V2.unpack_from, _DEFINITIONS.get
         while end - position >= HEADER_V1_BYTES + CRC_BYTES:
             magic = buffer[position]
             if magic == MAGIC_V2:
@@ -198,19 +203,14 @@ class Framer:
             if at_system >= 0:
                 target_system = raw[header + at_system] if at_system < length else 0
                 target_component = raw[header + at_component] if 0 <= at_component < length else 0
-            append(
-                _new_frame(
-                    Frame, (raw, msg_id, sysid, compid, target_system, target_component, header, length)
-                )
-            )
+            fields = (raw, msg_id, sysid, compid, target_system, target_component, header, length)
+            append(_new_frame(Frame, fields))
             if incompat:
                 self.counters.signed += 1
             if magic == MAGIC_V1:
                 self.counters.frames_v1 += 1
             position += size
-        self._pending = self._keep(buffer, position)
-        self.counters.frames += len(frames)
-        return frames
+        return position
 
     def _skip(self, buffer: bytes, position: int) -> int:
         """The next start marker after ``position`` (or the end), counting what is passed over."""

@@ -15,7 +15,7 @@ from typing import Any, Final
 from aps.held import HeldDaemon
 from aps.inputs import Input
 from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from bridge.aircraft.body import OnEvent
 from bridge.bus import messages
 from bridge.bus.messages import CommandEvent, CommandGoal, Header, Vector3
@@ -152,12 +152,12 @@ def _result(result: CommandResult) -> CommandEvent:
     return CommandEvent(CommandEvent.RESULT, success, str(result), outcome=result.outcome.value, value=value)
 
 
-def _ages_s(state: AircraftState) -> tuple[float, ...]:
+def _ages_s(state: VehicleState) -> tuple[float, ...]:
     age_s = state.age_s
     return tuple([age_s(name) if other is None else max(age_s(name), age_s(other)) for name, other in AGED])
 
 
-def state_message(state: AircraftState, node: str, sim_time_ns: int) -> messages.AircraftState:
+def state_message(state: VehicleState, node: str, sim_time_ns: int) -> messages.AircraftState:
     """Table I as a message, stamped with the tick that its bytes belong to."""
     return messages.AircraftState(
         Header.at(sim_time_ns, node),

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Self
 import zenoh
 from zenoh.handlers import Callback
 
-from bridge.bus.identity.guard import Guard
+from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials
 from bridge.bus.messages import Message, encode, encoding_of
 
@@ -210,7 +210,7 @@ class Session:
         self.close()
 
 
-def open_router(endpoint: str, guard: Guard | None = None) -> Session:
+def open_router(endpoint: str, guard: RouterGuard | None = None) -> Session:
     """A session that routes for all the others.
 
     Args:

@@ -72,6 +72,8 @@ def _progress(verb: str, event: CommandEvent) -> CommandProgress:
     )
 
 
-def api_of(daemon: HeldDaemon, node: Node, port: int) -> ApiServer:
-    """The API of a node, on loopback."""
-    return ApiServer(NodeBackend(daemon, node), ApiConfig(port=port))
+def api_of(
+    daemon: HeldDaemon, node: Node, port: int, on_failure: Callable[[BaseException], object]
+) -> ApiServer:
+    """The API of a node, on loopback; ``on_failure`` is told if it ends of itself."""
+    return ApiServer(NodeBackend(daemon, node), ApiConfig(port=port), on_failure)

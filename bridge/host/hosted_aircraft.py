@@ -61,6 +61,7 @@ class HostedAircraft(HostedNode):
         self.daemon.on_bytes = record.write_mavlink
         self.daemon.on_wall_time = record.may_not_repeat
         self.daemon.on_link_down = self._link_down
+        self.daemon.on_failure = self._cannot_go_on
         self.daemon.on_input = self.node.client_did
         self._connecting: asyncio.Task[None] | None = None
         self._waits = False
@@ -81,7 +82,9 @@ class HostedAircraft(HostedNode):
         if self._scenario.api:
             from bridge.host.api import api_of  # FastAPI takes its time, and most runs do without
 
-            await self._api.enter_async_context(api_of(self.daemon, self.node, self._api_port))
+            await self._api.enter_async_context(
+                api_of(self.daemon, self.node, self._api_port, self._cannot_go_on)
+            )
             log.info("API of UA %s at http://127.0.0.1:%d", self.id, self._api_port)
 
     def last_message(self, name: str) -> dict[str, Any] | None:

@@ -155,11 +155,14 @@ class HostedNode:
             yield
         except Exception as error:
             log.exception("node %s cannot go on", self.id)
-            header = Header.at(self._record.now_ns, self.id)
-            text = f"its aircraft bridge cannot go on: {error}"
-            self._outlet.report(AgentStatus(header, text, failed=True))
+            self._cannot_go_on(error)
         finally:
             current_node.reset(token)
+
+    def _cannot_go_on(self, error: BaseException) -> None:
+        """End the run: something that the node lives by is no more."""
+        text = f"its aircraft bridge cannot go on: {error}"
+        self._outlet.report(AgentStatus(Header.at(self._record.now_ns, self.id), text, failed=True))
 
     # The end.
 

@@ -94,10 +94,10 @@ def collect(autopilots: Mapping[str, AutopilotOrigin], files: Iterable[Path] = (
         files: what the scenario names.
     """
     return Provenance(
-        lostlink=_version("lostlink"),
+        lostlink=version_of("lostlink"),
         git_commit=_git_commit(_ROOT),
         python=platform.python_version(),
-        packages={name: _version(name) for name in PACKAGES},
+        packages={name: version_of(name) for name in PACKAGES},
         machine=f"{platform.system()} {platform.machine()} {' '.join(platform.libc_ver())}".strip(),
         cpu=_cpu(),
         environment={name: os.environ[name] for name in VARIABLES if name in os.environ},
@@ -117,7 +117,7 @@ def ardupilot_origin(binary: Path, version: str = "") -> AutopilotOrigin:
 
 def standin_origin() -> AutopilotOrigin:
     """Of the stand-in, which has our version."""
-    return AutopilotOrigin("standin", _version("lostlink"))
+    return AutopilotOrigin("standin", version_of("lostlink"))
 
 
 def write_provenance(provenance: Provenance, run: Path) -> None:
@@ -211,7 +211,8 @@ def _made(what: str, old: str, new: str) -> str:
     return f"{what} {old or UNKNOWN} made the record, this is {new or UNKNOWN}"
 
 
-def _version(package: str) -> str:
+def version_of(package: str) -> str:
+    """The version of an installed package; "" if it is not installed."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -55,7 +55,7 @@ def access_of(run: str | Path, identity: str) -> Access:
         info = directory.info
     except (OSError, ValueError) as error:
         raise NoAccess(f"{directory.path} is no run: {error}") from error
-    if not info.is_live:
+    if not directory.is_live:
         raise NoAccess(f"the run {directory.path} is over")
     if not info.endpoint:
         raise NoAccess(

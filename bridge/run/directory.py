@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from bridge.bus.identity.guard import Guard
+from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.keys import Keys
 from bridge.scenario.model import Scenario
@@ -19,6 +21,8 @@ from bridge.scenario.model import Scenario
 RUN_FILE = "run.json"
 SCENARIO_FILE = "scenario.yaml"
 SUMMARY_FILE = "summary.json"
+LIVE_FILE = "live.lock"
+"""Locked as long as the run goes on: the lock ends with whoever holds it, in whatever way."""
 LOG_FOLDER = "logs"
 SECRETS_FOLDER = "secrets"
 AGENT_FOLDER = "agents"
@@ -45,17 +49,6 @@ class RunInfo:
     hosts: dict[str, list[str]] = field(default_factory=dict)
     secrets: str = ""
 
-    @property
-    def is_live(self) -> bool:
-        """Whether its supervisor still runs."""
-        try:
-            os.kill(self.pid, 0)
-        except ProcessLookupError:
-            return False
-        except PermissionError:
-            return True
-        return True
-
 
 @dataclass(frozen=True)
 class RunDirectory:
@@ -80,6 +73,33 @@ class RunDirectory:
             (path / LOG_FOLDER).mkdir()
             return cls(path.resolve())
         raise FileExistsError(f"{parent / name}: there are too many runs of that name")
+
+    @contextmanager
+    def going_on(self) -> Iterator[None]:
+        """Around all of the run, up to the last file of its record: so long `is_live` says so.
+
+        Raises:
+            OSError: if the lock cannot be had.
+        """
+        file = self.path / LIVE_FILE
+        with file.open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            try:
+                yield
+            finally:
+                file.unlink(missing_ok=True)
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the run goes on; one that is over, or was killed, does not."""
+        try:
+            with (self.path / LIVE_FILE).open() as lock:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except FileNotFoundError:
+            return False
+        except (BlockingIOError, PermissionError):
+            return True
+        return False
 
     def log_path(self, process: str) -> Path:
         """Where the output of a process goes."""
@@ -126,9 +146,9 @@ class RunDirectory:
         return Keyring(Path(self.info.secrets)).credentials(process)
 
     @property
-    def guard(self) -> Guard:
+    def guard(self) -> RouterGuard:
         """What the run's router is opened with."""
-        return Guard(self.info.run, Keyring(Path(self.info.secrets)))
+        return RouterGuard(self.info.run, Keyring(Path(self.info.secrets)))
 
     @cached_property
     def keys(self) -> Keys:
@@ -164,13 +184,11 @@ class RunDirectory:
 
 
 def live_runs(parent: Path) -> list[RunInfo]:
-    """Runs below ``parent`` whose supervisor still runs, newest first."""
+    """Runs below ``parent`` that go on, newest first."""
     found: list[RunInfo] = []
     for file in sorted(parent.glob(f"*/{RUN_FILE}"), reverse=True):
-        try:
-            info = RunDirectory(file.parent).info
-        except (OSError, ValueError):
-            continue
-        if info.is_live:
-            found.append(info)
+        run = RunDirectory(file.parent)
+        with suppress(OSError, ValueError):
+            if run.is_live:
+                found.append(run.info)
     return found

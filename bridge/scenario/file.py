@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from bridge.scenario.document.extends import SCENARIOS, read_file, read_text, scenario_names
 from bridge.scenario.document.files import with_absolute_files
 from bridge.scenario.document.settings import Overrides, settings_of, with_settings
-from bridge.scenario.document.written import Place, Written, plain, written_at
+from bridge.scenario.document.written import Written, WrittenPlace, plain, written_at
 from bridge.scenario.expand.groups import is_of_a_group, refuse_same_ids, with_groups_expanded
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
@@ -61,7 +61,7 @@ def with_changes(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
         ScenarioError: if a value is not allowed.
     """
     content = scenario.model_dump(mode="json", by_alias=True)
-    root = written_at(content, Place(scenario.name, None, Path.cwd()))
+    root = written_at(content, WrittenPlace(scenario.name, None, Path.cwd()))
     return _validated(with_settings(root, settings_of(changes)))
 
 

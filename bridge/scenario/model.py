@@ -144,7 +144,7 @@ class Ports(Part):
     first_slot: Annotated[int, Field(strict=True, ge=0, le=4000)] = 0
 
 
-class Mavlink(Part):
+class MavlinkSettings(Part):
     """What the MAVLink daemons do unasked.
 
     Attributes:
@@ -212,7 +212,7 @@ class Scenario(Part):
     transmit: Transmit = Transmit()
     parameters: Parameters = Field(default_factory=dict)
     ports: Ports = Ports()
-    mavlink: Mavlink = Mavlink()
+    mavlink: MavlinkSettings = MavlinkSettings()
     fdm: FlightDynamics = FlightDynamics()
     mcap: McapSettings = McapSettings()
     nodes: Annotated[tuple[NodeConfig, ...], Field(min_length=1)]

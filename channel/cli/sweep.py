@@ -84,7 +84,7 @@ def sweep(
     return rows
 
 
-class Reach(NamedTuple):
+class RadioReach(NamedTuple):
     """How far a radio reaches between ends at its default height; inf beyond 100 km, 0 if nowhere."""
 
     name: str
@@ -93,7 +93,7 @@ class Reach(NamedTuple):
     range_90_m: float
 
 
-def reach(config: RadioConfig) -> Reach:
+def reach(config: RadioConfig) -> RadioReach:
     """Return the largest distances at which a radio delivers half, and nine tenths, of its packets."""
     radio = Radio(config)
     distance = np.geomspace(1.0, FARTHEST_M, GRID_POINTS)
@@ -101,7 +101,9 @@ def reach(config: RadioConfig) -> Reach:
     length = Lengths.same(radio.length_bytes(config.nominal_payload_bytes))
     share = radio.expected_delivery(radio.mean_power_dbm(path), path, length)
     share = np.where(distance <= radio.max_range_m, share, 0.0)
-    return Reach(config.name, config.description, _last(distance, share, 0.5), _last(distance, share, 0.9))
+    return RadioReach(
+        config.name, config.description, _last(distance, share, 0.5), _last(distance, share, 0.9)
+    )
 
 
 def _last(distance_m: FloatArray, share: FloatArray, level: float) -> float:

@@ -19,7 +19,7 @@ class BudgetTerm(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class BudgetedLink:
     """One or many links, every intermediate value; arrays of one shape, or scalars.
 
     Attributes:

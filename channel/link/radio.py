@@ -13,7 +13,7 @@ from channel.antenna import to_body
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
-from channel.link.budget import BudgetTerm, Link, total
+from channel.link.budget import BudgetedLink, BudgetTerm, total
 from channel.link.disturbance import Disturbance, States
 from channel.link.emitter import Emitter
 from channel.link.expectation import PANELS, Expectation
@@ -336,7 +336,7 @@ class Radio:
         *,
         length_bytes: ArrayLike | None = None,
         **geometry: ArrayLike,
-    ) -> Link:
+    ) -> BudgetedLink:
         """Return the link budget and the error rates without shadowing and fading, all interferers on.
 
         Args:
@@ -356,7 +356,7 @@ class Radio:
         snr = np.asarray(power - noise)
         distance = _separation(path)
         in_range = self.in_range(distance)
-        return Link(
+        return BudgetedLink(
             distance_m=distance,
             length_bytes=length,
             terms=terms,

@@ -15,7 +15,7 @@ from channel.medium.reception import Packets
 Indices = NDArray[np.intp]
 
 
-class Links(NamedTuple):
+class LinksOfPass(NamedTuple):
     """L links of one pass.
 
     Attributes:
@@ -48,7 +48,7 @@ class Links(NamedTuple):
         """When the packets were sent, shape (L,)."""
         return self.packets.sim_time_ns[self.packet]
 
-    def at(self, links: Indices) -> Links:
+    def at(self, links: Indices) -> LinksOfPass:
         """Return some of the links."""
         return self._replace(
             packet=self.packet[links],

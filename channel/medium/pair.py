@@ -18,7 +18,7 @@ from channel.link.decision import signal_of
 from channel.link.lengths import Lengths
 from channel.link.radio import Radio
 from channel.link.steps import STEPS_PER_M, STEPS_PER_ONE, in_steps
-from channel.medium.links import Indices, Links
+from channel.medium.links import Indices, LinksOfPass
 from channel.medium.random_terms import RandomTerms
 from channel.medium.reception import BASE_LOSS, BURST, ERASED, NO_POSITION, OUT_OF_RANGE
 from channel.medium.tracks import Tracks
@@ -28,7 +28,7 @@ MARGIN_DB = 0.01
 """More than rounding to steps can add to an SNR."""
 
 
-class Settled(NamedTuple):
+class SettledLinks(NamedTuple):
     """What became of L links; each of shape (L,), as in `Receptions`."""
 
     distance_m: FloatArray
@@ -39,13 +39,13 @@ class Settled(NamedTuple):
     fate: NDArray[np.uint8]
 
 
-def blank(size: int) -> Settled:
+def blank(size: int) -> SettledLinks:
     """Return columns with no numbers in them yet."""
     nan = [np.full(size, np.nan) for _ in range(5)]
-    return Settled(nan[0], nan[1], nan[2], nan[3], nan[4], np.zeros(size, dtype=np.uint8))
+    return SettledLinks(nan[0], nan[1], nan[2], nan[3], nan[4], np.zeros(size, dtype=np.uint8))
 
 
-def put(settled: Settled, out: Settled, where: slice | Indices) -> None:
+def put(settled: SettledLinks, out: SettledLinks, where: slice | Indices) -> None:
     """Put what became of some links where they belong."""
     for column, values in zip(out[:5], settled[:5], strict=True):
         column[where] = values
@@ -83,7 +83,7 @@ class Pair:
         self._has_interferers = bool(radio.config.interference.interferers or radio.emitters)
         self._has_bursts = radio.config.bursts.mean_loss > 0.0
 
-    def settled(self, links: Links, lengths: Lengths) -> Settled:
+    def settled(self, links: LinksOfPass, lengths: Lengths) -> SettledLinks:
         """Return what becomes of links: first what the signal decides, then the losses that do not depend on it."""
         mean_dbm = self.radio.mean_power_dbm(links.path)
         beyond, unknown = self._beyond(links), self._unknown(links)
@@ -104,11 +104,11 @@ class Pair:
                 column[unknown] = np.nan
         return settled
 
-    def _beyond(self, links: Links) -> NDArray[np.bool_] | None:
+    def _beyond(self, links: LinksOfPass) -> NDArray[np.bool_] | None:
         """Return which links are longer than the radio's range; None if it has none."""
         return ~self.radio.in_range(links.distance_m) if self._has_range else None
 
-    def _unknown(self, links: Links) -> NDArray[np.bool_] | None:
+    def _unknown(self, links: LinksOfPass) -> NDArray[np.bool_] | None:
         """Return which links have an end that was never seen; None if there is none such."""
         if self._tracks.all_known:
             return None
@@ -120,7 +120,9 @@ class Pair:
         enough_dbm = self.radio.hopeless_below_db(lengths) + self._least_dbm
         return mean_dbm < enough_dbm
 
-    def _heard_by_some(self, links: Links, lengths: Lengths, mean_dbm: FloatArray, live: Indices) -> Settled:
+    def _heard_by_some(
+        self, links: LinksOfPass, lengths: Lengths, mean_dbm: FloatArray, live: Indices
+    ) -> SettledLinks:
         """Return what the signal decides if it can be heard on some of the links only."""
         none = blank(mean_dbm.size)
         none.distance_m[:] = in_steps(links.distance_m, STEPS_PER_M)
@@ -130,7 +132,7 @@ class Pair:
             put(heard, none, live)
         return none
 
-    def _heard(self, links: Links, lengths: Lengths, mean_dbm: FloatArray) -> Settled:
+    def _heard(self, links: LinksOfPass, lengths: Lengths, mean_dbm: FloatArray) -> SettledLinks:
         """Return what the signal decides."""
         radio, terms, path = self.radio, self.terms, links.path
         chance = in_steps(radio.expected_delivery(mean_dbm, path, lengths), STEPS_PER_ONE)
@@ -142,9 +144,9 @@ class Pair:
         fate = (uniform[Purpose.ERASURE] <= signal.per).astype(np.uint8)
         if self._judge is not None:
             self._judge.take(radio, links, mean_dbm, noise_dbm, signal, fate == ERASED)
-        return Settled(*signal, chance, fate)
+        return SettledLinks(*signal, chance, fate)
 
-    def _other_losses(self, settled: Settled, links: Links) -> None:
+    def _other_losses(self, settled: SettledLinks, links: LinksOfPass) -> None:
         """Put in the losses that do not depend on the signal, the later ones over the earlier."""
         base_loss = self.radio.config.base_loss
         purposes = [Purpose.BASE_LOSS] if base_loss > 0.0 else []
@@ -160,7 +162,7 @@ class Pair:
         if self._has_bursts:
             settled.fate[uniform[Purpose.BURST] <= self.terms.burst_chances(links)] = BURST
 
-    def _uniforms(self, links: Links, *purposes: Purpose) -> dict[Purpose, FloatArray]:
+    def _uniforms(self, links: LinksOfPass, *purposes: Purpose) -> dict[Purpose, FloatArray]:
         """Return the draws of one stream."""
         packets = links.packets.tx, links.packets.seq
         draws = self._draws.uniforms(purposes, packets, links.packet, links.rx)

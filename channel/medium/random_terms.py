@@ -24,7 +24,7 @@ from channel.fading.waves import link_places
 from channel.geometry import Path
 from channel.link.emitter import slot_uniform
 from channel.link.radio import Radio
-from channel.medium.links import Indices, Links
+from channel.medium.links import Indices, LinksOfPass
 
 LEVEL = np.zeros(())
 
@@ -85,7 +85,7 @@ class RandomTerms:
         largest = [getattr(law, "max_gain_db", inf) for law in (shadowing, fading) if law.is_random]
         return float(sum(largest))
 
-    def gain_db(self, links: Links, uniform: Mapping[Purpose, FloatArray]) -> FloatArray | float:
+    def gain_db(self, links: LinksOfPass, uniform: Mapping[Purpose, FloatArray]) -> FloatArray | float:
         """Return what shadowing, fading and the line of sight do to the power, shape (L,) or one number for all, dB.
 
         Args:
@@ -108,7 +108,7 @@ class RandomTerms:
             gain_db = gain_db + lasting.fading_gain_db
         return gain_db
 
-    def _lasting(self, links: Links) -> Lasting:
+    def _lasting(self, links: LinksOfPass) -> Lasting:
         """Return the terms that last: both directions of a pair share them at an instant, so they are made once."""
         which = None
         if links.packets.size > 1 and links.packets.sim_time_ns[0] == links.packets.sim_time_ns[-1]:
@@ -130,7 +130,7 @@ class RandomTerms:
             return Lasting(shadow, sight, fading)
         return Lasting(*(None if each is None else each.take(which) for each in (shadow, sight, fading)))
 
-    def _pairs(self, links: Links) -> tuple[Indices, Indices]:
+    def _pairs(self, links: LinksOfPass) -> tuple[Indices, Indices]:
         """Return one link of each pair, and for each link the place of its pair's among these."""
         low, high = self._draws.by_name(links.tx, links.rx)
         if self._slot is None:
@@ -143,10 +143,10 @@ class RandomTerms:
         self._slot[pair[once]] = np.arange(once.size)
         return once, self._slot[pair]
 
-    def _elevation(self, links: Links) -> FloatArray:
+    def _elevation(self, links: LinksOfPass) -> FloatArray:
         return links.path.elevation_deg if self._config.fading.by_elevation else LEVEL
 
-    def interferers_on(self, links: Links) -> tuple[bool | NDArray[np.bool_], ...]:
+    def interferers_on(self, links: LinksOfPass) -> tuple[bool | NDArray[np.bool_], ...]:
         """Return which interferers, then emitters, transmit, each for all or by link: the same for every receiver."""
         run, times_ns = self._draws.draws, links.packets.sim_time_ns
         interferers = tuple(
@@ -162,13 +162,13 @@ class RandomTerms:
         )
         return (*interferers, *emitters)
 
-    def burst_chances(self, links: Links) -> FloatArray:
+    def burst_chances(self, links: LinksOfPass) -> FloatArray:
         """Return the probability that each link loses its packet to a burst, shape (L,)."""
         words = self._bursts.of_direction(links.tx, links.rx)
         return self._config.bursts.loss_at(words, links.sim_time_ns)
 
 
-def _ends_at(links: Links, rows: Indices) -> Links:
+def _ends_at(links: LinksOfPass, rows: Indices) -> LinksOfPass:
     """Return some of the links, with what the terms that last ask for."""
     path = links.path
     assert path.position_tx_ned_m is not None
@@ -195,7 +195,7 @@ def _at(column: float | FloatArray, rows: Indices) -> float | FloatArray:
     return column[rows] if isinstance(column, np.ndarray) else column
 
 
-def _relative_speed_mps(links: Links) -> FloatArray:
+def _relative_speed_mps(links: LinksOfPass) -> FloatArray:
     assert links.velocity_tx_ned_mps is not None
     assert links.velocity_rx_ned_mps is not None
     x, y, z = (links.velocity_rx_ned_mps - links.velocity_tx_ned_mps).T

@@ -15,8 +15,8 @@ from channel.draws import LinkDraws
 from channel.link.lengths import Lengths
 from channel.link.radio import Radio
 from channel.medium.emitter_tracks import EmitterTracks
-from channel.medium.links import Indices, Links
-from channel.medium.pair import Pair, Settled, blank, put
+from channel.medium.links import Indices, LinksOfPass
+from channel.medium.pair import Pair, SettledLinks, blank, put
 from channel.medium.reception import EVERYBODY, RADIO_OFF, Packets, Receptions
 from channel.medium.switches import Switches
 from channel.medium.tracks import Snapshot, Tracks
@@ -106,7 +106,9 @@ class Settling:
         when_ns = packets.sim_time_ns
         return self._switches.off(packets.tx, when_ns)[packet] | self._switches.off(rx, when_ns[packet])
 
-    def _settled(self, packets: Packets, counted: NDArray[np.int64], packet: Indices, rx: Indices) -> Settled:
+    def _settled(
+        self, packets: Packets, counted: NDArray[np.int64], packet: Indices, rx: Indices
+    ) -> SettledLinks:
         """Return what becomes of links, in pieces."""
         if rx.size <= LINKS_AT_ONCE:
             return self._pass(packets, counted, packet, rx) if rx.size else blank(0)
@@ -131,7 +133,9 @@ class Settling:
         rx[to_one], rx[~to_one] = packets.to[one], self._others[packets.tx[~one]].reshape(-1)
         return packet, rx
 
-    def _pass(self, packets: Packets, counted: NDArray[np.int64], packet: Indices, rx: Indices) -> Settled:
+    def _pass(
+        self, packets: Packets, counted: NDArray[np.int64], packet: Indices, rx: Indices
+    ) -> SettledLinks:
         """Return what becomes of links, those between each two kinds of radios together."""
         links, lengths = self._placed(packets, packet, rx), Lengths.of(counted, packet)
         if len(self._pairs) == 1:
@@ -144,13 +148,13 @@ class Settling:
             put(settled, out, some)
         return out
 
-    def _at(self, links: Links, some: Indices, number: int) -> Links:
+    def _at(self, links: LinksOfPass, some: Indices, number: int) -> LinksOfPass:
         """Return some of the links, no shorter than their pair of radios counts them."""
         these = links.at(some)
         least_m = self._pairs[number].radio.config.min_distance_m
         return these._replace(path=these.path._replace(distance_m=np.maximum(these.distance_m, least_m)))
 
-    def _placed(self, packets: Packets, packet: Indices, rx: Indices) -> Links:
+    def _placed(self, packets: Packets, packet: Indices, rx: Indices) -> LinksOfPass:
         """Return links with the geometry of their packets' instants."""
         times, tx = packets.sim_time_ns, packets.tx[packet]
         wanted = {"attitude": self._attitude, "velocity": self._velocity}
@@ -165,7 +169,9 @@ class Settling:
         links = self._between(nodes, base + tx, base + rx, packets, packet, tx, rx)
         return self._with_emitters(links, instants_ns, instant[packet])
 
-    def _with_emitters(self, links: Links, instants_ns: NDArray[np.int64], instant: Indices | None) -> Links:
+    def _with_emitters(
+        self, links: LinksOfPass, instants_ns: NDArray[np.int64], instant: Indices | None
+    ) -> LinksOfPass:
         """Return links with the places of the emitters; `instant` is each link's among the instants, if several."""
         if self._emitters is None:
             return links
@@ -174,7 +180,7 @@ class Settling:
 
     def _between(
         self, nodes: Snapshot, here: Indices, there: Indices, packets: Packets, *ends: Indices
-    ) -> Links:
+    ) -> LinksOfPass:
         """Return links between columns of a snapshot."""
         start, end = (nodes.position_ned_m.take(each, axis=1) for each in (here, there))
         way = end - start
@@ -183,7 +189,7 @@ class Settling:
         attitudes = _of_ends(nodes.attitude_wxyz, here, there)
         path = self._kinds[0].path_of(start.T, end.T, distance_m, *attitudes)
         packet, tx, rx = ends
-        return Links(
+        return LinksOfPass(
             packets, packet, tx, rx, path, distance_m, *_of_ends(nodes.velocity_ned_mps, here, there)
         )
 

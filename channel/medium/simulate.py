@@ -21,7 +21,7 @@ CHUNK_PACKETS = 16384
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class SimulatedFates:
     """Fates of packets, each array of shape (links, packets).
 
     Attributes:
@@ -49,7 +49,7 @@ def simulate(
     first_seq: int = 0,
     length_bytes: int | None = None,
     frequency_hz: float | None = None,
-) -> Outcome:
+) -> SimulatedFates:
     """Send `packets` packets on each link, standing at a distance, and return what becomes of each.
 
     Args:
@@ -95,7 +95,7 @@ def simulate(
     if radio.config.base_loss > 0.0:
         extra = _uniforms(draws, links, [Purpose.BASE_LOSS], first_seq, packets)
         delivered &= extra[Purpose.BASE_LOSS] > radio.config.base_loss
-    return Outcome(heard[0], heard[1], heard[2], heard[3], delivered)
+    return SimulatedFates(heard[0], heard[1], heard[2], heard[3], delivered)
 
 
 def _purposes(radio: Radio) -> list[Purpose]:

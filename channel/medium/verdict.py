@@ -22,7 +22,7 @@ from channel.link.decision import Signal
 from channel.link.gain_law import chance_of_less
 from channel.link.radio import Radio
 from channel.link.steps import STEPS_PER_DB
-from channel.medium.links import Links
+from channel.medium.links import LinksOfPass
 
 BIN_WIDTH_M = 20.0
 MAX_BINS = 8192
@@ -103,7 +103,7 @@ class Judge:
     def take(
         self,
         radio: Radio,
-        links: Links,
+        links: LinksOfPass,
         mean_power_dbm: FloatArray,
         noise_dbm: FloatArray | float,
         signal: Signal,
@@ -186,7 +186,7 @@ class _Places:
         self._exact = 0
         self._normal: list[float] = []
 
-    def take(self, radio: Radio, links: Links, gain_db: FloatArray) -> None:
+    def take(self, radio: Radio, links: LinksOfPass, gain_db: FloatArray) -> None:
         config = radio.config
         link = links.tx * self._nodes + links.rx
         shared = getattr(config.shadowing, "shared_ends", 0.0) > 0.0
@@ -206,7 +206,7 @@ class _Places:
             normal = special.ndtri(chance_of_less(radio, links.at(at).path, gain_db[at]))
             self._normal += np.clip(normal, -FARTHEST, FARTHEST).tolist()
 
-    def _is_new(self, links: Links, row: int, link: int, apart_m: float) -> bool:
+    def _is_new(self, links: LinksOfPass, row: int, link: int, apart_m: float) -> bool:
         """Return whether a link is far from all places where it was judged before; if so, keep the place."""
         when_ns = int(links.packets.sim_time_ns[links.packet[row]])
         if when_ns < self._next_ns[link]:

@@ -26,7 +26,7 @@ class ElevationError(ValueError):
     """A file of heights that cannot be used: the message names it and says why."""
 
 
-class Origin(NamedTuple):
+class TerrainOrigin(NamedTuple):
     """Where a run's frame has its zero: WGS 84, height above mean sea level as the file has it."""
 
     lat_deg: float
@@ -46,7 +46,7 @@ def library() -> ModuleType:
         raise ElevationError(f"needs the library rasterio: pip install '{EXTRA}'") from error
 
 
-def read_elevation(file: Path, origin: Origin, extent_m: float, spacing_m: float) -> FloatArray:
+def read_elevation(file: Path, origin: TerrainOrigin, extent_m: float, spacing_m: float) -> FloatArray:
     """Return heights above the origin's, rows going north from -extent_m, columns east, to the millimetre, m.
 
     Bilinear between the file's points; kept until the file changes.
@@ -61,7 +61,9 @@ def read_elevation(file: Path, origin: Origin, extent_m: float, spacing_m: float
 
 
 @lru_cache(maxsize=4)
-def _read(file: Path, _changed_ns: int, origin: Origin, extent_m: float, spacing_m: float) -> FloatArray:
+def _read(
+    file: Path, _changed_ns: int, origin: TerrainOrigin, extent_m: float, spacing_m: float
+) -> FloatArray:
     count = 2 * int(np.ceil(extent_m / spacing_m)) + 1
     if count * count > MAX_POINTS:
         raise ElevationError(f"{count} by {count} points: at most {MAX_POINTS}; take a larger spacing_m")

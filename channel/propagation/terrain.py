@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from channel.checks import ChannelInputError, FloatArray
 from channel.geometry import MIN_HEIGHT_M, Path
 from channel.propagation.diffraction import Profile, bulge_m, bullington_db, edge_db, worst_nu
-from channel.propagation.elevation import Origin, interpolated, library, read_elevation
+from channel.propagation.elevation import TerrainOrigin, interpolated, library, read_elevation
 from channel.propagation.path_loss import friis_db
 from channel.units import wavelength_m
 from channel.validity import OutsideValidityError
@@ -82,10 +82,10 @@ class Terrain(Variant):
         )
 
     @property
-    def _origin(self) -> Origin | None:
+    def _origin(self) -> TerrainOrigin | None:
         place = self.origin_lat_deg, self.origin_lon_deg, self.origin_alt_amsl_m
         known = [each for each in place if each is not None]
-        return Origin(*known) if len(known) == len(place) else None
+        return TerrainOrigin(*known) if len(known) == len(place) else None
 
     @cached_property
     def _ground(self) -> tuple[FloatArray, float, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from channel.checks import FloatArray
 
 
-class Outcome(Enum):
+class SensingOutcome(Enum):
     """What became of a measurement: it was told to whoever has the sensor, or why not."""
 
     MEASURED = "measured"
@@ -22,7 +22,7 @@ class Outcome(Enum):
     NO_POSITION = "no_position"
 
 
-OUTCOMES = tuple(Outcome)
+OUTCOMES = tuple(SensingOutcome)
 """By the numbers in `Measured.outcome`."""
 MEASURED, BELOW_THRESHOLD, SILENT, OUT_OF_RANGE, NO_POSITION = range(len(OUTCOMES))
 

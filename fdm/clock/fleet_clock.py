@@ -21,7 +21,7 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 from fdm.clock.member import Member
-from fdm.clock.pace import NEVER_NS, Pace
+from fdm.clock.pace import NEVER_NS, FleetPace
 from fdm.clock.status import ClockSettings, ClockStatus, RateMeter
 
 __all__ = ["ClockStatus", "FleetClock", "Peers"]
@@ -72,7 +72,7 @@ class FleetClock:
             raise ValueError("a fleet clock needs at least one UA")
         self._settings = settings
         self._peers = peers
-        self.pace = Pace(settings.speed)
+        self.pace = FleetPace(settings.speed)
         self.started = not settings.start_together
         self.limits_version = 0
         self._live: list[Member] = []

@@ -12,7 +12,7 @@ MAX_LAG_NS = 100_000_000
 """Wall time that a fleet running late may make up for by running faster."""
 
 
-class Pace:
+class FleetPace:
     """The pace of a fleet. Whenever `limit_ns` was changed, a UA that was refused a step might be granted it.
 
     Args:

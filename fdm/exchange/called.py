@@ -8,7 +8,7 @@ from typing import Protocol
 
 from fdm.clock.member import Member
 from fdm.exchange.aircraft_spec import AircraftSpec
-from fdm.exchange.hosted_aircraft import FlightModel, HostedAircraft
+from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
 from fdm.exchange.settings import Coupling
 from fdm.wire.sensor_frame import make_encoder
 
@@ -53,7 +53,7 @@ class CalledSeat:
     ) -> None:
         self.member = member
         self.port = 0
-        self.aircraft = HostedAircraft(
+        self.aircraft = ExchangedAircraft(
             member,
             build_model,
             make_encoder(spec.airframe.sensors),

@@ -127,6 +127,9 @@ class Exchange:
         except BaseException:
             self.close()
             raise
+        self._choose_lone(speed)
+
+    def _choose_lone(self, speed: float) -> None:
         seats = list(self._seats.values())
         if len(seats) == 1 and isinstance(seats[0], Seat):
             self._lone = seats[0]

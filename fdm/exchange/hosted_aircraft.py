@@ -11,7 +11,7 @@ from fdm.clock.pace import NEVER_NS
 from fdm.errors import ModelDivergedError, WindError
 from fdm.model.air_point import AirPoint, Wind
 from fdm.model.truth import TrueState, Vector
-from fdm.wire.lockstep import STEPPING, FrameTimer, Lockstep, Verdict
+from fdm.wire.lockstep import STEPPING, FrameTimer, Lockstep, ServoVerdict
 from fdm.wire.sensor_frame import Encoder
 from fdm.wire.servo_packet import Fields, unpack_servo_packet
 
@@ -47,7 +47,7 @@ Sense = Callable[[], tuple[float, ...]]
 Disturb = Callable[[Sense], Sense]
 
 
-class HostedAircraft:
+class ExchangedAircraft:
     """One UA between its datagrams and its flight model.
 
     Args:
@@ -124,7 +124,7 @@ class HostedAircraft:
         self._wind = wind
         self._wind_at_ns = -1 if wind is not None else NEVER_NS
 
-    def receive(self, datagram: bytes, sender: object, wall_ns: int) -> Verdict | None:
+    def receive(self, datagram: bytes, sender: object, wall_ns: int) -> ServoVerdict | None:
         """Judge a datagram.
 
         Returns:
@@ -136,13 +136,13 @@ class HostedAircraft:
             return None
         queued = self.parallel and self.lockstep.waiting and sender == self.lockstep.sender
         verdict = self.lockstep.receive(fields[2], sender, wall_ns)  # type: ignore[arg-type]
-        if verdict is Verdict.ADVANCE:
+        if verdict is ServoVerdict.ADVANCE:
             self.frames += 1
         else:
             self._counters[verdict.value] += 1
             if verdict not in STEPPING:
                 return verdict
-        if queued and verdict is Verdict.ADVANCE:
+        if queued and verdict is ServoVerdict.ADVANCE:
             if self.early:
                 self._counters[OVERRUNS] += 1
             self.early = fields  # type: ignore[assignment]
@@ -227,4 +227,4 @@ class HostedAircraft:
 
     def counters(self) -> dict[str, int]:
         """What was received and done so far, by name: ``frames``, and all that happened at least once."""
-        return {Verdict.ADVANCE.value: self.frames, **self._counters}
+        return {ServoVerdict.ADVANCE.value: self.frames, **self._counters}

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from fdm.clock.member import Member
 from fdm.errors import PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec
-from fdm.exchange.hosted_aircraft import FlightModel, HostedAircraft
+from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
 from fdm.exchange.settings import Coupling
 from fdm.model.airframe import Airframe
 from fdm.model.geodesy import Home
@@ -65,7 +65,7 @@ class Seat:
         self.sendto = sock.sendto
         self.member = member
         self._state_port = legacy.state_port if legacy else None
-        self.aircraft = HostedAircraft(
+        self.aircraft = ExchangedAircraft(
             member,
             lambda: build_model(spec.airframe, spec.home),
             make_legacy_encoder(spec.home) if legacy else make_encoder(spec.airframe.sensors),

@@ -16,7 +16,7 @@ from fdm.exchange.called import CalledSeat
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.seat import Seat as SocketSeat
 from fdm.model.truth import TrueState
-from fdm.wire.lockstep import STEPPING, Verdict
+from fdm.wire.lockstep import STEPPING, ServoVerdict
 from fdm.wire.sensor_frame import decode_sensor_frame
 
 DATAGRAM_MAX_BYTES = 128
@@ -65,7 +65,7 @@ class Service:
         """
         clock, aircraft, member = self._clock, seat.aircraft, seat.member
         verdict = aircraft.receive(datagram, sender, clock.wall_ns)
-        if verdict is not Verdict.ADVANCE:
+        if verdict is not ServoVerdict.ADVANCE:
             self._act(seat, verdict)
             return False
         clock.ask(member, aircraft.target_ns(), not aircraft.lockstep.unread)
@@ -107,17 +107,19 @@ class Service:
             if verdict in STEPPING:
                 return
 
-    def _act(self, seat: Seat, verdict: Verdict | None) -> None:
+    def _act(self, seat: Seat, verdict: ServoVerdict | None) -> None:
         """Do what the verdict on a datagram asks for, short of stepping."""
-        if verdict is Verdict.ADVANCE or verdict is Verdict.GAP:
+        if verdict is ServoVerdict.ADVANCE or verdict is ServoVerdict.GAP:
             if seat.member.live or self._return(seat):
                 self._ask(seat)
-        elif verdict is Verdict.BOOT or verdict is Verdict.RESTART:
+        elif verdict is ServoVerdict.BOOT or verdict is ServoVerdict.RESTART:
             self._boot(seat, verdict)
-        elif verdict is Verdict.RESEND:
+        elif verdict is ServoVerdict.RESEND:
             seat.send(seat.aircraft.lockstep.reply)
         elif (
-            verdict is Verdict.WAITING and not seat.member.ended and (seat.member.live or self._return(seat))
+            verdict is ServoVerdict.WAITING
+            and not seat.member.ended
+            and (seat.member.live or self._return(seat))
         ):
             self._ask(seat)  # again: it may be quiet only now
 
@@ -126,11 +128,11 @@ class Service:
             self._arrivals.append(seat)
         self._clock.ask(seat.member, seat.aircraft.target_ns(), not seat.aircraft.lockstep.unread)
 
-    def _boot(self, seat: Seat, verdict: Verdict) -> None:
+    def _boot(self, seat: Seat, verdict: ServoVerdict) -> None:
         seat.aircraft.reset()
         seat.aircraft.set_fleet_time(self._clock.join(seat.member))
         self._forget(seat)
-        if verdict is Verdict.BOOT:
+        if verdict is ServoVerdict.BOOT:
             self._tell(EventKind.JOINED, seat.member, "its autopilot sent its first packet")
         else:
             self._tell(EventKind.RESTARTED, seat.member, "its autopilot booted anew")
@@ -221,7 +223,7 @@ class Service:
             self._commands.obey()
 
     def _restarts(self) -> dict[int, int]:
-        name = Verdict.RESTART.value
+        name = ServoVerdict.RESTART.value
         return {seat.aircraft.ua_id: seat.aircraft.counters().get(name, 0) for seat in self.seats.values()}
 
     def _tell(self, kind: EventKind, member: Member, detail: str) -> None:

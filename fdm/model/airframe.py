@@ -26,7 +26,7 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class Channel(_Strict):
+class ServoChannel(_Strict):
     """How one servo channel drives one JSBSim property: clip(sign * scale_per_us * (pwm - offset_us), range).
 
     Attributes:
@@ -106,13 +106,13 @@ class Airframe(_Strict):
     vehicle: Literal["copter", "plane", "rover", "sub", "heli"]
     jsbsim: JsbsimConfig
     initial: InitialConditions
-    channels: Annotated[tuple[Channel, ...], Field(min_length=1)]
+    channels: Annotated[tuple[ServoChannel, ...], Field(min_length=1)]
     sensors: tuple[Sensor, ...] = ()
     ardupilot_parameters: dict[str, float] = {}
 
     @field_validator("channels")
     @classmethod
-    def _each_property_once(cls, channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
+    def _each_property_once(cls, channels: tuple[ServoChannel, ...]) -> tuple[ServoChannel, ...]:
         names = [channel.property for channel in channels]
         for name in names:
             if names.count(name) > 1:

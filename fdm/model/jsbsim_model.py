@@ -17,7 +17,7 @@ import jsbsim
 
 from fdm.errors import AirframeError, ModelDivergedError
 from fdm.model.air_point import AirPoint
-from fdm.model.airframe import Airframe, Channel
+from fdm.model.airframe import Airframe, ServoChannel
 from fdm.model.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
 from fdm.model.ground_contact import slowest_stable_rate_hz
 from fdm.model.truth import TrueState, Vector, quaternion_from_euler
@@ -265,7 +265,7 @@ def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
 class _ChannelValues(dict[int, float]):
     """What a channel writes to its property, by pulse width in us; each is worked out once."""
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: ServoChannel) -> None:
         super().__init__({0: channel.no_output})
         self._channel = channel
 

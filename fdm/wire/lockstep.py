@@ -30,7 +30,7 @@ _HALF = FRAME_COUNT_MODULUS // 2
 
 
 @unique
-class Verdict(Enum):
+class ServoVerdict(Enum):
     """What to do with a servo packet. The value is also the name of its counter."""
 
     BOOT = "boots"
@@ -51,7 +51,7 @@ class Verdict(Enum):
     """A late datagram: nothing to do."""
 
 
-STEPPING = frozenset({Verdict.BOOT, Verdict.RESTART, Verdict.ADVANCE, Verdict.GAP})
+STEPPING = frozenset({ServoVerdict.BOOT, ServoVerdict.RESTART, ServoVerdict.ADVANCE, ServoVerdict.GAP})
 """The verdicts after which the UA owes a step and a reply."""
 
 
@@ -81,7 +81,7 @@ class Lockstep:
         """The latest frame asked for is not answered yet."""
         return self._answered != self._frame_count
 
-    def receive(self, frame_count: int, sender: object, wall_ns: int) -> Verdict:
+    def receive(self, frame_count: int, sender: object, wall_ns: int) -> ServoVerdict:
         """Judge a packet, and take note of it.
 
         Args:
@@ -93,7 +93,7 @@ class Lockstep:
             self._frame_count = frame_count
             if self.unread:
                 self.unread -= 1
-            return Verdict.ADVANCE
+            return ServoVerdict.ADVANCE
         return self._judge_unusual(frame_count, sender, wall_ns)
 
     def answered(self, frame_count: int, reply: bytes, wall_ns: int) -> None:
@@ -108,34 +108,36 @@ class Lockstep:
         self._answered_at_ns = wall_ns
         self.unread += 1
 
-    def _judge_unusual(self, frame_count: int, sender: object, wall_ns: int) -> Verdict:
+    def _judge_unusual(self, frame_count: int, sender: object, wall_ns: int) -> ServoVerdict:
         if self._frame_count < 0:
-            return self._take(frame_count, sender, Verdict.BOOT)
+            return self._take(frame_count, sender, ServoVerdict.BOOT)
         ahead = (frame_count - self._frame_count) % FRAME_COUNT_MODULUS
         if 0 < ahead < _HALF and (frame_count or ahead == 1):
             unread = max(0, self.unread - ahead)
-            verdict = self._take(frame_count, sender, Verdict.ADVANCE if ahead == 1 else Verdict.GAP)
+            verdict = self._take(
+                frame_count, sender, ServoVerdict.ADVANCE if ahead == 1 else ServoVerdict.GAP
+            )
             self.unread = unread
             return verdict
         if sender != self.sender:
-            return self._take(frame_count, sender, Verdict.RESTART)
+            return self._take(frame_count, sender, ServoVerdict.RESTART)
         if ahead == 0:
             return self._judge_repeat(wall_ns)
         if FRAME_COUNT_MODULUS - ahead <= REORDER_SPAN and (frame_count or self._frame_count == 1):
-            return Verdict.STALE
-        return self._take(frame_count, sender, Verdict.RESTART)
+            return ServoVerdict.STALE
+        return self._take(frame_count, sender, ServoVerdict.RESTART)
 
-    def _judge_repeat(self, wall_ns: int) -> Verdict:
+    def _judge_repeat(self, wall_ns: int) -> ServoVerdict:
         if self.waiting:
             if wall_ns - self._answered_at_ns >= RESEND_SILENCE_NS:
                 self.unread = 0  # it has none, or it would have gone on: one was lost
-            return Verdict.WAITING
+            return ServoVerdict.WAITING
         if wall_ns - self._answered_at_ns < RESEND_SILENCE_NS:
-            return Verdict.DUPLICATE
+            return ServoVerdict.DUPLICATE
         self._answered_at_ns = wall_ns
-        return Verdict.RESEND
+        return ServoVerdict.RESEND
 
-    def _take(self, frame_count: int, sender: object, verdict: Verdict) -> Verdict:
+    def _take(self, frame_count: int, sender: object, verdict: ServoVerdict) -> ServoVerdict:
         self._frame_count = frame_count
         self._answered = -1
         self.sender = sender

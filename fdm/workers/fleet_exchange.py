@@ -30,7 +30,7 @@ from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.exchange import Exchange
 from fdm.exchange.seat import bind
 from fdm.exchange.settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Workers, check_settings, core_count
-from fdm.workers.worker_messages import RUN, Ended, Happened, Plan, Reached
+from fdm.workers.worker_messages import RUN, Ended, Happened, Reached, WorkerPlan
 from fdm.workers.worker_process import WorkerProcess, end_all
 
 IDLE_CHECK_S = 0.1
@@ -202,7 +202,7 @@ class FleetExchange:
             for index in range(workers):
                 share = slice(index, None, workers)
                 socket_fds = tuple(sock.fileno() for sock in sockets[share])
-                plan = Plan(
+                plan = WorkerPlan(
                     index, tuple(aircraft[share]), socket_fds, fds[0], fds[1 + 2 * index], wake_fds, settings
                 )
                 self._workers.append(WorkerProcess(plan))

@@ -1,9 +1,9 @@
 """A worker process: hosts part of a fleet for fdm.workers.fleet_exchange, which starts it and is its only user.
 
-It gets a `Plan` over its control connection, then commands, and answers with messages (fdm.workers.worker_messages). It
-serves from the command RUN on: until then what autopilots send waits in their sockets, as in one process.
-Its ticks are held until the whole fleet has reached them. It ends when it is told to, or when the other end of the
-connection is gone.
+It gets a `WorkerPlan` over its control connection, then commands, and answers with messages
+(fdm.workers.worker_messages). It serves from the command RUN on: until then what autopilots send waits in their
+sockets, as in one process. Its ticks are held until the whole fleet has reached them. It ends when it is told to, or
+when the other end of the connection is gone.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from fdm.clock.status import ClockStatus
 from fdm.errors import FdmError
 from fdm.exchange.exchange import Exchange
 from fdm.model.truth import TrueState
-from fdm.workers.worker_messages import COMMANDS, RUN, Ended, Failed, Happened, Plan, Reached, Ready
+from fdm.workers.worker_messages import COMMANDS, RUN, Ended, Failed, Happened, Reached, Ready, WorkerPlan
 
 
 @dataclass(slots=True)
 class _Worker:
-    plan: Plan
+    plan: WorkerPlan
     control: Connection
     truths: list[TrueState] = field(default_factory=list)
 

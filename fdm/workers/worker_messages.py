@@ -18,7 +18,7 @@ RUN = ("run",)
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class WorkerPlan:
     """What a worker is to do. File descriptors are inherited, under these numbers.
 
     Attributes:

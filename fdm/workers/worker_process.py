@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 
 from fdm.errors import WorkerError
-from fdm.workers.worker_messages import Ended, Failed, Message, Plan
+from fdm.workers.worker_messages import Ended, Failed, Message, WorkerPlan
 
 
 class WorkerProcess:
@@ -28,7 +28,7 @@ class WorkerProcess:
         control: the connection to it.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: WorkerPlan) -> None:
         ids = ", ".join(str(spec.ua_id) for spec in plan.aircraft)
         self.name = f"flight dynamics worker {plan.index} (UA {ids})"
         packed = ForkingPickler.dumps(plan)  # first: what cannot be sent leaves no process behind

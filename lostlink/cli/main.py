@@ -33,7 +33,7 @@ COMMANDS = {
 """The module of each command, which has its name there too. Only that of the command given is imported."""
 
 
-class Commands(click.Group):
+class LazyCommands(click.Group):
     """A group whose commands are imported when they are asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
@@ -48,7 +48,9 @@ class Commands(click.Group):
         return command if isinstance(command, click.Command) else None
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=LazyCommands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}
+)
 @click.version_option(metadata.version("lostlink"), prog_name="lostlink")
 def lostlink() -> None:
     """Fly real ArduPilot stacks on JSBSim airframes; drop packets between them as a channel model predicts.

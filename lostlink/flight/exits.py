@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from bridge.fleet.course import Ending
+from lostlink.flight.verdict import RunOutcome
 
 WELL: Final = 0
 DISAGREES: Final = 1
@@ -21,6 +21,8 @@ def status_of(summary: dict[str, Any] | None) -> int:
     Args:
         summary: content of `summary.json`; None if there is none.
     """
-    if summary is None or summary["ending"] == Ending.FAILED or summary["verdict"].startswith("fail"):
+    if summary is None or summary["outcome"] == RunOutcome.BROKE_OFF:
+        return DISAGREES
+    if summary["outcome"] == RunOutcome.FAIL and not all(check["passed"] for check in summary["checks"]):
         return DISAGREES
     return WELL if all(row["passed"] for row in summary["expectations"]) else UNEXPECTED

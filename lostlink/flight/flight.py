@@ -21,11 +21,12 @@ from bridge.record.tables.every import finish_tables
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve.radio import radio_of
+from bridge.scenario.resolve.radio import common_radio
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.flight.exits import status_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
-from lostlink.flight.summary import UNJUDGED, Timing, summarise, write_summary
+from lostlink.flight.summary import Timing, summarise, write_summary
+from lostlink.flight.verdict import UNJUDGED
 
 
 class Watcher(Protocol):
@@ -123,7 +124,7 @@ class Flight:
         Raises:
             OSError, ValueError: the record cannot be read or written.
         """
-        with self._watcher:
+        with self._watcher, self.directory.going_on():
             ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
             if takes_signals:
                 for number in (signal.SIGINT, signal.SIGTERM):
@@ -217,10 +218,10 @@ class Flight:
         )
         write_summary(summary, self.directory)
         if self.scenario.figure and ending not in UNJUDGED:
-            own = any(node.radio is not None for node in self.scenario.transceivers)
             self._watcher.on_phase("draws the figure")
-            radio = None if own else radio_of(self.scenario)  # one curve is not that of several radios
-            draw_probability_of_delivery(summary, radio, self.directory.path / FIGURE_FILE)
+            draw_probability_of_delivery(
+                summary, common_radio(self.scenario), self.directory.path / FIGURE_FILE
+            )
         if self.scenario.mcap.write:
             self._watcher.on_phase("writes run.mcap")
             self._write_mcap()

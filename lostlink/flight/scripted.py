@@ -21,6 +21,7 @@ from bridge.scenario.model import Scenario
 from lostlink.flight.exits import WELL, status_of
 from lostlink.flight.flight import Flight, Silent, Watcher
 from lostlink.flight.progress import Progress
+from lostlink.flight.verdict import RunOutcome
 from lostlink.reading.run import Run, load_run
 
 Autopilot = Literal["standin", "ardupilot", "external"]
@@ -46,8 +47,13 @@ class RunResult:
         return str(self.summary["ending"])
 
     @property
+    def outcome(self) -> RunOutcome:
+        """What it is worth, in one word."""
+        return RunOutcome(self.summary["outcome"])
+
+    @property
     def verdict(self) -> str:
-        """Whether what was measured agrees with the model, in words."""
+        """The same in words: whether what was measured agrees with the model and the expectations."""
         return str(self.summary["verdict"])
 
     @property

@@ -1,4 +1,4 @@
-"""What a run has to say in the end: `summary.json`, and one line of verdict."""
+"""What a run has to say in the end: `summary.json`."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from bridge.record.events import read_reports
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.expectations.judge import Judgement, judge
+from lostlink.flight.verdict import UNJUDGED, verdict_of
 
-SCHEMA = 2
+SCHEMA = 3
 BIN_SENT_MIN = 50
 """Bins with fewer packets are shown, but not held against their interval."""
 
@@ -51,6 +52,7 @@ def summarise(
     within = sum(not is_outside(row) for row in judged)
     found, reports = digests(run.path), read_reports(run.path)
     judgements = judge(run.path, scenario, ending, as_far_as_possible=True)
+    verdict = verdict_of(ledger["checks"], ledger["links"], ending, judgements, unfinished)
     return {
         "schema": SCHEMA,
         "scenario": scenario.name,
@@ -76,32 +78,14 @@ def summarise(
         "bins_within": within,
         "checks": ledger["checks"],
         "expectations": [asdict(judgement) for judgement in judgements],
-        "verdict": verdict_text(ledger["checks"], ledger["links"], ending)
-        + _remark(unfinished)
-        + _missed(judgements),
+        "outcome": verdict.outcome,
+        "verdict": verdict.text,
     }
-
-
-def _missed(judgements: Sequence[Judgement]) -> str:
-    failed = [judgement.name for judgement in judgements if not judgement.passed]
-    if failed:
-        return f"; {len(failed)} of {len(judgements)} expectations failed: {', '.join(failed)}"
-    return f"; {len(judgements)} expectations met" if judgements else ""
-
-
-def last_line(summary: dict[str, Any]) -> str:
-    """The verdict for people: the first word does not say that all is well if it is not."""
-    is_met = all(row["passed"] for row in summary["expectations"])
-    return summary["verdict"] if is_met else f"expectations failed; {summary['verdict']}"
 
 
 def expectation_lines(summary: dict[str, Any]) -> list[str]:
     """A line for people per expectation of the run."""
     return [str(Judgement(**row)) for row in summary["expectations"]]
-
-
-UNJUDGED = {"interrupted": "interrupted", "failed": "broke off"}
-"""Endings after which nothing is judged, and how the verdict begins."""
 
 
 def _read_ledger(run: RunDirectory, ending: str) -> dict[str, Any]:
@@ -111,25 +95,6 @@ def _read_ledger(run: RunDirectory, ending: str) -> dict[str, Any]:
         return {"links": [], "bins": [], "refused": {}, "checks": []}
     ledger: dict[str, Any] = json.loads(file.read_text(encoding="ascii"))
     return ledger
-
-
-def verdict_text(checks: Sequence[dict[str, Any]], links: Sequence[dict[str, Any]], ending: str) -> str:
-    """One line: whether the packets are what the radio says."""
-    sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
-    counts = f"{delivered} of {sent} packets delivered"
-    if ending in UNJUDGED:
-        return f"{UNJUDGED[ending]}: {counts if links else 'no link was recorded'}"
-    if not checks:
-        return f"no verdict: {counts}; nothing was drawn"
-    failed = [f"{check['name']} (chance {check['chance']:.2g})" for check in checks if not check["passed"]]
-    if failed:
-        return f"fail: {len(failed)} of {len(checks)} checks against the model: {', '.join(failed)}; {counts}"
-    return f"pass: {len(checks)} checks of draws and powers against the model; {counts}"
-
-
-def _remark(unfinished: Sequence[str]) -> str:
-    noun = "node" if len(unfinished) == 1 else "nodes"
-    return f"; {noun} {', '.join(unfinished)} had not finished" if unfinished else ""
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

@@ -45,7 +45,7 @@ class RadioPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RunPlan:
     """A run to be.
 
     Attributes:
@@ -78,13 +78,13 @@ class Plan:
     not_modelled: tuple[str, ...]
 
 
-def plan_of(scenario: Scenario) -> Plan:
+def plan_of(scenario: Scenario) -> RunPlan:
     """The plan of a scenario, whose names are known to be right."""
     common, radios = radio_of(scenario), radios_of(scenario)
     load = offered_load(scenario, radios)
     payload = max((node.payload_bytes for node in load.nodes if node.payload_bytes), default=0)
     config = common.config
-    return Plan(
+    return RunPlan(
         scenario.name,
         scenario.description,
         scenario.seed,

@@ -106,6 +106,11 @@ class Run:
         return str(self.summary.get("ending", ""))
 
     @property
+    def outcome(self) -> str:
+        """``pass``, ``fail``, ``none``, ``interrupted`` or ``broke_off``; "" if it has no end."""
+        return str(self.summary.get("outcome", ""))
+
+    @property
     def verdict(self) -> str:
         """Whether what was measured agrees with the model, in words; "" if the run has no end."""
         return str(self.summary.get("verdict", ""))

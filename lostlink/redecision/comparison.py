@@ -50,7 +50,7 @@ class BinChange:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class DecisionComparison:
     """Two radios side by side.
 
     Attributes:
@@ -76,7 +76,7 @@ class Comparison:
         return asdict(self)
 
 
-def compare_decisions(before: Decisions, after: Decisions, bins: Sequence[BinSummary]) -> Comparison:
+def compare_decisions(before: Decisions, after: Decisions, bins: Sequence[BinSummary]) -> DecisionComparison:
     """Compare what was with what is decided anew.
 
     Args:
@@ -93,7 +93,7 @@ def compare_decisions(before: Decisions, after: Decisions, bins: Sequence[BinSum
     np.add.at(pairs, tuple(fates), one.columns["packets"])
     changed = pairs.copy()
     np.fill_diagonal(changed, 0)
-    return Comparison(
+    return DecisionComparison(
         int(pairs.sum()),
         int(changed.sum()),
         _changes(changed),

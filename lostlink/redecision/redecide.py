@@ -49,7 +49,7 @@ from channel.medium.reception import EVERYBODY, Packets
 from channel.medium.verdict import Check, Judge
 from lostlink.reading.decisions import Decisions
 from lostlink.reading.sent import SentPackets
-from lostlink.redecision.comparison import Comparison, compare_decisions
+from lostlink.redecision.comparison import DecisionComparison, compare_decisions
 from lostlink.redecision.settling import last_whole_ns, settle, without_nonsense
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Redecision:
     checks: tuple[Check, ...]
 
     @cached_property
-    def comparison(self) -> Comparison:
+    def comparison(self) -> DecisionComparison:
         """Before and after, side by side."""
         return compare_decisions(self.before, self.after, self.ledger.bins())
 

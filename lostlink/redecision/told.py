@@ -1,19 +1,42 @@
-"""What `lostlink redecide` shows: tables by link and by distance, and one sentence."""
+"""What `lostlink redecide` shows: tables by link and by distance, one sentence, a verdict; all of it as JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from lostlink.redecision.comparison import BinChange, Comparison, LinkChange
+from lostlink.flight.verdict import RunVerdict, verdict_of
+from lostlink.redecision.comparison import BinChange, DecisionComparison, LinkChange
+from lostlink.redecision.redecide import Redecision
 
+SCHEMA = 1
 LINKS_SHOWN_MAX = 12
 
 
-def print_tables(comparison: Comparison) -> None:
+def verdict_on(result: Redecision) -> RunVerdict:
+    """Whether the new fates are what the radio says."""
+    accounts = result.ledger.links.values()
+    links = [{"sent": account.sent, "delivered": account.delivered} for account in accounts]
+    return verdict_of(_checks(result), links, "done")
+
+
+def plain_of(result: Redecision) -> dict[str, Any]:
+    """All of it in plain types; docs/replay.md has the keys."""
+    verdict, scenario = verdict_on(result), result.scenario
+    what = {"schema": SCHEMA, "run": str(result.run), "radio": scenario.radio, "seed": scenario.seed}
+    worth = {"checks": _checks(result), "outcome": verdict.outcome, "verdict": verdict.text}
+    return what | result.comparison.as_plain() | worth
+
+
+def _checks(result: Redecision) -> list[dict[str, Any]]:
+    return [check._asdict() | {"passed": check.passed} for check in result.checks]
+
+
+def print_tables(comparison: DecisionComparison) -> None:
     """Print them to stdout."""
     console = Console()
     console.print(_links_table(comparison.links))
@@ -21,7 +44,7 @@ def print_tables(comparison: Comparison) -> None:
         console.print(_bins_table(comparison.bins))
 
 
-def sentence(comparison: Comparison) -> str:
+def sentence(comparison: DecisionComparison) -> str:
     """How much is other than it was."""
     if comparison.changed:
         changes = sorted(comparison.changes, key=lambda c: -c["packets"])

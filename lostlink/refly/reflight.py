@@ -17,7 +17,7 @@ from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
 from bridge.scenario.model import Scenario
 from lostlink.compare.compare import OnProgress, examine
-from lostlink.compare.difference import Comparison
+from lostlink.compare.difference import Comparison, seconds
 
 FROM_THERE = "a difference may come from there"
 
@@ -48,7 +48,7 @@ class Fly(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ReflightPlan:
     """A recorded run that can be flown again.
 
     Attributes:
@@ -63,9 +63,15 @@ class Plan:
     extent: Extent
     remarks: tuple[str, ...]
 
+    @property
+    def extent_told(self) -> str:
+        """Up to where it is flown, in words; "" if to its end."""
+        stop_ns = self.extent.stop_ns
+        return "" if stop_ns is None else f" up to its last whole tick, {seconds(stop_ns)}"
+
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Reflight:
     """The run that was flown again.
 
     Attributes:
@@ -82,12 +88,17 @@ class Outcome:
     other_ending: str
     remarks: tuple[str, ...]
 
+    @property
+    def is_different(self) -> bool:
+        """Whether the two, or their endings, are not the same."""
+        return self.comparison.difference is not None or bool(self.other_ending)
+
 
 class Interrupted(Exception):
     """The new flight was interrupted: there is nothing to compare."""
 
 
-def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
+def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
     """See that the run in ``run`` can be flown again.
 
     Args:
@@ -102,7 +113,7 @@ def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
         raise ValueError(f"{run}: no such directory")
     if not (run / SCENARIO_FILE).is_file():
         raise ValueError(f"{run}: not the directory of a run: it has no {SCENARIO_FILE}")
-    if _is_live(run):
+    if RunDirectory(run).is_live:
         raise ValueError(f"{run}: this run has not ended yet")
     has_streams = bool(streams_of(run))
     if not has_streams and not DELIVERIES.is_in(run):
@@ -112,25 +123,18 @@ def plan(run: Path, changes: Mapping[str, Any]) -> Plan:
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
-    return Plan(run, scenario, extent_of(run), tuple(remarks))
-
-
-def _is_live(run: Path) -> bool:
-    try:
-        return RunDirectory(run).info.is_live
-    except (OSError, ValueError):
-        return False
+    return ReflightPlan(run, scenario, extent_of(run), tuple(remarks))
 
 
 def fly_again(
-    planned: Plan,
+    planned: ReflightPlan,
     directory: RunDirectory,
     fly: Fly,
     *,
     ardupilot_dir: Path | None = None,
     quiet: bool = True,
     on_progress: OnProgress | None = None,
-) -> Outcome:
+) -> Reflight:
     """Fly the plan into ``directory`` and compare the two runs.
 
     Raises:
@@ -152,7 +156,7 @@ def fly_again(
     comparison = examine(
         planned.run, directory.path, extent.stop_ns, a_was_cut=extent.was_cut, on_progress=on_progress
     )
-    return Outcome(directory, summary, comparison, _other_ending(extent, summary), remarks)
+    return Reflight(directory, summary, comparison, _other_ending(extent, summary), remarks)
 
 
 def _other_ending(extent: Extent, summary: Mapping[str, Any]) -> str:

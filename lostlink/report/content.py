@@ -94,6 +94,7 @@ def _run(run: Run) -> Content:
         "ending": run.ending or KILLED,
         "error": summary.get("error"),
         "unfinished": summary.get("unfinished", []),
+        "outcome": run.outcome,
         "verdict": run.verdict,
         "digest": run.digest,
         "redecided_from": summary.get("redecided_from"),

@@ -72,6 +72,7 @@ def _column(run: Run) -> Content:
         "scenario": run.scenario.name,
         "seed": run.scenario.seed,
         "ending": run.ending or KILLED,
+        "outcome": run.outcome,
         "verdict": run.verdict,
         "expectations_failed": [e["name"] for e in summary.get("expectations") or [] if not e["passed"]],
         "digest": run.digest,
@@ -143,7 +144,7 @@ def table_of(content: Content) -> list[Row]:
         rows.append((f"{len(told) - SETTINGS_MAX} more settings: see the JSON", [""] * len(runs), False))
     rows += [
         _row("ending", [run["ending"] for run in runs]),
-        _row("verdict", [run["verdict"].split(":")[0] or NOTHING for run in runs]),
+        _row("outcome", [run["outcome"].replace("_", " ") or NOTHING for run in runs]),
         _row("failed expectations", [", ".join(run["expectations_failed"]) or "none" for run in runs]),
     ]
     for key, name in FIGURES.items():

@@ -4,8 +4,8 @@ That process reads directories of cases, a line each, and flies each in a proces
 imported is imported once, and nothing that a case leaves behind, such as an agent's module-level state, is there for
 the next. It answers each line with one: the directory again.
 
-A case's directory has `plan.json` (`Plan`). What came of it goes to `result.json`, written as a whole when the run is
-over and measured, so that whoever finds one need not fly again. An interrupted run leaves none.
+A case's directory has `plan.json` (`CasePlan`). What came of it goes to `result.json`, written as a whole when the run
+is over and measured, so that whoever finds one need not fly again. An interrupted run leaves none.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from bridge.fleet.preflight import preflight
 from bridge.fleet.slots import at_free_ports
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.sources import sources_of
 from lostlink.flight.flight import Flight, Silent
 from lostlink.reading.run import load_run
 from lostlink.study.metrics import of_summary, of_tables, own
 from lostlink.study.model import Function
-from lostlink.study.sources import sources_of
 
 PLAN_FILE = "plan.json"
 RESULT_FILE = "result.json"
@@ -52,7 +52,7 @@ WARM = (
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class CasePlan:
     """What a case's process is to do.
 
     Attributes:
@@ -74,7 +74,7 @@ class Plan:
         write_whole(directory / PLAN_FILE, {**content, "ardupilot_dir": self.ardupilot_dir})
 
     @classmethod
-    def read(cls, directory: Path) -> Plan:
+    def read(cls, directory: Path) -> CasePlan:
         """What was put there."""
         content = json.loads((directory / PLAN_FILE).read_text(encoding="utf-8"))
         functions = tuple(Function(file=Path(file), name=name) for file, name in content["metrics"])
@@ -100,7 +100,7 @@ def read_result(directory: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) else None
 
 
-def is_done(directory: Path, plan: Plan) -> bool:
+def is_done(directory: Path, plan: CasePlan) -> bool:
     """Whether the case was flown to its end and measured by the code that there is now."""
     result = read_result(directory)
     return result is not None and not result["failure"] and result["measures"] == plan.measures
@@ -120,7 +120,7 @@ def fly_case(directory: Path) -> int:
     """
     with (directory / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        plan = Plan.read(directory)
+        plan = CasePlan.read(directory)
         if is_done(directory, plan):
             return 0
         (directory / RESULT_FILE).unlink(missing_ok=True)
@@ -142,7 +142,7 @@ def fly_case(directory: Path) -> int:
         return 1 if result["failure"] else 0
 
 
-def _measured(path: Path, plan: Plan) -> dict[str, Any]:
+def _measured(path: Path, plan: CasePlan) -> dict[str, Any]:
     metrics: dict[str, Any] = {}
     try:
         run = load_run(path)
@@ -155,7 +155,9 @@ def _measured(path: Path, plan: Plan) -> dict[str, Any]:
         return _result(plan, metrics, {}, metrics.get("error") or _told(error))
 
 
-def _result(plan: Plan, metrics: dict[str, Any], timing: dict[str, float], failure: str) -> dict[str, Any]:
+def _result(
+    plan: CasePlan, metrics: dict[str, Any], timing: dict[str, float], failure: str
+) -> dict[str, Any]:
     return {"failure": failure, "measures": plan.measures, "metrics": metrics, "timing": timing}
 
 
@@ -169,7 +171,7 @@ def _recorded(directory: Path) -> Path | None:
     return link.resolve() if link.is_symlink() and link.is_dir() else None
 
 
-def _flown(plan: Plan, directory: Path) -> Path | None:
+def _flown(plan: CasePlan, directory: Path) -> Path | None:
     """Fly where no other run's ports are; None if that was interrupted.
 
     The link `RUN_FOLDER` leads to the run if it came to an end.

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
 from itertools import product
 from operator import getitem
 from pathlib import Path
 from typing import Any
 
+from bridge.record.digests import file_digest
+from bridge.record.provenance import version_of
 from bridge.scenario.document.settings import Setting
 from bridge.scenario.file import read_scenario
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import MAX, Scenario
+from bridge.scenario.resolve.named_files import named_files
 from lostlink.study.model import RUNS_MAX, StudyError, StudyFile
-from lostlink.study.sources import sources_of
 
 NOT_OF_THE_RESULT = ("ports", "processes", "zenoh", "hosts", "speed", "figure", "mcap", "mavlink.tlog")
 """Keys of a scenario that change no result."""
@@ -27,12 +29,17 @@ UNKEPT = {"mcap.write": False, "mavlink.tlog": False}
 """The same where directories of runs do not stay."""
 
 
+Digest = Callable[[Path], str]
+"""What gives the digest of a file."""
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """One run of a study.
 
     Attributes:
-        id: of its directory: the same for the same scenario, seed and code of agents, whatever else the study has.
+        id: of its directory: the same for the same scenario, seed, contents of all files that these name, and version
+            of lostlink, whatever else the study has.
         labels: what it is in the table: ``scenario``, ``case``, the keys that vary, ``seed``.
         scenario: as resolved.
     """
@@ -65,6 +72,7 @@ def cases_of(study: StudyFile, folder: Path) -> list[Case]:
 
 
 def _cases(study: StudyFile, folder: Path) -> Iterator[Case]:
+    digest_of = cache(file_digest)  # many cases name the same files
     together: Mapping[str, Mapping[str, Any]] = study.cases or {"": {}}
     for place, (label, changes) in product(study.scenario, together.items()):
         for choice in product(*(choices.items() for choices in study.vary.values())):
@@ -80,16 +88,18 @@ def _cases(study: StudyFile, folder: Path) -> Iterator[Case]:
                 labels: dict[str, str | int] = {"scenario": Path(place).stem}
                 labels |= {"case": label} if study.cases else {}
                 labels |= {key: text for key, (text, _) in varied.items()} | {"seed": seed}
-                yield _case(_scenario_at(place, folder), labels, {**values, "seed": seed}, folder)
+                yield _case(_scenario_at(place, folder), labels, {**values, "seed": seed}, folder, digest_of)
 
 
-def _case(place: str, labels: dict[str, str | int], values: dict[str, Any], folder: Path) -> Case:
+def _case(
+    place: str, labels: dict[str, str | int], values: dict[str, Any], folder: Path, digest_of: Digest
+) -> Case:
     settings = [Setting(key, value, _told(labels), folder) for key, value in values.items()]
     try:
         scenario = read_scenario(place, settings)
     except ScenarioError as error:
         raise StudyError(str(error)) from error
-    return Case(_id(scenario), labels, scenario)
+    return Case(_id(scenario, digest_of), labels, scenario)
 
 
 def _scenario_at(place: str, folder: Path) -> str:
@@ -97,33 +107,14 @@ def _scenario_at(place: str, folder: Path) -> str:
     return str(beside) if beside.is_file() else place
 
 
-def _id(scenario: Scenario) -> str:
+def _id(scenario: Scenario, digest_of: Digest) -> str:
     content = scenario.model_dump(mode="json", by_alias=True)
     for key in NOT_OF_THE_RESULT:
         *parents, name = key.split(".")
         del reduce(getitem, parents, content)[name]
-    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
-    named = {Path(text) for text in _texts(content) if text.endswith((".py", ".yaml", ".yml", ".csv"))}
-    files = {each for file in named if file.is_file() for each in _with_imports(file)}
-    for file in sorted(files):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _with_imports(file: Path) -> list[Path]:
-    return sources_of(file) if file.suffix == ".py" else [file]
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """All texts of a scenario; of a class in a file, the file."""
-    if isinstance(value, str):
-        yield value.rpartition(":")[0] if ".py:" in value else value
-    elif isinstance(value, Mapping):
-        for part in value.values():
-            yield from _texts(part)
-    elif isinstance(value, list | tuple):
-        for part in value:
-            yield from _texts(part)
+    files = [digest_of(file) for file in named_files(scenario)]
+    whole = {"lostlink": version_of("lostlink"), "scenario": content, "files": files}
+    return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _told(labels: Mapping[str, str | int]) -> str:

@@ -107,7 +107,7 @@ class _Flights:
             self._idle.pop().close()
 
 
-class Local:
+class LocalLanes:
     """So many at a time on this machine, each in a process of its own that ends with this one."""
 
     def __init__(self, lanes: int) -> None:
@@ -130,7 +130,7 @@ class Local:
         return _as_completed(futures)
 
 
-class Dask:
+class DaskLanes:
     """On the workers of a Dask cluster, which see the study's directory under the same path.
 
     Args:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lostlink.flight.verdict import RunOutcome
 from lostlink.reading.ages import NEEDED, link_ages, times_of
 from lostlink.reading.links import counts_of
 from lostlink.reading.places import nearest_m, places_of
@@ -29,16 +30,16 @@ OF_THE_STUDY = ("scenario", "case", "seed", "id", "failure")
 def of_summary(run: Run) -> Metrics:
     """What the summary says and the machine does not change; there of a run that failed, too.
 
-    ``ending``, ``verdict``, ``error``, ``passed`` (no verdict against it, no failed expectation), ``digest``,
-    ``sim_duration_s``.
+    ``ending``, ``outcome``, ``verdict``, ``error``, ``passed`` (it came to its end, and neither model nor expectations
+    disagree), ``digest``, ``sim_duration_s``.
     """
     summary = run.summary
     return {
         "ending": summary["ending"],
         "error": summary["error"] or "",
+        "outcome": summary["outcome"],
         "verdict": summary["verdict"],
-        "passed": not summary["verdict"].startswith("fail")
-        and all(one.get("passed", True) for one in summary.get("expectations", ())),
+        "passed": summary["outcome"] in (RunOutcome.PASS, RunOutcome.NONE),
         "digest": summary["digest"],
         "sim_duration_s": summary["sim_duration_s"],
     }

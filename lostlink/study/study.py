@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from lostlink.study.case_process import LOG_FILE, Plan, is_done, read_result
+from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, read_result
 from lostlink.study.cases import Case, cases_of
 from lostlink.study.lanes import Lanes
 from lostlink.study.metrics import load
@@ -135,5 +135,5 @@ class Study:
             else result["failure"]
         )
 
-    def _plan(self, case: Case) -> Plan:
-        return Plan(case.scenario.to_yaml(), self.content.metrics, self.content.keep, self._ardupilot_dir)
+    def _plan(self, case: Case) -> CasePlan:
+        return CasePlan(case.scenario.to_yaml(), self.content.metrics, self.content.keep, self._ardupilot_dir)

@@ -19,14 +19,14 @@ from bridge.run.directory import RunDirectory
 from lostlink.flight.flight import Flight, Silent
 from lostlink.flight.scripted import RunResult, ScenarioLike, read_like
 from lostlink.reading.run import Run, load_run
-from lostlink.testing.views import NS_PER_S, LinkRecord, NodeRecord, Place
+from lostlink.testing.views import NS_PER_S, Place, RecordedLink, RecordedNode
 
 LOOK_S = 0.1
 """How often the record is looked at while a test waits, wall time. It decides when a test goes on, and no answer."""
 
 
-class UaOfFlight(NodeRecord):
-    """A node of a flight that may go on: what `NodeRecord` says, and waiting for it."""
+class UaOfFlight(RecordedNode):
+    """A node of a flight that may go on: what `RecordedNode` says, and waiting for it."""
 
     def __init__(self, flight: FleetFlight, node: str) -> None:
         super().__init__(flight.record, node)
@@ -148,13 +148,13 @@ class FleetFlight:
         """
         return UaOfFlight(self, str(node))
 
-    def link(self, tx: int | str, rx: int | str) -> LinkRecord:
+    def link(self, tx: int | str, rx: int | str) -> RecordedLink:
         """The link from one node to another, as recorded so far.
 
         Raises:
             ValueError: there is no such node.
         """
-        return LinkRecord(self.record, str(tx), str(rx))
+        return RecordedLink(self.record, str(tx), str(rx))
 
     async def end(self) -> RunResult:
         """Wait for its end; gives what came of it."""

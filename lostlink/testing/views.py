@@ -43,7 +43,7 @@ class Place:
         return found
 
 
-class NodeRecord:
+class RecordedNode:
     """What the record says of one node."""
 
     def __init__(self, run: Run, node: str) -> None:
@@ -111,7 +111,7 @@ class NodeRecord:
         )
 
 
-class LinkRecord:
+class RecordedLink:
     """What the record says of one directed link."""
 
     def __init__(self, run: Run, tx: str, rx: str) -> None:

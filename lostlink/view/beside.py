@@ -16,6 +16,8 @@ from bridge.fleet.ports import HOST, PortUse, conflicts
 from bridge.run.directory import RunDirectory
 
 PORT = 8080
+VIEW_LOG = "view"
+"""Of the logs of a run."""
 END_S = 5.0
 """For the view to end after it was asked to."""
 
@@ -64,7 +66,7 @@ class ViewProcess:
             "--wait",
         ]
         command += ["--control"] if self._control else []
-        with run.log_path("view").open("wb") as log:
+        with run.log_path(VIEW_LOG).open("wb") as log:
             self._process = subprocess.Popen(
                 on_a_leash(command),
                 stdin=subprocess.DEVNULL,
@@ -77,6 +79,11 @@ class ViewProcess:
     def is_open(self) -> bool:
         """Whether it serves still."""
         return self._process is not None and self._process.poll() is None
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it ended, and not because all was well."""
+        return self._process is not None and bool(self._process.poll())
 
     def wait(self) -> None:
         """Wait until nobody looks any more: once the run is over the view ends by itself then."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
+from aps.api.serving import serve_client
 from lostlink.view.picture.frames import Frames
 
 FRAME_PERIOD_S = 0.1
@@ -87,20 +88,13 @@ class Broadcast:
         self._viewers.append(viewer)
         self._behind.add(viewer)  # it begins with a snapshot
         self._on_viewers(len(self._viewers))
-        sending = asyncio.create_task(self._feed(viewer, socket))
         try:
-            while (await socket.receive())["type"] != "websocket.disconnect":
-                pass
+            await serve_client(socket, self._feed(viewer, socket))
         finally:
-            sending.cancel()
-            await asyncio.gather(sending, return_exceptions=True)
             self._viewers.remove(viewer)
             self._behind.discard(viewer)
             self._on_viewers(len(self._viewers))
 
     async def _feed(self, viewer: Viewer, socket: WebSocket) -> None:
-        try:
-            while True:
-                await socket.send_text(await viewer.next())
-        except (WebSocketDisconnect, RuntimeError):
-            return  # it is gone; `serve` sees that, too
+        while True:
+            await socket.send_text(await viewer.next())

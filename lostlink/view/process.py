@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import socket
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from time import monotonic
 from urllib.parse import quote
 
@@ -21,6 +21,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.timeouts import START_S
 from lostlink.replay.player import Player
+from lostlink.view.background import Background
 from lostlink.view.broadcast import Broadcast
 from lostlink.view.page.charts import ModelCurve
 from lostlink.view.page.page import Shown
@@ -37,7 +38,6 @@ MODEL_POINTS = 200
 LOOK_AGAIN_S = 0.1
 LINGER_S = 3.0
 """Nobody looks for so long after the end: nobody wants to."""
-log = logging.getLogger("view")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +77,12 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
     Raises:
         SessionError: it is over, or does not let us in.
         OSError: the port is taken.
+        ViewDied: a part of the view did.
     """
     view = view_of(run.scenario)
     source = LiveSource(Access(run.info.run, run.info.endpoint, OBSERVERS), view)
     operator = Operator(access_of(run.path, OPERATOR), view.tell) if settings.control else None
-    viewers = _Viewers(source)
+    viewers = _Viewers(source, partial(view.tell, ""))
     broadcast = Broadcast(Frames(view), viewers.changed)
     shown = Shown(run.info.run, view, Model(run.scenario).curve, operator, operator)
     try:
@@ -90,7 +91,8 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
             await operator.open()
         async with ViewServer(shown, broadcast, settings.server) as server:
             settings.announce(address_of(settings.server, server.port))
-            await _until_nobody_cares(source, viewers, stop)
+            server.background.start(source.read_logged(), "what agents log")
+            await _until_nobody_cares(server.background, source, viewers, stop)
     finally:
         await source.close()
         if operator is not None:
@@ -103,6 +105,7 @@ async def view_record(run: RunDirectory, settings: ViewSettings, stop: asyncio.E
     Raises:
         ValueError: it is none.
         OSError: it cannot be read, or the port is taken.
+        ViewDied: a part of the view did.
     """
     player = await asyncio.to_thread(Player.open, run.path)
     view = view_of(player.scenario)
@@ -110,34 +113,26 @@ async def view_record(run: RunDirectory, settings: ViewSettings, stop: asyncio.E
     source = RecordSource(player, view, monotonic)
     broadcast = Broadcast(Frames(view), lambda _: None)
     shown = Shown(run.path.name, view, Model(player.scenario).curve, source)
-    playing = asyncio.create_task(source.run(), name="record")
-    try:
-        async with ViewServer(shown, broadcast, settings.server) as server:
-            settings.announce(address_of(settings.server, server.port))
-            stopped = asyncio.create_task(stop.wait())
-            await asyncio.wait({stopped, playing}, return_when=asyncio.FIRST_COMPLETED)
-            stopped.cancel()
-            if playing.done():
-                await playing
-    finally:
-        playing.cancel()
+    async with ViewServer(shown, broadcast, settings.server) as server:
+        server.background.start(source.run(), "the record")
+        settings.announce(address_of(settings.server, server.port))
+        await server.background.until(stop)
 
 
-async def _until_nobody_cares(source: LiveSource, viewers: _Viewers, stop: asyncio.Event) -> None:
-    stopped, over = asyncio.create_task(stop.wait()), asyncio.create_task(source.over.wait())
-    await asyncio.wait({stopped, over}, return_when=asyncio.FIRST_COMPLETED)
+async def _until_nobody_cares(
+    background: Background, source: LiveSource, viewers: _Viewers, stop: asyncio.Event
+) -> None:
+    await background.until(stop, source.over)
     while not stop.is_set() and viewers.number:
         with suppress(TimeoutError):
-            await asyncio.wait_for(stop.wait(), LINGER_S)
-    for task in (stopped, over):
-        task.cancel()
+            await asyncio.wait_for(background.until(stop), LINGER_S)
 
 
 class _Viewers:
     """How many look; the source takes no more than they see."""
 
-    def __init__(self, source: LiveSource) -> None:
-        self._source = source
+    def __init__(self, source: LiveSource, on_failure: Callable[[str], object]) -> None:
+        self._source, self._on_failure = source, on_failure
         self.number = 0
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -154,7 +149,7 @@ class _Viewers:
     def _done(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
         if not task.cancelled() and task.exception() is not None:
-            log.warning("the run cannot be looked at closely: %s", task.exception())
+            self._on_failure(f"the map stands still: the run cannot be looked at closely: {task.exception()}")
 
 
 def address_of(config: ApiConfig, port: int) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections import Counter
+from functools import partial
 from typing import Final, Self
 
 from fastapi import FastAPI
@@ -11,6 +11,7 @@ from nicegui import ui
 
 from aps.api.guard import ApiConfig, Guard
 from aps.api.serving import Serving
+from lostlink.view.background import Background
 from lostlink.view.broadcast import Broadcast
 from lostlink.view.cookie import App, Message, Receive, Scope, Send, WithCookie
 from lostlink.view.page.page import Page, Shown
@@ -34,6 +35,9 @@ class ViewServer:
         broadcast: serves the map's frames.
         config: where, and who may come.
 
+    Attributes:
+        background: what it lives by, from entry to exit; more can be added.
+
     Raises:
         OSError: the port is taken (on entering the context).
     """
@@ -45,17 +49,19 @@ class ViewServer:
         self._shown, self._broadcast = shown, broadcast
 
     async def __aenter__(self) -> Self:
+        self.background = Background()
         self._serving = Serving(
             WithCookie(Guard(_WithPolicy(self._app()), self.config, self._count), self.config.token),
             self.config.host,
             self.config.port,
             "view",
+            partial(self.background.die, "the web server"),
             lifespan="on",
             ws_max_size=MAX_FRAME_BYTES,
         )
         await self._serving.__aenter__()
         self.port = self._serving.port
-        self._frames = asyncio.create_task(self._broadcast.run(), name="frames")
+        self.background.start(self._broadcast.run(), "the map")
         return self
 
     def _app(self) -> FastAPI:
@@ -81,9 +87,8 @@ class ViewServer:
         self.refused[reason] += 1
 
     async def __aexit__(self, *_: object) -> None:
-        self._frames.cancel()
+        await self.background.end()
         await self._serving.__aexit__()
-        await asyncio.gather(self._frames, return_exceptions=True)
 
 
 class _WithPolicy:

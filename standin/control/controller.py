@@ -26,7 +26,7 @@ from standin.control.quaternion import (
     thrust_axis_down,
     yaw_of,
 )
-from standin.wire.sensors import SensorFrame
+from standin.wire.sensors import SensedFrame
 
 OUTER_STEP_S = 0.01
 HOVER_LEARNING_TIME_S = 3.0
@@ -59,7 +59,7 @@ class FlightController:
         self._throttle_planned = 0.0
         self._yaw_rate_radps = 0.0
 
-    def rest(self, frame: SensorFrame, command: float) -> MotorCommands:
+    def rest(self, frame: SensedFrame, command: float) -> MotorCommands:
         """Turn the motors evenly (0 = stopped) and forget all integrals: for the ground."""
         self._attitude.reset(frame.gyro_radps)
         self._position.reset()
@@ -67,14 +67,14 @@ class FlightController:
         self.throttle = command
         return (command,) * self._motors
 
-    def spool(self, frame: SensorFrame, throttle: float, yaw_rad: float, step_s: float) -> MotorCommands:
+    def spool(self, frame: SensedFrame, throttle: float, yaw_rad: float, step_s: float) -> MotorCommands:
         """Hold level at a throttle that is given: for leaving the ground."""
         self._position.reset()
         self._thrust_mps2 = (0.0, 0.0, -GRAVITY_MPS2)
         self.target = quaternion_from_euler(0.0, 0.0, yaw_rad)
         return self._hold_attitude(frame, throttle, 0.0, step_s)
 
-    def plan(self, frame: SensorFrame, navigator: Navigator, step_s: float) -> None:
+    def plan(self, frame: SensedFrame, navigator: Navigator, step_s: float) -> None:
         """Run the outer loops: attitude and throttle that follow the references; learn the hover throttle."""
         vertical = navigator.vertical
         thrust = self._position.thrust(
@@ -99,21 +99,21 @@ class FlightController:
         """Upward part of the specific thrust planned; about 9.8 in steady flight."""
         return -self._thrust_mps2[2]
 
-    def relax(self, frame: SensorFrame) -> None:
+    def relax(self, frame: SensedFrame) -> None:
         """Forget the integrals and the lean: for a vehicle that is about to be found standing."""
         self._position.forget_horizontal()
         self._aim(frame, (0.0, 0.0, self._thrust_mps2[2]), yaw_of(frame.attitude_wxyz))
 
-    def follow(self, frame: SensorFrame, step_s: float) -> MotorCommands:
+    def follow(self, frame: SensedFrame, step_s: float) -> MotorCommands:
         """Run the inner loops towards the attitude and throttle planned."""
         return self._hold_attitude(frame, self._throttle_planned, self._yaw_rate_radps, step_s)
 
-    def lifted_off(self, frame: SensorFrame) -> None:
+    def lifted_off(self, frame: SensedFrame) -> None:
         """Take the present throttle and thrust as the first measure of the hover throttle."""
         force_mps2 = max(-frame.specific_force_mps2[2], LEARNING_FORCE_MIN_MPS2)
         self._set_hover_throttle(self.throttle * GRAVITY_MPS2 / force_mps2)
 
-    def _aim(self, frame: SensorFrame, thrust_mps2: Vector, yaw_rad: float) -> None:
+    def _aim(self, frame: SensedFrame, thrust_mps2: Vector, yaw_rad: float) -> None:
         north, east, down = thrust_mps2
         size = sqrt(north * north + east * east + down * down)
         self._thrust_mps2 = thrust_mps2
@@ -122,7 +122,7 @@ class FlightController:
         self._throttle_planned = throttle_for(thrust_mps2, tilt_cos, self.hover_throttle)
 
     def _hold_attitude(
-        self, frame: SensorFrame, throttle: float, yaw_rate_radps: float, step_s: float
+        self, frame: SensedFrame, throttle: float, yaw_rate_radps: float, step_s: float
     ) -> MotorCommands:
         roll, pitch, yaw = self._attitude.update(
             frame.attitude_wxyz,
@@ -135,7 +135,7 @@ class FlightController:
         self.throttle = sum(commands) / self._motors
         return commands
 
-    def _learn_hover_throttle(self, frame: SensorFrame, step_s: float) -> None:
+    def _learn_hover_throttle(self, frame: SensedFrame, step_s: float) -> None:
         force_mps2 = -frame.specific_force_mps2[2]
         if force_mps2 > LEARNING_FORCE_MIN_MPS2:
             measured = self.throttle * GRAVITY_MPS2 / force_mps2

@@ -7,7 +7,7 @@ from math import atan2, hypot
 
 from standin.control.profile import HorizontalProfile, Limits, VerticalProfile
 from standin.control.quaternion import Vector, wrapped, yaw_of
-from standin.wire.sensors import SensorFrame
+from standin.wire.sensors import SensedFrame
 
 YAW_RATE_MAX_RADPS = 1.05
 """ATC_SLEW_YAW's default, 60 degrees per second."""
@@ -46,22 +46,22 @@ class Navigator:
         self._yaw_target_rad = 0.0
         self._look_ahead = False
 
-    def start(self, frame: SensorFrame) -> None:
+    def start(self, frame: SensedFrame) -> None:
         """Begin where the vehicle is, with its velocity, and hold its yaw; the target is to stop."""
         self.restart_horizontal(frame)
         self.restart_vertical(frame)
         self.restart_yaw(frame)
         self.stop()
 
-    def restart_horizontal(self, frame: SensorFrame) -> None:
+    def restart_horizontal(self, frame: SensedFrame) -> None:
         """Put the horizontal reference where the vehicle is, with its velocity."""
         self.horizontal.reset(*frame.position_ned_m[:2], *frame.velocity_ned_mps[:2])
 
-    def restart_vertical(self, frame: SensorFrame) -> None:
+    def restart_vertical(self, frame: SensedFrame) -> None:
         """Put the vertical reference where the vehicle is, with its velocity."""
         self.vertical.reset(frame.position_ned_m[2], frame.velocity_ned_mps[2])
 
-    def restart_yaw(self, frame: SensorFrame) -> None:
+    def restart_yaw(self, frame: SensedFrame) -> None:
         """Hold the vehicle's present yaw."""
         self.yaw_rad = yaw_of(frame.attitude_wxyz)
         self.yaw_rate_radps = 0.0
@@ -98,7 +98,7 @@ class Navigator:
         """Turn towards the target point whenever it is far enough away."""
         self._yaw_target_rad, self._look_ahead = self.yaw_rad, True
 
-    def step(self, frame: SensorFrame, limits: FlightLimits, step_s: float) -> None:
+    def step(self, frame: SensedFrame, limits: FlightLimits, step_s: float) -> None:
         """Move the references on by ``step_s``."""
         if self.point_m is None:
             self.horizontal.step_to_velocity(self.velocity_mps, limits.horizontal, step_s)
@@ -113,13 +113,13 @@ class Navigator:
         self._keep_near(frame)
         self._step_yaw(frame, step_s)
 
-    def distance_m(self, frame: SensorFrame) -> float:
+    def distance_m(self, frame: SensedFrame) -> float:
         """Return the horizontal distance from the vehicle to the target point (0 without one)."""
         if self.point_m is None:
             return 0.0
         return hypot(self.point_m[0] - frame.position_ned_m[0], self.point_m[1] - frame.position_ned_m[1])
 
-    def bearing_rad(self, frame: SensorFrame) -> float:
+    def bearing_rad(self, frame: SensedFrame) -> float:
         """Return the direction from the vehicle to the target point (the reference's yaw without one)."""
         if self.point_m is None:
             return self.yaw_rad
@@ -130,7 +130,7 @@ class Navigator:
         north_m, east_m = self.point_m or (self.horizontal.north_m, self.horizontal.east_m)
         return (north_m, east_m, self.vertical.down_m if self.depth_m is None else self.depth_m)
 
-    def _keep_near(self, frame: SensorFrame) -> None:
+    def _keep_near(self, frame: SensedFrame) -> None:
         """Do not let the reference run away from a vehicle that cannot follow (wind, tilt limit)."""
         north_m, east_m, _ = frame.position_ned_m
         ahead_north, ahead_east = self.horizontal.north_m - north_m, self.horizontal.east_m - east_m
@@ -140,7 +140,7 @@ class Navigator:
             self.horizontal.north_m = north_m + share * ahead_north
             self.horizontal.east_m = east_m + share * ahead_east
 
-    def _step_yaw(self, frame: SensorFrame, step_s: float) -> None:
+    def _step_yaw(self, frame: SensedFrame, step_s: float) -> None:
         if self._look_ahead and self.point_m is not None and self.distance_m(frame) > LOOK_AHEAD_MIN_M:
             self._yaw_target_rad = self.bearing_rad(frame)
         wanted = YAW_GAIN_PER_S * wrapped(self._yaw_target_rad - self.yaw_rad)

@@ -11,11 +11,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from standin.protocols.streams import Streams
 from standin.protocols.targets import location_from
-from standin.protocols.telemetry import Telemetry
+from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.auto import Auto
 from standin.vehicle.events import Severity
 from standin.vehicle.modes import Guided, ModeNumber
-from standin.vehicle.vehicle import Vehicle
+from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
 FORCE_MAGIC = (2989.0, 21196.0)
@@ -59,10 +59,10 @@ def request_from(message: Message) -> Request:
     return Request(message.command, parameters, *place, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, False)
 
 
-class Commands:
+class CommandProtocol:
     """Runs requests on a vehicle."""
 
-    def __init__(self, vehicle: Vehicle, telemetry: Telemetry, streams: Streams) -> None:
+    def __init__(self, vehicle: StandinVehicle, telemetry: TelemetryProtocol, streams: Streams) -> None:
         self._vehicle = vehicle
         self._telemetry = telemetry
         self._streams = streams

@@ -8,14 +8,14 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from standin.protocols import absent
-from standin.protocols.commands import Commands, request_from
+from standin.protocols.commands import CommandProtocol, request_from
 from standin.protocols.mission_protocol import MissionProtocol
 from standin.protocols.parameter_protocol import ParameterProtocol
 from standin.protocols.streams import Streams
 from standin.protocols.targets import fly_global_target, fly_local_target
-from standin.protocols.telemetry import Telemetry
-from standin.vehicle.events import Event, HomeChanged, ItemReached, ModeChanged, StatusText
-from standin.vehicle.vehicle import Vehicle
+from standin.protocols.telemetry import TelemetryProtocol
+from standin.vehicle.events import Event, HomeChanged, ItemReached, ModeChanged, TextEvent
+from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import COMPONENT, MavlinkCodec, Message
 
 SLOW_STEP_NS = 10_000_000
@@ -25,12 +25,12 @@ STATUS_TEXT_BYTES = 50
 class MavlinkEndpoint:
     """Speaks MAVLink for one vehicle with one client at a time."""
 
-    def __init__(self, vehicle: Vehicle, boot_unix_us: int) -> None:
+    def __init__(self, vehicle: StandinVehicle, boot_unix_us: int) -> None:
         self._vehicle = vehicle
         self._codec = MavlinkCodec(round(vehicle.parameters["MAV_SYSID"]))
-        self._telemetry = Telemetry(vehicle, boot_unix_us)
+        self._telemetry = TelemetryProtocol(vehicle, boot_unix_us)
         self.streams = Streams()
-        self._commands = Commands(vehicle, self._telemetry, self.streams)
+        self._commands = CommandProtocol(vehicle, self._telemetry, self.streams)
         self._missions = MissionProtocol(vehicle, self._telemetry, self._send)
         self._parameters = ParameterProtocol(vehicle.parameters, self._send)
         self._handlers: dict[str, Callable[[Message], None]] = {
@@ -116,7 +116,7 @@ class MavlinkEndpoint:
             self._tell(event)
 
     def _tell(self, event: Event) -> None:
-        if isinstance(event, StatusText):
+        if isinstance(event, TextEvent):
             text = event.text.encode("ascii", "replace")[:STATUS_TEXT_BYTES]
             self._send(dialect.MAVLink_statustext_message(int(event.severity), text))
         elif isinstance(event, ItemReached):

@@ -20,11 +20,11 @@ from standin.protocols.mission_items import (
     item_message,
 )
 from standin.protocols.targets import location_from
-from standin.protocols.telemetry import Telemetry
+from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.events import Severity
-from standin.vehicle.mission import ITEMS_MAX, Command, Kind, MissionItem, home_item
+from standin.vehicle.mission import ITEMS_MAX, Command, MissionKind, StandinItem, home_item
 from standin.vehicle.modes import Guided
-from standin.vehicle.vehicle import Vehicle
+from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
 UPLOAD_TIMEOUT_NS = 8_000_000_000
@@ -36,23 +36,25 @@ TARGET_NOW = 2
 @dataclass(slots=True)
 class _Upload:
     sender: Sender
-    kind: Kind
+    kind: MissionKind
     count: int
     heard_ns: int
     asked_ns: int
-    items: list[MissionItem] = field(default_factory=list)
+    items: list[StandinItem] = field(default_factory=list)
 
 
 class MissionProtocol:
     """One vehicle's end of the protocol."""
 
-    def __init__(self, vehicle: Vehicle, telemetry: Telemetry, send: Callable[[Message], None]) -> None:
+    def __init__(
+        self, vehicle: StandinVehicle, telemetry: TelemetryProtocol, send: Callable[[Message], None]
+    ) -> None:
         self._vehicle = vehicle
         self._telemetry = telemetry
         self._mission = vehicle.mission
         self._send = send
         self._upload: _Upload | None = None
-        self._others: dict[Kind, list[MissionItem]] = {Kind.FENCE: [], Kind.RALLY: []}
+        self._others: dict[MissionKind, list[StandinItem]] = {MissionKind.FENCE: [], MissionKind.RALLY: []}
 
     @property
     def handlers(self) -> dict[str, Callable[[Message], None]]:
@@ -70,12 +72,12 @@ class MissionProtocol:
             "MISSION_SET_CURRENT": lambda message: self._set_current(message.seq),
         }
 
-    def _of_kind(self, handler: Callable[[Message, Kind], None]) -> Callable[[Message], None]:
+    def _of_kind(self, handler: Callable[[Message, MissionKind], None]) -> Callable[[Message], None]:
         """Refuse what is no mission, fence or list of rally points."""
 
         def handle(message: Message) -> None:
-            if message.mission_type in tuple(Kind):
-                handler(message, Kind(message.mission_type))
+            if message.mission_type in tuple(MissionKind):
+                handler(message, MissionKind(message.mission_type))
             else:
                 self._refuse(message)
 
@@ -97,7 +99,7 @@ class MissionProtocol:
 
     # --- upload
 
-    def _begin_upload(self, message: Message, kind: Kind) -> None:
+    def _begin_upload(self, message: Message, kind: MissionKind) -> None:
         sender, now_ns = _sender(message), self._vehicle.sim_time_ns
         if self._upload is not None and self._upload.sender != sender:
             self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
@@ -116,7 +118,7 @@ class MissionProtocol:
         number = len(upload.items)
         self._send(dialect.MAVLink_mission_request_message(*upload.sender, number, upload.kind))
 
-    def _take_item(self, message: Message, kind: Kind) -> None:
+    def _take_item(self, message: Message, kind: MissionKind) -> None:
         sender, upload = _sender(message), self._upload
         if upload is None or upload.kind != kind:
             self._acknowledge(sender, dialect.MAV_MISSION_ERROR, kind)
@@ -139,8 +141,8 @@ class MissionProtocol:
             else:
                 self._finish_upload(upload)
 
-    def _take_old_item(self, message: Message, kind: Kind) -> None:
-        if kind is Kind.MISSION and message.current == TARGET_NOW:
+    def _take_old_item(self, message: Message, kind: MissionKind) -> None:
+        if kind is MissionKind.MISSION and message.current == TARGET_NOW:
             self._fly_there(message)
         else:
             self._take_item(message, kind)
@@ -159,11 +161,11 @@ class MissionProtocol:
         self._upload = None
         self._store(upload.kind, upload.items)
         self._acknowledge(upload.sender, dialect.MAV_MISSION_ACCEPTED, upload.kind)
-        if upload.kind is Kind.MISSION:
+        if upload.kind is MissionKind.MISSION:
             self._vehicle.say(Severity.INFO, "Flight plan received")
 
-    def _store(self, kind: Kind, items: list[MissionItem]) -> None:
-        if kind is Kind.MISSION:
+    def _store(self, kind: MissionKind, items: list[StandinItem]) -> None:
+        if kind is MissionKind.MISSION:
             self._mission.replace(items)
             self._mission.set_home(self._vehicle.home_or_origin)
         else:
@@ -171,34 +173,34 @@ class MissionProtocol:
 
     # --- download and the rest
 
-    def _send_count(self, message: Message, kind: Kind) -> None:
+    def _send_count(self, message: Message, kind: MissionKind) -> None:
         sender = _sender(message)
         if self._upload is not None:
             self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
             return
-        count = len(self._mission if kind is Kind.MISSION else self._others[kind])
+        count = len(self._mission if kind is MissionKind.MISSION else self._others[kind])
         self._send(dialect.MAVLink_mission_count_message(*sender, count, kind))
 
-    def _send_item(self, message: Message, kind: Kind) -> None:
+    def _send_item(self, message: Message, kind: MissionKind) -> None:
         self._send_as(item_int_message, message, kind)
 
-    def _send_old_item(self, message: Message, kind: Kind) -> None:
+    def _send_old_item(self, message: Message, kind: MissionKind) -> None:
         self._send_as(item_message, message, kind)
 
-    def _send_as(self, form: Form, message: Message, kind: Kind) -> None:
+    def _send_as(self, form: Form, message: Message, kind: MissionKind) -> None:
         sender, item = _sender(message), self._item(kind, message.seq)
         if self._upload is not None:
             self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
         elif item is None:
             self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE, kind)
         else:
-            current = kind is Kind.MISSION and item.seq == self._mission.current
+            current = kind is MissionKind.MISSION and item.seq == self._mission.current
             self._send(form(item, kind, sender, current))
 
-    def _item(self, kind: Kind, seq: int) -> MissionItem | None:
-        if kind is Kind.MISSION and seq == 0:  # home can be read without a mission, too
+    def _item(self, kind: MissionKind, seq: int) -> StandinItem | None:
+        if kind is MissionKind.MISSION and seq == 0:  # home can be read without a mission, too
             return home_item(self._vehicle.home_or_origin)
-        if kind is Kind.MISSION:
+        if kind is MissionKind.MISSION:
             return self._mission.item(seq)
         return self._others[kind][seq] if seq < len(self._others[kind]) else None
 
@@ -208,7 +210,7 @@ class MissionProtocol:
 
     def _clear_all(self, message: Message) -> None:
         """Clear one kind, or all of them."""
-        kinds = [kind for kind in Kind if message.mission_type in (kind, dialect.MAV_MISSION_TYPE_ALL)]
+        kinds = [kind for kind in MissionKind if message.mission_type in (kind, dialect.MAV_MISSION_TYPE_ALL)]
         if not kinds:
             self._refuse(message)
             return

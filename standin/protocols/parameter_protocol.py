@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from standin.vehicle.parameters import TABLE, Parameters, UnknownParameterError
+from standin.vehicle.parameters import TABLE, StandinParameters, UnknownParameterError
 from standin.wire.mavlink_codec import Message
 
 VALUES_PER_STEP = 10
@@ -16,7 +16,7 @@ NOT_IN_LIST = 65535
 class ParameterProtocol:
     """One vehicle's end of the protocol."""
 
-    def __init__(self, parameters: Parameters, send: Callable[[Message], None]) -> None:
+    def __init__(self, parameters: StandinParameters, send: Callable[[Message], None]) -> None:
         self._parameters = parameters
         self._send = send
         self._next: int | None = None

@@ -11,9 +11,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from standin.control.quaternion import Vector
 from standin.vehicle.location import ALT_MAX_M, Location
-from standin.vehicle.mission import RELATIVE_FRAMES, Frame
+from standin.vehicle.mission import RELATIVE_FRAMES, MissionFrame
 from standin.vehicle.modes import Guided
-from standin.vehicle.vehicle import Vehicle
+from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
 IGNORE_POSITION = 0b111
@@ -22,7 +22,7 @@ SPEED_SANE_MAX_MPS = 1000.0
 POSITION_SANE_MAX_M = 1e6
 
 
-def fly_local_target(vehicle: Vehicle, message: Message) -> None:
+def fly_local_target(vehicle: StandinVehicle, message: Message) -> None:
     """Take a SET_POSITION_TARGET_LOCAL_NED; outside GUIDED it is ignored."""
     mode, mask = vehicle.mode, message.type_mask
     if not isinstance(mode, Guided):
@@ -42,7 +42,7 @@ def fly_local_target(vehicle: Vehicle, message: Message) -> None:
         mode.stop(vehicle)
 
 
-def fly_global_target(vehicle: Vehicle, message: Message) -> None:
+def fly_global_target(vehicle: StandinVehicle, message: Message) -> None:
     """Take a SET_POSITION_TARGET_GLOBAL_INT; outside GUIDED it is ignored."""
     mode = vehicle.mode
     if not isinstance(mode, Guided):
@@ -56,10 +56,10 @@ def fly_global_target(vehicle: Vehicle, message: Message) -> None:
 
 
 def location_from(
-    vehicle: Vehicle, lat_deg: float, lon_deg: float, alt_m: float, frame: int
+    vehicle: StandinVehicle, lat_deg: float, lon_deg: float, alt_m: float, frame: int
 ) -> Location | None:
     """Return a location of a MAVLink frame with its height above sea level; None if it is not sane."""
-    if frame not in tuple(Frame) or frame == Frame.MISSION:
+    if frame not in tuple(MissionFrame) or frame == MissionFrame.MISSION:
         return None
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and abs(alt_m) <= ALT_MAX_M):
         return None

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from standin.control.quaternion import euler_from_quaternion
 from standin.vehicle.location import Location
-from standin.vehicle.vehicle import ESTIMATE_AFTER_S, GPS_FIX_AFTER_S, Vehicle, heading_deg
+from standin.vehicle.vehicle import ESTIMATE_AFTER_S, GPS_FIX_AFTER_S, StandinVehicle, heading_deg
 from standin.wire.mavlink_codec import Message
 
 FIRMWARE_VERSION = (4, 6, 0)
@@ -62,10 +62,10 @@ MAV_TYPES = {4: dialect.MAV_TYPE_QUADROTOR, 6: dialect.MAV_TYPE_HEXAROTOR}
 UNKNOWN_16 = 0xFFFF
 
 
-class Telemetry:
+class TelemetryProtocol:
     """Builds messages from a vehicle."""
 
-    def __init__(self, vehicle: Vehicle, boot_unix_us: int) -> None:
+    def __init__(self, vehicle: StandinVehicle, boot_unix_us: int) -> None:
         self._vehicle = vehicle
         self._boot_unix_us = boot_unix_us
         self.builders: dict[int, Callable[[], Message | None]] = {

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from standin.vehicle.events import ItemReached, Severity
 from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
-from standin.vehicle.mission import Command, MissionItem
+from standin.vehicle.mission import Command, StandinItem
 from standin.vehicle.modes import FlightMode, ModeNumber
 
 if TYPE_CHECKING:
-    from standin.vehicle.vehicle import Vehicle
+    from standin.vehicle.vehicle import StandinVehicle
 
 HEIGHT_REACHED_M = 1.0
 
@@ -25,14 +25,14 @@ class Auto(FlightMode):
     def __init__(self) -> None:
         self.started = False
         """A vehicle on the ground waits for MAV_CMD_MISSION_START."""
-        self._item: MissionItem | None = None
+        self._item: StandinItem | None = None
         self._revision = -1
         self._held_s = 0.0
         self._arrived = False
         self._takeoff: Takeoff | None = None
         self._return: ReturnSequence | None = None
 
-    def update(self, vehicle: Vehicle, step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, step_s: float) -> None:
         """Go on with the item."""
         if vehicle.landed and not self.started:
             vehicle.drive = Drive.IDLE
@@ -48,7 +48,7 @@ class Auto(FlightMode):
             vehicle.tell(ItemReached(item.seq))
             self._start_item(vehicle, item.seq + 1)
 
-    def touched_ground(self, vehicle: Vehicle) -> None:
+    def touched_ground(self, vehicle: StandinVehicle) -> None:
         """Disarm after a landing that the mission asked for."""
         item = self._item
         if item is not None and item.command in (Command.LAND, Command.RETURN_TO_LAUNCH):
@@ -57,7 +57,7 @@ class Auto(FlightMode):
             vehicle.mission.complete = vehicle.mission.item(item.seq + 1) is None
             vehicle.disarm(force=False)
 
-    def _start_item(self, vehicle: Vehicle, seq: int) -> None:
+    def _start_item(self, vehicle: StandinVehicle, seq: int) -> None:
         """Begin an item; run those that only set something, up to one that is flown (a mission may end with them)."""
         while (item := vehicle.mission.item(seq)) is not None:
             vehicle.mission.current = seq
@@ -71,7 +71,7 @@ class Auto(FlightMode):
             seq += 1
         self._end(vehicle)
 
-    def _end(self, vehicle: Vehicle) -> None:
+    def _end(self, vehicle: StandinVehicle) -> None:
         """The mission is complete: hold here (in the air), or disarm (on the ground)."""
         self._item = None
         vehicle.mission.complete = len(vehicle.mission) > 1
@@ -80,7 +80,7 @@ class Auto(FlightMode):
         else:
             vehicle.navigator.stop()
 
-    def _begin(self, vehicle: Vehicle, item: MissionItem) -> None:
+    def _begin(self, vehicle: StandinVehicle, item: StandinItem) -> None:
         self._item = item
         self._held_s = 0.0
         self._arrived = False
@@ -96,7 +96,7 @@ class Auto(FlightMode):
             else:
                 self._aim(vehicle, item)
 
-    def _aim(self, vehicle: Vehicle, item: MissionItem) -> None:
+    def _aim(self, vehicle: StandinVehicle, item: StandinItem) -> None:
         location = item.location(vehicle.home_or_origin, vehicle.location)
         north_m, east_m, down_m = vehicle.origin.ned_to(location)
         vehicle.navigator.go_to(north_m, east_m)
@@ -105,7 +105,7 @@ class Auto(FlightMode):
         if vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
             vehicle.navigator.look_ahead()
 
-    def _fly(self, vehicle: Vehicle, item: MissionItem, step_s: float) -> bool:
+    def _fly(self, vehicle: StandinVehicle, item: StandinItem, step_s: float) -> bool:
         """Return whether the item is done."""
         if self._takeoff is not None:
             return self._takeoff.update(vehicle, step_s)
@@ -117,7 +117,7 @@ class Auto(FlightMode):
             return self._go_there(vehicle, item, step_s)
         return False
 
-    def _go_there(self, vehicle: Vehicle, item: MissionItem, step_s: float) -> bool:
+    def _go_there(self, vehicle: StandinVehicle, item: StandinItem, step_s: float) -> bool:
         """Fly to the item's point, and land or wait there."""
         vehicle.drive = Drive.FOLLOW
         self._arrived = self._arrived or self._near(vehicle)
@@ -129,7 +129,7 @@ class Auto(FlightMode):
         self._held_s += step_s
         return self._held_s >= item.param1
 
-    def _near(self, vehicle: Vehicle) -> bool:
+    def _near(self, vehicle: StandinVehicle) -> bool:
         radius_m = max(vehicle.parameters["WPNAV_RADIUS"] / 100, 0.1)
         height_off_m = abs(vehicle.position_ned_m[2] - vehicle.navigator.target_ned_m()[2])
         return vehicle.navigator.distance_m(vehicle.frame) < radius_m and height_off_m < HEIGHT_REACHED_M

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from standin.wire.sensors import SensorFrame
+from standin.wire.sensors import SensedFrame
 
 CELLS = 3
 CELL_FULL_V, CELL_EMPTY_V = 4.2, 3.5
@@ -49,7 +49,7 @@ class WindEstimate:
     def __init__(self) -> None:
         self.north_mps = self.east_mps = 0.0
 
-    def step(self, frame: SensorFrame, step_s: float) -> None:
+    def step(self, frame: SensedFrame, step_s: float) -> None:
         """Take one frame."""
         drag_north, drag_east = _level_drag(frame)
         drag_mps2 = hypot(drag_north, drag_east)
@@ -60,7 +60,7 @@ class WindEstimate:
         self.east_mps += blend * (frame.velocity_ned_mps[1] + share * drag_east - self.east_mps)
 
 
-def _level_drag(frame: SensorFrame) -> tuple[float, float]:
+def _level_drag(frame: SensedFrame) -> tuple[float, float]:
     """Return the horizontal part of the specific force across the thrust axis, north and east."""
     x, y, _ = frame.specific_force_mps2
     w, qx, qy, qz = frame.attitude_wxyz

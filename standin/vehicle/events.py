@@ -15,7 +15,7 @@ class Severity(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class StatusText:
+class TextEvent:
     """A line for people."""
 
     severity: Severity
@@ -39,4 +39,4 @@ class ModeChanged:
     """The flight mode or the arming state changed: the heartbeat should not wait."""
 
 
-Event = StatusText | ItemReached | HomeChanged | ModeChanged
+Event = TextEvent | ItemReached | HomeChanged | ModeChanged

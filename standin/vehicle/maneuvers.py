@@ -7,7 +7,7 @@ from math import hypot
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from standin.vehicle.vehicle import Vehicle
+    from standin.vehicle.vehicle import StandinVehicle
 
 SPOOL_RATE_PER_S = 0.5
 SPOOL_START_SHARE = 0.4
@@ -35,7 +35,7 @@ class Drive(Enum):
 class Takeoff:
     """Speed the motors up until the vehicle rises, then climb straight up."""
 
-    def __init__(self, vehicle: Vehicle, down_m: float) -> None:
+    def __init__(self, vehicle: StandinVehicle, down_m: float) -> None:
         self.down_m = min(down_m, vehicle.position_ned_m[2])
         """Height to reach (never lower than the vehicle is), as metres down from the origin."""
         self._start_ned_m = vehicle.position_ned_m
@@ -49,7 +49,7 @@ class Takeoff:
             vehicle.navigator.restart_yaw(vehicle.frame)
             vehicle.drive = Drive.SPOOL
 
-    def update(self, vehicle: Vehicle, step_s: float) -> bool:
+    def update(self, vehicle: StandinVehicle, step_s: float) -> bool:
         """Go on; return True once the height is reached."""
         if not self._off_ground:
             if not self._rises(vehicle, step_s):
@@ -62,20 +62,20 @@ class Takeoff:
         vehicle.taking_off = not done
         return done
 
-    def _rises(self, vehicle: Vehicle, step_s: float) -> bool:
+    def _rises(self, vehicle: StandinVehicle, step_s: float) -> bool:
         """Tell from the smoothed velocity alone, so that a noisy position is no lift-off and hides none."""
         share = min(1.0, step_s / LIFT_OFF_SMOOTHING_S)
         self._climb_mps += share * (-vehicle.velocity_ned_mps[2] - self._climb_mps)
         self._rise_m = max(0.0, self._rise_m + step_s * self._climb_mps)
         return self._rise_m > LIFT_OFF_RISE_M and self._climb_mps > LIFT_OFF_SPEED_MPS
 
-    def _climb(self, vehicle: Vehicle) -> None:
+    def _climb(self, vehicle: StandinVehicle) -> None:
         vehicle.drive = Drive.FOLLOW
         vehicle.navigator.go_to(self._start_ned_m[0], self._start_ned_m[1])
         vehicle.navigator.go_to_depth(self.down_m)
 
 
-def land(vehicle: Vehicle) -> None:
+def land(vehicle: StandinVehicle) -> None:
     """Sink where the vehicle is until it finds that it stands: fast above LAND_ALT_LOW, then at LAND_SPEED."""
     vehicle.landing = True
     vehicle.drive = Drive.FOLLOW
@@ -96,14 +96,14 @@ class ReturnStage(Enum):
 class ReturnSequence:
     """ArduCopter's RTL: climb to the return height, fly home, wait RTL_LOIT_TIME, then land."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: StandinVehicle) -> None:
         self.stage = ReturnStage.CLIMB
         self._waited_s = 0.0
         self._down_m = vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + _return_alt_m(vehicle))
         vehicle.navigator.hold_yaw()
         vehicle.navigator.go_to_depth(self._down_m)
 
-    def update(self, vehicle: Vehicle, step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, step_s: float) -> None:
         """Go on with the stage."""
         vehicle.drive = Drive.FOLLOW
         height_off_m = abs(vehicle.position_ned_m[2] - self._down_m)
@@ -121,12 +121,12 @@ class ReturnSequence:
             land(vehicle)
 
 
-def _from_home_m(vehicle: Vehicle) -> float:
+def _from_home_m(vehicle: StandinVehicle) -> float:
     north_m, east_m, _ = vehicle.origin.ned_to(vehicle.home_or_origin)
     return hypot(north_m - vehicle.position_ned_m[0], east_m - vehicle.position_ned_m[1])
 
 
-def _return_alt_m(vehicle: Vehicle) -> float:
+def _return_alt_m(vehicle: StandinVehicle) -> float:
     """Return the height above home: RTL_ALT, less within RTL_CONE_SLOPE, never less than now."""
     wanted_m = max(vehicle.parameters["RTL_ALT"] / 100, RTL_ALT_MIN_M)
     slope = vehicle.parameters["RTL_CONE_SLOPE"]

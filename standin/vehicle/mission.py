@@ -22,7 +22,7 @@ class Command(IntEnum):
     DO_CHANGE_SPEED = 178
 
 
-class Kind(IntEnum):
+class MissionKind(IntEnum):
     """MAV_MISSION_TYPE of what can be uploaded. Fences and rally points are kept and given back, and not obeyed."""
 
     MISSION = 0
@@ -30,15 +30,15 @@ class Kind(IntEnum):
     RALLY = 2
 
 
-COMMANDS: dict[Kind, frozenset[int]] = {
-    Kind.MISSION: frozenset(Command),
-    Kind.FENCE: frozenset(range(5000, 5005)),  # MAV_CMD_NAV_FENCE_*
-    Kind.RALLY: frozenset({5100}),  # MAV_CMD_NAV_RALLY_POINT
+COMMANDS: dict[MissionKind, frozenset[int]] = {
+    MissionKind.MISSION: frozenset(Command),
+    MissionKind.FENCE: frozenset(range(5000, 5005)),  # MAV_CMD_NAV_FENCE_*
+    MissionKind.RALLY: frozenset({5100}),  # MAV_CMD_NAV_RALLY_POINT
 }
 """What the items of each kind may be."""
 
 
-class Frame(IntEnum):
+class MissionFrame(IntEnum):
     """MAV_FRAME of the items that the stand-in flies."""
 
     GLOBAL = 0
@@ -48,12 +48,12 @@ class Frame(IntEnum):
     GLOBAL_RELATIVE_ALT_INT = 6
 
 
-RELATIVE_FRAMES = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
+RELATIVE_FRAMES = frozenset({MissionFrame.GLOBAL_RELATIVE_ALT, MissionFrame.GLOBAL_RELATIVE_ALT_INT})
 POSITION_COMMANDS = frozenset({Command.WAYPOINT, Command.LOITER_TIME, Command.LAND, Command.TAKEOFF})
 
 
 @dataclass(frozen=True, slots=True)
-class MissionItem:
+class StandinItem:
     """One item: MISSION_ITEM_INT's fields. Latitude and longitude are 1e-7 degrees, the altitude is in m."""
 
     seq: int
@@ -78,17 +78,17 @@ class MissionItem:
         return Location(self.lat_e7 * 1e-7, self.lon_e7 * 1e-7, alt_amsl_m)
 
 
-def home_item(home: Location) -> MissionItem:
+def home_item(home: Location) -> StandinItem:
     """Return item 0 of a mission."""
     place = (home.lat_e7, home.lon_e7, home.alt_amsl_m)
-    return MissionItem(0, Frame.GLOBAL, Command.WAYPOINT, 0.0, 0.0, 0.0, 0.0, *place)
+    return StandinItem(0, MissionFrame.GLOBAL, Command.WAYPOINT, 0.0, 0.0, 0.0, 0.0, *place)
 
 
 class Mission:
     """The items stored and the one that is flown."""
 
     def __init__(self) -> None:
-        self._items: list[MissionItem] = []
+        self._items: list[StandinItem] = []
         self.current = 0
         """Sequence number of the item that is, or will be, flown."""
         self.complete = False
@@ -99,11 +99,11 @@ class Mission:
     def __len__(self) -> int:
         return len(self._items)
 
-    def item(self, seq: int) -> MissionItem | None:
+    def item(self, seq: int) -> StandinItem | None:
         """Return an item, or None if there is none of that number."""
         return self._items[seq] if 0 <= seq < len(self._items) else None
 
-    def replace(self, items: Sequence[MissionItem]) -> None:
+    def replace(self, items: Sequence[StandinItem]) -> None:
         """Store a new mission; the current item is then 0."""
         self._items = list(items)
         self.current = 0

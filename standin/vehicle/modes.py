@@ -12,7 +12,7 @@ from standin.control.quaternion import Vector
 from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
 
 if TYPE_CHECKING:
-    from standin.vehicle.vehicle import Vehicle
+    from standin.vehicle.vehicle import StandinVehicle
 
 
 class ModeNumber(IntEnum):
@@ -41,20 +41,20 @@ class FlightMode:
         """ArduCopter's name of the mode."""
         return self.number.name
 
-    def refusal(self, vehicle: Vehicle) -> str:
+    def refusal(self, vehicle: StandinVehicle) -> str:
         """Return why an armed vehicle cannot enter the mode now; empty if it can."""
         if self.needs_mission and len(vehicle.mission) < 2:
             return "no mission"
         return vehicle.position_failure()
 
-    def enter(self, vehicle: Vehicle) -> None:
+    def enter(self, vehicle: StandinVehicle) -> None:
         """Begin: the navigator has just been told to stop where the vehicle is."""
 
-    def update(self, vehicle: Vehicle, step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, step_s: float) -> None:
         """Decide the drive and the target; ``step_s`` since the last call."""
         raise NotImplementedError
 
-    def touched_ground(self, vehicle: Vehicle) -> None:
+    def touched_ground(self, vehicle: StandinVehicle) -> None:
         """The vehicle was found standing; its motors are idle now."""
 
 
@@ -64,11 +64,11 @@ class Stabilize(FlightMode):
     number = ModeNumber.STABILIZE
     guided_flag = False
 
-    def refusal(self, vehicle: Vehicle) -> str:
+    def refusal(self, vehicle: StandinVehicle) -> str:
         """A pilot's mode, and there is none."""
         return "" if vehicle.landed else "no RC"
 
-    def update(self, vehicle: Vehicle, _step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, _step_s: float) -> None:
         """Stand."""
         vehicle.drive = Drive.IDLE
 
@@ -78,7 +78,7 @@ class Loiter(FlightMode):
 
     number = ModeNumber.LOITER
 
-    def update(self, vehicle: Vehicle, _step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, _step_s: float) -> None:
         """Hold what the navigator was told when the mode began."""
         vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
 
@@ -96,14 +96,14 @@ class Land(FlightMode):
     number = ModeNumber.LAND
     armable = False
 
-    def update(self, vehicle: Vehicle, _step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, _step_s: float) -> None:
         """Sink."""
         if vehicle.landed:
             vehicle.disarm(force=False)
         else:
             land(vehicle)
 
-    def touched_ground(self, vehicle: Vehicle) -> None:
+    def touched_ground(self, vehicle: StandinVehicle) -> None:
         """Disarm."""
         vehicle.disarm(force=False)
 
@@ -117,18 +117,18 @@ class ReturnToLaunch(FlightMode):
     def __init__(self) -> None:
         self._sequence: ReturnSequence | None = None
 
-    def enter(self, vehicle: Vehicle) -> None:
+    def enter(self, vehicle: StandinVehicle) -> None:
         """Plan the height of the return."""
         self._sequence = ReturnSequence(vehicle)
 
-    def update(self, vehicle: Vehicle, step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, step_s: float) -> None:
         """Go on with the return."""
         if vehicle.landed or self._sequence is None:
             vehicle.disarm(force=False)
         else:
             self._sequence.update(vehicle, step_s)
 
-    def touched_ground(self, vehicle: Vehicle) -> None:
+    def touched_ground(self, vehicle: StandinVehicle) -> None:
         """Disarm."""
         vehicle.disarm(force=False)
 
@@ -142,11 +142,11 @@ class Guided(FlightMode):
         self._takeoff: Takeoff | None = None
         self._velocity_until_ns: int | None = None
 
-    def enter(self, _vehicle: Vehicle) -> None:
+    def enter(self, _vehicle: StandinVehicle) -> None:
         """Forget what was asked for before."""
         self._takeoff = self._velocity_until_ns = None
 
-    def take_off(self, vehicle: Vehicle, alt_rel_m: float) -> bool:
+    def take_off(self, vehicle: StandinVehicle, alt_rel_m: float) -> bool:
         """Climb to a height above home; False if the vehicle is not standing armed."""
         standing = vehicle.armed and vehicle.landed and self._takeoff is None
         if not standing or alt_rel_m <= vehicle.alt_rel_m:
@@ -155,7 +155,7 @@ class Guided(FlightMode):
         self._takeoff = Takeoff(vehicle, down_m)
         return True
 
-    def fly_to(self, vehicle: Vehicle, position_ned_m: Vector) -> None:
+    def fly_to(self, vehicle: StandinVehicle, position_ned_m: Vector) -> None:
         """Fly to a point and hold there; ignored on the ground."""
         if not self._leave_takeoff(vehicle):
             return
@@ -164,7 +164,7 @@ class Guided(FlightMode):
         if vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
             vehicle.navigator.look_ahead()
 
-    def fly_velocity(self, vehicle: Vehicle, velocity_ned_mps: Vector) -> None:
+    def fly_velocity(self, vehicle: StandinVehicle, velocity_ned_mps: Vector) -> None:
         """Fly a velocity for GUID_TIMEOUT; ignored on the ground."""
         if not self._leave_takeoff(vehicle):
             return
@@ -174,12 +174,12 @@ class Guided(FlightMode):
         vehicle.navigator.hold_yaw()
         self._velocity_until_ns = vehicle.sim_time_ns + round(vehicle.parameters["GUID_TIMEOUT"] * 1e9)
 
-    def stop(self, vehicle: Vehicle) -> None:
+    def stop(self, vehicle: StandinVehicle) -> None:
         """Brake and hold."""
         if self._leave_takeoff(vehicle):
             vehicle.navigator.stop()
 
-    def update(self, vehicle: Vehicle, step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, step_s: float) -> None:
         """Go on with the takeoff or the target."""
         if self._takeoff is not None:
             if self._takeoff.update(vehicle, step_s):
@@ -190,7 +190,7 @@ class Guided(FlightMode):
             self._velocity_until_ns = None
             vehicle.navigator.stop()
 
-    def _leave_takeoff(self, vehicle: Vehicle) -> bool:
+    def _leave_takeoff(self, vehicle: StandinVehicle) -> bool:
         """Make room for another target; False while the vehicle stands."""
         if not vehicle.armed or vehicle.landed:
             return False

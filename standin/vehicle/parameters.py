@@ -59,7 +59,7 @@ class UnknownParameterError(KeyError):
     """A name that is not in the table."""
 
 
-class Parameters:
+class StandinParameters:
     """The values, by name."""
 
     def __init__(self) -> None:

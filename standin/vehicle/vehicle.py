@@ -12,13 +12,13 @@ from standin.control.profile import Limits
 from standin.control.quaternion import Vector, euler_from_quaternion, thrust_axis_down
 from standin.vehicle.auto import Auto
 from standin.vehicle.estimates import Battery, WindEstimate
-from standin.vehicle.events import Event, HomeChanged, ModeChanged, Severity, StatusText
+from standin.vehicle.events import Event, HomeChanged, ModeChanged, Severity, TextEvent
 from standin.vehicle.location import Location
 from standin.vehicle.maneuvers import Drive
 from standin.vehicle.mission import Mission
 from standin.vehicle.modes import Brake, FlightMode, Guided, Land, Loiter, ReturnToLaunch, Stabilize
-from standin.vehicle.parameters import Parameters
-from standin.wire.sensors import AT_REST, SensorFrame
+from standin.vehicle.parameters import StandinParameters
+from standin.wire.sensors import AT_REST, SensedFrame
 
 MODES: dict[int, type[FlightMode]] = {
     int(mode.number): mode for mode in (Stabilize, Auto, Guided, Loiter, ReturnToLaunch, Land, Brake)
@@ -38,10 +38,10 @@ GROUND_LIFT_SHARE = 0.65
 SERVOS = 16
 
 
-class Vehicle:
+class StandinVehicle:
     """A multirotor on the ground or in flight: ``sense`` every sensor frame, then ``step``."""
 
-    def __init__(self, origin: Location, parameters: Parameters) -> None:
+    def __init__(self, origin: Location, parameters: StandinParameters) -> None:
         self.origin = origin
         """Where position (0, 0, 0) of the sensor frames is."""
         self.parameters = parameters
@@ -50,7 +50,7 @@ class Vehicle:
         self.navigator = Navigator()
         self.battery = Battery()
         self.wind = WindEstimate()
-        self.frame: SensorFrame = AT_REST
+        self.frame: SensedFrame = AT_REST
         self.sim_time_ns = 0
         self.uptime_s = 0.0
         """Sensor time since the first frame."""
@@ -76,7 +76,7 @@ class Vehicle:
 
     # --- time
 
-    def sense(self, frame: SensorFrame, sim_time_ns: int, step_s: float) -> None:
+    def sense(self, frame: SensedFrame, sim_time_ns: int, step_s: float) -> None:
         """Take one sensor frame.
 
         Args:
@@ -118,7 +118,7 @@ class Vehicle:
 
     def say(self, severity: Severity, text: str) -> None:
         """Add a status text."""
-        self._events.append(StatusText(severity, text))
+        self._events.append(TextEvent(severity, text))
 
     # --- state as others read it
 
@@ -244,7 +244,7 @@ class Vehicle:
 
     # --- inside
 
-    def _outer(self, frame: SensorFrame, step_s: float) -> None:
+    def _outer(self, frame: SensedFrame, step_s: float) -> None:
         self._announce_ready()
         limits = self.limits()
         if self.armed:
@@ -257,7 +257,7 @@ class Vehicle:
         self.battery.step(self._commands, step_s)
         self.wind.step(frame, step_s)
 
-    def _motors(self, frame: SensorFrame, step_s: float) -> MotorCommands:
+    def _motors(self, frame: SensedFrame, step_s: float) -> MotorCommands:
         if self.drive is Drive.FOLLOW:
             return self.controller.follow(frame, step_s)
         if self.drive is Drive.SPOOL:
@@ -268,7 +268,7 @@ class Vehicle:
         self._commands = commands
         self.servo_output_us[0 : self.motor_count] = pwm_us(commands)
 
-    def _check_ground(self, frame: SensorFrame, step_s: float) -> None:
+    def _check_ground(self, frame: SensedFrame, step_s: float) -> None:
         """Find that the vehicle stands: little thrust, and still it does not sink."""
         little = (
             self.drive is Drive.FOLLOW

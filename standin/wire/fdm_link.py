@@ -12,7 +12,7 @@ import struct
 from collections import Counter
 from collections.abc import Sequence
 
-from standin.wire.sensors import SensorFrame, parse_sensor_frame
+from standin.wire.sensors import SensedFrame, parse_sensor_frame
 
 MAGIC_16 = 18458
 CHANNELS = 16
@@ -36,7 +36,7 @@ class FdmLink:
         self.events: Counter[str] = Counter()
         """``frames`` used, ``physics_resets``, and datagrams not used: ``malformed``, ``duplicate``."""
 
-    def receive(self, datagram: bytes) -> SensorFrame | None:
+    def receive(self, datagram: bytes) -> SensedFrame | None:
         """Take one datagram; return its frame if the vehicle must step on it."""
         frame = parse_sensor_frame(datagram)
         if frame is None:

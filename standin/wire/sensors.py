@@ -23,7 +23,7 @@ RATE_MAX_RADPS = 1e3
 FORCE_MAX_MPS2 = 1e5
 
 
-class SensorFrame(NamedTuple):
+class SensedFrame(NamedTuple):
     """One instant of the physics, as sent (a tuple: one is built for every frame, and it is the cheapest)."""
 
     timestamp_s: float
@@ -38,13 +38,13 @@ class SensorFrame(NamedTuple):
     airspeed_mps: float | None
 
 
-AT_REST = SensorFrame(
+AT_REST = SensedFrame(
     0.0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.80665), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), None
 )
 """What is taken for the truth before the first frame."""
 
 
-def parse_sensor_frame(datagram: bytes) -> SensorFrame | None:
+def parse_sensor_frame(datagram: bytes) -> SensedFrame | None:
     """Parse one datagram.
 
     Args:
@@ -61,7 +61,7 @@ def parse_sensor_frame(datagram: bytes) -> SensorFrame | None:
         return None
 
 
-def _frame_from(data: Any) -> SensorFrame | None:
+def _frame_from(data: Any) -> SensedFrame | None:
     imu = data["imu"]
     timestamp_s = float(data["timestamp"])
     if not 0.0 <= timestamp_s <= TIMESTAMP_MAX_S:
@@ -69,7 +69,7 @@ def _frame_from(data: Any) -> SensorFrame | None:
     airspeed = data.get("airspeed")
     if airspeed is not None and not -SPEED_MAX_MPS <= airspeed <= SPEED_MAX_MPS:
         return None
-    return SensorFrame(
+    return SensedFrame(
         timestamp_s,
         _bounded(imu["gyro"], RATE_MAX_RADPS),
         _bounded(imu["accel_body"], FORCE_MAX_MPS2),

@@ -3,7 +3,7 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aps.hub.routing import Outcome, Router
+from aps.hub.routing import Router, RoutingOutcome
 from aps.wire.framer import Frame
 
 OWN, US, LINKS = 5, 191, range(5)
@@ -89,7 +89,7 @@ def test_targeted_frames_reach_exactly_the_links_that_have_lately_seen_the_targe
 @given(traffic())
 def test_broadcasts_reach_all_other_links(frames):
     for _, frame, source, _, route in routed(frames):
-        if route.outcome is Outcome.BROADCAST:
+        if route.outcome is RoutingOutcome.BROADCAST:
             assert frame.target_system == 0
             assert set(route.links) == set(LINKS) - {source}
         if frame.msg_id == 109:

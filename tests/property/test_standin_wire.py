@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from standin.autopilot import Autopilot
 from standin.control.mixer import QUAD_X
 from standin.vehicle.location import Location
-from standin.vehicle.parameters import Parameters
+from standin.vehicle.parameters import StandinParameters
 from standin.wire.mavlink_codec import MavlinkCodec
 from standin.wire.sensors import parse_sensor_frame
 
@@ -46,7 +46,7 @@ def say(made: Autopilot, *messages: Any) -> list[Any]:
 
 
 def autopilot(*, in_guided: bool = False) -> Autopilot:
-    made = Autopilot(HOME, Parameters(), frame_rate_hz=400, boot_unix_us=0)
+    made = Autopilot(HOME, StandinParameters(), frame_rate_hz=400, boot_unix_us=0)
     made.mavlink.connect()
     for index in range(45 if in_guided else 3):
         turn(made, sensor_frame(index * 0.1))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from aps.vehicle.commands import Plan
+from aps.vehicle.commands import CommandPlan
 from aps.vehicle.flight.plans import EARTH_RADIUS_M, ardupilot_only, checked, horizontal_distance_m, mode_step
 from aps.vehicle.flight.setpoints import (
     Yaw,
@@ -19,7 +19,7 @@ from aps.vehicle.flight.setpoints import (
     reposition_step,
     stop,
 )
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import is_plane, mavlink
 
 __all__ = ["orbit"]
@@ -42,13 +42,13 @@ class _Circle:
     turned_rad: float = 0.0
     _bearing_rad: float | None = None
 
-    def offset_m(self, state: AircraftState) -> tuple[float, float]:
+    def offset_m(self, state: VehicleState) -> tuple[float, float]:
         """Where the UA is from the centre: north, east."""
         north = math.radians(state.lat_deg - self.lat_deg) * EARTH_RADIUS_M
         east = math.radians((state.lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0)
         return north, east * EARTH_RADIUS_M * math.cos(math.radians(self.lat_deg))
 
-    def look(self, state: AircraftState, within_m: float) -> None:
+    def look(self, state: VehicleState, within_m: float) -> None:
         """Count the way around the centre, as long as the UA is near the circle."""
         north, east = self.offset_m(state)
         near = abs(math.hypot(north, east) - self.radius_m) <= within_m
@@ -61,7 +61,7 @@ class _Circle:
             self.turned_rad += step if self.clockwise else -step
         self._bearing_rad = bearing
 
-    def lead(self, state: AircraftState, speed_mps: float) -> tuple[float, float, float]:
+    def lead(self, state: VehicleState, speed_mps: float) -> tuple[float, float, float]:
         """Where on the circle the UA is to be in a moment, as north and east of the centre, and its bearing."""
         north, east = self.offset_m(state)
         bearing = math.atan2(east, north) if math.hypot(north, east) > 1.0 else 0.0
@@ -71,7 +71,7 @@ class _Circle:
 
 
 def orbit(
-    state: AircraftState,
+    state: VehicleState,
     lat_deg: float,
     lon_deg: float,
     alt_rel_m: float,
@@ -79,7 +79,7 @@ def orbit(
     speed_mps: float = 5.0,
     turns: float = 1.0,
     clockwise: bool = True,
-) -> Plan:
+) -> CommandPlan:
     """Circle a point, and go on at the end (a copter stops; a plane circles until it is told otherwise).
 
     A copter flies setpoints on the circle with its nose to the centre; a plane's own GUIDED circle is used, at its own
@@ -104,7 +104,7 @@ def orbit(
     plane = is_plane(state.vehicle_type)
     within_m = max(5.0, radius * (0.5 if plane else 0.2))
 
-    def reached(now: AircraftState) -> bool:
+    def reached(now: VehicleState) -> bool:
         circle.look(now, within_m)
         return circle.turned_rad >= full_rad
 
@@ -114,7 +114,7 @@ def orbit(
         frame = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
         steps = (mode_step(state, "GUIDED"), reposition_step(state, frame, (lat, lon, height_m), signed_m))
     way_m = horizontal_distance_m(state, lat, lon) + full_rad * radius
-    return Plan(
+    return CommandPlan(
         "orbit",
         steps,
         reached,
@@ -129,8 +129,8 @@ def orbit(
     )
 
 
-def _orbit_setpoint(circle: _Circle, speed_mps: float) -> Callable[[AircraftState, float], Any]:
-    def setpoint(now: AircraftState, _: float) -> Any:
+def _orbit_setpoint(circle: _Circle, speed_mps: float) -> Callable[[VehicleState, float], Any]:
+    def setpoint(now: VehicleState, _: float) -> Any:
         north, east, bearing = circle.lead(now, speed_mps)
         sense = speed_mps if circle.clockwise else -speed_mps
         along = (-math.sin(bearing) * sense, math.cos(bearing) * sense, 0.0)

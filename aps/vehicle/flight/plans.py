@@ -1,6 +1,6 @@
 """What each command sends to ArduCopter and ArduPlane, and when its goal is reached.
 
-Each function takes the state at the time of the request and returns a ``Plan``. A caller's mistake (a mode
+Each function takes the state at the time of the request and returns a ``CommandPlan``. A caller's mistake (a mode
 that the vehicle lacks, a latitude of 100 degrees) raises ``ValueError`` with the value and what is allowed.
 """
 
@@ -10,9 +10,9 @@ import math
 from typing import Any, Final
 
 from aps.timeouts import LANDING_TIMEOUT_S, MODE_TIMEOUT_S, REBOOT_TIMEOUT_S
-from aps.vehicle.commands import ARMING, Plan, Step
+from aps.vehicle.commands import ARMING, CommandPlan, Step
 from aps.vehicle.execution import Refusal
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import ARDUPILOT, AUTOPILOT_COMPID, PX4, is_plane, mavlink, mode_numbers
 
 __all__ = ["arm", "change_speed", "disarm", "land", "reboot", "rtl", "set_mode", "takeoff"]
@@ -26,7 +26,7 @@ SLOWEST_MPS: Final = 0.5
 FORCE_DISARM: Final = 21196.0
 
 
-def command_long(state: AircraftState, command: int, *params: float) -> Step:
+def command_long(state: VehicleState, command: int, *params: float) -> Step:
     """COMMAND_LONG to the autopilot; parameters that are not given are 0."""
     padded = [*params, *[0.0] * (7 - len(params))]
 
@@ -38,12 +38,12 @@ def command_long(state: AircraftState, command: int, *params: float) -> Step:
     return Step(message, command=command)
 
 
-def is_fixed_wing(state: AircraftState) -> bool:
+def is_fixed_wing(state: VehicleState) -> bool:
     """Whether it flies on wings alone (VTOL take off and land as copters do)."""
     return state.vehicle_type == int(mavlink.MAV_TYPE_FIXED_WING)
 
 
-def mode_step(state: AircraftState, mode: str) -> Step:
+def mode_step(state: VehicleState, mode: str) -> Step:
     """DO_SET_MODE, in the form that this autopilot takes.
 
     Raises:
@@ -76,7 +76,7 @@ def checked(name: str, value: float, low: float, high: float) -> float:
     return float(value)
 
 
-def horizontal_distance_m(state: AircraftState, lat_deg: float, lon_deg: float) -> float:
+def horizontal_distance_m(state: VehicleState, lat_deg: float, lon_deg: float) -> float:
     """Distance over ground, m, flat around the point: for telling that it is reached, not for navigation."""
     north_rad = math.radians(state.lat_deg - lat_deg)
     east_rad = math.radians((state.lon_deg - lon_deg + 180.0) % 360.0 - 180.0) * math.cos(
@@ -85,13 +85,13 @@ def horizontal_distance_m(state: AircraftState, lat_deg: float, lon_deg: float) 
     return EARTH_RADIUS_M * math.hypot(north_rad, east_rad)
 
 
-def arm(state: AircraftState) -> Plan:
+def arm(state: VehicleState) -> CommandPlan:
     """Arm the motors."""
     step = command_long(state, int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM), 1.0)
-    return Plan("arm", (step,), lambda now: now.armed, MODE_TIMEOUT_S, occupies=ARMING)
+    return CommandPlan("arm", (step,), lambda now: now.armed, MODE_TIMEOUT_S, occupies=ARMING)
 
 
-def disarm(state: AircraftState, *, force: bool = False) -> Plan:
+def disarm(state: VehicleState, *, force: bool = False) -> CommandPlan:
     """Disarm the motors; the autopilot refuses in flight unless forced.
 
     Args:
@@ -101,12 +101,12 @@ def disarm(state: AircraftState, *, force: bool = False) -> Plan:
     magic = FORCE_DISARM if force else 0.0
     step = command_long(state, int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM), 0.0, magic)
     hint = "in flight only with force"
-    return Plan(
+    return CommandPlan(
         "disarm", (step,), lambda now: not now.armed, MODE_TIMEOUT_S, refusal_hint=hint, occupies=ARMING
     )
 
 
-def set_mode(state: AircraftState, mode: str) -> Plan:
+def set_mode(state: VehicleState, mode: str) -> CommandPlan:
     """Change the flight mode.
 
     Args:
@@ -116,10 +116,10 @@ def set_mode(state: AircraftState, mode: str) -> Plan:
     if not isinstance(mode, str):
         raise ValueError(f"mode must be a name, not {mode!r}")
     name = mode.upper()
-    return Plan("mode", (mode_step(state, name),), lambda now: now.mode == name, MODE_TIMEOUT_S)
+    return CommandPlan("mode", (mode_step(state, name),), lambda now: now.mode == name, MODE_TIMEOUT_S)
 
 
-def takeoff(state: AircraftState, alt_rel_m: float) -> Plan:
+def takeoff(state: VehicleState, alt_rel_m: float) -> CommandPlan:
     """Climb to a height above home. The UA must be armed.
 
     Copters and VTOL: GUIDED and NAV_TAKEOFF. Fixed wing: the TAKEOFF mode with TKOFF_ALT set.
@@ -137,7 +137,7 @@ def takeoff(state: AircraftState, alt_rel_m: float) -> Plan:
     else:
         climb = command_long(state, int(mavlink.MAV_CMD_NAV_TAKEOFF), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
         steps = (mode_step(state, mode), climb)
-    return Plan(
+    return CommandPlan(
         "takeoff",
         steps,
         lambda now: now.alt_rel_m >= height_m - tolerance_m,
@@ -149,7 +149,7 @@ def takeoff(state: AircraftState, alt_rel_m: float) -> Plan:
     )
 
 
-def _parameter_step(state: AircraftState, name: str, value: float) -> Step:
+def _parameter_step(state: VehicleState, name: str, value: float) -> Step:
     def message(_: int) -> Any:
         return mavlink.MAVLink_param_set_message(
             state.sysid, AUTOPILOT_COMPID, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
@@ -158,23 +158,23 @@ def _parameter_step(state: AircraftState, name: str, value: float) -> Step:
     return Step(message, parameter=name, value=value)
 
 
-def _is_down(state: AircraftState) -> bool:
+def _is_down(state: VehicleState) -> bool:
     return not state.armed or state.landed_state == "on_ground"
 
 
-def _height_m(state: AircraftState) -> float:
+def _height_m(state: VehicleState) -> float:
     return max(0.0, state.alt_rel_m)
 
 
-def rtl(state: AircraftState) -> Plan:
+def rtl(state: VehicleState) -> CommandPlan:
     """Return to launch: a copter is there once it has landed, a fixed wing once it circles over home."""
 
-    def over_home(now: AircraftState) -> bool:
+    def over_home(now: VehicleState) -> bool:
         home_m = horizontal_distance_m(now, now.home_lat_deg, now.home_lon_deg)
         return _is_down(now) or home_m <= PLANE_RADIUS_M
 
     mode = "AUTO.RTL" if state.autopilot == PX4 else "RTL"
-    return Plan(
+    return CommandPlan(
         "rtl",
         (mode_step(state, mode),),
         over_home if is_fixed_wing(state) else _is_down,
@@ -186,12 +186,12 @@ def rtl(state: AircraftState) -> Plan:
     )
 
 
-def _way_home_s(state: AircraftState) -> float:
+def _way_home_s(state: VehicleState) -> float:
     way_m = horizontal_distance_m(state, state.home_lat_deg, state.home_lon_deg)
     return LANDING_TIMEOUT_S + (way_m / SLOWEST_MPS if math.isfinite(way_m) else 0.0)
 
 
-def ardupilot_only(state: AircraftState, what: str) -> None:
+def ardupilot_only(state: VehicleState, what: str) -> None:
     """Refuse what is ArduPilot's own way.
 
     Raises:
@@ -206,12 +206,12 @@ def finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def land(state: AircraftState) -> Plan:
+def land(state: VehicleState) -> CommandPlan:
     """Land: a copter where it is (LAND), VTOL likewise (QLAND), a fixed wing by AUTOLAND."""
     mode = "AUTO.LAND" if state.autopilot == PX4 else "LAND"
     if state.autopilot == ARDUPILOT and is_plane(state.vehicle_type):
         mode = "AUTOLAND" if is_fixed_wing(state) else "QLAND"
-    return Plan(
+    return CommandPlan(
         "land",
         (mode_step(state, mode),),
         _is_down,
@@ -225,7 +225,7 @@ SPEED_KINDS: Final = {"air": 0, "ground": 1, "climb": 2, "descent": 3}
 """Name -> SPEED_TYPE."""
 
 
-def speed_step(state: AircraftState, speed_mps: float, kind: str) -> Step:
+def speed_step(state: VehicleState, speed_mps: float, kind: str) -> Step:
     """DO_CHANGE_SPEED.
 
     Raises:
@@ -237,7 +237,7 @@ def speed_step(state: AircraftState, speed_mps: float, kind: str) -> Step:
     return command_long(state, int(mavlink.MAV_CMD_DO_CHANGE_SPEED), float(SPEED_KINDS[kind]), speed, -1.0)
 
 
-def change_speed(state: AircraftState, speed_mps: float, kind: str | None = None) -> Plan:
+def change_speed(state: VehicleState, speed_mps: float, kind: str | None = None) -> CommandPlan:
     """Change the speed that the autopilot flies at in GUIDED and AUTO, without changing where it flies to.
 
     Args:
@@ -247,11 +247,13 @@ def change_speed(state: AircraftState, speed_mps: float, kind: str | None = None
     """
     if kind is None:
         kind = "air" if is_plane(state.vehicle_type) else "ground"
-    return Plan("speed", (speed_step(state, speed_mps, kind),), lambda _: True, MODE_TIMEOUT_S, occupies="")
+    return CommandPlan(
+        "speed", (speed_step(state, speed_mps, kind),), lambda _: True, MODE_TIMEOUT_S, occupies=""
+    )
 
 
-def reboot(state: AircraftState) -> Plan:
+def reboot(state: VehicleState) -> CommandPlan:
     """Have the autopilot boot anew; done when its clock has begun again. It refuses while it is armed."""
     step = command_long(state, int(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN), 1.0)
     hint = "the UA is armed" if state.armed else ""
-    return Plan("reboot", (step,), lambda _: False, REBOOT_TIMEOUT_S, refusal_hint=hint, reboots=True)
+    return CommandPlan("reboot", (step,), lambda _: False, REBOOT_TIMEOUT_S, refusal_hint=hint, reboots=True)

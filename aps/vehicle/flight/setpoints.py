@@ -10,7 +10,7 @@ from aps.timeouts import LANDING_TIMEOUT_S
 from aps.vehicle.commands import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.plans import EARTH_RADIUS_M, SLOWEST_MPS, ardupilot_only, checked, mode_step
-from aps.vehicle.telemetry import AircraftState, Vector3
+from aps.vehicle.telemetry import Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
 
 __all__ = [
@@ -63,7 +63,7 @@ class Yaw:
 
 
 def local_setpoint(
-    state: AircraftState, frame: int, position_m: Vector3 | None, velocity_mps: Vector3 | None, yaw: Yaw
+    state: VehicleState, frame: int, position_m: Vector3 | None, velocity_mps: Vector3 | None, yaw: Yaw
 ) -> Any:
     """SET_POSITION_TARGET_LOCAL_NED; what is ``None`` is left to the autopilot."""
     mask = _NO_ACCELERATION | yaw.mask
@@ -83,7 +83,7 @@ def local_setpoint(
 
 
 def global_setpoint(
-    state: AircraftState, lat_deg: float, lon_deg: float, alt_rel_m: float, velocity_mps: Vector3, yaw: Yaw
+    state: VehicleState, lat_deg: float, lon_deg: float, alt_rel_m: float, velocity_mps: Vector3, yaw: Yaw
 ) -> Any:
     """SET_POSITION_TARGET_GLOBAL_INT with height above home."""
     return mavlink.MAVLink_set_position_target_global_int_message(
@@ -101,12 +101,12 @@ def global_setpoint(
     )
 
 
-def guided(state: AircraftState) -> tuple[Step, ...]:
+def guided(state: VehicleState) -> tuple[Step, ...]:
     """The step into GUIDED, unless it flies in it."""
     return () if state.mode == "GUIDED" else (mode_step(state, "GUIDED"),)
 
 
-def setpoints_only(state: AircraftState, verb: str) -> None:
+def setpoints_only(state: VehicleState, verb: str) -> None:
     """Refuse to send setpoints to what takes none.
 
     Raises:
@@ -143,7 +143,7 @@ def leg_s(distance_m: float) -> float:
 
 
 def reposition_step(
-    state: AircraftState, frame: int, place: tuple[float, float, float], radius_m: float = 0.0
+    state: VehicleState, frame: int, place: tuple[float, float, float], radius_m: float = 0.0
 ) -> Step:
     """DO_REPOSITION; a plane circles with ``radius_m``, negative to the left, 0 as it is set."""
     command = int(mavlink.MAV_CMD_DO_REPOSITION)
@@ -169,6 +169,6 @@ def reposition_step(
     return Step(message, command=command)
 
 
-def stop(state: AircraftState) -> list[Any]:
+def stop(state: VehicleState) -> list[Any]:
     """Have a copter stop where it is."""
     return [local_setpoint(state, mavlink.MAV_FRAME_LOCAL_NED, None, ZERO, Yaw())]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from aps.vehicle.commands import Plan, Step
+from aps.vehicle.commands import CommandPlan, Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.plans import (
     PLANE_RADIUS_M,
@@ -33,7 +33,7 @@ from aps.vehicle.flight.setpoints import (
     setpoints_only,
     stop,
 )
-from aps.vehicle.telemetry import AircraftState, Vector3
+from aps.vehicle.telemetry import Vector3, VehicleState
 from aps.wire.dialect import is_ground, is_plane, mavlink
 
 __all__ = ["follow", "goto", "goto_ned", "velocity"]
@@ -68,14 +68,14 @@ def _choice(name: str, value: str, among: dict[str, int]) -> int:
 
 
 def goto(
-    state: AircraftState,
+    state: VehicleState,
     lat_deg: float,
     lon_deg: float,
     alt_rel_m: float,
     speed_mps: float | None = None,
     yaw_deg: float | None = None,
     frame: str = "relative",
-) -> Plan:
+) -> CommandPlan:
     """Fly to a point in GUIDED and hold (a fixed wing: circle) there.
 
     Args:
@@ -95,15 +95,15 @@ def goto(
         raise ValueError("yaw_deg: a plane points where it flies")
     radius_m, tolerance_m = (PLANE_RADIUS_M, PLANE_HEIGHT_M) if plane else (COPTER_RADIUS_M, COPTER_HEIGHT_M)
 
-    def climb_m(now: AircraftState) -> float:
+    def climb_m(now: VehicleState) -> float:
         if frame == "terrain" or is_ground(now.vehicle_type):
             return 0.0  # what the height above the ground is, only the autopilot knows
         return height_m - (now.alt_amsl_m if frame == "amsl" else now.alt_rel_m)
 
-    def remaining_m(now: AircraftState) -> float:
+    def remaining_m(now: VehicleState) -> float:
         return math.hypot(horizontal_distance_m(now, lat, lon), climb_m(now))
 
-    def reached(now: AircraftState) -> bool:
+    def reached(now: VehicleState) -> bool:
         return abs(climb_m(now)) <= tolerance_m and horizontal_distance_m(now, lat, lon) <= radius_m
 
     steps = [mode_step(state, "GUIDED"), reposition_step(state, mav_frame, (lat, lon, height_m))]
@@ -112,7 +112,7 @@ def goto(
         steps.append(Step(step.message, command=step.command, optional=True))
     if yaw_deg is not None:
         steps.append(_yaw_step(state, checked("yaw_deg", yaw_deg, -360.0, 360.0)))
-    return Plan(
+    return CommandPlan(
         "goto",
         tuple(steps),
         reached,
@@ -124,20 +124,20 @@ def goto(
     )
 
 
-def _yaw_step(state: AircraftState, yaw_deg: float) -> Step:
+def _yaw_step(state: VehicleState, yaw_deg: float) -> Step:
     step = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), yaw_deg % 360.0)
     return Step(step.message, command=step.command, optional=True)
 
 
 def goto_ned(
-    state: AircraftState,
+    state: VehicleState,
     north_m: float,
     east_m: float,
     down_m: float,
     frame: str = "origin",
     yaw_deg: float | None = None,
     yaw_rate_dps: float | None = None,
-) -> Plan:
+) -> CommandPlan:
     """Fly to a point in local metres in GUIDED, and hold there. Not for planes.
 
     Args:
@@ -162,10 +162,10 @@ def goto_ned(
     ]
     goal = _from_origin(state, (asked[0], asked[1], asked[2]), frame)
 
-    def remaining_m(now: AircraftState) -> float:
+    def remaining_m(now: VehicleState) -> float:
         return math.dist(now.position_ned_m, goal)
 
-    return Plan(
+    return CommandPlan(
         "goto_ned",
         guided(state),
         lambda now: remaining_m(now) <= COPTER_RADIUS_M,
@@ -179,7 +179,7 @@ def goto_ned(
     )
 
 
-def _from_origin(state: AircraftState, offset_m: Vector3, frame: str) -> Vector3:
+def _from_origin(state: VehicleState, offset_m: Vector3, frame: str) -> Vector3:
     """A point of one of ``LOCAL_FRAMES`` as metres from the local origin: so it can be repeated while the UA moves."""
     if frame == "origin":
         return offset_m
@@ -195,7 +195,7 @@ def _from_origin(state: AircraftState, offset_m: Vector3, frame: str) -> Vector3
 
 
 def velocity(
-    state: AircraftState,
+    state: VehicleState,
     north_mps: float,
     east_mps: float,
     down_mps: float = 0.0,
@@ -204,7 +204,7 @@ def velocity(
     frame: str = "ned",
     duration_s: float = 3.0,
     rate_hz: float = 5.0,
-) -> Plan:
+) -> CommandPlan:
     """Fly at a velocity in GUIDED for a time, then stop. A newer target before that takes over without a stop.
 
     Args:
@@ -226,7 +226,7 @@ def velocity(
         for name, value in (("north_mps", north_mps), ("east_mps", east_mps), ("down_mps", down_mps))
     ]
     wanted = (speeds[0], speeds[1], speeds[2])
-    return Plan(
+    return CommandPlan(
         "velocity",
         guided(state),
         lambda _: False,
@@ -242,7 +242,7 @@ def velocity(
 
 
 def follow(
-    state: AircraftState,
+    state: VehicleState,
     lat_deg: float,
     lon_deg: float,
     alt_rel_m: float,
@@ -252,7 +252,7 @@ def follow(
     yaw_deg: float | None = None,
     duration_s: float = 3.0,
     rate_hz: float = 5.0,
-) -> Plan:
+) -> CommandPlan:
     """Fly with a moving target, whose position and velocity are those of now; then stop. Call again with newer ones.
 
     Args:
@@ -274,11 +274,11 @@ def follow(
     east = checked("east_mps", east_mps, -100.0, 100.0)
     down = checked("down_mps", down_mps, -100.0, 100.0)
 
-    def setpoint(now: AircraftState, elapsed_s: float) -> Any:
+    def setpoint(now: VehicleState, elapsed_s: float) -> Any:
         place = offset_deg(lat, lon, north * elapsed_s, east * elapsed_s)
         return global_setpoint(now, *place, height_m - down * elapsed_s, (north, east, down), yaw)
 
-    return Plan(
+    return CommandPlan(
         "follow",
         guided(state),
         lambda _: False,

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from aps.timeouts import MODE_TIMEOUT_S
-from aps.vehicle.commands import Plan, Step
+from aps.vehicle.commands import CommandPlan, Step
 from aps.vehicle.flight.plans import checked, command_long, finite_or_none, mode_step
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import PX4, mavlink
 
 __all__ = ["fly", "set_current"]
@@ -32,7 +32,7 @@ class _End:
     """When an item was last reached, before the start."""
     started: bool = False
 
-    def is_there(self, now: AircraftState) -> bool:
+    def is_there(self, now: VehicleState) -> bool:
         self.started |= now.mission_state == "ACTIVE"
         if now.mission_state == "COMPLETE":
             return self.started or now.time_boot_ms - self.start_ms > STALE_S * 1000.0
@@ -43,7 +43,7 @@ class _End:
         return landed or (newly_reached and now.mission_reached == now.mission_total)
 
 
-def fly(state: AircraftState, first: int | None = None) -> Plan:
+def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
     """Fly the mission; done when its last item is.
 
     Args:
@@ -58,7 +58,7 @@ def fly(state: AircraftState, first: int | None = None) -> Plan:
     start = command_long(state, int(mavlink.MAV_CMD_MISSION_START))
     steps.append(Step(start.message, command=start.command, optional=True))
     end = _End(state.time_boot_ms, state.heard_ns.get(_ITEM_REACHED, -1))
-    return Plan(
+    return CommandPlan(
         "mission",
         tuple(steps),
         end.is_there,
@@ -74,21 +74,21 @@ def fly(state: AircraftState, first: int | None = None) -> Plan:
     )
 
 
-def _current_step(state: AircraftState, seq: int) -> Step:
+def _current_step(state: VehicleState, seq: int) -> Step:
     if isinstance(seq, bool) or not isinstance(seq, int):
         raise ValueError(f"the number of an item is a whole number, not {seq!r}")
     number = checked("the number of an item", seq, 0, 0xFFFE)
     return command_long(state, int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), number, 0.0)
 
 
-def set_current(state: AircraftState, seq: int) -> Plan:
+def set_current(state: VehicleState, seq: int) -> CommandPlan:
     """Have the autopilot go on with another item of its mission.
 
     Args:
         state: the UA now.
         seq: number of the item, as the autopilot counts (ArduPilot: the first after home is 1).
     """
-    return Plan(
+    return CommandPlan(
         "mission_set_current",
         (_current_step(state, seq),),
         lambda now: now.mission_current == seq,

@@ -13,7 +13,7 @@ from typing import Any, Final
 from aps.timeouts import TRANSFER_TIMEOUTS_S
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
 from aps.vehicle.missions.items import KINDS, MissionItem, first_seq, items_of
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, enum_label, mavlink
 
 __all__ = [
@@ -69,7 +69,7 @@ class _Transfer(Execution):
         self._said_ns = now_ns
         self._due_at_ns = now_ns + round(TRANSFER_TIMEOUTS_S[tries] * NS_PER_S)
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         if self._due_at_ns is None:
             self._begin(state, now_ns)
         elif now_ns >= self._due_at_ns and not self._now:
@@ -96,7 +96,7 @@ class _Transfer(Execution):
         hint = " (another transfer is under way)" if result == _DENIED else ""
         self.refuse(f"{enum_label('MAV_MISSION_RESULT', result).removeprefix('MAV_MISSION_')}{hint}")
 
-    def _begin(self, state: AircraftState, now_ns: int) -> None:
+    def _begin(self, state: VehicleState, now_ns: int) -> None:
         raise NotImplementedError
 
     def _on_answer(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
@@ -123,14 +123,14 @@ class UploadExecution(_Transfer):
         kind: one of ``KINDS``.
     """
 
-    def __init__(self, state: AircraftState, items: Sequence[MissionItem], kind: str) -> None:
+    def __init__(self, state: VehicleState, items: Sequence[MissionItem], kind: str) -> None:
         super().__init__("mission_upload", state.sysid, kind)
         self._first = first_seq(self._kind, state.autopilot)
         self._items = [_home(state)] * self._first + list(items)
         self._sent = 0
         """Items that the autopilot has asked for."""
 
-    def _begin(self, state: AircraftState, now_ns: int) -> None:  # noqa: ARG002
+    def _begin(self, state: VehicleState, now_ns: int) -> None:  # noqa: ARG002
         count = mavlink.MAVLink_mission_count_message(
             self._sysid, AUTOPILOT_COMPID, len(self._items), self._kind
         )
@@ -175,7 +175,7 @@ def _ack(sysid: int, result: int, kind: int) -> Any:
     return mavlink.MAVLink_mission_ack_message(sysid, AUTOPILOT_COMPID, result, kind)
 
 
-def _home(state: AircraftState) -> MissionItem:
+def _home(state: VehicleState) -> MissionItem:
     """ArduPilot keeps its own home in place of this item: it is there to be counted."""
     known = state.home_lat_deg == state.home_lat_deg
     place = (state.home_lat_deg, state.home_lon_deg, state.home_alt_amsl_m) if known else (0.0, 0.0, 0.0)
@@ -190,14 +190,14 @@ class DownloadExecution(_Transfer):
         kind: one of ``KINDS``.
     """
 
-    def __init__(self, state: AircraftState, kind: str) -> None:
+    def __init__(self, state: VehicleState, kind: str) -> None:
         super().__init__("mission_download", state.sysid, kind)
         self._first = first_seq(self._kind, state.autopilot)
         self._count: int | None = None
         self._items: list[MissionItem] = []
         self._complete = False
 
-    def _begin(self, state: AircraftState, now_ns: int) -> None:  # noqa: ARG002
+    def _begin(self, state: VehicleState, now_ns: int) -> None:  # noqa: ARG002
         asked = mavlink.MAVLink_mission_request_list_message(self._sysid, AUTOPILOT_COMPID, self._kind)
         self._say(asked, now_ns)
 
@@ -234,7 +234,7 @@ class DownloadExecution(_Transfer):
             self._due_at_ns = now_ns
             self._complete = True
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         messages = super()._poll(state, now_ns)
         if self._complete:
             self.end(Outcome.REACHED, value=[item.to_json() for item in self._items[self._first :]])
@@ -255,10 +255,10 @@ class ClearExecution(_Transfer):
         kind: one of ``KINDS``.
     """
 
-    def __init__(self, state: AircraftState, kind: str) -> None:
+    def __init__(self, state: VehicleState, kind: str) -> None:
         super().__init__("mission_clear", state.sysid, kind)
 
-    def _begin(self, state: AircraftState, now_ns: int) -> None:  # noqa: ARG002
+    def _begin(self, state: VehicleState, now_ns: int) -> None:  # noqa: ARG002
         self._say(
             mavlink.MAVLink_mission_clear_all_message(self._sysid, AUTOPILOT_COMPID, self._kind), now_ns
         )
@@ -271,7 +271,7 @@ class ClearExecution(_Transfer):
         self.end(Outcome.REACHED)
 
 
-def upload(state: AircraftState, items: list[Any], kind: str = "mission") -> UploadExecution:
+def upload(state: VehicleState, items: list[Any], kind: str = "mission") -> UploadExecution:
     """Give the autopilot a mission, fence or rally points, in place of what it has.
 
     Args:
@@ -282,7 +282,7 @@ def upload(state: AircraftState, items: list[Any], kind: str = "mission") -> Upl
     return UploadExecution(state, items_of(items), kind)
 
 
-def download(state: AircraftState, kind: str = "mission") -> DownloadExecution:
+def download(state: VehicleState, kind: str = "mission") -> DownloadExecution:
     """Get the mission, fence or rally points that the autopilot has: the result's value is a list of items.
 
     Args:
@@ -292,7 +292,7 @@ def download(state: AircraftState, kind: str = "mission") -> DownloadExecution:
     return DownloadExecution(state, kind)
 
 
-def clear(state: AircraftState, kind: str = "mission") -> ClearExecution:
+def clear(state: VehicleState, kind: str = "mission") -> ClearExecution:
     """Have the autopilot forget its mission, fence or rally points.
 
     Args:

@@ -8,7 +8,7 @@ from typing import Any, Final
 from aps.vehicle.execution import CommandResult, Execution, Outcome
 from aps.vehicle.parameters.ftp import PackedExecution
 from aps.vehicle.parameters.transfer import ListExecution
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 __all__ = ["AllExecution", "get_all"]
 
@@ -26,12 +26,12 @@ class AllExecution(Execution):
 
     wanted = PackedExecution.wanted | ListExecution.wanted
 
-    def __init__(self, state: AircraftState, *, ftp: bool) -> None:
+    def __init__(self, state: VehicleState, *, ftp: bool) -> None:
         super().__init__("parameters", "parameters")
         self._state = state
         self._inner: Execution = PackedExecution(state, OPEN_TRIES) if ftp else ListExecution(state)
 
-    def poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         """As of every execution."""
         if self.result is not None:
             return []
@@ -54,7 +54,7 @@ class AllExecution(Execution):
     def _take(self, result: CommandResult) -> None:
         self.end(result.outcome, result.reason, result.value)
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         raise NotImplementedError
 
     def _due_ns(self) -> int | None:
@@ -69,7 +69,7 @@ class AllExecution(Execution):
         self._inner.on_link(connected, now_ns)
 
 
-def get_all(state: AircraftState, ftp: bool = True) -> AllExecution:
+def get_all(state: VehicleState, ftp: bool = True) -> AllExecution:
     """Get all parameters: the result's value is name -> number.
 
     Args:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from aps.vehicle.parameters.transfer import as_float32, checked_name
 
-__all__ = ["Difference", "compare", "read_parameters", "write_parameters"]
+__all__ = ["ParameterDifference", "compare", "read_parameters", "write_parameters"]
 
 
-class Difference(NamedTuple):
+class ParameterDifference(NamedTuple):
     """A parameter that differs; ``None``: the one or the other side has no such parameter."""
 
     name: str
@@ -58,11 +58,11 @@ def _shortest(value: float) -> str:
     return repr(value)
 
 
-def compare(ours: Mapping[str, float], theirs: Mapping[str, float]) -> list[Difference]:
+def compare(ours: Mapping[str, float], theirs: Mapping[str, float]) -> list[ParameterDifference]:
     """What differs as four-byte floats, sorted by name."""
     found = []
     for name in sorted(ours.keys() | theirs.keys()):
         mine, other = ours.get(name), theirs.get(name)
         if mine is None or other is None or as_float32(mine) != as_float32(other):
-            found.append(Difference(name, mine, other))
+            found.append(ParameterDifference(name, mine, other))
     return found

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from aps.timeouts import TRANSFER_TIMEOUTS_S
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 
 __all__ = ["PackedExecution", "ReadExecution", "unpacked"]
@@ -52,7 +52,7 @@ class ReadExecution(Execution):
 
     wanted = frozenset({110})  # FILE_TRANSFER_PROTOCOL
 
-    def __init__(self, state: AircraftState, path: str, verb: str = "file_read") -> None:
+    def __init__(self, state: VehicleState, path: str, verb: str = "file_read") -> None:
         super().__init__(verb, "files")
         name = path.encode("utf-8") if isinstance(path, str) else b""
         if not 0 < len(name) <= DATA_BYTES:
@@ -69,7 +69,7 @@ class ReadExecution(Execution):
         self._open_tries = len(TRANSFER_TIMEOUTS_S)
         self._parting: list[Any] = []
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:  # noqa: ARG002
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:  # noqa: ARG002
         if now_ns < self._due_at_ns:
             return []
         most = self._open_tries if self._session is None else len(TRANSFER_TIMEOUTS_S)
@@ -86,7 +86,7 @@ class ReadExecution(Execution):
             return [self._message(_OPEN_RO, 0, 0, self._name)]
         return [self._message(_BURST, self._session, len(self._content), b"", DATA_BYTES)]
 
-    def poll(self, state: AircraftState, now_ns: int) -> list[Any]:
+    def poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         """As of every execution; at the end it closes the file."""
         if self.result is not None and self._parting:
             messages, self._parting = self._parting, []
@@ -179,7 +179,7 @@ class PackedExecution(ReadExecution):
         open_tries: how often to ask for the file.
     """
 
-    def __init__(self, state: AircraftState, open_tries: int = len(TRANSFER_TIMEOUTS_S)) -> None:
+    def __init__(self, state: VehicleState, open_tries: int = len(TRANSFER_TIMEOUTS_S)) -> None:
         super().__init__(state, PACKED_PARAMETERS, "parameters")
         self.occupies = "parameters"
         self._open_tries = open_tries

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from aps.timeouts import PARAMETER_GAP_S, TRANSFER_TIMEOUTS_S
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, PX4, enum_label, mavlink
 
 __all__ = ["GetExecution", "ListExecution", "SetExecution", "get", "set_all", "set_one"]
@@ -81,7 +81,7 @@ class _Asking(Execution):
 
     wanted = frozenset({22, 345})  # PARAM_VALUE, PARAM_ERROR
 
-    def __init__(self, verb: str, state: AircraftState, occupies: str = "") -> None:
+    def __init__(self, verb: str, state: VehicleState, occupies: str = "") -> None:
         super().__init__(verb, occupies)
         self._sysid, self._autopilot = state.sysid, state.autopilot
         self._tries = 0
@@ -107,11 +107,11 @@ class _Asking(Execution):
 class GetExecution(_Asking):
     """Reads one parameter: the result's value is a number."""
 
-    def __init__(self, state: AircraftState, name: str) -> None:
+    def __init__(self, state: VehicleState, name: str) -> None:
         super().__init__("parameter_get", state)
         self._name = checked_name(name)
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:  # noqa: ARG002
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:  # noqa: ARG002
         if now_ns < self._due_at_ns:
             return []
         if not self._try(now_ns):
@@ -139,7 +139,7 @@ class SetExecution(_Asking):
         verb: what it is called.
     """
 
-    def __init__(self, state: AircraftState, values: Mapping[str, float], verb: str) -> None:
+    def __init__(self, state: VehicleState, values: Mapping[str, float], verb: str) -> None:
         super().__init__(verb, state, "parameters" if len(values) > 1 else "")
         self._wanted = list(values.items())
         self._at = 0
@@ -148,7 +148,7 @@ class SetExecution(_Asking):
         self._kept: float | None = None
         """What the autopilot told instead of the value that it was to take."""
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:  # noqa: ARG002
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:  # noqa: ARG002
         if self._at == len(self._wanted):
             self.end(Outcome.REACHED, value=self._at)
             return []
@@ -211,14 +211,14 @@ class ListExecution(_Asking):
     The autopilot sends its list; what is missing after a moment of silence is asked for by its number.
     """
 
-    def __init__(self, state: AircraftState) -> None:
+    def __init__(self, state: VehicleState) -> None:
         super().__init__("parameters", state, "parameters")
         self._count: int | None = None
         self._found: dict[int, tuple[str, float]] = {}
         self._asked: set[int] = set()
         """Numbers of those that are asked for one by one."""
 
-    def _poll(self, state: AircraftState, now_ns: int) -> list[Any]:  # noqa: ARG002
+    def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:  # noqa: ARG002
         if self._count is not None and len(self._found) >= self._count:
             ordered = (self._found[index] for index in sorted(self._found))
             self.end(Outcome.REACHED, value=dict(ordered))
@@ -257,7 +257,7 @@ class ListExecution(_Asking):
         return f"{len(self._found)} of {'?' if self._count is None else self._count} parameters"
 
 
-def get(state: AircraftState, name: str) -> GetExecution:
+def get(state: VehicleState, name: str) -> GetExecution:
     """Read a parameter: the result's value is a number.
 
     Args:
@@ -274,7 +274,7 @@ def _value(name: str, value: Any) -> float:
     return float(value)
 
 
-def set_one(state: AircraftState, name: str, value: float) -> SetExecution:
+def set_one(state: VehicleState, name: str, value: float) -> SetExecution:
     """Set a parameter; done when the autopilot tells the new value.
 
     Args:
@@ -286,7 +286,7 @@ def set_one(state: AircraftState, name: str, value: float) -> SetExecution:
     return SetExecution(state, {known: _value(known, value)}, "parameter_set")
 
 
-def set_all(state: AircraftState, values: dict[str, float]) -> SetExecution:
+def set_all(state: VehicleState, values: dict[str, float]) -> SetExecution:
     """Set several parameters, one after the other; those before one that is refused stay set.
 
     Args:

@@ -10,7 +10,7 @@ from bridge.bus.identity.rules import access_control
 
 
 @dataclass(frozen=True, slots=True)
-class Guard:
+class RouterGuard:
     """Whom the router of a run lets in, and what they may do.
 
     Attributes:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bridge.bus.identity.roster import OBSERVER, Identity
-from bridge.bus.identity.table import Role
+from bridge.bus.identity.table import AccessRole
 
 PASSWORD_BYTES = 24
 DICTIONARY = "passwords"
@@ -76,7 +76,7 @@ class Keyring:
         """
         try:
             entries = json.loads((self.path / ROSTER).read_text(encoding="utf-8"))
-            return tuple(Identity(e["name"], Role[e["role"]], tuple(e["nodes"])) for e in entries)
+            return tuple(Identity(e["name"], AccessRole[e["role"]], tuple(e["nodes"])) for e in entries)
         except (KeyError, TypeError) as error:
             raise ValueError(f"{self.path / ROSTER}: not the identities of a run: {error}") from error
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from bridge.bus.identity.table import OWN, Role
+from bridge.bus.identity.table import OWN, AccessRole
 
 PHYSICS = "physics"
 SUPERVISOR = "supervisor"
@@ -29,7 +29,7 @@ class Identity:
     """
 
     name: str
-    role: Role
+    role: AccessRole
     nodes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -59,12 +59,15 @@ def roster(
         ValueError: two identities would have one name.
     """
     identities = (
-        Identity(PHYSICS, Role.PHYSICS),
-        *(Identity(name, Role.HOST, tuple(served)) for name, served in hosts.items()),
-        *(Identity(node_identity(node), Role.FREE if node in free else Role.NODE, (node,)) for node in nodes),
-        Identity(SUPERVISOR, Role.SUPERVISOR),
-        Identity(OPERATOR, Role.OPERATOR),
-        Identity(OBSERVER, Role.OBSERVER),
+        Identity(PHYSICS, AccessRole.PHYSICS),
+        *(Identity(name, AccessRole.HOST, tuple(served)) for name, served in hosts.items()),
+        *(
+            Identity(node_identity(node), AccessRole.FREE if node in free else AccessRole.NODE, (node,))
+            for node in nodes
+        ),
+        Identity(SUPERVISOR, AccessRole.SUPERVISOR),
+        Identity(OPERATOR, AccessRole.OPERATOR),
+        Identity(OBSERVER, AccessRole.OBSERVER),
     )
     names = [identity.name for identity in identities]
     for name in names:

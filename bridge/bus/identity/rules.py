@@ -14,7 +14,17 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
 from bridge.bus.identity.roster import Identity
-from bridge.bus.identity.table import HOST, LOOKERS, OBSERVER, OWN, PHYSICS, SCOPES, TABLE, Role, Row
+from bridge.bus.identity.table import (
+    HOST,
+    LOOKERS,
+    OBSERVER,
+    OWN,
+    PHYSICS,
+    SCOPES,
+    TABLE,
+    AccessRole,
+    AccessRow,
+)
 from bridge.bus.keys import ROOT, Keys
 
 LOOPBACK: Final = ("lo", "lo0")
@@ -48,7 +58,7 @@ def access_control(run: str, identities: Sequence[Identity]) -> dict[str, Any]:
 def rules_of(run: str, identity: Identity) -> Iterable[Rule]:
     """The rules of one identity."""
 
-    def keys_of(right: Callable[[Row], Role]) -> list[str]:
+    def keys_of(right: Callable[[AccessRow], AccessRole]) -> list[str]:
         return [key for row in TABLE if identity.role in right(row) for key in _keys(run, identity, row.key)]
 
     asked, served = keys_of(lambda row: row.asks), keys_of(lambda row: row.serves)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from enum import Flag, auto
 
 
-class Role(Flag):
+class AccessRole(Flag):
     """What an identity is for. Several together are a set."""
 
     PHYSICS = auto()
@@ -31,9 +31,15 @@ class Role(Flag):
     OBSERVER = auto()
 
 
-NOBODY = Role(0)
-PHYSICS, RADIO, HOST, NODE, FREE = Role.PHYSICS, Role.RADIO, Role.HOST, Role.NODE, Role.FREE
-SUPERVISOR, OPERATOR, OBSERVER = Role.SUPERVISOR, Role.OPERATOR, Role.OBSERVER
+NOBODY = AccessRole(0)
+PHYSICS, RADIO, HOST, NODE, FREE = (
+    AccessRole.PHYSICS,
+    AccessRole.RADIO,
+    AccessRole.HOST,
+    AccessRole.NODE,
+    AccessRole.FREE,
+)
+SUPERVISOR, OPERATOR, OBSERVER = AccessRole.SUPERVISOR, AccessRole.OPERATOR, AccessRole.OBSERVER
 OWN = HOST | NODE | FREE
 """Who stands for nodes, and has to do with these only."""
 LOOKERS = OBSERVER | OPERATOR | SUPERVISOR
@@ -41,7 +47,7 @@ LOOKERS = OBSERVER | OPERATOR | SUPERVISOR
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class AccessRow:
     """Rights on one kind of key.
 
     Attributes:
@@ -55,40 +61,40 @@ class Row:
     """
 
     key: str
-    writes: Role = NOBODY
-    reads: Role = NOBODY
-    serves: Role = NOBODY
-    asks: Role = NOBODY
-    holds: Role = NOBODY
-    watches: Role = NOBODY
+    writes: AccessRole = NOBODY
+    reads: AccessRole = NOBODY
+    serves: AccessRole = NOBODY
+    asks: AccessRole = NOBODY
+    holds: AccessRole = NOBODY
+    watches: AccessRole = NOBODY
 
 
 TABLE = (
-    Row("node/{node}/state", writes=HOST, reads=OWN | LOOKERS),
-    Row("node/{node}/cmd/*", serves=HOST, asks=OWN | OPERATOR),
-    Row("node/{node}/mavlink/*", serves=HOST, asks=OWN | LOOKERS),
-    Row("node/{node}/tx/*/*/*", writes=HOST | FREE, reads=RADIO),
-    Row("node/{node}/next_packet", serves=RADIO, asks=NODE | FREE),
-    Row("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
-    Row("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),
-    Row("node/{node}/measurements", writes=RADIO, reads=OWN | LOOKERS),
-    Row("node/{node}/agent", writes=HOST | FREE, reads=OWN | RADIO | LOOKERS),
-    Row("node/{node}/log/*", writes=HOST | FREE, reads=OWN | LOOKERS),
-    Row("node/{node}/radio", writes=HOST, reads=RADIO | LOOKERS),
-    Row("node/{node}/answer", writes=HOST, reads=OWN | RADIO | LOOKERS),
-    Row("truth/*", writes=PHYSICS, reads=RADIO | LOOKERS),
-    Row("clock", writes=PHYSICS, reads=OWN | PHYSICS | RADIO | LOOKERS),
-    Row("clock/exchange", writes=PHYSICS, reads=OWN | RADIO | LOOKERS),
-    Row("clock/release", writes=RADIO, reads=OWN | PHYSICS | LOOKERS),
-    Row("clock/end", writes=RADIO, reads=OWN | PHYSICS | LOOKERS),
-    Row("clock/start", writes=SUPERVISOR, reads=OWN | PHYSICS | RADIO | LOOKERS),
-    Row("clock/pace", writes=PHYSICS, reads=LOOKERS),
-    Row("clock/cmd/*", serves=PHYSICS, asks=OPERATOR),
-    Row("tick/**", writes=RADIO | PHYSICS, reads=RADIO | LOOKERS),
-    Row("host/{host}/heard", writes=RADIO, reads=HOST),
-    Row("host/{host}/exchanged", writes=HOST, reads=PHYSICS),
-    Row("ending", writes=RADIO, reads=LOOKERS),
-    Row("alive/{self}", holds=RADIO | PHYSICS | HOST, watches=LOOKERS),
+    AccessRow("node/{node}/state", writes=HOST, reads=OWN | LOOKERS),
+    AccessRow("node/{node}/cmd/*", serves=HOST, asks=OWN | OPERATOR),
+    AccessRow("node/{node}/mavlink/*", serves=HOST, asks=OWN | LOOKERS),
+    AccessRow("node/{node}/tx/*/*/*", writes=HOST | FREE, reads=RADIO),
+    AccessRow("node/{node}/next_packet", serves=RADIO, asks=NODE | FREE),
+    AccessRow("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
+    AccessRow("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),
+    AccessRow("node/{node}/measurements", writes=RADIO, reads=OWN | LOOKERS),
+    AccessRow("node/{node}/agent", writes=HOST | FREE, reads=OWN | RADIO | LOOKERS),
+    AccessRow("node/{node}/log/*", writes=HOST | FREE, reads=OWN | LOOKERS),
+    AccessRow("node/{node}/radio", writes=HOST, reads=RADIO | LOOKERS),
+    AccessRow("node/{node}/answer", writes=HOST, reads=OWN | RADIO | LOOKERS),
+    AccessRow("truth/*", writes=PHYSICS, reads=RADIO | LOOKERS),
+    AccessRow("clock", writes=PHYSICS, reads=OWN | PHYSICS | RADIO | LOOKERS),
+    AccessRow("clock/exchange", writes=PHYSICS, reads=OWN | RADIO | LOOKERS),
+    AccessRow("clock/release", writes=RADIO, reads=OWN | PHYSICS | LOOKERS),
+    AccessRow("clock/end", writes=RADIO, reads=OWN | PHYSICS | LOOKERS),
+    AccessRow("clock/start", writes=SUPERVISOR, reads=OWN | PHYSICS | RADIO | LOOKERS),
+    AccessRow("clock/pace", writes=PHYSICS, reads=LOOKERS),
+    AccessRow("clock/cmd/*", serves=PHYSICS, asks=OPERATOR),
+    AccessRow("tick/**", writes=RADIO | PHYSICS, reads=RADIO | LOOKERS),
+    AccessRow("host/{host}/heard", writes=RADIO, reads=HOST),
+    AccessRow("host/{host}/exchanged", writes=HOST, reads=PHYSICS),
+    AccessRow("ending", writes=RADIO, reads=LOOKERS),
+    AccessRow("alive/{self}", holds=RADIO | PHYSICS | HOST, watches=LOOKERS),
 )
 """All rights. A row that is not here is a key that nobody but the radio may use."""
 

@@ -35,7 +35,7 @@ _LINE: Final = re.compile(r"(?P<type>[\w/]+)(?P<sequence>\[\])?\s+(?P<name>[a-z]
 _CONSTANT: Final = re.compile(r"\w+\s+[A-Z]\w*\s*=.*")
 
 
-class Field(NamedTuple):
+class MessageField(NamedTuple):
     """One field: ``type`` is a primitive, ``string`` or a message's name, such as ``std_msgs/msg/Header``."""
 
     name: str
@@ -55,7 +55,7 @@ def definitions() -> dict[str, str]:
 
 
 @cache
-def fields_of(name: str) -> tuple[Field, ...]:
+def fields_of(name: str) -> tuple[MessageField, ...]:
     """The fields of the message type ``name`` in their order.
 
     Raises:
@@ -71,11 +71,11 @@ def fields_of(name: str) -> tuple[Field, ...]:
     return tuple(_field(name, line) for line in lines if line and not _CONSTANT.fullmatch(line))
 
 
-def _field(message: str, line: str) -> Field:
+def _field(message: str, line: str) -> MessageField:
     match = _LINE.fullmatch(line)
     if match is None:
         raise ValueError(f"{message}: {line!r} is no field of a type that can be coded")
     kind = match["type"]
     if kind not in PRIMITIVES and kind != STRING:
         kind = kind.replace("/", "/msg/")
-    return Field(match["name"], kind, match["sequence"] is not None)
+    return MessageField(match["name"], kind, match["sequence"] is not None)

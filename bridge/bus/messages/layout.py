@@ -25,7 +25,7 @@ from functools import cache
 from typing import Any, Final, NamedTuple
 
 from bridge.bus.messages import types
-from bridge.bus.messages.definitions import PRIMITIVES, STRING, Field, fields_of
+from bridge.bus.messages.definitions import PRIMITIVES, STRING, MessageField, fields_of
 from bridge.bus.messages.records import maker_of
 from bridge.bus.messages.sequences import (
     Reader,
@@ -87,7 +87,7 @@ class _Compiler:
         self.scope[record.__name__] = maker_of(record)
         return f"{record.__name__}({', '.join(self._field(field, owner) for field in fields_of(name))})"
 
-    def _field(self, field: Field, owner: str) -> str:
+    def _field(self, field: MessageField, owner: str) -> str:
         place, value = f"{owner}.{field.name}", self._name("v")
         if field.is_sequence:
             self._sequence(field, place, value)
@@ -129,7 +129,7 @@ class _Compiler:
         ]
         return piece
 
-    def _sequence(self, field: Field, place: str, value: str) -> None:
+    def _sequence(self, field: MessageField, place: str, value: str) -> None:
         self.end_of_numbers()
         write, read, piece = self._name("w"), self._name("r"), self._name("x")
         self.scope[write], self.scope[read] = self._coders(field)
@@ -137,7 +137,7 @@ class _Compiler:
         self.pieces.append(f"{piece}, ")
         self.reads.append(f"{value}, p = {read}(d, p)")
 
-    def _coders(self, field: Field) -> tuple[Writer, Reader]:
+    def _coders(self, field: MessageField) -> tuple[Writer, Reader]:
         if field.type == STRING:
             return of_texts(self._order)
         if field.type == "uint8":

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from bridge.scenario.document.merge import as_preset, names_a_preset, same_id
-from bridge.scenario.document.written import Path_, Place, Written, written_at
+from bridge.scenario.document.written import Path_, Written, WrittenPlace, written_at
 from bridge.scenario.mistakes.error import ScenarioError
 
 ALL_NODES = "*"
@@ -79,7 +79,7 @@ def with_settings(root: Written, settings: Iterable[Setting]) -> Written:
         ScenarioError: a key leads through something that has no keys, or to a node or item that is not there.
     """
     for setting in settings:
-        value = written_at(setting.value, Place(setting.told_as, None, setting.folder))
+        value = written_at(setting.value, WrittenPlace(setting.told_as, None, setting.folder))
         root = _Setter(setting, value).put(root, (), setting.steps)
     return root
 

@@ -12,7 +12,7 @@ Path_ = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class WrittenPlace:
     """Where a value was written.
 
     Attributes:
@@ -40,8 +40,8 @@ class Written:
     """
 
     content: Any
-    place: Place
-    end: Place | None = None
+    place: WrittenPlace
+    end: WrittenPlace | None = None
 
     @property
     def is_mapping(self) -> bool:
@@ -115,7 +115,7 @@ def plain(written: Written) -> Any:
     return written.content
 
 
-def written_at(value: Any, place: Place) -> Written:
+def written_at(value: Any, place: WrittenPlace) -> Written:
     """A plain value, all of it written at one place."""
     if isinstance(value, dict):
         return Written({str(key): written_at(part, place) for key, part in value.items()}, place)

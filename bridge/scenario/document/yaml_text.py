@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from bridge.scenario.document.written import Place, Written
+from bridge.scenario.document.written import Written, WrittenPlace
 from bridge.scenario.mistakes.error import ScenarioError
 
 MAPPING, SEQUENCE = "tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"
@@ -34,7 +34,7 @@ def read_yaml(text: str, source: str, folder: Path, kind: str = "scenario") -> W
             if not isinstance(root, yaml.MappingNode):
                 raise ScenarioError(f"{source}:1: a {kind} is a mapping of keys to values")
             _refuse_duplicate_keys(source, root, set())
-            return _Reader(loader, source, folder).read(root, Place(source, 1, folder))
+            return _Reader(loader, source, folder).read(root, WrittenPlace(source, 1, folder))
         finally:
             loader.dispose()
     except yaml.YAMLError as error:
@@ -54,7 +54,7 @@ class _Reader:
         self._loader, self._source, self._folder = loader, source, folder
         self._count = 0
 
-    def read(self, node: yaml.Node, place: Place) -> Written:
+    def read(self, node: yaml.Node, place: WrittenPlace) -> Written:
         self._count += 1
         if self._count > VALUES_MAX:
             raise ScenarioError(f"{self._source}: has more than {VALUES_MAX} values")
@@ -66,12 +66,12 @@ class _Reader:
             return Written([self.read(item, self._place(item)) for item in node.value], place)
         return Written(self._loader.construct_object(node, deep=True), place)
 
-    def _place(self, node: yaml.Node) -> Place:
-        return Place(self._source, node.start_mark.line + 1, self._folder)
+    def _place(self, node: yaml.Node) -> WrittenPlace:
+        return WrittenPlace(self._source, node.start_mark.line + 1, self._folder)
 
-    def _place_before(self, mark: Any) -> Place:
+    def _place_before(self, mark: Any) -> WrittenPlace:
         """A block ends where the next thing begins: its last line is before that."""
-        return Place(self._source, max(1, mark.line + (1 if mark.column else 0)), self._folder)
+        return WrittenPlace(self._source, max(1, mark.line + (1 if mark.column else 0)), self._folder)
 
 
 def _refuse_duplicate_keys(source: str, node: yaml.Node, done: set[int]) -> None:

@@ -11,7 +11,7 @@ from typing import Any, NoReturn, TypeGuard
 from pydantic import ValidationError
 
 from bridge.scenario.document.written import Path_, Written, plain
-from bridge.scenario.expand.patterns import PATTERNS, Draws, Spot
+from bridge.scenario.expand.patterns import PATTERNS, PlaceDraws, Spot
 from bridge.scenario.expand.words import filled
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
@@ -193,7 +193,7 @@ class _Group:
         except ValidationError as error:
             raise ScenarioError("\n".join(explained(self._root, error, model, path))) from error
         try:
-            return pattern.spots(count, Draws(self._seed, str(self._node.content["id"].content)))
+            return pattern.spots(count, PlaceDraws(self._seed, str(self._node.content["id"].content)))
         except ValueError as error:
             raise ScenarioError(f"{written.place}: {_dotted(path)}: {error}") from error
 

@@ -28,7 +28,7 @@ class Spot(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Draws:
+class PlaceDraws:
     """Where random places come from.
 
     Attributes:
@@ -47,36 +47,36 @@ class Draws:
         return first, second
 
 
-class Line(Part):
+class LinePattern(Part):
     """Side by side, the first at the place itself."""
 
     spacing_m: Positive
     bearing_deg: Finite = 90.0
 
-    def spots(self, count: int, _draws: Draws) -> list[Spot]:
+    def spots(self, count: int, _draws: PlaceDraws) -> list[Spot]:
         """The places."""
         return [_polar(self.spacing_m * index, self.bearing_deg) for index in range(count)]
 
 
-class Column(Part):
+class ColumnPattern(Part):
     """One behind the other, all with one heading; the first at the place itself."""
 
     spacing_m: Positive
     heading_deg: Finite = 0.0
 
-    def spots(self, count: int, _draws: Draws) -> list[Spot]:
+    def spots(self, count: int, _draws: PlaceDraws) -> list[Spot]:
         """The places."""
         behind = (_polar(-self.spacing_m * index, self.heading_deg) for index in range(count))
         return [spot._replace(heading_deg=self.heading_deg % 360.0) for spot in behind]
 
 
-class Grid(Part):
+class GridPattern(Part):
     """Rows to the east, one north of the other; the first at the south-west corner."""
 
     spacing_m: Positive
     columns: Annotated[int | None, Field(strict=True, ge=1)] = None
 
-    def spots(self, count: int, _draws: Draws) -> list[Spot]:
+    def spots(self, count: int, _draws: PlaceDraws) -> list[Spot]:
         """The places; as many columns as rows, or one more, unless it says how many."""
         columns = self.columns or math.isqrt(max(count - 1, 0)) + 1
         return [
@@ -85,7 +85,7 @@ class Grid(Part):
         ]
 
 
-class Ring(Part):
+class RingPattern(Part):
     """Evenly around the place, clockwise."""
 
     radius_m: Positive
@@ -93,7 +93,7 @@ class Ring(Part):
     face: Literal["outward", "inward", "along"] | None = None
     turns: ClassVar[dict[str, float]] = {"outward": 0.0, "inward": 180.0, "along": 90.0}
 
-    def spots(self, count: int, _draws: Draws) -> list[Spot]:
+    def spots(self, count: int, _draws: PlaceDraws) -> list[Spot]:
         """The places."""
         return [self._spot(self.bearing_deg + 360.0 * index / count) for index in range(count)]
 
@@ -111,7 +111,7 @@ class Random(Part):
     east_m: tuple[Metres, Metres]
     min_spacing_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
 
-    def spots(self, count: int, draws: Draws) -> list[Spot]:
+    def spots(self, count: int, draws: PlaceDraws) -> list[Spot]:
         """The places.
 
         Raises:
@@ -138,12 +138,12 @@ class Random(Part):
         return Spot(round(place[0], DECIMALS), round(place[1], DECIMALS))
 
 
-Pattern = Line | Column | Grid | Ring | Random
+Pattern = LinePattern | ColumnPattern | GridPattern | RingPattern | Random
 PATTERNS: dict[str, type[Pattern]] = {
-    "line": Line,
-    "column": Column,
-    "grid": Grid,
-    "ring": Ring,
+    "line": LinePattern,
+    "column": ColumnPattern,
+    "grid": GridPattern,
+    "ring": RingPattern,
     "random": Random,
 }
 

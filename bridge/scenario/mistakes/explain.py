@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from bridge.scenario.document.written import Path_, Place, Written
-from bridge.scenario.mistakes.keys import Spot, allowed_keys, fields_of, models_in, spot_of, tags_of
+from bridge.scenario.document.written import Path_, Written, WrittenPlace
+from bridge.scenario.mistakes.keys import ErrorSpot, allowed_keys, fields_of, models_in, spot_of, tags_of
 from bridge.scenario.mistakes.near import meant, near_miss
 
 WORDS = {
@@ -73,7 +73,7 @@ def explained(
             yield f"{place}: {'.'.join(map(str, spot.path)) or 'scenario'}: {text}"
 
 
-def _place(root: Written, path: Path_, kind: str) -> Place:
+def _place(root: Written, path: Path_, kind: str) -> WrittenPlace:
     """Where a mistake is; of a key that the scenario lacks, where it could be added."""
     found = root.at(path)
     if kind == "missing" and found is root:
@@ -81,7 +81,7 @@ def _place(root: Written, path: Path_, kind: str) -> Place:
     return found.place
 
 
-def _problem(item: Any, spot: Spot) -> str:
+def _problem(item: Any, spot: ErrorSpot) -> str:
     kind, value = item["type"], item["input"]
     if kind == "extra_forbidden":
         return _unknown_key(str(spot.path[-1]), spot)
@@ -103,13 +103,13 @@ def _problem(item: Any, spot: Spot) -> str:
     )
 
 
-def _unknown_key(word: str, spot: Spot) -> str:
+def _unknown_key(word: str, spot: ErrorSpot) -> str:
     allowed = allowed_keys(spot.parents)
     hint, there = near_miss(word, allowed), f"allowed here: {', '.join(allowed)}"
     return f"unknown key{hint} ({there})" if hint else f"unknown key; {there}"
 
 
-def _instead(item: Any, spot: Spot) -> str:
+def _instead(item: Any, spot: ErrorSpot) -> str:
     """What something of another type could be."""
     key = str(spot.path[-1]) if spot.path else ""
     if key == "id":
@@ -124,7 +124,7 @@ def _missing(key: str) -> str:
     return f"is required, and missing{example}"
 
 
-def _no_branch(item: Any, spot: Spot) -> str:
+def _no_branch(item: Any, spot: ErrorSpot) -> str:
     key = item["ctx"]["discriminator"].strip("'")
     words = tags_of(_branches(spot), key)
     value = item["input"].get(key) if isinstance(item["input"], dict) else None
@@ -133,13 +133,13 @@ def _no_branch(item: Any, spot: Spot) -> str:
     return f"{key} has to be one of: {', '.join(words)} (got {_shown(value)}){near_miss(value, words)}"
 
 
-def _branches(spot: Spot) -> tuple[type[BaseModel], ...]:
+def _branches(spot: ErrorSpot) -> tuple[type[BaseModel], ...]:
     key = next((step for step in reversed(spot.path) if isinstance(step, str)), "")
     found = [fields_of(model).get(key) for model in spot.parents]
     return tuple(model for annotation in found for model in models_in(annotation))
 
 
-def _keys_of(base: str, spot: Spot) -> str:
+def _keys_of(base: str, spot: ErrorSpot) -> str:
     if not base.startswith(("model", "dict")) or not spot.path:
         return ""
     keys = allowed_keys(_branches(spot))

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 Models = tuple[type[BaseModel], ...]
 
 
-class Spot(NamedTuple):
+class ErrorSpot(NamedTuple):
     """Where an error is.
 
     Attributes:
@@ -22,7 +22,7 @@ class Spot(NamedTuple):
     parents: Models
 
 
-def spot_of(root: type[BaseModel], loc: Iterable[str | int]) -> Spot:
+def spot_of(root: type[BaseModel], loc: Iterable[str | int]) -> ErrorSpot:
     """The spot of a validation error of ``root``.
 
     Pydantic puts the branch that it chose of a union into its path, which is no key of the file: it narrows the models.
@@ -44,7 +44,7 @@ def spot_of(root: type[BaseModel], loc: Iterable[str | int]) -> Spot:
             parents, here = here, ()
         elif not here and step != "[key]" and not _is_branch(step):
             path.append(step)
-    return Spot(tuple(path), parents)
+    return ErrorSpot(tuple(path), parents)
 
 
 def allowed_keys(models: Models) -> list[str]:

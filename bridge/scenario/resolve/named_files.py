@@ -3,56 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import yaml
 
-from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.sources import sources_of
 
 TREES = (".yaml", ".yml")
-TABLES = (".csv", ".nc", ".nc4", ".h5", ".tif", ".tiff", ".hgt")
 CODE = ".py"
 
 
 def named_files(scenario: Scenario) -> list[Path]:
-    """Absolute paths, sorted: own agents, airframes with their flight models, winds and radios with what they name.
+    """Absolute paths, sorted: all files that the scenario names, and what these name or import in their turn.
 
-    What ships goes by name and belongs to lostlink; modules that are installed are not looked for.
+    Own agents and models with what they import from their folders, radios and winds with their maps, terrain and
+    tables, airframes with their flight models. What ships goes by name and belongs to lostlink; modules that are
+    installed are not looked for.
     """
-    named = [ua.airframe for ua in scenario.ua]
-    sensors = (node.sensor.radio for node in scenario.transceivers if node.sensor is not None)
-    antennas = (emitter.antenna for emitter in scenario.emitters)
-    radios = (scenario.radio, *(node.radio for node in scenario.transceivers), *sensors)
-    for setting in (scenario.wind, *radios, *antennas):
-        named += _texts(setting)
     found: set[Path] = set()
-    for name in named:
-        _add(_file_of(name), found)
-    for node in scenario.transceivers:
-        if isinstance(node.agent, OwnAgent) and node.agent.place.endswith(".py"):
-            found.add(Path(node.agent.place).absolute())
+    for text in _texts(scenario.model_dump(mode="json", by_alias=True)):
+        _add(Path(), text, found)
     return sorted(found)
 
 
-def _add(path: Path, found: set[Path]) -> None:
-    """Take a file, and those that it names as seen from its directory."""
-    path = path.absolute()
-    if path.suffix not in (*TREES, *TABLES, CODE) or path in found or not path.is_file():
+def _add(folder: Path, text: str, found: set[Path]) -> None:
+    """Take the file that a text names as seen from a folder, if it names one, and those that it names."""
+    path = (folder / _file_of(text)).absolute()
+    if path in found or not _is_file(path):
         return
     found.add(path)
-    if path.suffix in TREES:
+    if path.suffix == CODE:
+        found.update(sources_of(path))
+    elif path.suffix in TREES:
         tree = _tree(path)
-        for text in _texts(tree):
-            _add(path.parent / _file_of(text), found)
-        found.update(_flight_model(tree, path.parent))
+        for part in _texts(tree):
+            _add(path.parent, part, found)
+        if model := _flight_model(tree, path.parent):
+            for file in model.rglob("*.xml"):
+                _add_included(file, model, found)
+
+
+def _is_file(path: Path) -> bool:
+    with suppress(OSError):  # a text that is too long for a name
+        return bool(path.suffix) and path.is_file()
+    return False
 
 
 def _file_of(text: str) -> Path:
     """The file of a text that names one, or a class in one: ``file.py:Name``."""
     file, colon, _ = text.rpartition(":")
-    return Path(file) if colon and file.endswith(CODE) else Path(text)
+    path = Path(file) if colon and file.endswith(CODE) else Path(text)
+    return path.expanduser() if text.startswith("~/") else path
 
 
 def _tree(path: Path) -> Any:
@@ -70,9 +75,20 @@ def _texts(tree: Any) -> Iterator[str]:
             yield from _texts(part)
 
 
-def _flight_model(tree: Any, beside: Path) -> Iterator[Path]:
-    """The files of an airframe's JSBSim model, if it has a directory of its own for it."""
+def _flight_model(tree: Any, beside: Path) -> Path | None:
+    """The directory of an airframe's JSBSim model, if it has one of its own."""
     jsbsim = tree.get("jsbsim") if isinstance(tree, dict) else None
     if isinstance(jsbsim, dict) and isinstance(jsbsim.get("root"), str):
-        directory = (beside / jsbsim["root"]).resolve() / "aircraft" / str(jsbsim.get("model"))
-        yield from (file for file in directory.rglob("*.xml") if file.is_file())
+        return Path(beside, jsbsim["root"]).resolve() / "aircraft" / str(jsbsim.get("model"))
+    return None
+
+
+def _add_included(file: Path, model: Path, found: set[Path]) -> None:
+    """Take a file of a flight model and what it includes, named as seen from the model, with or without ``.xml``."""
+    if file in found or not file.is_file():
+        return
+    found.add(file)
+    with suppress(OSError, ElementTree.ParseError):  # whoever loads it says what is wrong
+        for part in ElementTree.parse(file).iter():
+            if name := part.get("file", "").removesuffix(".xml"):
+                _add_included((model / f"{name}.xml").resolve(), model, found)

@@ -23,6 +23,15 @@ def radio_of(scenario: Scenario) -> Radio:
     return radio_from(scenario.radio, scenario.origin)
 
 
+def common_radio(scenario: Scenario) -> Radio | None:
+    """The radio of all nodes; None if one has its own: one curve is not that of several radios.
+
+    Raises:
+        PresetError: as `radio_of`.
+    """
+    return None if any(node.radio is not None for node in scenario.transceivers) else radio_of(scenario)
+
+
 def radio_from(setting: str | dict[str, Any], origin: Origin, emitters: Sequence[Emitter] = ()) -> Radio:
     """The radio of a preset's name, a file or a mapping.
 

@@ -24,7 +24,7 @@ FARTHEST_DECORRELATIONS = 40.0
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class PlacesOnLinks:
     """Where a log's packets were sent, along the line of each link.
 
     Attributes:
@@ -40,7 +40,7 @@ class Places:
     spacing_m: float
 
 
-def places_of(distance_m: FloatArray, link: NDArray[np.intp]) -> Places:
+def places_of(distance_m: FloatArray, link: NDArray[np.intp]) -> PlacesOnLinks:
     """Return the places of packets: those of one link lie on a line, at their distances.
 
     Args:
@@ -55,7 +55,7 @@ def places_of(distance_m: FloatArray, link: NDArray[np.intp]) -> Places:
     same = np.diff(unique[:, 0]) == 0
     gap_m = np.where(same, np.diff(unique[:, 1]) * step_m, np.inf)
     spacing_m = float(np.median(gap_m[same])) if same.any() else extent_m
-    return Places(of_packet.reshape(-1), gap_m, extent_m, spacing_m)
+    return PlacesOnLinks(of_packet.reshape(-1), gap_m, extent_m, spacing_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class Precision:
     log_determinant: float
 
     @classmethod
-    def of(cls, places: Places, sigma_db: float, decorrelation_m: float) -> Precision:
+    def of(cls, places: PlacesOnLinks, sigma_db: float, decorrelation_m: float) -> Precision:
         """Return that of the shadowing in dB at places."""
         step = np.minimum(places.gap_m / decorrelation_m, FARTHEST_DECORRELATIONS)
         correlation = np.exp(-step)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from channel.checks import FloatArray
 from channel.config import RadioConfig
-from channel.fit.correlated.field import Places, places_of
+from channel.fit.correlated.field import PlacesOnLinks, places_of
 from channel.fit.correlated.innovations import Leftover, leftover
 from channel.fit.correlated.outcomes import FINE_SNR_DB, Outcomes
 from channel.fit.correlated.posterior import mixture_quantile, quantile
@@ -122,7 +122,7 @@ class CorrelatedFit:
             certain=int(np.count_nonzero(~doubtful)),
         )
 
-    def _readings(self, places: Places, places_count: int) -> Readings:
+    def _readings(self, places: PlacesOnLinks, places_count: int) -> Readings:
         where, rssi = places.of_packet[self._heard], self._rssi_dbm[self._heard]
         count = np.bincount(where, minlength=places_count).astype(np.float64)
         mean = np.bincount(where, rssi, places_count) / np.maximum(count, 1.0)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import kstest
 
 from channel.checks import FloatArray
-from channel.fit.correlated.field import Places
+from channel.fit.correlated.field import PlacesOnLinks
 from channel.fit.correlated.propagation import Log
 from channel.fit.correlated.search import Found
 from channel.fit.residuals import chance_of_independence
@@ -37,7 +37,9 @@ class Leftover(NamedTuple):
     readings: float | None
 
 
-def leftover(log: Log, found: Found, places: Places, rssi_dbm: FloatArray, sure_dbm: float) -> Leftover:
+def leftover(
+    log: Log, found: Found, places: PlacesOnLinks, rssi_dbm: FloatArray, sure_dbm: float
+) -> Leftover:
     """Return how well readings fit.
 
     Between places only those count that were foretold to be far above the power at which packets are lost: others are
@@ -71,7 +73,9 @@ def leftover(log: Log, found: Found, places: Places, rssi_dbm: FloatArray, sure_
     return Leftover(min(1.0, 2.0 * least), float(kstest(spread[used], "norm").pvalue))
 
 
-def _near(mean_dbm: FloatArray, places: Places, rssi_dbm: FloatArray, base_loss: float) -> NDArray[np.bool_]:
+def _near(
+    mean_dbm: FloatArray, places: PlacesOnLinks, rssi_dbm: FloatArray, base_loss: float
+) -> NDArray[np.bool_]:
     """Return the places up to the distance within which no more than base loss and one packet in fifty are missing."""
     order = np.argsort(-mean_dbm[places.of_packet], kind="stable")
     missing = np.cumsum(~np.isfinite(rssi_dbm[order]))
@@ -82,7 +86,7 @@ def _near(mean_dbm: FloatArray, places: Places, rssi_dbm: FloatArray, base_loss:
 
 
 def _innovations(
-    log: Log, found: Found, mean_dbm: FloatArray, spread_db: FloatArray, places: Places
+    log: Log, found: Found, mean_dbm: FloatArray, spread_db: FloatArray, places: PlacesOnLinks
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return innovations in standard deviations, what was foretold, and how surely; a Kalman filter along the line.
 

@@ -26,7 +26,7 @@ CLIMBED = 0.05
 Density = Callable[[FloatArray], float]
 
 
-class Sample(NamedTuple):
+class WeightedSample(NamedTuple):
     """Points with weights that sum to 1, in the order in which they were drawn."""
 
     at: FloatArray
@@ -38,7 +38,7 @@ class Sample(NamedTuple):
         return float(1.0 / np.sum(self.weight**2))
 
 
-class Top(NamedTuple):
+class Mode(NamedTuple):
     """The mode of a log-density, and the covariance that its curvature asks for."""
 
     at: FloatArray
@@ -46,7 +46,7 @@ class Top(NamedTuple):
     covariance: FloatArray
 
 
-def climbed(density: Density, start: FloatArray, step: FloatArray, widest: FloatArray) -> Top:
+def climbed(density: Density, start: FloatArray, step: FloatArray, widest: FloatArray) -> Mode:
     """Climb by quadratic models, whose differences are about a standard deviation wide: noise does not turn them.
 
     Args:
@@ -73,7 +73,7 @@ def climbed(density: Density, start: FloatArray, step: FloatArray, widest: Float
         here, value = best, best_value
         if gain < CLIMBED:
             break
-    return Top(here, value, covariance)
+    return Mode(here, value, covariance)
 
 
 def _differences(
@@ -107,7 +107,7 @@ def _inverse(bend: FloatArray, widest: FloatArray) -> FloatArray:
     return np.asarray(inverse * np.outer(scale, scale))
 
 
-def sample(density: Density, top: Top) -> Sample:
+def sample(density: Density, top: Mode) -> WeightedSample:
     """Return weighted points of a density."""
     first = _weighted(*_drawn(density, top.at, top.covariance, FIRST, 0))
     mean = first.weight @ first.at
@@ -132,9 +132,9 @@ def _drawn(
     return points, np.array([density(point) for point in points]) - law
 
 
-def _weighted(points: FloatArray, logs: FloatArray) -> Sample:
+def _weighted(points: FloatArray, logs: FloatArray) -> WeightedSample:
     weight = np.exp(logs - np.max(logs))
-    return Sample(points, weight / np.sum(weight))
+    return WeightedSample(points, weight / np.sum(weight))
 
 
 def quantile(values: FloatArray, weight: FloatArray, level: float) -> float:

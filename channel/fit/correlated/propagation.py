@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
-from channel.fit.correlated.field import Places, Precision
+from channel.fit.correlated.field import PlacesOnLinks, Precision
 from channel.fit.correlated.outcomes import Outcomes
 
 MAX_ROUNDS = 40
@@ -103,7 +103,7 @@ class Log:
         certain: how many others arrived, at powers that leave no doubt.
     """
 
-    places: Places
+    places: PlacesOnLinks
     fixed_dbm: FloatArray
     design: FloatArray
     readings: Readings

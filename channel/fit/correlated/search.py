@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
-from channel.fit.correlated.posterior import Sample, Top, climbed, sample
+from channel.fit.correlated.posterior import Mode, WeightedSample, climbed, sample
 from channel.fit.correlated.propagation import CorrelatedLikelihood, Integral, Law
 
 SIGMA, DECORRELATION, ERROR, FLOOR, BASE = range(5)
@@ -116,7 +116,7 @@ class Search:
         points = sample(self.density, top)
         return self._found(top, at_mode, points, may_be_zero)
 
-    def _found(self, top: Top, at_mode: Integral, points: Sample, may_be_zero: bool) -> Found:
+    def _found(self, top: Mode, at_mode: Integral, points: WeightedSample, may_be_zero: bool) -> Found:
         seen = self._seen[-len(points.weight) :]
         return Found(
             law=self.law(top.at),
@@ -144,7 +144,7 @@ class Search:
     def _place(self, index: int) -> int:
         return int(np.count_nonzero(self.free[:index]))
 
-    def _without_unknown_floor(self, top: Top) -> Top:
+    def _without_unknown_floor(self, top: Mode) -> Mode:
         """Return the mode; with the floor held where it is if a far other one is as likely."""
         if not self.free[FLOOR]:
             return top
@@ -160,7 +160,7 @@ class Search:
                 return climbed(self.density, start, STEP[self.free], WIDEST[self.free])
         return top
 
-    def _base_may_be_zero(self, top: Top) -> bool:
+    def _base_may_be_zero(self, top: Mode) -> bool:
         """Return whether no base loss at all is nearly as likely, the rest moved along with it."""
         if not self.free[BASE]:
             return False

@@ -5,22 +5,21 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
 from bridge.fleet.course import FleetError
 from bridge.fleet.preflight import preflight
 from bridge.run.directory import RunDirectory
-from lostlink.cli.flying.run import SpeedType
-from lostlink.compare.difference import seconds
-from lostlink.compare.told import CompareProgress, as_plain, as_text
+from lostlink.cli.exits import fail, tell
+from lostlink.cli.flying.run import SpeedOption
+from lostlink.compare.told import CompareProgress
+from lostlink.flight.exits import DISAGREES, WELL
 
 if TYPE_CHECKING:
-    from lostlink.refly.reflight import Fly, Outcome, Plan
+    from lostlink.refly.reflight import Fly, Reflight, ReflightPlan
 
-EXIT_DIFFERENT = 1
-EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 
 
@@ -39,7 +38,7 @@ EXIT_INTERRUPTED = 130
 )
 @click.option(
     "--speed",
-    type=SpeedType(),
+    type=SpeedOption(),
     default="max",
     show_default=True,
     help="Real-time factor, or max: as fast as this machine can. The result does not depend on it.",
@@ -80,7 +79,7 @@ def refly(
         preflight(planned.scenario, ardupilot_dir)
         directory = RunDirectory.create(out, planned.scenario.name)
     except (ValueError, OSError, FleetError) as error:
-        _fail(str(error))
+        fail(error)
     _tell_before(planned, directory, silent=silent)
     try:
         outcome = fly_again(
@@ -92,10 +91,9 @@ def refly(
             on_progress=None if silent else CompareProgress(),
         )
     except Interrupted:
-        click.echo(f"lostlink: interrupted; nothing was compared; the new run is {directory.path}", err=True)
-        sys.exit(EXIT_INTERRUPTED)
+        fail(f"interrupted; nothing was compared; the new run is {directory.path}", EXIT_INTERRUPTED)
     except (ValueError, OSError, FleetError) as error:
-        _fail(str(error))
+        fail(error)
     _report(planned, outcome, as_json=as_json)
 
 
@@ -105,44 +103,17 @@ def _flight() -> Fly:
     return fly
 
 
-def _fail(text: str) -> NoReturn:
-    click.echo(f"lostlink: {text}", err=True)
-    sys.exit(EXIT_USAGE)
-
-
-def _tell_before(planned: Plan, directory: RunDirectory, *, silent: bool) -> None:
+def _tell_before(planned: ReflightPlan, directory: RunDirectory, *, silent: bool) -> None:
     for remark in planned.remarks:
-        click.echo(f"lostlink: {remark}", err=True)
+        tell(remark)
     if not silent:
-        until = _until(planned)
-        click.echo(f"flies {planned.run} again{until}, into {directory.path}")
+        click.echo(f"flies {planned.run} again{planned.extent_told}, into {directory.path}")
 
 
-def _until(planned: Plan) -> str:
-    stop_ns = planned.extent.stop_ns
-    return "" if stop_ns is None else f" up to its last whole tick, {seconds(stop_ns)}"
+def _report(planned: ReflightPlan, outcome: Reflight, *, as_json: bool) -> NoReturn:
+    from lostlink.refly.told import as_plain, as_text
 
-
-def _report(planned: Plan, outcome: Outcome, *, as_json: bool) -> NoReturn:
     for remark in outcome.remarks:
-        click.echo(f"lostlink: {remark}", err=True)
-    is_different = outcome.comparison.difference is not None or bool(outcome.other_ending)
-    if as_json:
-        click.echo(json.dumps(_plain(planned, outcome)))
-    else:
-        until = "" if outcome.comparison.difference is not None else _until(planned)
-        click.echo(as_text(outcome.comparison, planned.run, outcome.directory.path) + until)
-        if outcome.other_ending:
-            click.echo(outcome.other_ending)
-    sys.exit(EXIT_DIFFERENT if is_different else 0)
-
-
-def _plain(planned: Plan, outcome: Outcome) -> dict[str, Any]:
-    return as_plain(outcome.comparison) | {
-        "run": str(planned.run),
-        "reflown": str(outcome.directory.path),
-        "other_ending": outcome.other_ending or None,
-        "compared_until_ns": planned.extent.stop_ns,
-        "remarks": [*planned.remarks, *outcome.remarks],
-        "summary": outcome.summary,
-    }
+        tell(remark)
+    click.echo(json.dumps(as_plain(planned, outcome)) if as_json else as_text(planned, outcome))
+    sys.exit(DISAGREES if outcome.is_different else WELL)

@@ -17,14 +17,14 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from fdm.exchange.settings import Coupling
 from lostlink.cli.exits import fail, tell
-from lostlink.cli.scenario_options import scenario_with, setting_options
+from lostlink.cli.scenario_options import OPTIONS, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
-from lostlink.flight.summary import expectation_lines, last_line
-from lostlink.view.beside import PORT, NoView, ViewProcess
+from lostlink.flight.summary import expectation_lines
+from lostlink.view.beside import PORT, VIEW_LOG, NoView, ViewProcess
 
 
-class SpeedType(click.ParamType[float | str]):
+class SpeedOption(click.ParamType[float | str]):
     """A real-time factor, or max."""
 
     name = "X|max"
@@ -45,7 +45,7 @@ class SpeedType(click.ParamType[float | str]):
     type=click.Path(path_type=Path, exists=True, file_okay=False),
     help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
 )
-@click.option("--speed", type=SpeedType(), help="Real-time factor, or max: as fast as this machine can.")
+@click.option("--speed", type=SpeedOption(), help="Real-time factor, or max: as fast as this machine can.")
 @click.option(
     "--coupling",
     type=click.Choice(get_args(Coupling)),
@@ -107,29 +107,16 @@ class SpeedType(click.ParamType[float | str]):
 @click.option("--quiet", is_flag=True, help="Print the verdict only.")
 def run(
     scenario: str,
-    autopilot: str | None,
     ardupilot_dir: Path | None,
-    speed: float | str | None,
-    coupling: Coupling | None,
-    duration: float | None,
-    seed: int | None,
-    radio: str | None,
     settings: tuple[str, ...],
     out: Path,
-    first_slot: int | None,
-    zenoh_port: int | None,
-    zenoh: bool | None,
-    processes: str | None,
-    api: bool | None,
-    mcap: bool | None,
-    figure: bool | None,
-    udp_out: tuple[str, ...],
     view: bool,
     control: bool,
     view_port: int,
     digest: bool,
     as_json: bool,
     quiet: bool,
+    **asked: Any,
 ) -> None:
     """Fly SCENARIO (a shipped scenario's name, or a YAML file) and record what its radio delivered.
 
@@ -155,21 +142,9 @@ def run(
       lostlink run --speed 1 --view
       lostlink run --quiet --digest                  run it twice: the digest is the same
     """
-    if as_json and digest:
-        raise click.UsageError(
-            "--digest and --json: choose one; the JSON has the digest under its key digest"
-        )
-    if view and zenoh is False:
-        raise click.UsageError("--view looks at the run over Zenoh: leave out --no-zenoh")
-    if control and not view:
-        raise click.UsageError("--control is what viewers may do: it needs --view")
-    changes: dict[str, Any] = {"autopilot": autopilot, "speed": speed, "duration_s": duration, "seed": seed}
-    changes |= {"processes": processes, "zenoh": True if view else zenoh}
-    changes |= {"api": api, "radio": radio, "mcap.write": mcap, "figure": figure}
-    changes |= {"ports.first_slot": first_slot, "ports.zenoh": zenoh_port, "fdm.coupling": coupling}
-    changes["mavlink.udp_out"] = [place for place in udp_out if place != "none"] if udp_out else None
+    _check(as_json=as_json, digest=digest, control=control, view=view, zenoh=asked["zenoh"])
     try:
-        resolved = scenario_with(scenario, changes, settings)
+        resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
         preflight(resolved, ardupilot_dir)
         viewing = ViewProcess(view_port, control=control) if view else None
         directory = RunDirectory.create(out, resolved.name)
@@ -187,10 +162,36 @@ def run(
             click.echo(f"view: {viewing.address}", err=as_json or quiet)
         summary = flight.fly_and_tell(ardupilot_dir)
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
-        if viewing is not None and viewing.is_open and flight.signal is None:
-            click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
-            viewing.wait()
+        if viewing is not None and flight.signal is None:
+            _keep(viewing, directory)
     sys.exit(flight.exit_status(summary))
+
+
+def _check(*, as_json: bool, digest: bool, control: bool, view: bool, zenoh: bool | None) -> None:
+    if as_json and digest:
+        raise click.UsageError(
+            "--digest and --json: choose one; the JSON has the digest under its key digest"
+        )
+    if view and zenoh is False:
+        raise click.UsageError("--view looks at the run over Zenoh: leave out --no-zenoh")
+    if control and not view:
+        raise click.UsageError("--control is what viewers may do: it needs --view")
+
+
+def _changes(*, view: bool, udp_out: tuple[str, ...], **asked: Any) -> dict[str, Any]:
+    """What the options of the scenario ask for, by its keys; None where nothing is asked for."""
+    places = [place for place in udp_out if place != "none"] if udp_out else None
+    given = asked | {"udp_out": places, "zenoh": True if view else asked["zenoh"]}
+    return {key: given[option.removeprefix("--").replace("-", "_")] for key, option in OPTIONS.items()}
+
+
+def _keep(viewing: ViewProcess, run: RunDirectory) -> None:
+    """Let the view go on after the run, as long as somebody looks."""
+    if viewing.is_open:
+        click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
+        viewing.wait()
+    elif viewing.has_failed:
+        tell(f"the view ended before the run; its log is {run.log_path(VIEW_LOG)}")
 
 
 def _tell(
@@ -202,7 +203,7 @@ def _tell(
     if as_json:
         click.echo(json.dumps(summary))
     elif quiet:
-        click.echo(last_line(summary))
+        click.echo(summary["verdict"])
     else:
         if summary["bins"]:
             flight.console.print(bins_table(summary))
@@ -212,6 +213,6 @@ def _tell(
         flight.console.print(f"{flight.directory.path}", highlight=False, soft_wrap=True)
         for reason in summary["may_not_repeat"]:
             flight.console.print(f"may not repeat: {reason}", highlight=False, soft_wrap=True)
-        flight.console.print(last_line(summary), highlight=False, soft_wrap=True, style="bold")
+        flight.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
     if digest:
         click.echo(summary["digest"])

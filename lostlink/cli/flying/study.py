@@ -18,7 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bridge.fleet.slots import NoSlot
 from lostlink.cli.exits import tell
 from lostlink.report.scales import plain
-from lostlink.study.lanes import Dask, Lanes, Local
+from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
 from lostlink.study.model import StudyError
 from lostlink.study.study import Standing, Study
 
@@ -115,8 +115,8 @@ def _interrupt(number: int, _: Any) -> None:
 
 def _lanes(lanes: int | None, scheduler: str | None) -> Lanes:
     if scheduler is not None:
-        return Dask(scheduler)
-    return Local(lanes or min(8, len(os.sched_getaffinity(0))))
+        return DaskLanes(scheduler)
+    return LocalLanes(lanes or min(8, len(os.sched_getaffinity(0))))
 
 
 def _tell_plan(ours: Study, console: Console) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import sys
 from pathlib import Path
 
 import click
@@ -12,6 +11,7 @@ import click
 from bridge.bus.identity.roster import OBSERVER, OPERATOR, node_identity
 from bridge.bus.keys import Keys
 from bridge.run.access import Access, NoAccess, access_of
+from lostlink.cli.exits import fail
 
 
 @click.command(short_help="Print what a program of yours needs to join a running simulation.")
@@ -36,8 +36,7 @@ def token(run: Path, node: str | None, operator: bool, observer: bool, as_json: 
     try:
         content = as_plain(access_of(run, identity))
     except NoAccess as error:
-        click.echo(f"lostlink: {error}", err=True)
-        sys.exit(1)
+        fail(error, 1)
     if as_json:
         click.echo(json.dumps(content))
     else:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
-import sys
 from pathlib import Path
 
 import click
@@ -15,6 +14,7 @@ from bridge.bus.session import SessionError
 from bridge.record.tables.truth import TRUTH
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory, live_runs
+from lostlink.cli.exits import fail
 from lostlink.view.beside import PORT, NoView, check_installed
 
 
@@ -58,9 +58,10 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
         directory = RunDirectory(_directory(run))
         goes_on = wait or is_running(directory)
     except (NoView, OSError) as error:
-        _fail(str(error))
+        fail(error, 1)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
+    from lostlink.view.background import ViewDied
     from lostlink.view.process import ViewSettings, view_live, view_record, wait_for_start
 
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
@@ -78,8 +79,8 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
 
     try:
         asyncio.run(serve())
-    except (SessionError, OSError, ValueError) as error:
-        _fail(str(error))
+    except (SessionError, OSError, ValueError, ViewDied) as error:
+        fail(error, 1)
 
 
 def is_running(run: RunDirectory) -> bool:
@@ -88,7 +89,7 @@ def is_running(run: RunDirectory) -> bool:
     Raises:
         OSError, ValueError: it is no run.
     """
-    return run.info.is_live and not TRUTH.parquet_path(run.path).exists()
+    return run.is_live and not TRUTH.parquet_path(run.path).exists()
 
 
 def _directory(run: Path | None) -> Path:
@@ -96,10 +97,5 @@ def _directory(run: Path | None) -> Path:
         return next((path for path in (run, RUNS / run) if path.is_dir()), run)
     running = live_runs(RUNS)
     if not running:
-        _fail(f"no run goes on in {RUNS}/; start one with `lostlink run`, or name one")
+        fail(f"no run goes on in {RUNS}/; start one with `lostlink run`, or name one", 1)
     return RUNS / running[0].run
-
-
-def _fail(text: str) -> None:
-    click.echo(f"lostlink: {text}", err=True)
-    sys.exit(1)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
 from bridge.run.directory import RunDirectory
+from lostlink.cli.exits import fail
 from lostlink.cli.records.mcap_options import changed, mcap_options
-
-EXIT_UNREADABLE = 2
 
 
 @click.command(short_help="Write a run as MCAP or CSV, or the tables of a killed run as Parquet.")
@@ -51,7 +49,10 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
     folder = out or run
     try:
         if as_parquet:
-            _check_over(run)
+            if RunDirectory(run).is_live:
+                raise ValueError(
+                    f"{run}: this run has not ended yet; --csv and --mcap write what there is so far"
+                )
             finish_tables(run)
         folder.mkdir(parents=True, exist_ok=True)
         if as_csv:
@@ -60,8 +61,7 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
         if as_mcap:
             click.echo(_write_mcap(run, folder, mcap))
     except (OSError, ValueError) as error:
-        click.echo(f"lostlink: {error}", err=True)
-        sys.exit(EXIT_UNREADABLE)
+        fail(error)
 
 
 def _write_mcap(run: Path, folder: Path, options: dict[str, Any]) -> Path:
@@ -70,12 +70,3 @@ def _write_mcap(run: Path, folder: Path, options: dict[str, Any]) -> Path:
     settings = changed(RunDirectory(run).scenario.mcap, **options)
     write_mcap(run, folder / MCAP_FILE, settings)
     return folder / MCAP_FILE
-
-
-def _check_over(run: Path) -> None:
-    try:
-        is_live = RunDirectory(run).info.is_live
-    except (OSError, ValueError):
-        return
-    if is_live:
-        raise ValueError(f"{run}: this run has not ended yet; --csv and --mcap write what there is so far")

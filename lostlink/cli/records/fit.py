@@ -12,7 +12,7 @@ from channel.cli.options import BadInput
 from channel.config import RadioConfig
 
 if TYPE_CHECKING:
-    from aps.logs.flight_log import Place
+    from aps.logs.flight_log import LoggedPlace
     from channel.fit.flight_log import FlightLog
 
 AUTOPILOT_LOGS = frozenset({".tlog", ".bin"})
@@ -90,7 +90,7 @@ def _from_run(base: RadioConfig, run: Path) -> FlightLog:
 
 
 def _from_logs(
-    base: RadioConfig, log: Path, sent: Path, sender: int | None, place: Place | None, rssi_scale: str
+    base: RadioConfig, log: Path, sent: Path, sender: int | None, place: LoggedPlace | None, rssi_scale: str
 ) -> FlightLog:
     import numpy as np
 
@@ -99,15 +99,15 @@ def _from_logs(
 
     try:
         link = aps_log.read_link(log, sent, sender_sysid=sender, receiver_at=place, rssi_scale=rssi_scale)
-    except aps_log.FlightLogError as error:
+    except aps_log.AutopilotLogError as error:
         raise BadInput(str(error)) from error
     counted = {int(length): float(base.length.length_bytes(int(length))) for length in set(link.length_bytes)}
     lengths = np.array([counted[int(length)] for length in link.length_bytes])
     return FlightLog(link.distance_m, link.delivered, lengths, link.rssi_dbm)
 
 
-def _place(text: str) -> Place:
-    from aps.logs.flight_log import Place
+def _place(text: str) -> LoggedPlace:
+    from aps.logs.flight_log import LoggedPlace
 
     try:
         lat, lon, alt = (float(part) for part in text.split(","))
@@ -115,4 +115,4 @@ def _place(text: str) -> Place:
         raise BadInput(f"--receiver-at {text!r}: three numbers, as in 40.13,-105.24,1580") from error
     if not (abs(lat) <= 90.0 and abs(lon) <= 180.0 and abs(alt) <= 1e5):
         raise BadInput(f"--receiver-at {text!r}: degrees within 90 and 180, metres")
-    return Place(lat, lon, alt)
+    return LoggedPlace(lat, lon, alt)

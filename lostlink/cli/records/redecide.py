@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,14 +15,12 @@ from bridge.scenario.document.settings import parse_setting
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.timeouts import NEWS_PERIOD_S
+from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import setting_options
+from lostlink.flight.exits import DISAGREES
 
 if TYPE_CHECKING:
     from lostlink.redecision.redecide import Redecision
-
-SCHEMA = 1
-EXIT_DIFFERENT = 1
-EXIT_USAGE = 2
 
 
 @click.command(short_help="Decide a run's transmissions anew, by another radio, and compare.")
@@ -61,23 +59,26 @@ def redecide(
     """
     from channel.checks import ChannelInputError
     from channel.validity import OutsideValidityError
+    from lostlink.flight.verdict import RunOutcome
     from lostlink.redecision.redecide import decide
+    from lostlink.redecision.told import plain_of, verdict_on
+    from lostlink.redecision.whole_run import write_whole_run
 
     silent = quiet or as_json
     try:
         scenario = _scenario(run, radio, seed, settings)
         result = decide(run, scenario, _Progress(silent=silent))
-        verdict = _verdict(result)
-        summary = None if out is None else _write(result, out, silent=silent)
+        summary = None if out is None else write_whole_run(result, out, _Written(silent=silent))
     except (OSError, ValueError, ChannelInputError, OutsideValidityError) as error:
-        _fail(str(error))
+        fail(error)
     if as_json:
-        click.echo(json.dumps(_plain(result, verdict, summary, out)))
+        written = {} if summary is None else {"directory": str(out), "digest": summary["digest"]}
+        click.echo(json.dumps(plain_of(result) | written))
     else:
-        _tell(result, verdict, out, quiet=quiet)
+        _tell(result, out, quiet=quiet)
     is_same_radio = radio is None and seed is None and not settings
     differs = is_same_radio and bool(result.comparison.changed)
-    sys.exit(EXIT_DIFFERENT if differs or verdict.startswith("fail") else 0)
+    sys.exit(DISAGREES if differs or verdict_on(result).outcome is RunOutcome.FAIL else 0)
 
 
 def _scenario(run: Path, radio: str | None, seed: int | None, settings: tuple[str, ...]) -> Scenario:
@@ -102,72 +103,24 @@ class _Progress:
             click.echo(f"decided {100 * done:.0f} % of the packets", err=True)
 
 
-def _fail(text: str) -> NoReturn:
-    click.echo(f"lostlink: {text}", err=True)
-    sys.exit(EXIT_USAGE)
+class _Written:
+    """What is written, every two seconds."""
 
+    def __init__(self, *, silent: bool) -> None:
+        self._silent = silent
+        self._news = Every(NEWS_PERIOD_S)
 
-def _verdict(result: Redecision) -> str:
-    from lostlink.flight.summary import verdict_text
-
-    checks = [check._asdict() | {"passed": check.passed} for check in result.checks]
-    accounts = result.ledger.links.values()
-    return verdict_text(checks, [{"sent": a.sent, "delivered": a.delivered} for a in accounts], "done")
-
-
-def _write(result: Redecision, out: Path, *, silent: bool) -> dict[str, Any]:
-    """Write a run directory, with a summary and a figure as a run has."""
-    from bridge.scenario.resolve.radio import radio_of
-    from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
-    from lostlink.flight.summary import Timing, summarise, write_summary
-    from lostlink.redecision.rewrite import write_run
-
-    news = Every(NEWS_PERIOD_S)
-
-    def tell(name: str, rows: int) -> None:
-        if not silent and news.is_due():
+    def __call__(self, name: str, rows: int) -> None:
+        if not self._silent and self._news.is_due():
             click.echo(f"writes {name}: {rows} rows so far", err=True)
 
-    was = RunDirectory(result.run).summary
-    directory = write_run(result, out, tell)
-    timing = Timing(was.get("sim_duration_s", 0.0), was.get("wall_duration_s", 0.0))
-    ending, unfinished = was.get("ending", "interrupted"), was.get("unfinished", [])
-    summary = summarise(result.scenario, directory, timing, ending, unfinished, error=was.get("error")) | {
-        "redecided_from": str(result.run.resolve())
-    }
-    write_summary(summary, directory)
-    own = any(node.radio is not None for node in result.scenario.transceivers)
-    radio = None if own else radio_of(result.scenario)
-    draw_probability_of_delivery(summary, radio, directory.path / FIGURE_FILE)
-    return summary
 
-
-def _plain(
-    result: Redecision, verdict: str, summary: dict[str, Any] | None, out: Path | None
-) -> dict[str, Any]:
-    written = {} if summary is None else {"directory": str(out), "digest": summary["digest"]}
-    return (
-        {
-            "schema": SCHEMA,
-            "run": str(result.run),
-            "radio": result.scenario.radio,
-            "seed": result.scenario.seed,
-        }
-        | result.comparison.as_plain()
-        | {
-            "checks": [check._asdict() | {"passed": check.passed} for check in result.checks],
-            "verdict": verdict,
-        }
-        | written
-    )
-
-
-def _tell(result: Redecision, verdict: str, out: Path | None, *, quiet: bool) -> None:
-    from lostlink.redecision.told import print_tables, sentence
+def _tell(result: Redecision, out: Path | None, *, quiet: bool) -> None:
+    from lostlink.redecision.told import print_tables, sentence, verdict_on
 
     if not quiet:
         print_tables(result.comparison)
         if out is not None:
             click.echo(out)
     click.echo(sentence(result.comparison))
-    click.echo(verdict)
+    click.echo(verdict_on(result).text)

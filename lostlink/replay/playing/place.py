@@ -40,7 +40,8 @@ def playing_place(parent: Path, name: str, scenario: Scenario, port: int) -> Ite
         try:
             place = RunDirectory(path.resolve())
             place.write(scenario, f"tcp/{HOST}:{port or free_port()}", keyring=keyring)
-            yield place
+            with place.going_on():
+                yield place
         finally:
             keyring.remove()
     finally:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from lostlink.flight.verdict import RunOutcome
 from lostlink.report.page.words import count, num, share
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ SECTIONS = (
     ("machine", "Machine"),
     ("events", "Events"),
 )
+STATUS = {RunOutcome.PASS: "pass", RunOutcome.FAIL: "fail", RunOutcome.BROKE_OFF: "fail"}
+"""Outcomes that have a colour."""
 Row = list[Any]
 
 
@@ -56,15 +59,11 @@ def render(template: str, pictures: Mapping[str, str], **values: Any) -> str:
 
 def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
     """The whole page: one file that asks for nothing."""
-    verdict = content["run"]["verdict"]
-    failed = verdict.startswith(("fail", "broke off")) or any(
-        not e["passed"] for e in content["expectations"]
-    )
     return render(
         "report.html.j2",
         pictures,
         c=content,
-        status="fail" if failed else "pass" if verdict.startswith("pass") else "",
+        status=STATUS.get(content["run"]["outcome"], ""),
         sections=SECTIONS,
         facts=_facts(content["run"]),
         versions=_versions(content["provenance"]),

@@ -16,7 +16,7 @@ MODES = ("GUIDED", "LOITER", "RTL", "LAND", "AUTO", "ALT_HOLD", "STABILIZE", "CI
 RADIO_OFF, RADIO_ON = "Radio off", "Radio on"
 
 
-class Controls:
+class ViewControls:
     """Buttons for the node that is chosen.
 
     Args:

@@ -18,7 +18,7 @@ from lostlink.view.page.charts import (
     losses_chart,
     matrix_chart,
 )
-from lostlink.view.page.controls import Controls
+from lostlink.view.page.controls import ViewControls
 from lostlink.view.page.logged_panel import LoggedPanel
 from lostlink.view.page.parts import button, chart, set_options, set_rows, table
 from lostlink.view.page.scene import Scene
@@ -172,7 +172,7 @@ class Page:
                     table("Emitters", EMITTER_COLUMNS, "emitter") if self._view.emitters else None
                 )
                 self._controls = (
-                    Controls(self._view, self._shown.operator, lambda: self._node, self._choose_node)
+                    ViewControls(self._view, self._shown.operator, lambda: self._node, self._choose_node)
                     if self._shown.operator is not None
                     else None
                 )

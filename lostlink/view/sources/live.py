@@ -23,8 +23,7 @@ from bridge.bus.messages import (
 from bridge.bus.session import Sample, Session, Stamp
 from bridge.run.access import Access
 from lostlink.view.picture.fleet_view import FleetView
-from lostlink.view.sources import logged_queue
-from lostlink.view.sources.logged_queue import LoggedQueue
+from lostlink.view.sources.logged_queue import LoggedQueue, LoggedSample
 
 WAITING_MAX = 4_000
 """Samples that may wait to be taken; the oldest give way."""
@@ -48,7 +47,6 @@ class LiveSource:
             asyncio.get_running_loop(), self._dispatch, limit=WAITING_MAX
         )
         self._logged = LoggedQueue([node.id for node in view.nodes])
-        self._reading: asyncio.Task[None] | None = None
         self._base: Session | None = None
         self._close: Session | None = None
         self._changing = asyncio.Lock()
@@ -76,7 +74,6 @@ class LiveSource:
         self._subscribe(session, keys.agent("*"), AgentStatus)
         self._subscribe(session, keys.clock_end, Header)
         session.subscribe(keys.logged("*", "*"), self._push_logged)
-        self._reading = asyncio.create_task(self._read_logged(), name="logged")
         loop = asyncio.get_running_loop()
         tokens: Inbox[bool] = Inbox(loop, self._router_came_or_went)
         session.watch_alive(keys.alive("router"), lambda _, is_alive: tokens.push(is_alive))
@@ -101,8 +98,6 @@ class LiveSource:
     async def close(self) -> None:
         """Leave."""
         await self.look(closely=False)
-        if self._reading is not None:
-            self._reading.cancel()
         if self._base is not None:
             await asyncio.to_thread(self._base.close)
 
@@ -132,9 +127,10 @@ class LiveSource:
         if stamp is not None:
             name = key.rpartition("/")[2]
             payload = sample.payload.to_bytes()
-            self._logged.push(logged_queue.Sample(self._keys.node_of(key), name, stamp.sim_time_ns, payload))
+            self._logged.push(LoggedSample(self._keys.node_of(key), name, stamp.sim_time_ns, payload))
 
-    async def _read_logged(self) -> None:
+    async def read_logged(self) -> None:
+        """Take what agents log, now and then, until cancelled."""
         while True:
             await asyncio.sleep(LOGGED_PERIOD_S)
             for item in self._logged.read():

@@ -27,7 +27,7 @@ BYTES_PER_READ = 1 << 19
 """What is read at once: a hundredth of a second or so."""
 
 
-class Sample(NamedTuple):
+class LoggedSample(NamedTuple):
     """A value as it came: JSON."""
 
     node: str
@@ -48,13 +48,13 @@ class _Waiting:
     """The values of one node."""
 
     def __init__(self) -> None:
-        self._names: dict[str, deque[Sample]] = {}
+        self._names: dict[str, deque[LoggedSample]] = {}
         self._length_bytes = 0
 
     def __bool__(self) -> bool:
         return bool(self._names)
 
-    def push(self, sample: Sample) -> None:
+    def push(self, sample: LoggedSample) -> None:
         """Add a value; what is too much gives way."""
         samples = self._names.setdefault(sample.name, deque())
         samples.append(sample)
@@ -64,7 +64,7 @@ class _Waiting:
         while len(self._names) > NAMES_WAITING_MAX or self._length_bytes > BYTES_WAITING_MAX:
             self.pop()
 
-    def pop(self) -> deque[Sample]:
+    def pop(self) -> deque[LoggedSample]:
         """Take the values of the name that waits longest."""
         samples = self._names.pop(next(iter(self._names)))
         self._length_bytes -= sum(len(sample.payload) for sample in samples)
@@ -78,7 +78,7 @@ class LoggedQueue:
         self._lock = threading.Lock()
         self._waiting = {node: _Waiting() for node in nodes}
 
-    def push(self, sample: Sample) -> None:
+    def push(self, sample: LoggedSample) -> None:
         """Have a value wait; one of a node that is unknown, or with too long a name, is passed over."""
         if len(sample.name) > NAME_MAX:
             return
@@ -89,9 +89,9 @@ class LoggedQueue:
             if sample.node in self._waiting:
                 self._waiting[sample.node].push(sample)
 
-    def read(self) -> list[Sample]:
+    def read(self) -> list[LoggedSample]:
         """Take what waits, as much as may be read at once: of each node a name in turn, what waits longest first."""
-        found: list[Sample] = []
+        found: list[LoggedSample] = []
         length_bytes = 0
         with self._lock:
             while length_bytes < BYTES_PER_READ and len(found) < VALUES_PER_READ:

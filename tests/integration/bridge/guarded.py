@@ -12,7 +12,7 @@ from typing import Any
 
 import zenoh
 
-from bridge.bus.identity.guard import Guard
+from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Keyring
 from bridge.bus.identity.roster import roster
 from bridge.bus.session import Sample, Session, free_port, open_client, open_router
@@ -91,5 +91,5 @@ def guarded_router(path: Path, host: str = "127.0.0.1") -> Iterator[Guarded]:
     hosts = {"host-0": ("0",), "host-1": ("1",)}
     keyring = Keyring.create(path, roster(("0", "1", "2"), hosts, free=("0", "1")))
     endpoint = f"tcp/{host}:{free_port(host)}"
-    with open_router(endpoint, Guard(RUN, keyring)) as session:
+    with open_router(endpoint, RouterGuard(RUN, keyring)) as session:
         yield Guarded(endpoint, session, keyring)

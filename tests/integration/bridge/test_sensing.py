@@ -289,10 +289,8 @@ def van(agent: dict[str, object] = STILL_AGENT) -> dict[str, object]:
     }
 
 
-@pytest.mark.slow
-def test_agents_get_what_their_sensor_tells_and_others_change_none_of_it(
-    start_run: StartRun, tmp_path: Path
-) -> None:
+def small_and_large(start_run: StartRun, tmp_path: Path) -> tuple[Run, Run]:
+    """Runs of a UA, a van and a mover: alone, and among others."""
     (tmp_path / "keeper.py").write_text(KEEPER)
     page = (Path(__file__).parents[3] / "docs" / "sensing.md").read_text()
     (tmp_path / "seeker.py").write_text(page.split("```python\n")[1].split("```")[0])
@@ -313,7 +311,14 @@ def test_agents_get_what_their_sensor_tells_and_others_change_none_of_it(
     assert small.finish() == 0, small.output.decode()
     large = start_run(scenario=scenario([*emitters(3), other, van(), mover, base], hosts=2), duration_s=5.0)
     assert large.finish() == 0, large.output.decode()
+    return small, large
 
+
+@pytest.mark.slow
+def test_agents_get_what_their_sensor_tells_and_others_change_none_of_it(
+    start_run: StartRun, tmp_path: Path
+) -> None:
+    small, large = small_and_large(start_run, tmp_path)
     for node in ("1", "van"):
         few, many = (columns(run, MEASUREMENTS, node=node, emitter="mover") for run in (small, large))
         # in text, as not a number is not equal to itself

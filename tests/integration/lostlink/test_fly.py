@@ -16,6 +16,7 @@ import psutil
 import pytest
 import yaml
 
+from bridge.run.directory import RunDirectory
 from lostlink import FleetError, ScenarioError, fly, load_run
 from tests.integration.bridge.conftest import STILL
 
@@ -45,6 +46,7 @@ def test_a_mapping_is_flown_and_read_back(tmp_path: Path, scenario: dict[str, An
     ]
     assert run.truth.position_north_m[run.truth.node == "1"].mean() == pytest.approx(410.0, abs=0.1)
     assert load_run(result.path).verdict == result.verdict
+    assert not RunDirectory(result.path).is_live
     assert children() == []
 
 

@@ -26,7 +26,7 @@ from standin import sockets
 from standin.autopilot import Autopilot
 from standin.process import Process
 from standin.vehicle.location import Location
-from standin.vehicle.parameters import Parameters
+from standin.vehicle.parameters import StandinParameters
 
 HEADING_DEG = 120.0
 HOME_TEXT = f"45,10,100,{HEADING_DEG}"
@@ -494,7 +494,7 @@ def deaf_client_of_a_served_autopilot(
 ) -> Iterator[tuple[sockets.AutopilotSockets, socket.socket, socket.socket]]:
     """An autopilot in a thread, its physics, and a client that asked for all messages and reads none."""
     monkeypatch.setattr(sockets, "SEND_BUFFER_BYTES", 8192)
-    core = Autopilot(Location(45.0, 10.0, 100.0), Parameters(), frame_rate_hz=400, boot_unix_us=0)
+    core = Autopilot(Location(45.0, 10.0, 100.0), StandinParameters(), frame_rate_hz=400, boot_unix_us=0)
     with physics() as udp, socket.socket() as deaf:
         served = sockets.AutopilotSockets(core, udp.getsockname(), ("127.0.0.1", 0))
         server = Process([served])

@@ -13,7 +13,7 @@ from fdm.wire.sensor_frame import make_encoder
 from fdm.wire.servo_packet import unpack_servo_packet
 from standin.autopilot import Autopilot
 from standin.vehicle.location import Location
-from standin.vehicle.parameters import Parameters
+from standin.vehicle.parameters import StandinParameters
 
 RATE_HZ = 400
 COMMANDS = {4: [(176, 1.0, 4.0), (400, 1.0)], 5: [(22, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0)]}
@@ -26,7 +26,7 @@ def heights_of_a_takeoff(seed: int) -> list[float]:
     model = JsbsimModel(airframe, Home(GeodeticPosition(45.0, 10.0, 100.0), 120.0))
     noise = SensorNoise(position_sigma_m=0.3, velocity_sigma_mps=0.1)
     sense, encode = noise.disturb(seed=seed, ua_id=0)(model.sense), make_encoder(airframe.sensors)
-    core = Autopilot(Location(45.0, 10.0, 100.0), Parameters(), frame_rate_hz=RATE_HZ, boot_unix_us=0)
+    core = Autopilot(Location(45.0, 10.0, 100.0), StandinParameters(), frame_rate_hz=RATE_HZ, boot_unix_us=0)
     client = dialect.MAVLink(None, 255, 190)
     heights_m, packet = [], core.fdm.packet
     for frame in range(1, 25 * RATE_HZ):

@@ -12,7 +12,7 @@ from standin import cli
 from standin.autopilot import Autopilot
 from standin.vehicle.location import Location
 from standin.vehicle.parameters import (
-    Parameters,
+    StandinParameters,
     UnknownParameterError,
 )
 from standin.wire.fdm_link import FdmLink
@@ -40,7 +40,7 @@ class Bench:
     """An autopilot on the ground with a client."""
 
     def __init__(self) -> None:
-        parameters = Parameters()
+        parameters = StandinParameters()
         parameters.set("MAV_SYSID", 7)
         self.autopilot = Autopilot(HOME, parameters, frame_rate_hz=400, boot_unix_us=0)
         self.autopilot.mavlink.connect()
@@ -428,7 +428,7 @@ def test_parameter_read_and_set(ready: Bench) -> None:
 
 
 def test_unknown_parameters_and_values_are_a_callers_mistake() -> None:
-    parameters = Parameters()
+    parameters = StandinParameters()
     with pytest.raises(UnknownParameterError):
         parameters.set("NOPE", 1.0)
     with pytest.raises(ValueError, match="RTL_ALT: nan is not a finite number"):

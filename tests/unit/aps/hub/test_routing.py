@@ -1,7 +1,7 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.hub.routing import MAX_LEARNED, MAX_OWN, Outcome, Router
+from aps.hub.routing import MAX_LEARNED, MAX_OWN, Router, RoutingOutcome
 from aps.wire.framer import Framer
 
 AUTOPILOT, ALICE, BOB, CAROL, SECOND = 0, 1, 2, 3, 4
@@ -38,7 +38,7 @@ def router():
 
 def test_telemetry_goes_to_all_but_its_source(router):
     route = router.route(attitude(), AUTOPILOT, 0)
-    assert (route.outcome, route.links, route.to_us) == (Outcome.BROADCAST, (ALICE, BOB, CAROL), True)
+    assert (route.outcome, route.links, route.to_us) == (RoutingOutcome.BROADCAST, (ALICE, BOB, CAROL), True)
 
 
 def test_broadcast_of_a_client_goes_to_the_autopilot_and_the_other_clients(router):
@@ -48,7 +48,7 @@ def test_broadcast_of_a_client_goes_to_the_autopilot_and_the_other_clients(route
 @pytest.mark.parametrize("component", [0, 1])
 def test_command_for_the_autopilot_goes_there_alone_even_before_it_has_spoken(router, component):
     route = router.route(command(5, component), ALICE, 0)
-    assert (route.outcome, route.links) == (Outcome.TARGETED, (AUTOPILOT,))
+    assert (route.outcome, route.links) == (RoutingOutcome.TARGETED, (AUTOPILOT,))
     assert route.to_us == (component == 0)
 
 
@@ -57,26 +57,26 @@ def test_own_component_goes_to_links_that_have_seen_it_and_else_to_the_autopilot
     router.route(attitude(5, 154), BOB, 1)
     assert router.route(command(5, 154), ALICE, 2).links == (BOB,)
     assert router.route(command(5, 155), ALICE, 2).links == (AUTOPILOT,)
-    assert router.route(command(5, 155, sysid=5, compid=1), AUTOPILOT, 2).outcome is Outcome.NO_ROUTE
+    assert router.route(command(5, 155, sysid=5, compid=1), AUTOPILOT, 2).outcome is RoutingOutcome.NO_ROUTE
 
 
 def test_foreign_system_goes_to_links_that_have_seen_it_whatever_the_component(router):
     router.route(heartbeat(255, 190), ALICE, 0)
     router.route(heartbeat(254, 1), BOB, 0)
     answer = router.route(command(255, 77, sysid=5, compid=1), AUTOPILOT, 1)
-    assert (answer.outcome, answer.links, answer.to_us) == (Outcome.TARGETED, (ALICE,), False)
-    assert router.route(command(253, 0, sysid=5, compid=1), AUTOPILOT, 1).outcome is Outcome.NO_ROUTE
+    assert (answer.outcome, answer.links, answer.to_us) == (RoutingOutcome.TARGETED, (ALICE,), False)
+    assert router.route(command(253, 0, sysid=5, compid=1), AUTOPILOT, 1).outcome is RoutingOutcome.NO_ROUTE
 
 
 def test_never_back_to_the_source(router):
     router.route(heartbeat(255, 190), ALICE, 0)
     route = router.route(command(255, 190, sysid=254), ALICE, 1)
-    assert (route.outcome, route.links) == (Outcome.NO_ROUTE, ())
+    assert (route.outcome, route.links) == (RoutingOutcome.NO_ROUTE, ())
 
 
 def test_for_ourselves_alone_is_not_passed_on(router):
     route = router.route(command(5, 191), ALICE, 0)
-    assert (route.outcome, route.links, route.to_us) == (Outcome.LOCAL, (), True)
+    assert (route.outcome, route.links, route.to_us) == (RoutingOutcome.LOCAL, (), True)
 
 
 def test_heartbeat_skips_links_that_already_reach_its_sender(router):
@@ -95,7 +95,7 @@ def test_heartbeat_skips_links_that_already_reach_its_sender(router):
 )
 def test_radio_status_is_never_forwarded(router, message):
     route = router.route(frame_of(message, 51, 68), AUTOPILOT, 0)
-    assert (route.outcome, route.links, route.to_us) == (Outcome.LINK_LOCAL, (), True)
+    assert (route.outcome, route.links, route.to_us) == (RoutingOutcome.LINK_LOCAL, (), True)
 
 
 def test_unknown_message_is_routed(router):
@@ -108,7 +108,7 @@ def test_unknown_message_is_routed(router):
 
 def test_the_autopilots_own_frames_from_a_client_are_a_loop(router):
     for frame in (attitude(5, 1), heartbeat(5, 1)):
-        assert router.route(frame, ALICE, 0) == (Outcome.LOOP, (), False)
+        assert router.route(frame, ALICE, 0) == (RoutingOutcome.LOOP, (), False)
     assert not router.knows(ALICE, 5, 1, 0)
 
 
@@ -116,17 +116,17 @@ def test_our_own_frames_that_come_back_are_a_loop_and_those_of_a_companion_with_
     ours, theirs = heartbeat(5, 191), attitude(5, 191)
     router.sent(ours.raw)
     for link in (AUTOPILOT, ALICE):
-        assert router.route(ours, link, 0) == (Outcome.LOOP, (), False)
+        assert router.route(ours, link, 0) == (RoutingOutcome.LOOP, (), False)
     assert router.route(theirs, ALICE, 0).links == (AUTOPILOT, BOB, CAROL)
     answer = router.route(command(5, 191, sysid=5, compid=1), AUTOPILOT, 1)
-    assert (answer.outcome, answer.links, answer.to_us) == (Outcome.TARGETED, (ALICE,), True)
+    assert (answer.outcome, answer.links, answer.to_us) == (RoutingOutcome.TARGETED, (ALICE,), True)
 
 
 def test_the_memory_of_our_own_frames_is_bounded(router):
     frames = [attitude(5, 191, number) for number in range(2 * MAX_OWN)]
     for frame in frames:
         router.sent(frame.raw)
-    loops = sum(router.route(frame, ALICE, 0).outcome is Outcome.LOOP for frame in frames)
+    loops = sum(router.route(frame, ALICE, 0).outcome is RoutingOutcome.LOOP for frame in frames)
     assert loops == MAX_OWN
 
 
@@ -135,7 +135,7 @@ def test_a_second_link_to_the_autopilot_stands_by(router):
     assert router.primary == AUTOPILOT
     assert router.route(attitude(), AUTOPILOT, 0).links == (ALICE, BOB, CAROL)
     for frame in (attitude(), heartbeat(5, 1)):
-        assert router.route(frame, SECOND, 0) == (Outcome.STANDBY, (), True)
+        assert router.route(frame, SECOND, 0) == (RoutingOutcome.STANDBY, (), True)
     assert router.route(command(5, 1), ALICE, 0).links == (AUTOPILOT,)
     assert router.route(command(0, 0), ALICE, 0).links == (AUTOPILOT, BOB, CAROL)
     router.use(SECOND)
@@ -151,7 +151,9 @@ def test_routes_expire_after_silence(router):
     router.route(heartbeat(255, 190), ALICE, 0)
     assert router.route(command(255, 0, sysid=5, compid=1), AUTOPILOT, 60 * S).links == (ALICE,)
     late = 60 * S + 1
-    assert router.route(command(255, 0, sysid=5, compid=1), AUTOPILOT, late).outcome is Outcome.NO_ROUTE
+    assert (
+        router.route(command(255, 0, sysid=5, compid=1), AUTOPILOT, late).outcome is RoutingOutcome.NO_ROUTE
+    )
     router.expire(late)
     assert not router.knows(ALICE, 255, 190, 0)
 
@@ -166,7 +168,7 @@ def test_a_closed_links_routes_go_at_once(router):
     router.route(heartbeat(255, 190), ALICE, 0)
     router.remove_link(ALICE)
     assert router.links == (AUTOPILOT, BOB, CAROL)
-    assert router.route(command(255, 0, sysid=5, compid=1), AUTOPILOT, 1).outcome is Outcome.NO_ROUTE
+    assert router.route(command(255, 0, sysid=5, compid=1), AUTOPILOT, 1).outcome is RoutingOutcome.NO_ROUTE
     assert router.route(attitude(), AUTOPILOT, 1).links == (BOB, CAROL)
 
 
@@ -193,11 +195,11 @@ def test_each_frame_has_one_outcome(router):
     for frame in frames:
         router.route(frame, AUTOPILOT, 0)
     assert router.counters == {
-        Outcome.BROADCAST: 1,
-        Outcome.HEARTBEAT: 1,
-        Outcome.LOCAL: 1,
-        Outcome.NO_ROUTE: 1,
-        Outcome.LOOP: 1,
+        RoutingOutcome.BROADCAST: 1,
+        RoutingOutcome.HEARTBEAT: 1,
+        RoutingOutcome.LOCAL: 1,
+        RoutingOutcome.NO_ROUTE: 1,
+        RoutingOutcome.LOOP: 1,
     }
 
 

@@ -1,12 +1,12 @@
 """Round trips of TIMESYNC."""
 
-from aps.links.latency import MAX_UNANSWERED, WINDOW, Latency
+from aps.links.latency import MAX_UNANSWERED, WINDOW, LinkLatency
 
 MS = 1_000_000
 
 
 def test_round_trips_are_told_apart_from_answers_to_others():
-    latency = Latency()
+    latency = LinkLatency()
     assert latency.statistics() == {
         "asked": 0,
         "answered": 0,
@@ -26,7 +26,7 @@ def test_round_trips_are_told_apart_from_answers_to_others():
 
 
 def test_answers_that_come_late_or_never():
-    latency = Latency()
+    latency = LinkLatency()
     for number in range(3 * MAX_UNANSWERED):
         latency.ask(number)
     assert not latency.answer(0, 10 * MS)

@@ -9,9 +9,9 @@ from pymavlink import DFReader
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.logs.dataflash import DataflashError, read_messages
-from aps.logs.flight_log import FlightLogError, Place, read_link, read_tlog
+from aps.logs.flight_log import AutopilotLogError, LoggedPlace, read_link, read_tlog
 
-HOME = Place(47.0, 8.0, 500.0)
+HOME = LoggedPlace(47.0, 8.0, 500.0)
 METRES_PER_DEGREE = np.pi / 180.0 * 6_371_008.8
 BOOT_AT_RECEIVER_S = 1_700_000_000.0
 RATE_HZ = 20.0
@@ -177,7 +177,7 @@ def test_files_that_are_no_logs_are_named(tmp_path, received, sent, words):
     good = Sender(1, 50)
     write_tlog(ground, good.tlog(0.0)) if received is None else ground.write_bytes(received)
     ua.write_bytes(sent)
-    with pytest.raises(FlightLogError, match=words):
+    with pytest.raises(AutopilotLogError, match=words):
         read_link(ground, ua, receiver_at=HOME)
 
 
@@ -185,21 +185,21 @@ def test_what_is_missing_is_said(tmp_path):
     sender = Sender(1, 50)
     ground = write_tlog(tmp_path / "ground.tlog", sender.tlog(0.0))
     sent = write_tlog(tmp_path / "ua.tlog", sender.tlog(0.0))
-    with pytest.raises(FlightLogError, match="where the receiver stood"):
+    with pytest.raises(AutopilotLogError, match="where the receiver stood"):
         read_link(ground, sent)
     other = write_tlog(tmp_path / "other.tlog", Sender(9, 50).tlog(0.0))
-    with pytest.raises(FlightLogError, match="no stream of frames from system 9"):
+    with pytest.raises(AutopilotLogError, match="no stream of frames from system 9"):
         read_link(ground, other, receiver_at=HOME)
-    with pytest.raises(FlightLogError, match=r"cannot read .*nothing\.tlog"):
+    with pytest.raises(AutopilotLogError, match=r"cannot read .*nothing\.tlog"):
         read_link(ground, tmp_path / "nothing.tlog")
-    with pytest.raises(FlightLogError, match="does not tell what arrived"):
+    with pytest.raises(AutopilotLogError, match="does not tell what arrived"):
         read_link(tmp_path / "ground.bin", sent)
     (tmp_path / "ua.bin").write_bytes(b"nothing")
-    with pytest.raises(FlightLogError, match=r"ua\.bin: no format messages"):
+    with pytest.raises(AutopilotLogError, match=r"ua\.bin: no format messages"):
         read_link(ground, tmp_path / "ua.bin", receiver_at=HOME)
     rebooted = Sender(1, 50)
     both = [(t + 100.0, frame) for t, frame in rebooted.tlog(0.0)] + sender.tlog(0.0)
-    with pytest.raises(FlightLogError, match="booted anew"):
+    with pytest.raises(AutopilotLogError, match="booted anew"):
         read_link(ground, write_tlog(tmp_path / "twice.tlog", both), receiver_at=HOME)
 
 
@@ -251,7 +251,7 @@ def test_positions_that_cannot_be_are_left_out_of_a_bin(tmp_path):
     link = read_link(received, sent, receiver_at=HOME)
     assert link.distance_m == pytest.approx(sender.distance_m, abs=0.4)
     sent.write_bytes(sent.read_bytes().replace(b"TimeUS,Lat,", b"TimeUS,Lax,"))
-    with pytest.raises(FlightLogError, match=r"ua\.bin: POS without numbers TimeUS, Lat"):
+    with pytest.raises(AutopilotLogError, match=r"ua\.bin: POS without numbers TimeUS, Lat"):
         read_link(received, sent, receiver_at=HOME)
 
 
@@ -284,7 +284,7 @@ def test_no_bytes_lead_to_another_error(tmp_path_factory, cut, edits):
         link, problem = None, ""
         try:
             link = read_link(folder / received, folder / sent, receiver_at=HOME)
-        except FlightLogError as error:
+        except AutopilotLogError as error:
             problem = str(error)
         assert (received in problem or sent in problem) if link is None else np.all(link.distance_m > 0.0)
 

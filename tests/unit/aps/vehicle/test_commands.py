@@ -8,12 +8,12 @@ from aps.vehicle.commands import CommandExecution
 from aps.vehicle.execution import Outcome
 from aps.vehicle.flight import plans, targets
 from aps.vehicle.status_text import StatusText
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 S = 1_000_000_000
 ARM, MODE, TAKEOFF, REPOSITION, SPEED = 400, 176, 22, 192, 178
 ACCEPTED, DENIED, FAILED, IN_PROGRESS = 0, 2, 4, 5
-ON_GROUND = AircraftState(
+ON_GROUND = VehicleState(
     sysid=3,
     vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
     autopilot=3,

@@ -1,6 +1,6 @@
 from aps.callbacks import Callbacks
 from aps.vehicle.subscription import Subscription
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
 
 def offered(period_ms, times_ms):
@@ -9,7 +9,7 @@ def offered(period_ms, times_ms):
         lambda state: got.append(state.time_boot_ms), period_ms, lambda _: None, Callbacks()
     )
     for ms in times_ms:
-        subscription.offer(AircraftState(sysid=1, time_boot_ms=ms))
+        subscription.offer(VehicleState(sysid=1, time_boot_ms=ms))
     return got
 
 
@@ -27,6 +27,6 @@ def test_failing_callback_does_not_reach_the_caller(caplog):
         raise RuntimeError("mine")
 
     callbacks = Callbacks()
-    Subscription(fail, 0.0, lambda _: None, callbacks).offer(AircraftState(sysid=1))
+    Subscription(fail, 0.0, lambda _: None, callbacks).offer(VehicleState(sysid=1))
     assert callbacks.errors == 1
     assert "a state callback failed" in caplog.text

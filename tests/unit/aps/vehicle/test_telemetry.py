@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.vehicle.telemetry import AircraftState, Telemetry
+from aps.vehicle.telemetry import Telemetry, VehicleState
 from aps.wire.framer import Framer
 
 S = 1_000_000_000
@@ -320,7 +320,7 @@ def test_each_field_has_the_age_of_its_own_message(feed):
 
 def test_every_number_of_the_state_has_an_age(feed):
     told = set(feed.telemetry.state(0).ages_s())
-    fields = {name for name in AircraftState.__dataclass_fields__ if name not in UNMEASURED}
+    fields = {name for name in VehicleState.__dataclass_fields__ if name not in UNMEASURED}
     assert fields | {"wind_body_mps"} == told
 
 

@@ -8,7 +8,7 @@ from scipy import stats
 
 from channel.checks import ChannelInputError
 from channel.link.emitter import Emitter
-from channel.sensing.measured import OUTCOMES, Measured, Outcome
+from channel.sensing.measured import OUTCOMES, Measured, SensingOutcome
 from channel.sensing.sensing import Sensing
 from tests.unit.channel.sensing.scenes import CARRIER_HZ, PLAIN, config, emitter, law_dbm, measured, told
 
@@ -126,7 +126,7 @@ def test_where_nobody_was_seen_nothing_is_measured() -> None:
     sensing = Sensing({"0": config(), "1": config()}, [emitter()], seed=1)
     places = Places(np.zeros((2, 3)), known=np.array([False, True]))
     found = sensing.measure(0, places, Places(np.array([[100.0, 0.0, 0.0]])))
-    assert outcomes(found) == ["no_position", Outcome.MEASURED.value]
+    assert outcomes(found) == ["no_position", SensingOutcome.MEASURED.value]
     assert np.isnan(found.mean_power_dbm).tolist() == [True, False]
 
 

@@ -2,13 +2,13 @@ from math import inf
 
 import pytest
 
-from fdm.clock.pace import MAX_LAG_NS, NEVER_NS, Pace
+from fdm.clock.pace import MAX_LAG_NS, NEVER_NS, FleetPace
 
 MS = 1_000_000
 
 
 def test_the_limit_keeps_the_speed_from_where_it_was_restarted():
-    pace = Pace(2.0)
+    pace = FleetPace(2.0)
     pace.restart(10 * MS, 500 * MS)
     assert pace.limit_ns == 10 * MS
     assert pace.move(10 * MS, 504 * MS)
@@ -21,7 +21,7 @@ def test_the_limit_keeps_the_speed_from_where_it_was_restarted():
 
 
 def test_a_late_fleet_makes_up_for_no_more_than_the_lag():
-    pace = Pace(0.5)
+    pace = FleetPace(0.5)
     pace.restart(0, 0)
     pace.move(MS, 60_000 * MS)
     assert pace.limit_ns == MS + MAX_LAG_NS // 2
@@ -32,7 +32,7 @@ def test_a_late_fleet_makes_up_for_no_more_than_the_lag():
 
 
 def test_as_fast_as_possible_has_no_limit_and_no_need_to_move():
-    pace = Pace(inf)
+    pace = FleetPace(inf)
     assert (pace.limit_ns, pace.moves) == (NEVER_NS, False)
     pace.set_speed(1.0)
     pace.restart(MS, MS)
@@ -40,7 +40,7 @@ def test_as_fast_as_possible_has_no_limit_and_no_need_to_move():
 
 
 def test_a_pause_holds_through_a_change_of_speed():
-    pace = Pace(1.0)
+    pace = FleetPace(1.0)
     pace.pause(7 * MS)
     pace.step(2 * MS)
     pace.set_speed(inf)
@@ -51,7 +51,7 @@ def test_a_pause_holds_through_a_change_of_speed():
 
 
 def test_a_step_does_nothing_without_a_pause_and_is_above_0():
-    pace = Pace(1.0)
+    pace = FleetPace(1.0)
     pace.step(5 * MS)
     assert pace.limit_ns == 0
     with pytest.raises(ValueError, match="step of 0 ns: must be above 0"):

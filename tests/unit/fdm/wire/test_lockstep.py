@@ -1,6 +1,6 @@
 import pytest
 
-from fdm.wire.lockstep import RESEND_SILENCE_NS, FrameTimer, Lockstep, Verdict
+from fdm.wire.lockstep import RESEND_SILENCE_NS, FrameTimer, Lockstep, ServoVerdict
 
 A, B = ("127.0.0.1", 40000), ("127.0.0.1", 40001)
 
@@ -17,31 +17,31 @@ def after(*counts, answered=True):
 
 @pytest.mark.parametrize("first", [0, 1, 12345])
 def test_the_first_packet_boots(first):
-    assert Lockstep().receive(first, A, 0) is Verdict.BOOT
+    assert Lockstep().receive(first, A, 0) is ServoVerdict.BOOT
 
 
 def test_frames_advance_and_the_count_wraps():
-    assert after(0).receive(1, A, 0) is Verdict.ADVANCE
-    assert after(2**32 - 1).receive(0, A, 0) is Verdict.ADVANCE
+    assert after(0).receive(1, A, 0) is ServoVerdict.ADVANCE
+    assert after(2**32 - 1).receive(0, A, 0) is ServoVerdict.ADVANCE
 
 
 def test_a_jump_forward_is_a_gap():
     lockstep = after(5)
-    assert lockstep.receive(9, A, 0) is Verdict.GAP
+    assert lockstep.receive(9, A, 0) is ServoVerdict.GAP
     assert lockstep.waiting
     lockstep.answered(9, b"", 0)
-    assert lockstep.receive(10, A, 0) is Verdict.ADVANCE
+    assert lockstep.receive(10, A, 0) is ServoVerdict.ADVANCE
 
 
 def test_a_repeat_of_a_frame_that_waits_is_nothing():
-    assert after(3, answered=False).receive(3, A, 5 * RESEND_SILENCE_NS) is Verdict.WAITING
+    assert after(3, answered=False).receive(3, A, 5 * RESEND_SILENCE_NS) is ServoVerdict.WAITING
 
 
 def test_an_answered_frame_is_answered_again_only_after_silence():
     lockstep = after(3)
-    assert lockstep.receive(3, A, RESEND_SILENCE_NS - 1) is Verdict.DUPLICATE
-    assert lockstep.receive(3, A, RESEND_SILENCE_NS) is Verdict.RESEND
-    assert lockstep.receive(3, A, RESEND_SILENCE_NS + 1) is Verdict.DUPLICATE
+    assert lockstep.receive(3, A, RESEND_SILENCE_NS - 1) is ServoVerdict.DUPLICATE
+    assert lockstep.receive(3, A, RESEND_SILENCE_NS) is ServoVerdict.RESEND
+    assert lockstep.receive(3, A, RESEND_SILENCE_NS + 1) is ServoVerdict.DUPLICATE
     assert lockstep.reply == b"reply"
 
 
@@ -67,19 +67,19 @@ def test_who_asks_again_after_silence_has_read_all_that_arrived():
     lockstep.receive(1, A, 1)
     lockstep.receive(1, A, RESEND_SILENCE_NS - 1)
     assert lockstep.unread == 1  # it may have asked before the answer came
-    assert lockstep.receive(1, A, RESEND_SILENCE_NS) is Verdict.WAITING
+    assert lockstep.receive(1, A, RESEND_SILENCE_NS) is ServoVerdict.WAITING
     assert lockstep.unread == 0
 
 
 def test_a_late_datagram_is_no_restart():
-    assert after(1).receive(0, A, 0) is Verdict.STALE
+    assert after(1).receive(0, A, 0) is ServoVerdict.STALE
     lockstep = after(100)
-    assert lockstep.receive(98, A, 0) is Verdict.STALE
-    assert lockstep.receive(101, A, 0) is Verdict.ADVANCE
+    assert lockstep.receive(98, A, 0) is ServoVerdict.STALE
+    assert lockstep.receive(101, A, 0) is ServoVerdict.ADVANCE
 
 
 def test_more_than_65536_frames_are_no_restart():
-    assert after(65535).receive(65536, A, 0) is Verdict.ADVANCE
+    assert after(65535).receive(65536, A, 0) is ServoVerdict.ADVANCE
 
 
 @pytest.mark.parametrize(
@@ -96,13 +96,13 @@ def test_more_than_65536_frames_are_no_restart():
 )
 def test_a_drop_of_the_count_is_a_restart(last, count, sender):
     lockstep = after(last)
-    assert lockstep.receive(count, sender, 0) is Verdict.RESTART
+    assert lockstep.receive(count, sender, 0) is ServoVerdict.RESTART
     assert lockstep.sender == sender
 
 
 def test_replies_go_to_the_last_sender():
     lockstep = after(5)
-    assert lockstep.receive(6, B, 0) is Verdict.ADVANCE
+    assert lockstep.receive(6, B, 0) is ServoVerdict.ADVANCE
     assert lockstep.sender == B
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
-import os
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -14,6 +12,7 @@ from click.testing import CliRunner, Result
 from bridge.record.digests import digests
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.truth import TRUTH
+from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from lostlink.cli.records.export import export
 from tests.unit.bridge.record.runs import make_run
@@ -74,8 +73,8 @@ def test_parquet_of_a_killed_run_is_that_of_its_end(tmp_path: Path) -> None:
 
 def test_a_run_that_goes_on_keeps_its_journal(tmp_path: Path) -> None:
     folder = make_run(tmp_path / "run", is_finished=False)
-    (folder / "run.json").write_text(json.dumps({"run": "r", "endpoint": "tcp/x:1", "pid": os.getpid()}))
-    done = run(folder, "--parquet")
+    with RunDirectory(folder).going_on():
+        done = run(folder, "--parquet")
     assert (done.exit_code, "has not ended yet" in done.output) == (2, True)
     assert TRUTH.journal_path(folder).exists()
     assert run(folder, "--csv").exit_code == 0

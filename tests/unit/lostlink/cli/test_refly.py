@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -208,10 +207,6 @@ def test_interrupted_flight_is_not_compared(tmp_path: Path, fly: FakeFlight) -> 
     assert "identical" not in done.output
 
 
-def live(run: Path) -> None:
-    (run / "run.json").write_text(json.dumps({"run": "r", "endpoint": "tcp/x:1", "pid": os.getpid()}))
-
-
 def wrong_input(run: Path) -> None:
     path = inputs_path(run, "0")
     writer = InputWriter(path)
@@ -226,7 +221,6 @@ def wrong_input(run: Path) -> None:
         (shutil.rmtree, "no such directory"),
         (lambda run: (run / "scenario.yaml").unlink(), "it has no scenario.yaml"),
         (lambda run: (run / "scenario.yaml").write_text("a: 1"), "scenario.yaml"),
-        (live, "has not ended yet"),
         (wrong_input, "0.jsonl:2: key 'kind'"),
         (
             lambda run: [shutil.rmtree(run / "streams"), (run / "deliveries.parquet").unlink()],
@@ -247,6 +241,15 @@ def test_what_cannot_be_flown_again_has_status_2(
     assert (done.exit_code, fly.seen) == (2, {})
     assert text in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_run_that_goes_on_cannot_be_flown_again(tmp_path: Path, fly: FakeFlight) -> None:
+    run = recorded(tmp_path)
+    with RunDirectory(run).going_on():
+        done = refly(tmp_path, run)
+    assert (done.exit_code, fly.seen) == (2, {})
+    assert "has not ended yet" in done.stderr
+    assert refly(tmp_path, run).exit_code == 0
 
 
 def test_run_without_streams_is_compared_by_its_tables(tmp_path: Path, fly: FakeFlight) -> None:

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lostlink.cli.flying.study import study
-from lostlink.study.case_process import RESULT_FILE, Plan, write_whole
+from lostlink.study.case_process import RESULT_FILE, CasePlan, write_whole
 from lostlink.study.study import Study
 
 FIGURES = """
@@ -44,7 +44,7 @@ def file(tmp_path: Path) -> Path:
         encoding="utf-8",
     )
     ours = Study(file, tmp_path)
-    measures = Plan("", (), "all").measures
+    measures = CasePlan("", (), "all").measures
     for case in ours.cases:
         ours.path(case).mkdir(parents=True)
         metrics = {"passed": True, "delivery": float("nan"), "series": [1.0, float("inf")]}

@@ -131,7 +131,11 @@ def test_expectations_checks_and_failure_are_told(content: dict[str, Any]):
         "unit": "",
     }
     judged = content | {"checks": checks, "expectations": [missed | {"passed": False}]}
-    judged["run"] = content["run"] | {"verdict": "fail: 1 of 1 checks", "error": "a host died"}
+    judged["run"] = content["run"] | {
+        "outcome": "fail",
+        "verdict": "fail: 1 of 1 checks",
+        "error": "a host died",
+    }
     text = page_of(judged, {})
     assert text.count('<span class="fail-word">FAILED</span>') == 2
     assert 'class="verdict fail">fail: 1 of 1 checks' in text

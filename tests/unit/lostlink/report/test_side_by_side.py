@@ -29,7 +29,8 @@ def made(
         failed = {"name": "far out", "passed": False}
         summary = {
             "ending": "duration",
-            "verdict": "pass: 6 checks",
+            "outcome": "fail",
+            "verdict": "fail: 1 of 1 expectations not met: far out; 6 checks",
             "digest": digest,
             "expectations": [failed],
         }
@@ -65,7 +66,7 @@ def test_what_differs_and_what_does_not(runs: list[Path]):
     rows = {name: (cells, differs) for name, cells, differs in table_of(content)}
     assert rows["seed"] == (["1", "1", "2", "1"], True)
     assert rows["scenario"] == (["made"] * 4, False)
-    assert rows["verdict"] == (["pass"] * 3 + ["–"], True)
+    assert rows["outcome"] == (["fail"] * 3 + ["–"], True)
     assert rows["failed expectations"][0] == ["far out"] * 3 + ["none"]
     assert rows["delivery gcs to 0"][0][:3] == ["–"] * 3
     assert [column["same_as"] for column in content["runs"]] == ["a", "a", "c", None]

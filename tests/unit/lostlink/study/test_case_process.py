@@ -6,12 +6,13 @@ import json
 from pathlib import Path
 
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
-from lostlink.study.case_process import RUN_FOLDER, Plan, fly_case, read_result
+from lostlink.study.case_process import RUN_FOLDER, CasePlan, fly_case, read_result
 from tests.unit.lostlink.replay.flown import scenario_of
 
 SUMMARY = {
     "ending": "failed",
     "error": "the radio ended with status 1",
+    "outcome": "broke_off",
     "verdict": "",
     "digest": "",
     "sim_duration_s": 0.0,
@@ -24,9 +25,9 @@ def test_a_run_that_failed_without_tables_says_why(tmp_path: Path) -> None:
     run.write(scenario, "tcp/127.0.0.1:1")
     (run.path / SUMMARY_FILE).write_text(json.dumps(SUMMARY), encoding="utf-8")
     (tmp_path / RUN_FOLDER).symlink_to(run.path.name)
-    Plan(scenario.to_yaml(), (), "all").write(tmp_path)
+    CasePlan(scenario.to_yaml(), (), "all").write(tmp_path)
     assert fly_case(tmp_path) == 1
     result = read_result(tmp_path)
     assert result is not None
     assert result["failure"] == SUMMARY["error"]
-    assert (result["metrics"]["ending"], result["metrics"]["passed"]) == ("failed", True)
+    assert (result["metrics"]["ending"], result["metrics"]["passed"]) == ("failed", False)

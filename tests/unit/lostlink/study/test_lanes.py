@@ -11,7 +11,7 @@ from typing import Any
 import psutil
 import pytest
 
-from lostlink.study.lanes import Dask, Lanes, Local
+from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def _leave(lanes: Lanes, case: Path) -> list[psutil.Process]:
 
 
 def test_on_this_machine(waiting: Path) -> None:
-    assert not _leave(Local(1), waiting)
+    assert not _leave(LocalLanes(1), waiting)
 
 
 @pytest.mark.slow
@@ -56,4 +56,4 @@ def test_on_a_dask_cluster(waiting: Path) -> None:
             n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
         )
     ) as cluster:
-        assert not _leave(Dask(cluster.scheduler_address), waiting)
+        assert not _leave(DaskLanes(cluster.scheduler_address), waiting)

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from lostlink.study.case_process import Plan
+from lostlink.study.case_process import CasePlan
 from lostlink.study.cases import cases_of
 from lostlink.study.metrics import load, own
 from lostlink.study.model import Function, StudyError, read_study
@@ -127,7 +127,7 @@ def test_other_code_of_a_module_that_an_agent_imports_is_another_run(tmp_path):
 def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
     (tmp_path / "own.py").write_text("import law\n\n\ndef measure(run):\n    return {}\n", encoding="utf-8")
     (tmp_path / "law.py").write_text("", encoding="utf-8")
-    plan = Plan("", (Function(file=tmp_path / "own.py", name="measure"),), "all")
+    plan = CasePlan("", (Function(file=tmp_path / "own.py", name="measure"),), "all")
     before = plan.measures
     (tmp_path / "law.py").write_text("# other\n", encoding="utf-8")
     assert plan.measures != before

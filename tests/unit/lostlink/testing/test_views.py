@@ -9,7 +9,7 @@ import pytest
 
 from bridge.record.tables.schema import TableError
 from lostlink.testing.flight import UaOfFlight
-from lostlink.testing.views import LinkRecord, NodeRecord, Place
+from lostlink.testing.views import Place, RecordedLink, RecordedNode
 
 
 class Made:
@@ -75,14 +75,14 @@ def test_of_a_flight_that_is_over_no_record_is_waited_for():
 
 
 def test_when_a_node_first_is_near_a_place():
-    ua = NodeRecord(Made(), "1")
+    ua = RecordedNode(Made(), "1")
     assert ua.reaches(Place(north_m=60.0, height_m=20.0), within_m=5.0) == 5.5
     assert ua.reaches(Place(north_m=60.0), within_m=5.0, after_s=6.2) == 6.5
     assert ua.reaches(Place(east_m=0.0), within_m=0.1) == 0.0
 
 
 def test_a_place_that_is_not_reached_is_told_with_the_nearest():
-    ua = NodeRecord(Made(), "1")
+    ua = RecordedNode(Made(), "1")
     with pytest.raises(AssertionError, match=r"nearest was 20\.0 m at 10\.00 s"):
         ua.reaches(Place(north_m=120.0), within_m=5.0)
     with pytest.raises(AssertionError, match=r"nearest was 60\.0 m at 4\.00 s"):
@@ -94,7 +94,7 @@ def test_a_place_that_is_not_reached_is_told_with_the_nearest():
 
 
 def test_where_a_node_was():
-    ua = NodeRecord(Made(), "1")
+    ua = RecordedNode(Made(), "1")
     assert ua.position_ned_m(3.2).tolist() == [30.0, 0.0, -20.0]
     assert ua.position_ned_m(99.0)[0] == 100.0
     with pytest.raises(ValueError, match="not there yet"):
@@ -102,17 +102,19 @@ def test_where_a_node_was():
 
 
 def test_what_a_link_delivered_by_time_and_distance():
-    link = LinkRecord(Made(), "0", "1")
+    link = RecordedLink(Made(), "0", "1")
     assert link.delivery() == 0.5
     assert link.delivery(from_s=2.0, to_s=3.0) == 1.0
     assert link.delivery(min_m=10.0, max_m=40.0) == pytest.approx(1 / 3)
     with pytest.raises(AssertionError, match="nothing was sent from 0 to 1"):
         link.delivery(from_s=100.0)
     with pytest.raises(AssertionError, match="nothing was sent from 1 to 0"):
-        LinkRecord(Made(), "1", "0").delivery()
+        RecordedLink(Made(), "1", "0").delivery()
 
 
-@pytest.mark.parametrize("kind", [lambda run: NodeRecord(run, "7"), lambda run: LinkRecord(run, "0", "7")])
+@pytest.mark.parametrize(
+    "kind", [lambda run: RecordedNode(run, "7"), lambda run: RecordedLink(run, "0", "7")]
+)
 def test_a_node_that_is_not_there_is_named(kind):
     with pytest.raises(ValueError, match="no node '7'; there are 0, 1"):
         kind(Made())

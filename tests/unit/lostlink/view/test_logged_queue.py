@@ -14,12 +14,12 @@ from lostlink.view.sources.logged_queue import (
     VALUES_PER_READ,
     WAITING_MAX,
     LoggedQueue,
-    Sample,
+    LoggedSample,
 )
 
 
-def sample(node: str, name: str, time_ns: int, payload: bytes = b"1.5") -> Sample:
-    return Sample(node, name, time_ns, payload)
+def sample(node: str, name: str, time_ns: int, payload: bytes = b"1.5") -> LoggedSample:
+    return LoggedSample(node, name, time_ns, payload)
 
 
 def test_values_come_out_in_their_order() -> None:
@@ -47,8 +47,8 @@ def test_a_flood_does_not_wash_away_what_is_logged_seldom() -> None:
     assert [s.sim_time_ns for s in found if s.name == "gap_m"] == list(range(100_000 - WAITING_MAX, 100_000))
 
 
-def everything(queue: LoggedQueue) -> list[Sample]:
-    found: list[Sample] = []
+def everything(queue: LoggedQueue) -> list[LoggedSample]:
+    found: list[LoggedSample] = []
     while read := queue.read():
         found += read
     return found

@@ -6,9 +6,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.vehicle.commands import CommandExecution
 from aps.vehicle.flight import plans, targets
-from aps.vehicle.telemetry import AircraftState
+from aps.vehicle.telemetry import VehicleState
 
-COPTER = AircraftState(
+COPTER = VehicleState(
     sysid=1,
     vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
     autopilot=3,
@@ -29,7 +29,7 @@ def first_messages(plan):
     ("call", "message"),
     [
         (lambda: plans.set_mode(COPTER, "FBWA"), "mode 'FBWA' is none of STABILIZE, ACRO"),
-        (lambda: plans.set_mode(AircraftState(sysid=1), "GUIDED"), "no modes are known for MAV_TYPE 0"),
+        (lambda: plans.set_mode(VehicleState(sysid=1), "GUIDED"), "no modes are known for MAV_TYPE 0"),
         (lambda: plans.takeoff(COPTER, 0.0), r"alt_rel_m must be in 0\.5\.\.10000, not 0\.0"),
         (lambda: plans.takeoff(COPTER, math.nan), "alt_rel_m must be in .*, not nan"),
         (lambda: targets.goto(COPTER, 91.0, 8.0, 20.0), r"lat_deg must be in -90\.\.90, not 91\.0"),

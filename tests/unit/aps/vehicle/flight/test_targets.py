@@ -8,11 +8,11 @@ from aps.vehicle.commands import CommandExecution
 from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.flight.setpoints import offset_deg
-from aps.vehicle.state import AircraftState
+from aps.vehicle.state import VehicleState
 from tests.unit.aps.vehicle.peer import Bench
 
 S = 1_000_000_000
-COPTER = AircraftState(
+COPTER = VehicleState(
     sysid=1,
     vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
     autopilot=3,

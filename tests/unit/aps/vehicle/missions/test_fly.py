@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from aps.vehicle.commands import CommandExecution
 from aps.vehicle.execution import Outcome
 from aps.vehicle.missions import fly
-from aps.vehicle.state import AircraftState
+from aps.vehicle.state import VehicleState
 from tests.unit.aps.vehicle.flight.test_targets import COPTER
 
 AUTO = replace(COPTER, mode="AUTO", mission_current=1, mission_total=3, mission_state="ACTIVE")
@@ -82,4 +82,4 @@ def test_set_current_is_done_when_the_autopilot_is_there():
     with pytest.raises(ValueError, match="whole number"):
         fly.set_current(AUTO, 1.5)
     with pytest.raises(ValueError, match="no modes are known"):
-        fly.fly(AircraftState(sysid=1))
+        fly.fly(VehicleState(sysid=1))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bridge.bus.identity.table import TABLE, Role
+from bridge.bus.identity.table import TABLE, AccessRole
 
 PAGE = Path(__file__).parents[5] / "docs" / "identities.md"
 
 
-def names(roles: Role) -> str:
-    return ", ".join(str(role.name).lower() for role in Role if role in roles)
+def names(roles: AccessRole) -> str:
+    return ", ".join(str(role.name).lower() for role in AccessRole if role in roles)
 
 
 def test_the_page_has_the_rights_of_the_table() -> None:

@@ -9,14 +9,14 @@ import pytest
 
 from bridge.bus.identity.roster import Identity, roster
 from bridge.bus.identity.rules import access_control
-from bridge.bus.identity.table import NOBODY, TABLE, Role, Row
+from bridge.bus.identity.table import NOBODY, TABLE, AccessRole, AccessRow
 from bridge.bus.keys import Keys
 
 KEYS = Keys("r")
 NO_KEYS = {"prefix", "last_chunk", "node_of", "address_of", "run"}
 
 
-def matches(row: Row, key: str) -> bool:
+def matches(row: AccessRow, key: str) -> bool:
     template = row.key.format(node="*", self="*", host="*")
     pattern = re.escape(template).replace(r"\*\*", ".+").replace(r"\*", "[^/]+")
     return re.fullmatch(f"lostlink/r/{pattern}", key) is not None
@@ -72,13 +72,13 @@ def test_rights_are_granted_one_by_one_and_everything_else_is_denied() -> None:
 @pytest.mark.parametrize(
     ("name", "role", "nodes"),
     [
-        ("node:1", Role.NODE, ("1",)),
-        ("node-1", Role.NODE, ("*",)),
-        ("node-1", Role.NODE, ()),
-        ("operator", Role.OPERATOR, ("1",)),
+        ("node:1", AccessRole.NODE, ("1",)),
+        ("node-1", AccessRole.NODE, ("*",)),
+        ("node-1", AccessRole.NODE, ()),
+        ("operator", AccessRole.OPERATOR, ("1",)),
     ],
 )
-def test_identities_that_cannot_be(name: str, role: Role, nodes: tuple[str, ...]) -> None:
+def test_identities_that_cannot_be(name: str, role: AccessRole, nodes: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match=r"cannot name an identity|with nodes"):
         Identity(name, role, nodes)
 

@@ -1,0 +1,70 @@
+"""Samples of a run for people and other programs: decoded where they are messages of ours."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from bridge.bus.messages import DecodeError, decode
+from bridge.bus.messages.codec import class_of
+from bridge.bus.reception import signal_of
+from bridge.bus.session import Sample, Stamp
+
+
+def describe(sample: Sample) -> dict[str, Any]:
+    """A sample in plain types: key, stamp if it has one, length, and the message or the start of its bytes."""
+    payload = sample.payload.to_bytes()
+    content: dict[str, Any] = {"key": str(sample.key_expr)}
+    stamp = Stamp.from_sample(sample)
+    if stamp is not None:
+        content |= {"seq": stamp.seq, "sim_time_s": stamp.sim_time_ns / 1e9}
+        rssi_dbm, snr_db = signal_of(sample)
+        if not math.isnan(rssi_dbm):
+            content |= {"rssi_dbm": round(rssi_dbm, 3), "snr_db": round(snr_db, 3)}
+    content["length_bytes"] = len(payload)
+    cls = class_of(str(sample.encoding))
+    if cls is None:
+        return content | {"encoding": str(sample.encoding), "bytes": payload[:64].hex()}
+    try:
+        message: Any = decode(payload, cls)
+    except DecodeError as error:
+        return content | {"error": str(error), "bytes": payload[:64].hex()}
+    return content | {"type": cls.TYPE, "message": _plain(dataclasses.asdict(message))}
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN and no infinity: they become null and text."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    return value
+
+
+def as_text(content: dict[str, Any]) -> str:
+    """What `describe` gave, for people."""
+    head = [content["key"]]
+    if "seq" in content:
+        head.append(f"#{content['seq']} at {content['sim_time_s']:.3f} s")
+    if "rssi_dbm" in content:
+        head.append(f"{content['rssi_dbm']:.1f} dBm")
+    head.append(f"{content['length_bytes']} B")
+    body = content.get("message")
+    if body is None:
+        return "  ".join([*head, content.get("error", content.get("encoding", "")), content["bytes"]])
+    return "  ".join([*head, content["type"].rsplit("/", 1)[1]]) + "".join(
+        f"\n  {line}" for line in _lines(body)
+    )
+
+
+def _lines(body: dict[str, Any], prefix: str = "") -> list[str]:
+    lines: list[str] = []
+    for name, value in body.items():
+        if isinstance(value, dict):
+            lines += _lines(value, f"{prefix}{name}.")
+        else:
+            lines.append(f"{prefix}{name}: {value}")
+    return lines

@@ -1,0 +1,100 @@
+"""What a run is worth: one outcome, and a line of words that begins with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from lostlink.expectations.judge import Judgement
+
+
+class RunOutcome(StrEnum):
+    """What a run is worth; `summary.json` has it as ``outcome``."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    """The record disagrees with the channel's model, or with an expectation of the scenario."""
+    NONE = "none"
+    """Nothing was drawn that could be judged."""
+    INTERRUPTED = "interrupted"
+    BROKE_OFF = "broke_off"
+
+    @property
+    def word(self) -> str:
+        """How lines for people begin."""
+        return "no verdict" if self is RunOutcome.NONE else self.value.replace("_", " ")
+
+
+UNJUDGED = {"interrupted": RunOutcome.INTERRUPTED, "failed": RunOutcome.BROKE_OFF}
+"""By ending: outcomes of runs that say nothing of the model."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunVerdict:
+    """What a run is worth.
+
+    Attributes:
+        outcome: for programs.
+        text: for people; its first word is the outcome's.
+    """
+
+    outcome: RunOutcome
+    text: str
+
+
+def verdict_of(
+    checks: Sequence[dict[str, Any]],
+    links: Sequence[dict[str, Any]],
+    ending: str,
+    judgements: Sequence[Judgement] = (),
+    unfinished: Sequence[str] = (),
+) -> RunVerdict:
+    """Whether packets are what the radio says, and the run what its scenario expects.
+
+    Args:
+        checks: of packets against the model, as in `summary.json`, as are ``links`` and ``ending``.
+        links: with ``sent`` and ``delivered``.
+        ending: how the run ended.
+        judgements: what came of each expectation.
+        unfinished: nodes that had not finished.
+    """
+    outcome = UNJUDGED.get(ending) or _judged(checks, judgements)
+    told = [*_of_expectations(judgements), *_of_checks(checks, outcome), _counts(links, outcome)]
+    if unfinished:
+        told.append(f"node{'s' * (len(unfinished) > 1)} {', '.join(unfinished)} had not finished")
+    return RunVerdict(outcome, f"{outcome.word}: {'; '.join(told)}")
+
+
+def _judged(checks: Sequence[dict[str, Any]], judgements: Sequence[Judgement]) -> RunOutcome:
+    if not all(check["passed"] for check in checks) or not all(each.passed for each in judgements):
+        return RunOutcome.FAIL
+    return RunOutcome.PASS if checks else RunOutcome.NONE
+
+
+def _of_expectations(judgements: Sequence[Judgement]) -> Iterator[str]:
+    missed = [each.name for each in judgements if not each.passed]
+    if missed:
+        yield f"{len(missed)} of {len(judgements)} expectations not met: {', '.join(missed)}"
+    elif judgements:
+        yield f"{len(judgements)} expectations met"
+
+
+def _of_checks(checks: Sequence[dict[str, Any]], outcome: RunOutcome) -> Iterator[str]:
+    if outcome in UNJUDGED.values():
+        return
+    failed = [f"{check['name']} (chance {check['chance']:.2g})" for check in checks if not check["passed"]]
+    if failed:
+        yield f"{len(failed)} of {len(checks)} checks against the model: {', '.join(failed)}"
+    elif checks:
+        yield f"{len(checks)} checks of draws and powers against the model"
+    else:
+        yield "nothing was drawn"
+
+
+def _counts(links: Sequence[dict[str, Any]], outcome: RunOutcome) -> str:
+    if not links and outcome in UNJUDGED.values():
+        return "no link was recorded"
+    sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
+    return f"{delivered} of {sent} packets delivered"

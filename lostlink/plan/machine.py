@@ -1,0 +1,66 @@
+"""What this machine has of what a run needs."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from bridge.fleet.autopilots.ardupilot import BINARIES, ArduPilot
+from bridge.fleet.autopilots.launcher import AutopilotError
+from bridge.fleet.ports import conflicts, ports_of
+from bridge.scenario.model import Scenario
+
+PACKAGES = (
+    "lostlink",
+    "eclipse-zenoh",
+    "jsbsim",
+    "pymavlink",
+    "numpy",
+    "scipy",
+    "pyarrow",
+    "pydantic",
+    "matplotlib",
+)
+
+
+def examine(scenario: Scenario, ardupilot_dir: Path | None) -> dict[str, Any]:
+    """What `doctor` tells, in plain types.
+
+    Args:
+        scenario: whose ports to look at.
+        ardupilot_dir: where to look for binaries first.
+    """
+    packages = {name: _version(name) for name in PACKAGES}
+    uses = list(ports_of(scenario))
+    taken = conflicts(uses)
+    return {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cpu_count": os.cpu_count(),
+        "packages": packages,
+        "autopilots": {"standin": "ships with lostlink", **_binaries(ardupilot_dir)},
+        "ports": [f"{use}" for use in uses],
+        "ports_taken": taken,
+        "ok": not taken and None not in packages.values(),
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _binaries(ardupilot_dir: Path | None) -> dict[str, str | None]:
+    launcher = ArduPilot(os.environ, ardupilot_dir)
+    found: dict[str, str | None] = {}
+    for name in BINARIES.values():
+        try:
+            found[name] = str(launcher.binary(name))
+        except AutopilotError:
+            found[name] = None
+    return found

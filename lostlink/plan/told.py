@@ -1,0 +1,92 @@
+"""What `lostlink check` says of a plan."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+from lostlink.plan.plan import NodePlan, RunPlan
+from lostlink.plan.reach import FARTHEST_M
+
+KINDS = {"ground": "on the ground", "emitter": "an emitter"}
+NODES_SHOWN_MAX = 20
+
+
+def lines_of(plan: RunPlan) -> Iterator[str]:
+    """All of a plan, line by line."""
+    yield f"{plan.scenario}: {plan.description}".rstrip(": ")
+    yield (
+        f"  at most {plan.duration_s:g} s of sim time, {plan.tick_rate_hz} ticks per second, speed {plan.speed}, "
+        f"seed {plan.seed}, autopilot {plan.autopilot}, wind {plan.wind}"
+    )
+    yield from _section(f"Nodes ({len(plan.nodes)})", [_node(node) for node in plan.nodes])
+    yield from _section("Processes", ["router", "physics", *_hosts(plan)])
+    yield from _section(f"Ports ({len(plan.ports)})", list(plan.ports))
+    yield from _section("Radio", list(_radio(plan)))
+    yield from _section("Offered load", list(_load(plan)))
+    yield from _section("Expectations", list(plan.expectations))
+    yield from _section("Not modelled", list(plan.not_modelled))
+    yield from _section("Warnings", list(plan.warnings))
+
+
+def _section(title: str, lines: list[str]) -> Iterator[str]:
+    if lines:
+        yield from ("", title)
+        shown = lines if len(lines) <= NODES_SHOWN_MAX else lines[: NODES_SHOWN_MAX - 1]
+        yield from (f"  {line}" for line in shown)
+        if len(shown) < len(lines):
+            yield f"  and {len(lines) - len(shown)} more (--json has all)"
+
+
+def _node(node: NodePlan) -> str:
+    north_m, east_m, up_m = node.place_m
+    what = f"UA, {node.airframe} ({node.vehicle})" if node.airframe else KINDS[node.kind]
+    height = "" if node.airframe else f", {up_m:g} m up"
+    radio = f", radio {node.radio}" if node.radio else ""
+    agent = f"agent {node.agent}" if node.agent else "sends no packets"
+    return f"{node.id}: {what} at {north_m:g} m N, {east_m:g} m E{height}, {agent}{radio}"
+
+
+def _hosts(plan: RunPlan) -> Iterator[str]:
+    for name, nodes in plan.hosts.items():
+        yield f"{name}: {', '.join(nodes)}"
+
+
+def _radio(plan: RunPlan) -> Iterator[str]:
+    radio = plan.radio
+    yield f"{radio.name}: {radio.frequency_hz / 1e6:g} MHz, {radio.bit_rate_bps:g} bit/s on air"
+    if radio.reach.limit_m is None:
+        yield "its reach depends on places, or its model refuses short distances: lostlink link shows one link"
+        return
+    for share, distance_m in radio.reach.distance_m.items():
+        yield f"{float(share):.0%} of data packages arrive up to {_distance(distance_m, radio.reach.limit_m)}"
+
+
+def _distance(distance_m: float | None, limit_m: float) -> str:
+    if distance_m is None:
+        return "no distance"
+    if distance_m < 0.99 * limit_m:
+        return f"{distance_m:g} m"
+    return (
+        "any distance"
+        if limit_m == FARTHEST_M
+        else f"{limit_m:.3g} m at least: the model says nothing beyond"
+    )
+
+
+def _load(plan: RunPlan) -> Iterator[str]:
+    load, guess = plan.load, "about " if plan.load.is_guess else ""
+    yield (
+        f"all nodes: {guess}{load.packets_per_s:g} packets/s, {load.on_air_bits_per_s:.4g} bit/s on air, "
+        f"{load.airtime_share:.1%} of the radio's bit rate"
+    )
+    kinds: dict[tuple[float | None, int | None, bool], list[str]] = defaultdict(list)
+    for node in load.nodes:
+        kinds[node.packets_per_s, node.payload_bytes, node.is_guess].append(node.node)
+    for (rate_hz, payload, is_guess), nodes in kinds.items():
+        who = f"node {nodes[0]}" if len(nodes) == 1 else f"{len(nodes)} nodes ({nodes[0]}, ...)"
+        if rate_hz is None:
+            yield f"{who}: not known: a program beside the run sends"
+        else:
+            own = ", unless its own agent sends otherwise" if is_guess else ""
+            yield f"{who}: {rate_hz:g} packets/s of {payload} bytes{own}"

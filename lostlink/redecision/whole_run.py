@@ -1,0 +1,28 @@
+"""What was decided anew as a whole run: its directory with summary and figure, as a flight leaves it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from bridge.run.directory import RunDirectory
+from bridge.scenario.resolve.radio import common_radio
+from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
+from lostlink.flight.summary import Timing, summarise, write_summary
+from lostlink.redecision.redecide import Redecision
+from lostlink.redecision.rewrite import OnProgress, write_run
+
+
+def write_whole_run(
+    result: Redecision, directory: Path, on_progress: OnProgress = lambda _name, _rows: None
+) -> dict[str, Any]:
+    """Write ``directory``; gives its summary. Arguments and errors as of `write_run`."""
+    was = RunDirectory(result.run).summary
+    made = write_run(result, directory, on_progress)
+    timing = Timing(was.get("sim_duration_s", 0.0), was.get("wall_duration_s", 0.0))
+    ending, unfinished = was.get("ending", "interrupted"), was.get("unfinished", [])
+    summary = summarise(result.scenario, made, timing, ending, unfinished, error=was.get("error"))
+    summary |= {"redecided_from": str(result.run.resolve())}
+    write_summary(summary, made)
+    draw_probability_of_delivery(summary, common_radio(result.scenario), made.path / FIGURE_FILE)
+    return summary

@@ -1,0 +1,61 @@
+"""A run goes on as long as somebody flies it: not as long as a process of that number is there."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bridge.run.access import NoAccess, access_of
+from bridge.run.directory import LIVE_FILE, RUN_FILE, RunDirectory, live_runs
+
+GOES_ON = """
+import sys, time
+from pathlib import Path
+from bridge.run.directory import RunDirectory
+with RunDirectory(Path(sys.argv[1])).going_on():
+    print("goes on", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> RunDirectory:
+    """One that this very process wrote, as `fly` does."""
+    made = RunDirectory.create(tmp_path, "made")
+    told = {"run": made.path.name, "endpoint": "tcp/127.0.0.1:1", "pid": os.getpid()}
+    (made.path / RUN_FILE).write_text(json.dumps(told))
+    return made
+
+
+def test_a_run_is_over_though_its_process_lives_on(run: RunDirectory) -> None:
+    with run.going_on():
+        assert run.is_live
+        assert [info.run for info in live_runs(run.path.parent)] == [run.path.name]
+    assert not run.is_live
+    assert live_runs(run.path.parent) == []
+    assert not (run.path / LIVE_FILE).exists()
+    with pytest.raises(NoAccess, match="is over"):
+        access_of(run.path, "observer")
+
+
+def test_a_flight_that_raises_is_over(run: RunDirectory) -> None:
+    with pytest.raises(KeyboardInterrupt), run.going_on():
+        raise KeyboardInterrupt
+    assert not run.is_live
+
+
+def test_a_killed_run_is_over_whoever_has_its_number_now(run: RunDirectory) -> None:
+    process = subprocess.Popen([sys.executable, "-c", GOES_ON, run.path], stdout=subprocess.PIPE)
+    with process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        assert run.is_live
+        process.send_signal(signal.SIGKILL)
+    assert (run.path / LIVE_FILE).exists()
+    assert not run.is_live

@@ -1,0 +1,62 @@
+"""A run's outcome, and the words and statuses that follow from it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from lostlink.expectations.judge import Judgement
+from lostlink.flight.exits import DISAGREES, UNEXPECTED, WELL, status_of
+from lostlink.flight.verdict import RunOutcome, verdict_of
+
+LINKS = [{"sent": 50, "delivered": 25}]
+GOOD = {"name": "losses", "chance": 0.2, "passed": True}
+BAD = {"name": "noise", "chance": 1e-5, "passed": False}
+
+
+def expected(*, passed: bool) -> Judgement:
+    return Judgement("range", "position", "within 5 m", 9.0, "m", passed=passed)
+
+
+MET, MISSED = expected(passed=True), expected(passed=False)
+
+
+@pytest.mark.parametrize(
+    ("checks", "judged", "ending", "outcome", "status", "text"),
+    [
+        ([GOOD], [MET], "done", "pass", WELL, "pass: 1 expectations met; 1 checks of draws and powers"),
+        ([GOOD], [MISSED, MET], "done", "fail", UNEXPECTED, "fail: 1 of 2 expectations not met: range; 1 ch"),
+        ([BAD], [], "done", "fail", DISAGREES, "fail: 1 of 1 checks against the model: noise (chance 1e-05)"),
+        (
+            [BAD],
+            [MISSED],
+            "done",
+            "fail",
+            DISAGREES,
+            "fail: 1 of 1 expectations not met: range; 1 of 1 checks",
+        ),
+        ([], [], "duration", "none", WELL, "no verdict: nothing was drawn; 25 of 50 packets delivered"),
+        ([], [MISSED], "done", "fail", UNEXPECTED, "fail: 1 of 1 expectations not met: range; nothing was d"),
+        ([BAD], [], "interrupted", "interrupted", WELL, "interrupted: 25 of 50 packets delivered"),
+        ([GOOD], [], "failed", "broke_off", DISAGREES, "broke off: 25 of 50 packets delivered"),
+    ],
+)
+def test_words_and_status_follow_from_the_outcome(
+    checks: list[dict[str, Any]],
+    judged: list[Judgement],
+    ending: str,
+    outcome: str,
+    status: int,
+    text: str,
+) -> None:
+    verdict = verdict_of(checks, LINKS, ending, judged)
+    assert verdict.outcome == outcome
+    assert verdict.text.startswith(text)
+    expectations = [{"passed": each.passed} for each in judged]
+    summary = {"outcome": verdict.outcome, "checks": checks, "expectations": expectations}
+    assert status_of(summary) == status
+
+
+def test_the_first_word_says_that_all_is_well_of_nothing_else() -> None:
+    assert [outcome for outcome in RunOutcome if outcome.word.startswith("pass")] == [RunOutcome.PASS]
