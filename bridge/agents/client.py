@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from bridge.agents.commands import CommandFailed, Commands, failure
-from bridge.agents.measurements import Measured, Measurement
+from bridge.agents.measurements import Measurement, SensorMemory
 from bridge.agents.outlet import AgentOutlet
 from bridge.agents.own_files import OwnFiles
 from bridge.bus.keys import ALL, checked_chunk
@@ -83,7 +83,7 @@ class UaClient(Commands):
         self.seed = seed
         self.state: AircraftState | None = None
         self.sensor = sensor
-        self.measurements = Measured()
+        self.measurements = SensorMemory()
         self._comm_status: CommunicationStatus | None = None
         self._new_comm_status: LookAtStatus | None = None
         self.malformed = 0

@@ -33,7 +33,7 @@ class Measurement:
     state: AircraftState | None = None
 
 
-class Measured:
+class SensorMemory:
     """Those measurements that came with the present tick, to iterate over; and the newest."""
 
     def __init__(self) -> None:

@@ -15,7 +15,7 @@ from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.course import FleetError
 from bridge.fleet.crew import Crew
 from bridge.fleet.hosts import PREFIX
-from bridge.fleet.tidings import Delivery, Tidings
+from bridge.fleet.tidings import SampleSorter, Tidings
 from bridge.run.directory import RunDirectory
 from bridge.timeouts import AGENT_GRACE_S, FLIGHT_GRACE_S, NEWS_PERIOD_S, ROUTER_GRACE_S, START_S
 
@@ -45,7 +45,7 @@ class ManyProcesses:
         self, run: RunDirectory, crew: Crew, tidings: Tidings, on_phase: Callable[[str], object]
     ) -> None:
         self._run, self._crew, self._tidings, self._on_phase = run, crew, tidings, on_phase
-        self._delivery = Delivery(run.keys, tidings)
+        self._delivery = SampleSorter(run.keys, tidings)
         self._router: Child | None = None
         self._session: Session | None = None
         self._names: set[str] = set()

@@ -14,7 +14,7 @@ from bridge.bus.pipe import PipeReader
 from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.course import FleetError
 from bridge.fleet.crew import Crew
-from bridge.fleet.tidings import Delivery, Tidings
+from bridge.fleet.tidings import SampleSorter, Tidings
 from bridge.run.directory import RunDirectory
 from bridge.run.process import NodeLogs
 from bridge.timeouts import FLIGHT_GRACE_S, ROUTER_GRACE_S, START_S
@@ -40,7 +40,7 @@ class OneProcess:
         self, run: RunDirectory, crew: Crew, tidings: Tidings, on_phase: Callable[[str], object]
     ) -> None:
         self._run, self._crew, self._on_phase = run, crew, on_phase
-        self._delivery = Delivery(run.keys, tidings)
+        self._delivery = SampleSorter(run.keys, tidings)
         self._samples = PipeReader()
         self._child: Child | None = None
         self._alive = asyncio.Event()
@@ -129,7 +129,7 @@ class OneTask:
         self, run: RunDirectory, crew: Crew, tidings: Tidings, on_phase: Callable[[str], object]
     ) -> None:
         self._run, self._crew, self._tidings = run, crew, tidings
-        self._delivery = Delivery(run.keys, tidings)
+        self._delivery = SampleSorter(run.keys, tidings)
         self._stop, self._begun = asyncio.Event(), asyncio.Event()
         self._on_phase = on_phase
         self._task: asyncio.Task[None] | None = None

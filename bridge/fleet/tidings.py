@@ -38,7 +38,7 @@ class Tidings(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Delivery:
+class SampleSorter:
     """Hands samples out by their keys."""
 
     keys: Keys

@@ -14,7 +14,7 @@ from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import log_clock
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import Emitter, GroundNode
+from bridge.scenario.nodes import EmitterNode, GroundNode
 from bridge.scenario.resolve.flight import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
 from bridge.scenario.resolve.ground_track import GroundTrack
 from bridge.timeouts import FLUSH_PERIOD_S, START_S
@@ -37,7 +37,7 @@ _BY_WALL_TIME = {
 
 
 class Held(Protocol):
-    """Who is told that the fleet is held at an instant; `FlightDynamics.release` lets it go on."""
+    """Who is told that the fleet is held at an instant; `FlownDynamics.release` lets it go on."""
 
     def exchange(self, sim_time_ns: int) -> None:
         """Between two ticks, for MAVLink alone."""
@@ -46,7 +46,7 @@ class Held(Protocol):
         """At a tick, with the true states of all nodes."""
 
 
-class FlightDynamics:
+class FlownDynamics:
     """The flight dynamics of a run.
 
     Args:
@@ -70,7 +70,7 @@ class FlightDynamics:
         self._origin = origin_of(self._scenario.origin)
         self._report, self._to = report, held
         self._table = TruthWriter(run.path, self._scenario.stations)
-        placed: tuple[GroundNode | Emitter, ...] = (*self._scenario.ground, *self._scenario.emitters)
+        placed: tuple[GroundNode | EmitterNode, ...] = (*self._scenario.ground, *self._scenario.emitters)
         self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in placed]
         self._truths: list[TrueState] = []
         self._flush = Every(FLUSH_PERIOD_S)

@@ -11,7 +11,7 @@ import queue
 import sys
 
 from bridge.bus.session import open_client
-from bridge.physics.flight_dynamics import FlightDynamics
+from bridge.physics.flight_dynamics import FlownDynamics
 from bridge.physics.on_bus import ClockOnBus
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
@@ -26,7 +26,7 @@ def serve(run: RunDirectory) -> None:
     """Host the run's UA until a signal ends it."""
     with open_client(run.info.endpoint, run.credentials("physics"), timeout_s=START_S) as session:
         bus = ClockOnBus(session, run)
-        dynamics = FlightDynamics(run, Report(run.path, "physics"), bus)
+        dynamics = FlownDynamics(run, Report(run.path, "physics"), bus)
         started: queue.SimpleQueue[bool] = queue.SimpleQueue()  # whose put takes no lock that a get may hold
 
         def stop() -> None:

@@ -21,7 +21,7 @@ from bridge.radio.intake import Handler
 from bridge.radio.next_packet import NextPacket
 from bridge.radio.process import REFUSALS_LOGGED_MAX
 from bridge.radio.publisher import TickPublisher
-from bridge.radio.radio import Radio, SettledTick
+from bridge.radio.radio import RecordedRadio, SettledTick
 from bridge.radio.senders import Refused
 from bridge.run.directory import RunDirectory
 
@@ -46,7 +46,7 @@ class BesideBus:
         self,
         session: Session,
         run: RunDirectory,
-        radio: Radio,
+        radio: RecordedRadio,
         on_agent: Callable[[str, AgentStatus], object],
     ) -> None:
         self._on_agent = on_agent

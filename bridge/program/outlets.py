@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 from bridge.bus.keys import MAIN, Address
 from bridge.bus.messages import AgentStatus, AircraftState
 from bridge.bus.session import Stamp
-from bridge.radio.radio import Radio
+from bridge.radio.radio import RecordedRadio
 from bridge.record.logged import LoggedValue
 
 
@@ -48,7 +48,7 @@ class CalledOutlet:
     """
 
     def __init__(
-        self, node: str, radio: Radio, listeners: Listeners, on_answer: Callable[[str, int], object]
+        self, node: str, radio: RecordedRadio, listeners: Listeners, on_answer: Callable[[str, int], object]
     ) -> None:
         self._node, self._radio, self._listeners, self._on_answer = node, radio, listeners, on_answer
         self._loop = asyncio.get_running_loop()

@@ -20,12 +20,12 @@ from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header, Messa
 from bridge.bus.session import Session
 from bridge.host.arrivals import hand_out
 from bridge.host.hosted import Hosted, hosted_node, stop_all
-from bridge.physics.flight_dynamics import FlightDynamics
+from bridge.physics.flight_dynamics import FlownDynamics
 from bridge.program.beside import BesideBus
 from bridge.program.outlets import CalledOutlet
 from bridge.program.standins import standin_options
 from bridge.radio.heard import Hosts
-from bridge.radio.radio import Radio
+from bridge.radio.radio import RecordedRadio
 from bridge.radio.ring import Closed
 from bridge.record.events import Report
 from bridge.record.logged import LoggedValue
@@ -63,7 +63,7 @@ class Program:
         self._loop = asyncio.get_running_loop()
         self._over: asyncio.Future[None] = self._loop.create_future()
         self._report = Report(run.path, NAME)
-        self._radio = Radio(run, report)
+        self._radio = RecordedRadio(run, report)
         self._hosts = Hosts(self._nodes, {NAME: run.scenario.regulated})
         self._bus = None if session is None else BesideBus(session, run, self._radio, self._free_agent_said)
         self._flush, self._told_at_s, self._untold = Every(FLUSH_PERIOD_S), 0.0, Clock()
@@ -73,7 +73,7 @@ class Program:
             node: CalledOutlet(node, self._radio, self, self._answered) for node in run.scenario.regulated
         }
         self._arrivals: dict[str, Arrivals] = {}
-        self._dynamics = FlightDynamics(
+        self._dynamics = FlownDynamics(
             run, Report(run.path, "physics"), _InTheLoop(self), list(self._standins.values())
         )
         self._hosted = Hosted((), self._dynamics.exchanged)

@@ -16,7 +16,7 @@ from bridge.radio.heard import Hosts
 from bridge.radio.intake import Handler, Intake, Waiting
 from bridge.radio.next_packet import NextPacket
 from bridge.radio.publisher import TickPublisher
-from bridge.radio.radio import Radio
+from bridge.radio.radio import RecordedRadio
 from bridge.radio.senders import Refused
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
@@ -36,7 +36,7 @@ class RouterProcess:
     def __init__(self, session: Session, run: RunDirectory, report: Report) -> None:
         self._keys: Keys = run.keys
         self._session = session
-        self._radio = Radio(run, report)
+        self._radio = RecordedRadio(run, report)
         self._core = self._radio.core
         self._publisher = TickPublisher(session, run, self._radio)
         self._hosts = Hosts(run.scenario.transceiver_ids, run.info.hosts)

@@ -10,7 +10,7 @@ from bridge.bus.reception import attachment
 from bridge.bus.session import Session, Stamp
 from bridge.radio.measurements import Told, as_message
 from bridge.radio.picture import LINK_PERIOD_NS, Row
-from bridge.radio.radio import Radio, SettledTick
+from bridge.radio.radio import RecordedRadio, SettledTick
 from bridge.radio.virtual_radio import Settled
 from bridge.record.tables.deliveries import fates_message
 from bridge.run.directory import RunDirectory
@@ -26,7 +26,7 @@ class TickPublisher:
         radio: what is published.
     """
 
-    def __init__(self, session: Session, run: RunDirectory, radio: Radio) -> None:
+    def __init__(self, session: Session, run: RunDirectory, radio: RecordedRadio) -> None:
         keys, nodes = run.keys, run.scenario.transceiver_ids
         self._session, self._keys, self._nodes = session, keys, nodes
         self._radio, self._picture = radio, radio.picture

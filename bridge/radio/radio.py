@@ -48,7 +48,7 @@ class SettledTick:
     told: Sequence[Told]
 
 
-class Radio:
+class RecordedRadio:
     """The radio of a run.
 
     Args:

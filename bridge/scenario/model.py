@@ -17,7 +17,7 @@ from pydantic import (
 
 from bridge.scenario.expectations import Expectation
 from bridge.scenario.mcap import McapSettings
-from bridge.scenario.nodes import Aircraft, Emitter, GroundNode, NodeConfig, Transceiver
+from bridge.scenario.nodes import Aircraft, EmitterNode, GroundNode, NodeConfig, Transceiver
 from bridge.scenario.parts import (
     Finite,
     Latitude,
@@ -305,14 +305,14 @@ class Scenario(Part):
         return tuple(node for node in self.nodes if isinstance(node, GroundNode))
 
     @property
-    def emitters(self) -> tuple[Emitter, ...]:
+    def emitters(self) -> tuple[EmitterNode, ...]:
         """The nodes that radiate and exchange no packets."""
-        return tuple(node for node in self.nodes if isinstance(node, Emitter))
+        return tuple(node for node in self.nodes if isinstance(node, EmitterNode))
 
     @property
     def transceivers(self) -> tuple[Transceiver, ...]:
         """The nodes that exchange packets."""
-        return tuple(node for node in self.nodes if not isinstance(node, Emitter))
+        return tuple(node for node in self.nodes if not isinstance(node, EmitterNode))
 
     @property
     def transceiver_ids(self) -> tuple[str, ...]:

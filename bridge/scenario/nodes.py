@@ -154,7 +154,7 @@ class GroundNode(Part):
         return not isinstance(self.agent, FreeAgent)
 
 
-class Emitter(Emission):
+class EmitterNode(Emission):
     """A station that radiates and exchanges no packets; it stands or moves as a ground node does, and has no agent."""
 
     kind: Literal["emitter"]
@@ -169,7 +169,7 @@ class Emitter(Emission):
         return _as_text(node_id)
 
     @model_validator(mode="after")
-    def _moves_forward(self) -> Emitter:
+    def _moves_forward(self) -> EmitterNode:
         _check_track(self.place, self.track)
         return self
 
@@ -197,4 +197,6 @@ def _kind(value: Any) -> Any:
 
 Transceiver = Aircraft | GroundNode
 """A node that exchanges packets."""
-NodeConfig = Annotated[Aircraft | GroundNode | Emitter, Field(discriminator="kind"), BeforeValidator(_kind)]
+NodeConfig = Annotated[
+    Aircraft | GroundNode | EmitterNode, Field(discriminator="kind"), BeforeValidator(_kind)
+]

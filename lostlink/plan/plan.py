@@ -10,7 +10,7 @@ from bridge.fleet.hosts import host_groups, standin_groups
 from bridge.fleet.ports import ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import Aircraft, Emitter, GroundNode, Transceiver
+from bridge.scenario.nodes import Aircraft, EmitterNode, GroundNode, Transceiver
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.link.radio import Radio
@@ -104,8 +104,8 @@ def plan_of(scenario: Scenario) -> RunPlan:
     )
 
 
-def _node(node: Transceiver | Emitter, radios: dict[str, Radio]) -> NodePlan:
-    if isinstance(node, Emitter):
+def _node(node: Transceiver | EmitterNode, radios: dict[str, Radio]) -> NodePlan:
+    if isinstance(node, EmitterNode):
         return NodePlan(node.node, node.kind, _place_of(node), None, None, None, None)
     agent = node.agent.class_ if isinstance(node.agent, OwnAgent) else node.agent.type
     radio = None if node.radio is None else radios[node.node].config.name
@@ -116,7 +116,7 @@ def _node(node: Transceiver | Emitter, radios: dict[str, Radio]) -> NodePlan:
     return NodePlan(node.node, node.kind, _place_of(node), None, None, agent, radio)
 
 
-def _place_of(node: GroundNode | Emitter) -> tuple[float, float, float]:
+def _place_of(node: GroundNode | EmitterNode) -> tuple[float, float, float]:
     first = node.track[0] if node.track else node.place
     return (first.north_m, first.east_m, first.height_m) if first is not None else (0.0, 0.0, 2.0)
 

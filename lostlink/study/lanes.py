@@ -62,9 +62,8 @@ class _Worker:
 
     def close(self) -> None:
         """End it: it has no case any more."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._process.wait()
+        with suppress(BrokenPipeError), self._process:  # which closes its pipes and waits
+            return
 
 
 class _Flights:

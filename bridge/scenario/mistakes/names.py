@@ -14,7 +14,7 @@ from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.mistakes.near import near_miss
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import Aircraft, Emitter, NodeConfig
+from bridge.scenario.nodes import Aircraft, EmitterNode, NodeConfig
 from bridge.scenario.own_class import clash_of, mistake_in
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_from
@@ -74,7 +74,7 @@ class _Radios:
         common, frequency_hz = self._read(self._scenario.radio, ("radio",))
         nodes: list[NodeConfig] = []
         for index, node in enumerate(self._scenario.nodes):
-            if isinstance(node, Emitter):
+            if isinstance(node, EmitterNode):
                 nodes.append(self._with_antenna(node, ("nodes", index, "antenna")))
                 continue
             if node.sensor is not None:
@@ -90,7 +90,7 @@ class _Radios:
             nodes.append(node)
         return self._scenario.model_copy(update={"radio": common, "nodes": tuple(nodes)})
 
-    def _with_antenna(self, emitter: Emitter, path: Path_) -> Emitter:
+    def _with_antenna(self, emitter: EmitterNode, path: Path_) -> EmitterNode:
         """An emitter with the tables of its antenna read in."""
         try:
             antenna = seen_from(Path(), {"antenna": emitter.antenna})["antenna"]
@@ -162,7 +162,7 @@ def _classes(root: Written, scenario: Scenario) -> Iterator[str]:
     own = [
         (index, node.agent)
         for index, node in enumerate(scenario.nodes)
-        if not isinstance(node, Emitter) and isinstance(node.agent, OwnAgent)
+        if not isinstance(node, EmitterNode) and isinstance(node.agent, OwnAgent)
     ]
     for index, agent in own:
         if mistake := mistake_in(agent.place, agent.class_name):

@@ -6,7 +6,7 @@ import bisect
 from typing import NamedTuple
 
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import Emitter, GroundNode, GroundPlace
+from bridge.scenario.nodes import EmitterNode, GroundNode, GroundPlace
 from bridge.scenario.resolve.flight import origin_of
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
@@ -29,7 +29,7 @@ class GroundTrack:
         node: the ground node or emitter.
     """
 
-    def __init__(self, scenario: Scenario, node: GroundNode | Emitter) -> None:
+    def __init__(self, scenario: Scenario, node: GroundNode | EmitterNode) -> None:
         self._origin = origin_of(scenario.origin)
         self._times_ns = [round(point.sim_time_s * 1e9) for point in node.track]
         self._points = [point.position_ned_m for point in node.track] or [

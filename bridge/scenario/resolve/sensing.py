@@ -31,7 +31,7 @@ def emitters_of(scenario: Scenario) -> tuple[Emitter, ...]:
     return tuple(emitter_of(node) for node in scenario.emitters)
 
 
-def emitter_of(node: nodes.Emitter) -> Emitter:
+def emitter_of(node: nodes.EmitterNode) -> Emitter:
     """An emitter as the channel has it.
 
     Raises:

@@ -28,7 +28,7 @@ YAML_FILE: Schema = {"type": "string", "pattern": r"\.ya?ml$"}
 PART, RADIO, WIND = "Part.", "Radio.", "Wind."
 BY_INDEX = "ByIndex"
 TRANSCEIVERS = ("Aircraft", "GroundNode")
-NODES = {"ground": "GroundNode", "emitter": "Emitter"}
+NODES = {"ground": "GroundNode", "emitter": "EmitterNode"}
 """By kind; without one it is an aircraft."""
 PLACE_OF = {"home": "HomePlace", "place": "GroundPlace"}
 TAGS = ("type", "kind")

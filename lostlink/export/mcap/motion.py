@@ -16,7 +16,7 @@ from bridge.record.tables.truth import ATTITUDE, NUMBERS, TRUTH
 from lostlink.export.mcap.file import Channel, McapFile
 from lostlink.export.mcap.rounding import rounded
 from lostlink.export.mcap.rows import Part, Rows, doubles, floats, header, stamps
-from lostlink.export.mcap.source import Item, Pace, Slices, picked, rows_of_nodes
+from lostlink.export.mcap.source import Item, Slices, Thinning, picked, rows_of_nodes
 from lostlink.export.mcap.topics import MAP
 
 _ROOT_HALF: Final = np.sqrt(0.5)
@@ -24,7 +24,7 @@ _ROOT_HALF: Final = np.sqrt(0.5)
 
 class _Topic(NamedTuple):
     channel: Channel
-    pace: Pace
+    pace: Thinning
     rows: Rows
     columns: Callable[[Columns], Columns]
 
@@ -64,7 +64,7 @@ class TruthSource:
         if not self._file.settings.has("clock"):
             return None
         channel = self._file.channel("/clock", "rosgraph_msgs/msg/Clock", "clock")
-        return _Topic(channel, Pace(None), Rows([("sec", "<i4"), ("nanosec", "<u4")]), dict)
+        return _Topic(channel, Thinning(None), Rows([("sec", "<i4"), ("nanosec", "<u4")]), dict)
 
     def _clock_items(self, ticks_ns: NDArray[np.int64]) -> Iterator[Item]:
         if self._clock is not None:
@@ -81,7 +81,7 @@ class TruthSource:
         for kind, topic, type_name, parts, columns in shapes:
             if settings.has(kind):
                 channel = self._file.channel(topic, type_name, kind)
-                yield _Topic(channel, Pace(settings.rate_hz(kind)), Rows(parts), columns)
+                yield _Topic(channel, Thinning(settings.rate_hz(kind)), Rows(parts), columns)
 
 
 _POSE: Final = (*doubles("x", "y", "z"), *doubles("qx", "qy", "qz", "qw"))
@@ -143,7 +143,7 @@ class StateSource:
         self._file, self._prefixes = file, prefixes
         self._nodes = tuple(prefixes)
         self._slices = Slices(run, STATES, {"node": self._nodes})
-        self._paces: dict[str, Pace] = {}
+        self._paces: dict[str, Thinning] = {}
         self._rows: dict[tuple[str, str, str, bool], Rows] = {}
 
     def until(self, time_ns: int) -> Iterator[Item]:
@@ -154,7 +154,7 @@ class StateSource:
         columns = {name: rounded(name, values) for name, values in columns.items()}
         for node, rows in rows_of_nodes(columns, self._nodes):
             channel = self._file.channel(f"/{self._prefixes[node]}/state", AircraftState.TYPE, "state")
-            pace = self._paces.setdefault(node, Pace(self._file.settings.rate_hz("state")))
+            pace = self._paces.setdefault(node, Thinning(self._file.settings.rate_hz("state")))
             chosen = picked(rows, pace.chosen(rows["tick_ns"]))
             modes = chosen["mode"].astype(str)
             base_modes = chosen["base_mode"].astype(str)

@@ -70,7 +70,7 @@ class Slices:
         return {name: values[:count] for name, values in whole.items()} if count else None
 
 
-class Pace:
+class Thinning:
     """Which of a topic's messages are written: the first of each period."""
 
     def __init__(self, rate_hz: float | None) -> None:

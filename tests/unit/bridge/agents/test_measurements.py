@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bridge.agents.agent import Agent
 from bridge.agents.client import UaClient
-from bridge.agents.measurements import Measured, Measurement
+from bridge.agents.measurements import Measurement, SensorMemory
 from bridge.bus.messages import AircraftState, DataPackage, Header, decode
 from bridge.scenario.model import Transmit
 from channel.presets import load_radio
@@ -18,12 +18,12 @@ def at(tick: int, power_dbm: float, **whose: object) -> Measurement:
     return Measurement(tick * TICK_NS, tick, power_dbm, **whose)  # type: ignore[arg-type]
 
 
-def powers(measured: Measured) -> tuple[list[float], list[float]]:
+def powers(measured: SensorMemory) -> tuple[list[float], list[float]]:
     return [each.power_dbm for each in measured], [each.power_dbm for each in measured.latest]
 
 
 def test_new_ones_go_with_the_tick_and_the_latest_stay() -> None:
-    measured = Measured()
+    measured = SensorMemory()
     measured.take([at(0, -50.0, emitter="b"), at(0, -60.0, emitter="a")])
     assert powers(measured) == ([-50.0, -60.0], [-60.0, -50.0])
     measured.take([])
@@ -34,7 +34,7 @@ def test_new_ones_go_with_the_tick_and_the_latest_stay() -> None:
 
 
 def test_what_is_not_told_apart_is_replaced_together() -> None:
-    by_frequency, blind = Measured(), Measured()
+    by_frequency, blind = SensorMemory(), SensorMemory()
     by_frequency.take([at(0, -70.0, frequency_hz=9e8), at(0, -50.0, frequency_hz=1e9)])
     by_frequency.take([at(1, -51.0, frequency_hz=1e9), at(1, -52.0, frequency_hz=1e9)])
     assert powers(by_frequency)[1] == [-70.0, -51.0, -52.0]

@@ -11,7 +11,7 @@ from bridge.bus.messages import AircraftState, Header, Quaternion, Truth, Vector
 from lostlink.export.mcap.mavlink import end_of_frames
 from lostlink.export.mcap.motion import _STATE_BEGIN, _STATE_END, _pose, _truth_parts
 from lostlink.export.mcap.rows import Rows, doubles, floats, header, stamps
-from lostlink.export.mcap.source import Pace
+from lostlink.export.mcap.source import Thinning
 from lostlink.export.mcap.values import ValueType, field_name, type_name
 
 
@@ -89,11 +89,11 @@ def rotated(vector: tuple[float, float, float], pose: dict[str, float]) -> tuple
 
 
 def test_the_first_of_each_period_is_written_across_calls() -> None:
-    pace = Pace(10.0)
+    pace = Thinning(10.0)
     times_ns = np.arange(0, 1_000_000_000, 50_000_000)
     chosen = [times_ns[:3][pace.chosen(times_ns[:3])], times_ns[3:][pace.chosen(times_ns[3:])]]
     assert np.concatenate(chosen).tolist() == list(range(0, 1_000_000_000, 100_000_000))
-    assert Pace(None).chosen(times_ns).size == times_ns.size
+    assert Thinning(None).chosen(times_ns).size == times_ns.size
 
 
 def test_whole_frames_end_where_they_say() -> None:
