@@ -40,6 +40,7 @@ class HostedNode:
         outlet: where what it says goes.
 
     Attributes:
+        call_back: has something called in the event loop; the agent's thread calls it.
         on_exchanged: with lookahead, told when the aircraft may fly on from an instant.
         asks_dropped: how many commands found no room before they came to the node.
     """
@@ -59,6 +60,7 @@ class HostedNode:
         self._agent_folder = run.agent_folder(config.node)
         self._outlet = outlet
         self.asks_dropped: Callable[[], int] = lambda: 0
+        self.call_back: Callable[[Callable[[], object]], object] = self._loop.call_soon_threadsafe
         self.on_exchanged: Callable[[str], object] = lambda _: None
         self.node = Node(config.node, body, self._outlet, record)
         self.runner: AgentRunner | None = None
@@ -92,7 +94,7 @@ class HostedNode:
                 sensor=self._sensor(),
             ),
             lambda client: make(client, self._config, self._scenario.transmit),
-            lambda: self._loop.call_soon_threadsafe(self._agent_is_idle),
+            lambda: self.call_back(self._agent_is_idle),
         )
         self.node.join(self.runner, held)
         await asyncio.wrap_future(self.runner.start())

@@ -70,6 +70,8 @@ class Node:
         self._outlet = outlet
         self._record = record
         self._now_ns = 0
+        self.is_live = False
+        """Whether its agent is at work on a tick."""
         self._agent_outlet: HeldOutlet | None = None
         self._runner: AgentRunner | None = None
         self.arrivals = Arrivals()
@@ -121,11 +123,13 @@ class Node:
         if self._runner is None:  # nobody of ours flies it
             self._end()
         else:
+            self.is_live = True
             self._runner.tick(now_ns, arrivals)
 
     def finish(self) -> None:
         """The agent has done all that it does at this tick."""
         assert self._agent_outlet is not None, "a node ticks with its agent"
+        self.is_live = False
         logged, self._agent_outlet.logged = self._agent_outlet.logged, []
         for item in logged:
             self._record.write_logged(item)

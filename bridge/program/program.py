@@ -22,6 +22,7 @@ from bridge.host.arrivals import hand_out
 from bridge.host.hosted import Hosted, hosted_node, stop_all
 from bridge.physics.flight_dynamics import FlownDynamics
 from bridge.program.beside import BesideBus
+from bridge.program.idle_agents import IdleAgents
 from bridge.program.outlets import CalledOutlet
 from bridge.program.standins import standin_options
 from bridge.radio.heard import Hosts
@@ -61,6 +62,7 @@ class Program:
         self._run, self._keys, self._tell = run, run.keys, tell
         self._nodes = run.scenario.transceiver_ids
         self._loop = asyncio.get_running_loop()
+        self._idle = IdleAgents()
         self._over: asyncio.Future[None] = self._loop.create_future()
         self._report = Report(run.path, NAME)
         self._radio = RecordedRadio(run, report)
@@ -104,6 +106,7 @@ class Program:
         nodes = []
         for node, outlet in self._outlets.items():
             hosted = hosted_node(self._run, node, outlet, self._standins.get(node))
+            hosted.call_back = self._idle.put
             nodes.append(await stack.enter_async_context(hosted))
             self._arrivals[node] = hosted.node.arrivals
         self._hosted = Hosted(nodes, self._dynamics.exchanged)
@@ -171,6 +174,7 @@ class Program:
         if monotonic() - self._told_at_s >= TELL_PERIOD_S:
             self._tell_clock()
         self._hosted.hold(sim_time_ns, is_tick=True, stalled=clock.stalled)
+        self._idle.wait(lambda: not any(one.node.is_live for one in self._hosted.nodes))
 
     def _tell_clock(self) -> None:
         self._told_at_s = monotonic()
