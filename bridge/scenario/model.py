@@ -38,6 +38,8 @@ from fdm.model.sensor_noise import SensorNoise
 from fdm.wire.legacy import legacy_ports
 
 SCHEMA = 1
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""For what we wrote ourselves: ten times as fast, and poorer in words for mistakes."""
 MAX = "max"
 RESERVED_ID = "all"
 """Of packets for every node (`bridge.bus.keys.ALL`); no node is called so."""
@@ -393,4 +395,4 @@ class Scenario(Part):
         Raises:
             ValueError: a key or value is wrong.
         """
-        return cls.model_validate(yaml.safe_load(text))
+        return cls.model_validate(yaml.load(text, Loader=_LOADER))

@@ -30,7 +30,9 @@ from bridge.fleet.leash import end_with_parent
 from bridge.fleet.preflight import preflight
 from bridge.fleet.slots import at_free_ports
 from bridge.run.directory import RunDirectory
+from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.radio import radio_of
 from bridge.scenario.resolve.sources import sources_of
 from lostlink.flight.flight import Flight, Silent
 from lostlink.reading.run import load_run
@@ -234,6 +236,7 @@ def load_all() -> None:
     """Import what flying and measuring a case imports, so that no case has to."""
     for name in WARM:
         import_module(name)
+    radio_of(read_scenario(DEFAULT_SCENARIO))  # models, installed laws
     gc.collect()
     gc.freeze()
 
