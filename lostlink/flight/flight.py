@@ -27,6 +27,8 @@ from lostlink.flight.exits import status_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
 from lostlink.flight.summary import UNJUDGED, Timing, summarise, write_summary
 
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
 
 class Watcher(Protocol):
     """Who is told of a run while it goes on; entered when it begins to fly, left when its summary is there.
@@ -123,12 +125,19 @@ class Flight:
         Raises:
             OSError, ValueError: the record cannot be read or written.
         """
+        if takes_signals:
+            for number in ENDING_SIGNALS:
+                signal.signal(number, self._interrupted_early)
         with self._watcher:
             ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
             if takes_signals:
-                for number in (signal.SIGINT, signal.SIGTERM):
+                for number in ENDING_SIGNALS:
                     signal.signal(number, lambda n, _: sys.exit(128 + n))
             return self._report(ending, sim_time_ns)
+
+    def _interrupted_early(self, number: int, _: object) -> None:
+        """A signal before the fleet is there: it is interrupted as soon as it is (`_take_charge`)."""
+        self.signal, self._interrupted = signal.Signals(number), True
 
     def interrupt(self) -> None:
         """End the flight now; from any thread."""
@@ -185,7 +194,7 @@ class Flight:
             self.signal = number
             fleet.interrupt()
 
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ENDING_SIGNALS:
             asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
 
     def _break_off(self, error: str) -> Ending:

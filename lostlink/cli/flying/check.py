@@ -26,7 +26,7 @@ NODES_SHOWN_MAX = 20
 def check(scenario: str, radio: str | None, settings: tuple[str, ...], as_json: bool) -> None:
     """Check SCENARIO (a shipped scenario's name, or a YAML file) and print the plan of its run.
 
-    The plan has nodes, processes, ports, the radio with its range, the load that the agents offer to it, and what the
+    The plan has nodes, processes and how they are joined, ports, the radio with its range, the load that the agents offer to it, and what the
     run does not model. Nothing is started. Ends with status 0 if the scenario is right, also with warnings, 2 if not.
 
     \b
@@ -49,7 +49,8 @@ def _lines(plan: Plan) -> Iterator[str]:
         f"seed {plan.seed}, autopilot {plan.autopilot}, wind {plan.wind}"
     )
     yield from _section(f"Nodes ({len(plan.nodes)})", [_node(node) for node in plan.nodes])
-    yield from _section("Processes", ["router", "physics", *_hosts(plan)])
+    processes = [f"{name}: {', '.join(nodes)}" if nodes else name for name, nodes in plan.processes.items()]
+    yield from _section(f"Processes ({plan.joined})", processes)
     yield from _section(f"Ports ({len(plan.ports)})", list(plan.ports))
     yield from _section("Radio", list(_radio(plan)))
     yield from _section("Offered load", list(_load(plan)))
@@ -74,11 +75,6 @@ def _node(node: NodePlan) -> str:
     radio = f", radio {node.radio}" if node.radio else ""
     agent = f"agent {node.agent}" if node.agent else "sends no packets"
     return f"{node.id}: {what} at {north_m:g} m N, {east_m:g} m E{height}, {agent}{radio}"
-
-
-def _hosts(plan: Plan) -> Iterator[str]:
-    for name, nodes in plan.hosts.items():
-        yield f"{name}: {', '.join(nodes)}"
 
 
 def _radio(plan: Plan) -> Iterator[str]:

@@ -14,6 +14,7 @@ import click
 
 from bridge.fleet.autopilots.ardupilot import BINARIES, ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
+from bridge.fleet.how import in_words
 from bridge.fleet.ports import conflicts, ports_of
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from lostlink.cli.exits import fail
@@ -71,7 +72,8 @@ def examine(scenario: str, ardupilot_dir: Path | None, first_slot: int | None = 
         ScenarioError: if the scenario cannot be used.
     """
     packages = {name: _version(name) for name in PACKAGES}
-    uses = list(ports_of(scenario_with(scenario, {"ports.first_slot": first_slot})))
+    resolved = scenario_with(scenario, {"ports.first_slot": first_slot})
+    uses = list(ports_of(resolved))
     taken = conflicts(uses)
     return {
         "python": platform.python_version(),
@@ -79,6 +81,7 @@ def examine(scenario: str, ardupilot_dir: Path | None, first_slot: int | None = 
         "cpu_count": os.cpu_count(),
         "packages": packages,
         "autopilots": {"standin": "ships with lostlink", **_binaries(ardupilot_dir)},
+        "joined": in_words(resolved),
         "ports": [f"{use}" for use in uses],
         "ports_taken": taken,
         "ok": not taken and None not in packages.values(),
@@ -115,8 +118,9 @@ def _as_text(report: dict[str, Any]) -> str:
     lines += ["", "Autopilots"]
     missing = "not found (--ardupilot-dir DIR, ARDUPILOT_HOME or PATH)"
     lines += [f"  {name:<14} {place or missing}" for name, place in report["autopilots"].items()]
-    lines += ["", "Ports"]
+    lines += ["", f"Ports ({report['joined']})"]
     lines += [f"  taken: {line}" for line in report["ports_taken"]] or [
-        f"  all {len(report['ports'])} are free"
+        f"  all {len(report['ports'])} are free",
+        *(f"  {port}" for port in report["ports"]),
     ]
     return "\n".join(lines)

@@ -44,7 +44,7 @@ def assert_only_we_can_read(path: Path) -> None:
 async def test_passwords_are_kept_used_and_forgotten_and_strangers_change_nothing(
     start_run: StartRun,
 ) -> None:
-    run = start_run(speed="4")
+    run = start_run("--set", "hosts=per-ua", speed="4", processes="many")
     await asyncio.to_thread(run.wait_for, "sim time")
     assert_only_we_can_read(run.directory / "secrets")
     secrets = secrets_of(run)
