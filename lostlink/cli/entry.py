@@ -1,4 +1,4 @@
-"""Where the command `lostlink` begins: from the first moment on, also while it loads, an interruption ends it in a line."""
+"""Where the command `lostlink` begins: an interruption ends it with a line, also while it loads."""
 
 from __future__ import annotations
 

@@ -126,18 +126,14 @@ def _place_of(node: GroundNode | Emitter) -> tuple[float, float, float]:
 
 
 def _processes(scenario: Scenario) -> dict[str, tuple[str, ...]]:
+    found: dict[str, tuple[str, ...]] = {"fleet": ()}
+    if how_joined(scenario) == "many":
+        found = {"router": (), "physics": (), **host_groups(scenario)}
+        if scenario.autopilot == "standin":
+            found |= {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
     if scenario.autopilot == "ardupilot":
-        autopilots = {f"autopilot-{ua.node}": (ua.node,) for ua in scenario.ua}
-    elif scenario.autopilot == "standin" and how_joined(scenario) == "many":
-        autopilots = {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
-    else:
-        autopilots = {}
-    ours = (
-        {"fleet": ()}
-        if how_joined(scenario) == "one"
-        else {"router": (), "physics": ()} | host_groups(scenario)
-    )
-    return ours | autopilots
+        found |= {f"autopilot-{ua.node}": (ua.node,) for ua in scenario.ua}
+    return found
 
 
 def _late_outages(scenario: Scenario) -> Iterator[str]:

@@ -12,7 +12,6 @@ import pytest
 
 from .conftest import LOSTLINK, STILL
 
-
 MANY = "processes: many\n"
 
 
