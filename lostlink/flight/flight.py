@@ -126,14 +126,18 @@ class Flight:
             OSError, ValueError: the record cannot be read or written.
         """
         if takes_signals:
-            for number in ENDING_SIGNALS:
-                signal.signal(number, self._interrupted_early)
+            self.take_signals()
         with self._watcher:
             ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
             if takes_signals:
                 for number in ENDING_SIGNALS:
                     signal.signal(number, lambda n, _: sys.exit(128 + n))
             return self._report(ending, sim_time_ns)
+
+    def take_signals(self) -> None:
+        """From now on SIGINT and SIGTERM end the flight, also before it begins; in the main thread."""
+        for number in ENDING_SIGNALS:
+            signal.signal(number, self._interrupted_early)
 
     def _interrupted_early(self, number: int, _: object) -> None:
         """A signal before the fleet is there: it is interrupted as soon as it is (`_take_charge`)."""
