@@ -125,8 +125,6 @@ class Flight:
         Raises:
             OSError, ValueError: the record cannot be read or written.
         """
-        if takes_signals:
-            self.take_signals()
         with self._watcher:
             ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
             if takes_signals:
@@ -135,7 +133,7 @@ class Flight:
             return self._report(ending, sim_time_ns)
 
     def take_signals(self) -> None:
-        """From now on SIGINT and SIGTERM end the flight, also before it begins; in the main thread."""
+        """SIGINT and SIGTERM end the flight from now on, before it has begun; in the main thread."""
         for number in ENDING_SIGNALS:
             signal.signal(number, self._interrupted_early)
 
@@ -168,7 +166,7 @@ class Flight:
         observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance)
         fleet = Fleet(self.scenario, self.directory, observer, ardupilot_dir, replay, self._how)
         if takes_signals:
-            self._take_signals(fleet)
+            self._pass_signals_to(fleet)
         self._take_charge(fleet)
         try:
             ending = await fleet.fly()

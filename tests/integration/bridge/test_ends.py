@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import resource
 import signal
 import socket
+import subprocess
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -85,6 +88,34 @@ def test_a_signal_ends_a_run_at_any_time(
         max(0, assert_tables_are_whole(run) - 1) * 0.05, abs=0.051
     )
     assert_nothing_is_left(run, children)
+
+
+EARLY = """\
+import os, signal
+from lostlink.cli import entry
+from lostlink.flight.flight import Flight
+
+fly = Flight.fly
+
+def interrupted(self, *arguments, **more):
+    os.kill(os.getpid(), signal.SIGTERM)
+    return fly(self, *arguments, **more)
+
+Flight.fly = interrupted
+entry.main()
+"""
+
+
+def test_a_signal_just_before_the_flight_ends_it_with_a_summary(
+    tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    """The run's directory is there already, and no event loop yet."""
+    command = [sys.executable, "-c", EARLY, "run", "--out", str(tmp_path), "--first-slot", str(free_slot(2))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 128 + signal.SIGTERM, done.stderr
+    assert done.stdout.splitlines()[-1].startswith("interrupted: no link was recorded")
+    (run,) = tmp_path.iterdir()
+    assert json.loads((run / "summary.json").read_text())["ending"] == "interrupted"
 
 
 def wait_until_it_is_heard(run: Run, number: signal.Signals) -> None:
