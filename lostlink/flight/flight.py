@@ -191,7 +191,7 @@ class Flight:
             if self._interrupted:
                 fleet.interrupt()
 
-    def _take_signals(self, fleet: Fleet) -> None:
+    def _pass_signals_to(self, fleet: Fleet) -> None:
         def interrupt(number: signal.Signals) -> None:
             self.signal = number
             fleet.interrupt()
