@@ -32,24 +32,25 @@ import numpy as np
 
 from bridge.agents.agent import Agent
 from bridge.agents.client import UaClient
+from bridge.agents.feed import Arrivals, DeliveredPacket
 from bridge.agents.runner import AgentRunner
 from bridge.bus.keys import Address, Keys
 from bridge.bus.messages import AircraftState, DataPackage, Header, Quaternion, Truth, Vector3, decode, encode
 from bridge.bus.reception import Reception
 from bridge.bus.session import Session, Stamp, free_port, open_client, open_router
-from bridge.host.node import Packet, Received, give_packets
+from bridge.radio.heard import Hosts
 from bridge.radio.publisher import TickPublisher
-from bridge.radio.ring import Ring
-from bridge.radio.virtual_radio import VirtualRadio
-from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.radio.radio import PACKAGE_ENCODING, Radio
+from bridge.record.events import Report
+from bridge.run.directory import RunDirectory
 from bridge.scenario.agents import StillAgent
-from bridge.scenario.model import Transmit
+from bridge.scenario.file import parse_scenario
+from bridge.scenario.model import Scenario, Transmit
 from bridge.scenario.nodes import Aircraft
-from channel.link.radio import Radio
-from channel.medium.medium import Medium
-from channel.presets import load_radio
+from channel.medium.reception import DELIVERED
 
-KEYS = Keys("bench")
+RUN = "bench"
+KEYS = Keys(RUN)
 PAYLOAD = encode(DataPackage(Header.at(0, "0"), 2412, AircraftState(mode="GUIDED")))
 TICK_NS = 100_000_000
 STEP_NS = 5_000_000_000
@@ -60,38 +61,55 @@ WARM_UP = 20
 
 
 class Router:
-    """The router of a run without its process: the core, what it publishes, and its record."""
+    """The router of a run without its process: the radio with its record, and what is published of it."""
 
-    def __init__(self, session: Session, nodes: Sequence[str], radio: Radio, folder: Path) -> None:
-        medium = Medium(radio, seed=1, nodes=nodes)
-        self.core = VirtualRadio(medium, Ring(nodes), dict.fromkeys(nodes, 65535))
-        self._publisher = TickPublisher(session, KEYS, nodes, {HOST: nodes})
-        self._writer = DeliveryWriter(folder, nodes)
-        self.close = self._writer.close
+    def __init__(self, session: Session, nodes: Sequence[str], radio: str, folder: Path) -> None:
+        run = RunDirectory(folder / RUN)
+        run.path.mkdir()
+        run.write(scenario_of(nodes, radio), "")
+        self._session = session
+        self._radio = Radio(run, Report(run.path, "router"))
+        self._publisher = TickPublisher(session, run, self._radio)
+        self._hosts = Hosts(nodes, {HOST: nodes})
+        self.nodes = nodes
+        self.close = self._radio.close
         self.deliveries = 0
 
     def place(self, sim_time_ns: int, places: Sequence[tuple[float, float]]) -> None:
         """Take true states."""
-        self.core.on_truths(
-            Truth(
-                Header.at(sim_time_ns, node),
-                position_ned_m=Vector3(north_m, east_m, -40.0),
-                attitude=Quaternion(),
-            )
-            for node, (north_m, east_m) in zip(self.core.nodes, places, strict=True)
+        self._radio.truths(
+            [
+                Truth(
+                    Header.at(sim_time_ns, node),
+                    position_ned_m=Vector3(north_m, east_m, -40.0),
+                    attitude=Quaternion(),
+                )
+                for node, (north_m, east_m) in zip(self.nodes, places, strict=True)
+            ]
         )
 
     def tick(self, senders: Sequence[str], seq: int, sim_time_ns: int) -> None:
         """Take a packet of each sender, and do all that the router does at a tick."""
         stamp = Stamp(seq, sim_time_ns)
         for node in senders:
-            self.core.on_packet(Address(node, "main", "all", "team"), PAYLOAD, "", stamp)
-        settled = self.core.settle()
-        self._publisher.to_nodes(sim_time_ns, settled)
-        self._publisher.to_observers(sim_time_ns, settled, self.core.ledger, self.core.radios_off)
-        self._writer.write(settled.columns, settled.gaps)
-        self.core.transmitted.clear()
-        self.deliveries += int(np.count_nonzero(settled.receptions.fate == 0))
+            self._radio.packet(Address(node, "main", "all", "team"), PAYLOAD, PACKAGE_ENCODING, stamp)
+        tick = self._radio.settle(sim_time_ns)
+        for host, share in self._hosts.shares(tick).items():
+            self._session.put(KEYS.heard(host), share, must_arrive=True)
+        self._publisher.to_nodes(tick)
+        self._publisher.to_observers(tick)
+        self._radio.write(tick.settled)
+        self.deliveries += int(np.count_nonzero(tick.settled.receptions.fate == DELIVERED))
+
+
+def scenario_of(nodes: Sequence[str], radio: str) -> Scenario:
+    """A scenario with these UA; ``radio`` is YAML."""
+    lines = "\n".join(f"  - {{id: {node}, agent: {{type: still}}}}" for node in nodes)
+    return parse_scenario(
+        "schema: 1\nname: bench\nduration_s: 600\norigin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600.0}\n"
+        f"radio: {radio}\nnodes:\n{lines}\n",
+        "bench.yaml",
+    )
 
 
 def receive(endpoint: str, keys: Sequence[str], pipe: Connection) -> None:
@@ -137,7 +155,7 @@ def fan_out_us(kind: str, receivers: int, ticks: int, *, lone: bool = False) -> 
     def body(session: Session) -> float:
         with (
             tempfile.TemporaryDirectory() as folder,
-            closing(Router(session, nodes, Radio(load_radio("moon2020")), Path(folder))) as router,
+            closing(Router(session, nodes, "moon2020", Path(folder))) as router,
         ):
             places = [(0.0, 0.0), *((100.0, float(index)) for index in range(receivers))]
             for sim_time_ns in range(0, (WARM_UP + ticks) * TICK_NS + STEP_NS, STEP_NS):
@@ -169,7 +187,7 @@ def fleet_load(count: int, ticks: int) -> tuple[float, float]:
         nonlocal share
         # a disk of such a radius that a tenth of the pairs lie within it
         gaps_m = [np.hypot(a[0] - b[0], a[1] - b[1]) for a in places for b in places if a is not b]
-        radio = Radio(load_radio("corrected", {"max_range_m": float(np.quantile(gaps_m, 0.1))}))
+        radio = f"{{preset: corrected, max_range_m: {np.quantile(gaps_m, 0.1)}}}"
         with (
             tempfile.TemporaryDirectory() as folder,
             closing(Router(session, nodes, radio, Path(folder))) as router,
@@ -216,20 +234,15 @@ def agent_us(kind: type[Agent], senders: int, ticks: int) -> float:
     ua = UaClient("0", _Nowhere())
     runner = AgentRunner(ua, lambda client: kind(client, config, Transmit()), idle.release)
     runner.start().result()
-    state, began_s = AircraftState(), 0.0
+    state, arrivals, began_s = AircraftState(), Arrivals(), 0.0
     for tick in range(WARM_UP + ticks):
         if tick == WARM_UP:
             began_s = time.process_time()
-        stamp = Stamp(tick, tick * TICK_NS)
-        packets = [
-            (Packet(str(1 + sender), "team", PAYLOAD, stamp), -80.0 - sender, 15.0)
-            for sender in range(senders)
-        ]
-
-        def give(ua: UaClient, packets: Sequence[Received] = packets) -> None:
-            give_packets(packets, ua)
-
-        runner.tick(tick * TICK_NS, [lambda ua: ua.take_state(state), give])
+        arrivals.state_came(state)
+        for sender in range(senders):
+            packet = DeliveredPacket(str(1 + sender), "team", PAYLOAD, Stamp(tick, tick * TICK_NS))
+            arrivals.packet_came(packet, -80.0 - sender, 15.0)
+        runner.tick(tick * TICK_NS, arrivals.take())
         idle.acquire()
     used_s = time.process_time() - began_s
     runner.ask_to_stop()

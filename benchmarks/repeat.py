@@ -31,12 +31,13 @@ from lostlink.compare.compare import compare
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
-SHORT_S = 8.0
+SHORT_S = 5.0
 """Sim time of a run in short form: boot, and the first seconds on the air."""
 SILENT = {"mavlink.tlog": False, "mavlink.udp_out": [], "api": False}
 TELLING = {"mavlink.tlog": True, "mavlink.udp_out": ["127.0.0.1:9"], "api": True}
 """Outputs of every kind; whether anybody listens, UDP does not mind."""
 GUSTY = {"wind": "gusty", "fdm.sensor_noise": {"gyro_sigma_radps": 0.002, "accel_sigma_mps2": 0.05}}
+MANY = {"processes": "many"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +73,11 @@ def lines() -> list[Line]:
     standin = [
         Line("standin quiet", separation),
         Line("standin loaded", separation, loaded=True),
+        Line("standin many loaded", separation, MANY, loaded=True),
         Line("standin speed 1", separation, {"duration_s": 60}, {"speed": 1}),
         Line("standin workers 2", separation, {"fdm.workers": 1}, {"fdm.workers": 2}),
         Line("standin hosts 1", separation, {"hosts": "per-ua"}, {"hosts": 1}),
-        Line("standin shared", separation, {"fdm.placement": "spread"}, {"fdm.placement": "shared"}),
+        Line("standin shared", separation, MANY | {"fdm.placement": "spread"}, {"fdm.placement": "shared"}),
         Line("standin ports", separation, moved=2),
         Line("standin parallel", separation, {"fdm.coupling": "parallel"}, {"fdm.workers": 2}),
         Line("standin mavlink 100 Hz", separation, {"mavlink_rate_hz": 100}, loaded=True),

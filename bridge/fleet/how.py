@@ -22,6 +22,13 @@ def has_bus(scenario: Scenario) -> bool:
     return how_joined(scenario) == "many" or scenario.has_bus
 
 
+def in_words(scenario: Scenario) -> str:
+    """How its parts are joined, for people."""
+    if how_joined(scenario) == "many":
+        return "many processes, joined by Zenoh"
+    return f"one process, {'with' if has_bus(scenario) else 'without'} Zenoh beside it"
+
+
 def calls_standins(scenario: Scenario) -> bool:
     """Whether its autopilots are stand-ins in its own process, without ports."""
     return how_joined(scenario) == "one" and scenario.autopilot == "standin"

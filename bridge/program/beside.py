@@ -94,6 +94,10 @@ class BesideBus:
         """The aircraft's state."""
         self._outlets[state.header.frame_id].state(state)
 
+    def answered(self, node: str, sim_time_ns: int) -> None:
+        """The node is done with an instant: whoever is beside it has all that belongs to it."""
+        self._outlets[node].answer(sim_time_ns)
+
     def report(self, node: str, status: AgentStatus) -> None:
         """What the node's agent is doing."""
         self._outlets[node].report(status)

@@ -181,6 +181,8 @@ class Program:
         self._tell(self._keys.clock, self._untold)
 
     def _answered(self, node: str, sim_time_ns: int) -> None:
+        if self._bus is not None:
+            self._bus.answered(node, sim_time_ns)
         closed = self._radio.answer(node, sim_time_ns)
         if closed is None or self._over.done():
             return

@@ -1,16 +1,28 @@
-"""Where the command `lostlink` begins: Ctrl-C ends it quietly from the first moment on, also while it loads."""
+"""Where the command `lostlink` begins: an interruption ends it with a line, also while it loads."""
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
+
+FLYING = ("run", "refly")
 
 
 def main() -> None:
-    """Run the command. `lostlink run` replaces the way it ends by its own, orderly one."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    """Run the command. One that flies replaces the way it ends by its own, orderly one."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
     from lostlink.cli.main import main as command
 
     command()
+
+
+def _end(number: int, _: object) -> None:
+    """End at once: whatever is being imported could swallow an exception."""
+    when = " before the run began" if sys.argv[1:2] and sys.argv[1] in FLYING else ""
+    os.write(2, f"lostlink: interrupted{when}\n".encode())
+    os._exit(128 + number)
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ class ShownFlight(Flight):
         self, scenario: Scenario, directory: RunDirectory, console: Console, *, quiet: bool = False
     ) -> None:
         super().__init__(scenario, directory, Progress(console, quiet=quiet))
+        self.take_signals()
         self.console = console
         self.quiet = quiet
 

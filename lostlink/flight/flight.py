@@ -28,6 +28,8 @@ from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.flight.verdict import UNJUDGED
 
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
 
 class Watcher(Protocol):
     """Who is told of a run while it goes on; entered when it begins to fly, left when its summary is there.
@@ -127,9 +129,18 @@ class Flight:
         with self._watcher, self.directory.going_on():
             ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
             if takes_signals:
-                for number in (signal.SIGINT, signal.SIGTERM):
+                for number in ENDING_SIGNALS:
                     signal.signal(number, lambda n, _: sys.exit(128 + n))
             return self._report(ending, sim_time_ns)
+
+    def take_signals(self) -> None:
+        """SIGINT and SIGTERM end the flight from now on, before it has begun; in the main thread."""
+        for number in ENDING_SIGNALS:
+            signal.signal(number, self._interrupted_early)
+
+    def _interrupted_early(self, number: int, _: object) -> None:
+        """A signal before the fleet is there: it is interrupted as soon as it is (`_take_charge`)."""
+        self.signal, self._interrupted = signal.Signals(number), True
 
     def interrupt(self) -> None:
         """End the flight now; from any thread."""
@@ -156,7 +167,7 @@ class Flight:
         observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance)
         fleet = Fleet(self.scenario, self.directory, observer, ardupilot_dir, replay, self._how)
         if takes_signals:
-            self._take_signals(fleet)
+            self._pass_signals_to(fleet)
         self._take_charge(fleet)
         try:
             ending = await fleet.fly()
@@ -181,12 +192,12 @@ class Flight:
             if self._interrupted:
                 fleet.interrupt()
 
-    def _take_signals(self, fleet: Fleet) -> None:
+    def _pass_signals_to(self, fleet: Fleet) -> None:
         def interrupt(number: signal.Signals) -> None:
             self.signal = number
             fleet.interrupt()
 
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ENDING_SIGNALS:
             asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
 
     def _break_off(self, error: str) -> Ending:

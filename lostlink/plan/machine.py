@@ -10,6 +10,7 @@ from typing import Any
 
 from bridge.fleet.autopilots.ardupilot import BINARIES, ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
+from bridge.fleet.how import in_words
 from bridge.fleet.ports import conflicts, ports_of
 from bridge.scenario.model import Scenario
 
@@ -42,6 +43,7 @@ def examine(scenario: Scenario, ardupilot_dir: Path | None) -> dict[str, Any]:
         "cpu_count": os.cpu_count(),
         "packages": packages,
         "autopilots": {"standin": "ships with lostlink", **_binaries(ardupilot_dir)},
+        "joined": in_words(scenario),
         "ports": [f"{use}" for use in uses],
         "ports_taken": taken,
         "ok": not taken and None not in packages.values(),

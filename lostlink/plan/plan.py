@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.fleet.hosts import host_groups, standin_groups
+from bridge.fleet.how import how_joined, in_words
 from bridge.fleet.ports import ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
@@ -51,7 +52,8 @@ class RunPlan:
     Attributes:
         scenario, description, seed, autopilot, speed, duration_s, tick_rate_hz, wind: as in the scenario.
         nodes: all of them.
-        hosts: nodes of each process for daemons and agents; stand-in autopilots of each process of theirs.
+        joined: how its parts are joined, in words.
+        processes: by name, the nodes that each has to do with; none named: all of them.
         ports: that the run listens on.
         radio: of all nodes.
         load: what they offer to it.
@@ -69,7 +71,8 @@ class RunPlan:
     tick_rate_hz: int
     wind: str | dict[str, Any]
     nodes: tuple[NodePlan, ...]
-    hosts: dict[str, tuple[str, ...]]
+    joined: str
+    processes: dict[str, tuple[str, ...]]
     ports: tuple[str, ...]
     radio: RadioPlan
     load: OfferedLoad
@@ -94,7 +97,8 @@ def plan_of(scenario: Scenario) -> RunPlan:
         scenario.tick_rate_hz,
         scenario.wind,
         tuple(_node(node, radios) for node in scenario.nodes),
-        _hosts(scenario),
+        in_words(scenario),
+        _processes(scenario),
         tuple(str(use) for use in ports_of(scenario)),
         RadioPlan(config.name, config.frequency_hz, config.bit_rate_bps, reach_of(common, payload)),
         load,
@@ -121,11 +125,15 @@ def _place_of(node: GroundNode | EmitterNode) -> tuple[float, float, float]:
     return (first.north_m, first.east_m, first.height_m) if first is not None else (0.0, 0.0, 2.0)
 
 
-def _hosts(scenario: Scenario) -> dict[str, tuple[str, ...]]:
-    groups = dict(host_groups(scenario))
-    if scenario.autopilot == "standin":
-        groups |= {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
-    return groups
+def _processes(scenario: Scenario) -> dict[str, tuple[str, ...]]:
+    found: dict[str, tuple[str, ...]] = {"fleet": ()}
+    if how_joined(scenario) == "many":
+        found = {"router": (), "physics": (), **host_groups(scenario)}
+        if scenario.autopilot == "standin":
+            found |= {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
+    if scenario.autopilot == "ardupilot":
+        found |= {f"autopilot-{ua.node}": (ua.node,) for ua in scenario.ua}
+    return found
 
 
 def _late_outages(scenario: Scenario) -> Iterator[str]:

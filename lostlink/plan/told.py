@@ -20,7 +20,8 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
         f"seed {plan.seed}, autopilot {plan.autopilot}, wind {plan.wind}"
     )
     yield from _section(f"Nodes ({len(plan.nodes)})", [_node(node) for node in plan.nodes])
-    yield from _section("Processes", ["router", "physics", *_hosts(plan)])
+    processes = [f"{name}: {', '.join(nodes)}" if nodes else name for name, nodes in plan.processes.items()]
+    yield from _section(f"Processes ({plan.joined})", processes)
     yield from _section(f"Ports ({len(plan.ports)})", list(plan.ports))
     yield from _section("Radio", list(_radio(plan)))
     yield from _section("Offered load", list(_load(plan)))
@@ -45,11 +46,6 @@ def _node(node: NodePlan) -> str:
     radio = f", radio {node.radio}" if node.radio else ""
     agent = f"agent {node.agent}" if node.agent else "sends no packets"
     return f"{node.id}: {what} at {north_m:g} m N, {east_m:g} m E{height}, {agent}{radio}"
-
-
-def _hosts(plan: RunPlan) -> Iterator[str]:
-    for name, nodes in plan.hosts.items():
-        yield f"{name}: {', '.join(nodes)}"
 
 
 def _radio(plan: RunPlan) -> Iterator[str]:

@@ -147,15 +147,15 @@ def run(
         resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
         preflight(resolved, ardupilot_dir)
         viewing = ViewProcess(view_port, control=control) if view else None
+        console = Console(stderr=as_json or quiet)
         directory = RunDirectory.create(out, resolved.name)
+        flight = ShownFlight(resolved, directory, console, quiet=as_json or quiet)
     except (ScenarioError, FleetError, NoView) as error:
         fail(error)
     except OSError as error:
         fail(f"{out}: cannot make a directory for the run there: {error}")
     if resolved.autopilot == "standin" and (resolved.parameters or any(ua.parameters for ua in resolved.ua)):
         tell("the stand-in autopilot does not take the scenario's parameters")
-    console = Console(stderr=as_json or quiet)
-    flight = ShownFlight(resolved, directory, console, quiet=as_json or quiet)
     with ExitStack() as beside:
         if viewing is not None:
             beside.enter_context(viewing).start(directory)

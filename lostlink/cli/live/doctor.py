@@ -54,8 +54,9 @@ def _as_text(report: dict[str, Any]) -> str:
     lines += ["", "Autopilots"]
     missing = "not found (--ardupilot-dir DIR, ARDUPILOT_HOME or PATH)"
     lines += [f"  {name:<14} {place or missing}" for name, place in report["autopilots"].items()]
-    lines += ["", "Ports"]
+    lines += ["", f"Ports ({report['joined']})"]
     lines += [f"  taken: {line}" for line in report["ports_taken"]] or [
-        f"  all {len(report['ports'])} are free"
+        f"  all {len(report['ports'])} are free",
+        *(f"  {port}" for port in report["ports"]),
     ]
     return "\n".join(lines)

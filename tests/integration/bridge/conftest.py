@@ -21,7 +21,7 @@ import pytest
 from bridge.bus.session import Session
 from bridge.run.access import access_of
 
-LOSTLINK = [sys.executable, "-m", "lostlink.cli.main"]
+LOSTLINK = [sys.executable, "-m", "lostlink.cli.entry"]
 STILL = """\
 schema: 1
 name: still
@@ -120,12 +120,13 @@ def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[Start
         duration_s: float = 600.0,
         only_stdout: bool = False,
         figure: bool = False,
+        processes: str = "auto",
     ) -> Run:
         slot = free_slot(2)
         file = tmp_path / f"scenario-{len(started)}.yaml"
         file.write_text(scenario.format(speed=speed, duration_s=duration_s, slot=slot))
         out = tmp_path / f"out-{len(started)}"
-        command = [*LOSTLINK, "run", str(file), "--out", str(out), *arguments]
+        command = [*LOSTLINK, "run", str(file), "--out", str(out), "--processes", processes, *arguments]
         command += [] if figure else ["--no-figure"]
         errors = subprocess.DEVNULL if only_stdout else subprocess.STDOUT
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, start_new_session=True)

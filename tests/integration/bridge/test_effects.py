@@ -127,7 +127,10 @@ def test_what_could_not_be_read_is_told_in_the_summary(start_run: StartRun, tmp_
     )
     head, _, tail = STILL.replace("{{type: still}}", reader, 1).rpartition("{{type: still}}")
     run = start_run(
-        scenario=f"{head}{babbler}{tail}".replace("moon2020", "perfect"), duration_s=10.0, speed="4"
+        scenario=f"{head}{babbler}{tail}".replace("moon2020", "perfect"),
+        duration_s=10.0,
+        speed="4",
+        processes="many",
     )
     run.wait_for("sim time")
     with run.join("physics") as session:

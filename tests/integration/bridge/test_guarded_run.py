@@ -44,7 +44,7 @@ def assert_only_we_can_read(path: Path) -> None:
 async def test_passwords_are_kept_used_and_forgotten_and_strangers_change_nothing(
     start_run: StartRun,
 ) -> None:
-    run = start_run(speed="4")
+    run = start_run("--set", "hosts=per-ua", speed="4", processes="many")
     await asyncio.to_thread(run.wait_for, "sim time")
     assert_only_we_can_read(run.directory / "secrets")
     secrets = secrets_of(run)
@@ -121,7 +121,7 @@ def test_zenoh_can_be_asked_to_log_what_the_rules_refuse(
     start_run: StartRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RUST_LOG", "zenoh::net::routing::interceptor::access_control=trace")
-    run = start_run(duration_s=20.0, speed="4")
+    run = start_run(duration_s=20.0, speed="4", processes="many")
     run.wait_for("sim time")
     keys = Keys(run.directory.name)
     with run.join("node-0") as node:
@@ -132,8 +132,11 @@ def test_zenoh_can_be_asked_to_log_what_the_rules_refuse(
 
 
 @pytest.mark.slow
-def test_observers_see_what_is_delivered_and_not_what_is_transmitted(start_run: StartRun) -> None:
-    run = start_run(duration_s=30.0, speed="4")
+@pytest.mark.parametrize("processes", ["one", "many"])
+def test_observers_see_what_is_delivered_and_not_what_is_transmitted(
+    start_run: StartRun, processes: str
+) -> None:
+    run = start_run(duration_s=30.0, speed="4", processes=processes)
     run.wait_for("sim time")
     settings = {"mode": "client", "connect__endpoints": [run.endpoint]}
     heard: set[str] = set()

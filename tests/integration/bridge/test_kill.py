@@ -25,7 +25,13 @@ LOST_MAX_S = 2.0
 """Wall time: tables are flushed each second; a busy machine takes its time."""
 KILLS = int(os.environ.get("LOSTLINK_KILLS", "1"))
 """Of each process; the figure in docs/performance.md is from 10."""
-PROCESSES = {"router": "bridge.radio.process", "host": "bridge.host.process", "supervisor": ""}
+PROCESSES = {
+    "router": ("many", "bridge.radio.process"),
+    "host": ("many", "bridge.host.process"),
+    "supervisor": ("many", ""),
+    "fleet": ("one", "bridge.program.process"),
+    "supervisor of one": ("one", ""),
+}
 
 
 def column(run: Run, table: Table, name: str) -> NDArray[Any]:
@@ -38,7 +44,8 @@ def column(run: Run, table: Table, name: str) -> NDArray[Any]:
 @pytest.mark.parametrize("process", PROCESSES)
 def test_kill_at_a_random_moment(start_run: StartRun, process: str, number: int) -> None:
     moment_s = float(np.random.default_rng([len(process), number]).uniform(0.5, 4.0))  # wall time
-    run = start_run(scenario=STILL.replace("moon2020", "corrected"), speed=str(SPEED))
+    processes, command = PROCESSES[process]
+    run = start_run(scenario=STILL.replace("moon2020", "corrected"), speed=str(SPEED), processes=processes)
     run.wait_for("sim time")
     clock_ns = 0
 
@@ -50,7 +57,7 @@ def test_kill_at_a_random_moment(start_run: StartRun, process: str, number: int)
         session.subscribe(Keys(run.directory.name).clock, tick)
         time.sleep(moment_s)  # the random moment, not a wait for something
         children = run.children()
-        victim = run.child(PROCESSES[process]) if PROCESSES[process] else psutil.Process(run.process.pid)
+        victim = run.child(command) if command else psutil.Process(run.process.pid)
         at_ns = clock_ns
         victim.send_signal(signal.SIGKILL)
     run.finish(30.0)

@@ -28,12 +28,13 @@ class Listener(Agent):
 PROBE = "  - {{id: probe, kind: ground, place: {{north_m: 50}}, agent: {{type: free}}}}\n"
 
 
-def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: Path) -> None:
+@pytest.mark.parametrize("processes", ["one", "many"])
+def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: Path, processes: str) -> None:
     (tmp_path / "listener.py").write_text(LISTENER)
     own = f"{{{{type: own, class: {tmp_path}/listener.py:Listener, options: {{{{raw: true}}}}, has_task: false}}}}"
     first, _, rest = STILL.rpartition("{{type: still}}")
     scenario = (first + own + rest).replace("moon2020", "corrected") + PROBE
-    run = start_run(scenario=scenario, duration_s=8.0, speed="4")
+    run = start_run(scenario=scenario, duration_s=8.0, speed="4", processes=processes)
     run.wait_for("sim time")
     beside: list[tuple[str, Reception]] = []
     like_agent: list[tuple[int, str, Reception]] = []
@@ -45,7 +46,7 @@ def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: 
 
             def heard(sender: str, _channel: str, _payload: bytes, reception: Reception) -> None:
                 beside.append((sender, reception))
-                if len(beside) == 30:
+                if len(beside) >= 30 and len(like_agent) > 10 and len(states) > 20:
                     enough.set()
 
             probe.on_packet(heard)

@@ -81,7 +81,7 @@ def test_ctrl_c_ends_the_run_with_its_record(tmp_path: Path, scenario: dict[str,
         assert process.stdout is not None
         next(line for line in process.stdout if line.startswith("sim time"))
         processes = psutil.Process(process.pid).children(recursive=True)
-        assert len(processes) >= 4
+        assert processes
         os.kill(process.pid, signal.SIGINT)
         assert "interrupted" in process.stdout.read()
         assert process.wait(30.0) == 0

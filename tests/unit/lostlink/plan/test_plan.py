@@ -51,9 +51,37 @@ def test_nodes_processes_and_ports() -> None:
         ("gcs", "ground", (-5, 0, 6), None, "free"),
         ("9", "ua", (0, 0, 0), "copter", "os.path:join"),
     ]
-    hosted = [node for name, nodes in plan.hosts.items() if name.startswith("host-") for node in nodes]
+    hosted = [node for name, nodes in plan.processes.items() if name.startswith("host-") for node in nodes]
     assert sorted(hosted) == ["0", "1", "2", "9"]
     assert "UDP port 9092 (flight dynamics of UA 2)" in plan.ports
+
+
+@pytest.mark.parametrize(
+    ("settings", "joined", "processes", "ports"),
+    [
+        ((), "one process, without Zenoh beside it", ["fleet"], [6760, 6770]),
+        (("zenoh=true",), "one process, with Zenoh beside it", ["fleet"], [7447, 6760, 6770]),
+        (
+            ("processes=one", "autopilot=external"),
+            "one process, without Zenoh beside it",
+            ["fleet"],
+            [9002, 6760, 9012, 6770],
+        ),
+        (
+            ("processes=many", "hosts=1"),
+            "many processes, joined by Zenoh",
+            ["router", "physics", "host-0", "autopilots-0"],
+            [7447, 9002, 6760, 5760, 9012, 6770, 5770],
+        ),
+    ],
+)
+def test_what_runs_is_what_the_choice_of_processes_needs(
+    settings: tuple[str, ...], joined: str, processes: list[str], ports: list[int]
+) -> None:
+    plan = plan_with(*settings)
+    assert plan["joined"] == joined
+    assert list(plan["processes"]) == processes
+    assert [int(port.split()[2]) for port in plan["ports"]] == ports
 
 
 def test_offered_load_is_rate_times_length_over_bit_rate() -> None:
