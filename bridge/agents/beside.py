@@ -128,7 +128,9 @@ class _TicksOnBus:
     """Gives what Zenoh brings to a program, tick by tick, as its host gives it to an agent on board.
 
     All that belongs to a tick is there when the node has answered it: its state, and before it what the radio settled
-    at the tick before. For a node that no host serves, nobody answers, and the clock is the last that comes.
+    at the tick before, up to its release. For a node that no host serves, nobody answers. Clock, answer and release
+    are of three processes and may overtake each other: a tick waits for those it needs, and what the radio settled at
+    this very tick waits for the next.
     """
 
     def __init__(
@@ -136,12 +138,15 @@ class _TicksOnBus:
     ) -> None:
         self.feeder = Feeder(ua)
         self._ua, self._arrivals = ua, arrivals
-        self._clock_ns = -1
-        self._is_answered = False
+        self._before_ns = self._clock_ns = self._answered_ns = self._released_ns = -1
+        self._is_due = False
+        self._settled: list[_Came] = []
+        self._released: list[tuple[int, list[_Came]]] = []
         for key, handler in (
-            (keys.rx(ua.node, "*", "*"), self._packet_came),
-            (keys.comm_status(ua.node), self._comm_status_came),
-            (keys.measurements(ua.node), self._measurements_came),
+            (keys.rx(ua.node, "*", "*"), partial(self._settled_came, self._packet_came)),
+            (keys.comm_status(ua.node), partial(self._settled_came, self._comm_status_came)),
+            (keys.measurements(ua.node), partial(self._settled_came, self._measurements_came)),
+            (keys.clock_release, self._release_came),
             (keys.state(ua.node), self._state_came),
             (keys.clock, self._clock_came),
             (keys.answer(ua.node), self._answer_came),
@@ -157,21 +162,40 @@ class _TicksOnBus:
             self._ua.malformed += 1
             log.warning("%s: %s", sample.key_expr, error)
 
+    def _settled_came(self, handler: Callable[[Sample], None], sample: Sample) -> None:
+        self._settled.append(partial(self._take, handler, sample))
+
+    def _release_came(self, sample: Sample) -> None:
+        self._released_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
+        self._released.append((self._released_ns, self._settled))
+        self._settled = []
+        self._tick_if_due()
+
     def _clock_came(self, sample: Sample) -> None:
-        self._clock_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
-        if not self._is_answered:
-            self._tick()
+        self._before_ns, self._clock_ns = (
+            self._clock_ns,
+            decode(sample.payload.to_bytes(), Clock).header.stamp.ns,
+        )
+        self._is_due = True
+        self._tick_if_due()
 
     def _answer_came(self, sample: Sample) -> None:
-        is_of_tick = decode(sample.payload.to_bytes(), Header).stamp.ns == self._clock_ns
-        if self._is_answered and is_of_tick:
-            self._tick()
-        self._is_answered = True
+        self._answered_ns = decode(sample.payload.to_bytes(), Header).stamp.ns
+        self._tick_if_due()
 
     def _end_came(self, _: Sample) -> None:
         self._ua.is_over = True
 
-    def _tick(self) -> None:
+    def _tick_if_due(self) -> None:
+        is_answered = self._answered_ns < 0 or self._answered_ns >= self._clock_ns
+        is_released = self._released_ns < 0 or self._released_ns >= self._before_ns
+        if not (self._is_due and is_answered and is_released):
+            return
+        self._is_due = False
+        for _, settled in (each for each in self._released if each[0] != self._clock_ns):
+            for came in settled:
+                came()
+        self._released = [each for each in self._released if each[0] == self._clock_ns]
         self.feeder.tick(self._clock_ns, self._arrivals.take())
 
     def _state_came(self, sample: Sample) -> None:

@@ -85,6 +85,7 @@ async def test_a_tick_comes_in_the_order_on_board_whatever_the_order_on_the_wire
         session.put(KEYS.measurements("1"), MEASURED)
         session.put(KEYS.clock, Clock(Header.at(TICK_NS, "")))
         session.put(KEYS.comm_status("1"), STATUS)
+        session.put(KEYS.clock_release, Header.at(0, ""))
         session.put(KEYS.answer("1"), Header.at(TICK_NS // 2, "1"))  # of an exchange of MAVLink: no tick
         session.put(KEYS.state("1"), STATE)
         flight = asyncio.create_task(ua.rtl())

@@ -1,0 +1,84 @@
+"""What comes for a script beside a run is given to it at the tick at which the agent on board got it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bridge.agents.beside import _TicksOnBus
+from bridge.agents.client import UaClient
+from bridge.agents.feed import Arrivals
+from bridge.bus.keys import Keys
+from bridge.bus.messages import Clock, Header, Message, encode
+from bridge.bus.reception import attachment
+from bridge.bus.session import Stamp
+
+KEYS = Keys("r")
+TICK_NS = 50_000_000
+
+
+class Bus:
+    """A session to which samples are given by hand."""
+
+    def __init__(self) -> None:
+        self.heard: dict[str, Callable[[Any], object]] = {}
+
+    def subscribe(self, key: str, callback: Callable[[Any], object]) -> None:
+        self.heard[key] = callback
+
+    def put(self, key: str, message: Message) -> None:
+        self._give(key, key, encode(message), None)
+
+    def packet(self, seq: int, sim_time_ns: int) -> None:
+        told = attachment(Stamp(seq, sim_time_ns).to_bytes(), -80.0, 10.0)
+        self._give(KEYS.rx("1", "*", "*"), KEYS.rx("1", "0", "team"), b"x", told)
+
+    def _give(self, subscribed: str, key: str, payload: bytes, told: bytes | None) -> None:
+        attached = None if told is None else SimpleNamespace(to_bytes=lambda: told)
+        brought = SimpleNamespace(to_bytes=lambda: payload)
+        if subscribed in self.heard:
+            self.heard[subscribed](SimpleNamespace(key_expr=key, payload=brought, attachment=attached))
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        "clock answer packet release",
+        "clock packet answer release",
+        "clock packet release answer",
+        "answer clock packet release",
+        "clock before answer packet",
+        "clock answer before packet",
+    ],
+)
+def test_packets_come_a_tick_later_whichever_process_is_heard_first(order: str) -> None:
+    """``before``: the release of the tick before."""
+    bus, came = Bus(), []
+    ua = UaClient("1", SimpleNamespace())  # type: ignore[arg-type]
+    ua.on_packet(lambda _sender, _channel, _payload, told: came.append((told.seq, told.age_s)))
+    at_once = SimpleNamespace(push=lambda handle: handle())
+    _TicksOnBus(bus, KEYS, ua, at_once, Arrivals())  # type: ignore[arg-type]
+    bus.put(KEYS.answer("1"), Header.at(0, "1"))
+    bus.put(KEYS.clock_release, Header.at(0, ""))
+    for tick in range(1, 5):
+        for name in order.split():
+            put(bus, name, tick)
+    assert came == [(1, 0.05), (2, 0.05), (3, 0.05)]
+
+
+def put(bus: Bus, name: str, tick: int) -> None:
+    now_ns = tick * TICK_NS
+    match name:
+        case "clock":
+            bus.put(KEYS.clock, Clock(Header.at(now_ns, "")))
+        case "answer":
+            bus.put(KEYS.answer("1"), Header.at(now_ns, "1"))
+        case "packet":
+            bus.packet(tick, now_ns)
+        case "release":
+            bus.put(KEYS.clock_release, Header.at(now_ns, ""))
+        case "before":
+            bus.put(KEYS.clock_release, Header.at(now_ns - TICK_NS, ""))
