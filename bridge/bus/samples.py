@@ -34,7 +34,9 @@ def describe(sample: Sample) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """JSON has no NaN and no infinity: they become null and text."""
+    """JSON has no NaN, no infinity and no bytes: they become null, text and hexadecimal text."""
+    if isinstance(value, bytes):
+        return value.hex()
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

@@ -51,6 +51,7 @@ class BesideBus:
     ) -> None:
         self._on_agent = on_agent
         self._session, self._run, self._keys, self._radio = session, run, run.keys, radio
+        session.declare_alive(self._keys.alive("router"))
         self._clock = ClockOnBus(session, run)
         self._publisher = TickPublisher(session, run, radio)
         self._outlets = {node: BusOutlet(session, run.keys, node) for node in run.scenario.transceiver_ids}

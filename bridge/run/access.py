@@ -40,6 +40,20 @@ class Access:
         return open_client(self.endpoint, self.credentials)
 
 
+def endpoint_of(run: RunDirectory) -> str:
+    """Where the Zenoh router of a run listens.
+
+    Raises:
+        NoAccess: it has none.
+        OSError, ValueError: it is no run.
+    """
+    if not run.info.endpoint:
+        raise NoAccess(
+            f"the run {run.path} has no Zenoh beside it: fly it with --zenoh (zenoh: true in its scenario)"
+        )
+    return run.info.endpoint
+
+
 def access_of(run: str | Path, identity: str) -> Access:
     """As ``identity`` into a run that goes on.
 
@@ -57,10 +71,7 @@ def access_of(run: str | Path, identity: str) -> Access:
         raise NoAccess(f"{directory.path} is no run: {error}") from error
     if not directory.is_live:
         raise NoAccess(f"the run {directory.path} is over")
-    if not info.endpoint:
-        raise NoAccess(
-            f"the run {directory.path} has no Zenoh beside it: fly it with --zenoh (zenoh: true in its scenario)"
-        )
+    endpoint_of(directory)
     keyring = Keyring(Path(info.secrets))
     try:
         names = [known.name for known in keyring.identities]

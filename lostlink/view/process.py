@@ -16,7 +16,7 @@ import numpy as np
 from aps.api.guard import ApiConfig
 from bridge.bus.identity.keyring import OBSERVERS
 from bridge.bus.identity.roster import OPERATOR
-from bridge.run.access import Access, access_of
+from bridge.run.access import Access, access_of, endpoint_of
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.timeouts import START_S
@@ -56,11 +56,15 @@ class ViewSettings:
 
 
 async def wait_for_start(run: RunDirectory, stop: asyncio.Event) -> None:
-    """Wait until the run has written what it takes to join it, and its router listens; for at most START_S."""
+    """Wait until the run has written what it takes to join it, and its router listens; for at most START_S.
+
+    Raises:
+        NoAccess: it has no router.
+    """
     deadline = asyncio.get_running_loop().time() + START_S
     while not stop.is_set() and asyncio.get_running_loop().time() < deadline:
         with suppress(OSError, ValueError):
-            if await asyncio.to_thread(_answers, run.info.endpoint):
+            if await asyncio.to_thread(_answers, endpoint_of(run)):
                 return
         await asyncio.sleep(LOOK_AGAIN_S)
 

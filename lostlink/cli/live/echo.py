@@ -14,7 +14,8 @@ from bridge.bus.identity.keyring import OBSERVERS
 from bridge.bus.keys import ROOT
 from bridge.bus.samples import as_text, describe
 from bridge.bus.session import Sample, SessionError, checked_endpoint, open_client, plain_text
-from bridge.run.directory import live_runs
+from bridge.run.access import NoAccess, endpoint_of
+from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail, tell
 
 WAITING_MAX = 10_000
@@ -57,6 +58,8 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
 
     try:
         endpoint = checked_endpoint(connect) if connect else _newest_endpoint(out)
+    except NoAccess as error:
+        fail(error, 1)
     except ValueError as error:
         raise click.BadParameter(str(error), param_hint="--connect") from error
     try:
@@ -84,7 +87,7 @@ def _newest_endpoint(out: Path) -> str:
     runs = live_runs(out)
     if not runs:
         fail(f"no run goes on in {out}/; start one with `lostlink run`, or give --connect", 1)
-    return runs[0].endpoint
+    return endpoint_of(RunDirectory(out / runs[0].run))
 
 
 def _print_samples(samples: queue.SimpleQueue[Sample | None], count: int | None, *, as_json: bool) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pymavlink import mavutil
 
-from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -79,6 +79,36 @@ def test_plain_subscriber_of_the_readme_sees_deliveries(live_run: Run) -> None:
     for line in first_lines(script, 3):
         assert line.startswith(f"lostlink/{live_run.directory.name}/node/")
         assert "/rx/" in line
+
+
+@pytest.mark.parametrize("command", ["echo", "view", "token"])
+def test_who_would_join_a_run_without_zenoh_is_told(command: str, start_run: StartRun) -> None:
+    run = start_run("--no-zenoh", "--speed", "1")
+    run.wait_for("sim time")
+    words = {
+        "echo": ["echo", "**", "--out", str(run.out)],
+        "view": ["view", str(run.directory), "--port", "0"],
+        "token": ["token", str(run.directory), "--node", "1"],
+    }
+    done = subprocess.run(
+        [*LOSTLINK, *words[command]], capture_output=True, text=True, timeout=20, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("lostlink: the run ")
+    assert "has no Zenoh beside it: fly it with --zenoh" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("processes", ["one", "many"])
+def test_echo_ends_with_the_run_and_prints_json(processes: str, start_run: StartRun) -> None:
+    run = start_run("--zenoh", "--processes", processes, duration_s=20.0, scenario=STILL)
+    run.wait_for("sim time")
+    command = [*LOSTLINK, "echo", "lostlink/**", "--json", "--connect", run.endpoint]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    kinds = {json.loads(line).get("type") for line in done.stdout.splitlines()}
+    assert {"lostlink_msgs/msg/Clock", "lostlink_msgs/msg/Truths"} <= kinds
+    assert run.finish() == 0
 
 
 def test_echo_without_a_run_says_so(tmp_path: Path) -> None:
