@@ -43,6 +43,11 @@ EXIT_INTERRUPTED = 130
     show_default=True,
     help="Real-time factor, or max: as fast as this machine can. The result does not depend on it.",
 )
+@click.option(
+    "--processes",
+    type=click.Choice(["auto", "one", "many"]),
+    help="How the parts are joined; else as in RUN. The result does not depend on it.",
+)
 @click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
@@ -52,6 +57,7 @@ def refly(
     out: Path,
     ardupilot_dir: Path | None,
     speed: float | str,
+    processes: str | None,
     first_slot: int | None,
     zenoh_port: int | None,
     as_json: bool,
@@ -72,7 +78,12 @@ def refly(
     """
     from lostlink.refly.reflight import Interrupted, fly_again, plan
 
-    changes = {"speed": speed, "ports.first_slot": first_slot, "ports.zenoh": zenoh_port}
+    changes = {
+        "speed": speed,
+        "processes": processes,
+        "ports.first_slot": first_slot,
+        "ports.zenoh": zenoh_port,
+    }
     silent = quiet or as_json
     try:
         planned = plan(run, {k: v for k, v in changes.items() if v is not None})

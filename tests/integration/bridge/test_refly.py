@@ -63,10 +63,11 @@ def visited(start_run: StartRun) -> Run:
     return run
 
 
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 def test_run_with_a_ground_station_is_flown_again_without_it(
-    visited: Run, tmp_path: Path, free_slot: Callable[[int], int]
+    processes: str, visited: Run, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
-    done = refly(visited.directory, tmp_path, free_slot(2), "--json")
+    done = refly(visited.directory, tmp_path, free_slot(2), "--json", "--processes", processes)
     assert done.returncode == 0, done.stderr
     content = json.loads(done.stdout)
     assert content["difference"] is None
