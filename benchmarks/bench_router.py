@@ -40,7 +40,7 @@ from bridge.bus.reception import Reception
 from bridge.bus.session import Session, Stamp, free_port, open_client, open_router
 from bridge.radio.heard import Hosts
 from bridge.radio.publisher import TickPublisher
-from bridge.radio.radio import PACKAGE_ENCODING, Radio
+from bridge.radio.radio import PACKAGE_ENCODING, RecordedRadio
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.scenario.agents import StillAgent
@@ -68,7 +68,7 @@ class Router:
         run.path.mkdir()
         run.write(scenario_of(nodes, radio), "")
         self._session = session
-        self._radio = Radio(run, Report(run.path, "router"))
+        self._radio = RecordedRadio(run, Report(run.path, "router"))
         self._publisher = TickPublisher(session, run, self._radio)
         self._hosts = Hosts(nodes, {HOST: nodes})
         self.nodes = nodes

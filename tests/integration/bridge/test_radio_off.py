@@ -58,7 +58,7 @@ def test_a_scenarios_outages_are_in_its_record_and_stay_whatever_radio_decides(
     outages: Outages = {"1": [(S, 5 * S // 2), (3 * S, 31 * S // 10)], "gcs": [(9 * S // 2, 99 * S)]}
     lost = check_fates(run, outages)
     assert lost == (30 + 2) * 4 + 31 * 4
-    assert run.outcome == "pass"
+    assert run.summary["outcome"] == "pass"
     again = redecide(run.directory)
     assert again.comparison.is_same
     write_deliveries(again, tmp_path / "again")
