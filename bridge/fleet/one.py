@@ -153,15 +153,23 @@ class OneTask:
             self._delivery.take(key, encode(message))
 
     def _ended(self, task: asyncio.Task[None]) -> None:
-        error = task.exception()
+        error = None if task.cancelled() else task.exception()
         if error is not None:
             log.error("the run cannot go on", exc_info=error)
             self._tidings.lost(f"the run cannot go on: {error}")
         self._begun.set()
 
     async def ready(self) -> None:
-        """Wait until it is ready."""
-        await self._begun.wait()
+        """Wait until it is ready.
+
+        Raises:
+            FleetError: it is not in time.
+        """
+        try:
+            await asyncio.wait_for(self._begun.wait(), START_S)
+        except TimeoutError:
+            log_path = self._run.log_path(NAME)
+            raise FleetError(f"not ready within {START_S:g} s: {NAME}; see {log_path}") from None
 
     def go(self) -> None:
         """It flies as soon as it is ready."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Collection, Sequence
+from contextlib import ExitStack
 from time import monotonic
 
 from aps.links.called import CalledClient
@@ -82,5 +83,6 @@ def stop_all(hosted: Sequence[HostedNode]) -> None:
     for runner in runners:
         if not runner.join(until - monotonic()):
             log.warning("the agent of node %s did not end", runner.ua.node)
-    for one in hosted:
-        one.close()
+    with ExitStack() as closing:
+        for one in hosted:
+            closing.callback(one.close)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
@@ -45,11 +46,20 @@ class HeldClock:
         paced: what is held.
         speed: aimed at now.
         tick_period_ns: how long a step is unless it says so.
+        on_pace: told, besides ``clock/pace``, in any thread.
     """
 
     def __init__(
-        self, session: Session, keys: Keys, paced: Paced, *, speed: float, tick_period_ns: int
+        self,
+        session: Session,
+        keys: Keys,
+        paced: Paced,
+        *,
+        speed: float,
+        tick_period_ns: int,
+        on_pace: Callable[[Clock], object] = lambda _: None,
     ) -> None:
+        self._on_pace = on_pace
         self._session, self._keys, self._paced = session, keys, paced
         self._speed, self._paused = speed, False
         self._tick_period_ns = tick_period_ns
@@ -102,7 +112,9 @@ class HeldClock:
 
     def _tell(self) -> None:
         header = Header.at(self.sim_time_ns, "")
-        self._session.put(self._keys.clock_pace, Clock(header, self._speed, 0.0, self._paused))
+        clock = Clock(header, self._speed, 0.0, self._paused)
+        self._session.put(self._keys.clock_pace, clock)
+        self._on_pace(clock)
 
     def _remind(self) -> None:
         while not self._closed.wait(REMIND_S):

@@ -34,8 +34,8 @@ class ClockOnBus:
         """Of the run."""
         return self._keys
 
-    def hold(self, paced: Paced) -> None:
-        """Let operators hold the clock."""
+    def hold(self, paced: Paced, on_pace: Callable[[Clock], object] = lambda _: None) -> None:
+        """Let operators hold the clock; ``on_pace`` is told of it in any thread."""
         scenario = self._scenario
         self._clock = HeldClock(
             self._session,
@@ -43,6 +43,7 @@ class ClockOnBus:
             paced,
             speed=scenario.speed_factor,
             tick_period_ns=scenario.tick_period_ns,
+            on_pace=on_pace,
         )
 
     def listen(self, release: Callable[[int], object]) -> None:

@@ -68,9 +68,9 @@ class BesideBus:
             ):
                 session.subscribe(key, partial(push, handler))
 
-    def serve(self, hosted: Sequence[HostedNode], paced: Paced) -> None:
-        """Take operators' commands."""
-        self._clock.hold(paced)
+    def serve(self, hosted: Sequence[HostedNode], paced: Paced, on_pace: Callable[[Clock], object]) -> None:
+        """Take operators' commands; ``on_pace`` is told, in any thread, when one holds the clock or lets it go."""
+        self._clock.hold(paced, on_pace)
         for one in hosted:
             AskedOnBus(self._session, self._run, one)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import logging
 import sys
 from contextlib import ExitStack
 from functools import partial
@@ -16,6 +17,8 @@ from bridge.radio.process import login_refused
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import add_run_arguments, log_to_files, run_until_stopped
+from fdm.errors import FdmError
+from standin.process import StandinError
 
 
 def main() -> int:
@@ -26,7 +29,11 @@ def main() -> int:
     arguments = parser.parse_args()
     run = log_to_files(arguments)
     pipe = PipeWriter(arguments.tell_fd)
-    return run_until_stopped(partial(fly, run, pipe.put))
+    try:
+        return run_until_stopped(partial(fly, run, pipe.put))
+    except (FdmError, StandinError) as error:
+        logging.getLogger(NAME).error("%s", error)
+        return 1
 
 
 async def fly(run: RunDirectory, tell: Tell, stop: asyncio.Event) -> None:

@@ -11,7 +11,7 @@ import gc
 import logging
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack, ExitStack, suppress
 from time import monotonic
 from typing import Any
 
@@ -32,6 +32,7 @@ from bridge.record.events import Report
 from bridge.record.logged import LoggedValue
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
+from bridge.run.process import log_clock
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.validity import OutsideValidityError
 from standin.called import CalledStandIn
@@ -42,6 +43,8 @@ NAME = "fleet"
 TELL_PERIOD_S = 0.05
 """The supervisor is told of ticks this often, wall time; of the last one in any case."""
 GLANCE_PERIOD_S = 0.25
+IDLE_S = 5.0
+"""After so long without a tick it is logged what is waited for."""
 GC_THRESHOLD = 50_000
 """Frames make many short-lived objects: what Python has by default would look at them every few frames."""
 Tell = Callable[[str, Message], object]
@@ -68,7 +71,8 @@ class Program:
         self._radio = RecordedRadio(run, report)
         self._hosts = Hosts(self._nodes, {NAME: run.scenario.regulated})
         self._bus = None if session is None else BesideBus(session, run, self._radio, self._free_agent_said)
-        self._flush, self._told_at_s, self._untold = Every(FLUSH_PERIOD_S), 0.0, Clock()
+        self._flush, self._told_at_s = Every(FLUSH_PERIOD_S), 0.0
+        self._untold: Clock | None = None
         self._glance = {node: Every(GLANCE_PERIOD_S) for node in (*self._nodes, "")}
         self._standins = _standins(run)
         self._outlets = {
@@ -90,17 +94,43 @@ class Program:
         """
         async with AsyncExitStack() as stack:
             stack.push_async_callback(self._end)
-            await self._enter_nodes(stack)
+            if not await self._entered(stack, stop):
+                return
             if self._bus is not None:
-                self._bus.serve(self._hosted.nodes, self._dynamics.exchange)
+                self._bus.serve(self._hosted.nodes, self._dynamics.exchange, self._paced)
             gc.collect()
             gc.freeze()
             gc.set_threshold(GC_THRESHOLD)
             self._thread.start()
             self._tell(self._keys.alive(NAME), Header())
-            waiting: set[asyncio.Future[Any]] = {asyncio.ensure_future(stop.wait()), self._over}
-            await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+            await self._until(stop)
             self._stop()
+
+    async def _until(self, stop: asyncio.Event) -> None:
+        """Wait for the end; say what is waited for when nothing moves."""
+        waiting: set[asyncio.Future[Any]] = {asyncio.ensure_future(stop.wait()), self._over}
+        while True:
+            before_ns = log_clock.now_ns
+            done, _ = await asyncio.wait(waiting, timeout=IDLE_S, return_when=asyncio.FIRST_COMPLETED)
+            if done:
+                return
+            if log_clock.now_ns == before_ns:
+                self._radio.tell_what_is_waited_for()
+
+    async def _entered(self, stack: AsyncExitStack, stop: asyncio.Event) -> bool:
+        """Enter all nodes, unless ``stop`` comes first: an agent may take for ever to be built."""
+        entering = asyncio.ensure_future(self._enter_nodes(stack))
+        stopped = asyncio.ensure_future(stop.wait())
+        await asyncio.wait({entering, stopped}, return_when=asyncio.FIRST_COMPLETED)
+        stopped.cancel()
+        if entering.done():
+            entering.result()
+            return True
+        entering.cancel()
+        with suppress(asyncio.CancelledError):
+            await entering
+        stop_all(self._hosted.nodes)
+        return False
 
     async def _enter_nodes(self, stack: AsyncExitStack) -> None:
         nodes = []
@@ -109,33 +139,42 @@ class Program:
             hosted.call_back = self._idle.put
             nodes.append(await stack.enter_async_context(hosted))
             self._arrivals[node] = hosted.node.arrivals
-        self._hosted = Hosted(nodes, self._dynamics.exchanged)
+            self._hosted = Hosted(nodes, self._dynamics.exchanged)
 
     def _stop(self) -> None:
         """End agents and physics, and pass on what they said on their way out."""
-        stop_all(self._hosted.nodes)
-        for outlets in self._outlets.values():
-            outlets.pass_on()
-        self._dynamics.stop()
-        self._thread.join()
+        try:
+            stop_all(self._hosted.nodes)
+            for outlet in self._outlets.values():
+                outlet.pass_on()
+        finally:
+            self._dynamics.stop()
+            self._thread.join()
 
     async def _end(self) -> None:
         """Close everything, and write what is left of the record."""
         self._dynamics.stop()
         if self._thread.is_alive():
             self._thread.join()
-        if self._bus is not None:
-            self._bus.close()
-        self._dynamics.close()
-        self._tell_clock()
         failure = self._over.exception() if self._over.done() else None
-        if isinstance(failure, OutsideValidityError):  # the packet has no fate: the books cannot be closed
-            self._radio.close()
-        else:
-            self._radio.finish(self._tell_progress)
-        self._report.close()
+        with ExitStack() as closing:  # each, whatever another raises
+            closing.callback(self._report.close)
+            # where a packet has no fate the books cannot be closed
+            no_fate = isinstance(failure, OutsideValidityError)
+            closing.callback(
+                *((self._radio.close,) if no_fate else (self._radio.finish, self._tell_progress))
+            )
+            closing.callback(self._tell_clock)
+            closing.callback(self._dynamics.close)
+            if self._bus is not None:
+                closing.callback(self._bus.close)
         if failure is not None:
             raise failure
+
+    def _paced(self, clock: Clock) -> None:
+        """An operator holds the clock, or lets it go."""
+        with suppress(RuntimeError):  # the loop is closed: the run is over
+            self._loop.call_soon_threadsafe(self._tell, self._keys.clock_pace, clock)
 
     def _tell_progress(self, share: float) -> None:
         text = f"writes its record: {100 * share:.0f} % of the distance bins"
@@ -177,18 +216,19 @@ class Program:
         self._idle.wait(lambda: not any(one.node.is_live for one in self._hosted.nodes))
 
     def _tell_clock(self) -> None:
-        self._told_at_s = monotonic()
-        self._tell(self._keys.clock, self._untold)
+        clock, self._untold = self._untold, None
+        if clock is not None:
+            self._told_at_s = monotonic()
+            self._tell(self._keys.clock, clock)
 
     def _answered(self, node: str, sim_time_ns: int) -> None:
-        if self._bus is not None:
-            self._bus.answered(node, sim_time_ns)
-        closed = self._radio.answer(node, sim_time_ns)
-        if closed is None or self._over.done():
-            return
         try:
-            self._close(closed)
-        except Exception as error:
+            if self._bus is not None:
+                self._bus.answered(node, sim_time_ns)
+            closed = self._radio.answer(node, sim_time_ns)
+            if closed is not None and not self._over.done():
+                self._close(closed)
+        except Exception as error:  # ours, and not the node's
             self._fail(error)
 
     def _close(self, closed: Closed) -> None:

@@ -90,16 +90,9 @@ class RouterProcess:
             except queue.Empty:
                 idle_s += FLUSH_PERIOD_S
                 if idle_s == IDLE_S:
-                    self._tell_what_is_waited_for()
+                    self._radio.tell_what_is_waited_for()
             if flush.is_due():
                 self._radio.flush()
-
-    def _tell_what_is_waited_for(self) -> None:
-        nodes = self._core.ring.waiting_for
-        if nodes:
-            log.warning("nodes %s have not answered the latest tick", ", ".join(nodes))
-        else:
-            log.warning("all nodes have answered the latest tick: the flight dynamics wait for an autopilot")
 
     def _handle(self, item: Waiting) -> None:
         for key, seq in item.lost.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -29,6 +30,7 @@ from channel.medium.verdict import Judge
 NO_PACKAGE = "no_data_package_on_the_data_channel"
 """Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
 PACKAGE_ENCODING = encoding_of(DataPackage)
+log = logging.getLogger("router")
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +130,14 @@ class RecordedRadio:
             self._free.discard(node)
             text = f"a program that the clock does not wait for transmits as node {node}"
             self._report.may_not_repeat(text)
+
+    def tell_what_is_waited_for(self) -> None:
+        """Log why no tick is closed."""
+        nodes = self.core.ring.waiting_for
+        if nodes:
+            log.warning("nodes %s have not answered the latest tick", ", ".join(nodes))
+        else:
+            log.warning("all nodes have answered the latest tick: the flight dynamics wait for an autopilot")
 
     # What becomes of it.
 

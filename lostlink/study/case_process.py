@@ -19,10 +19,13 @@ import shutil
 import signal
 import sys
 import traceback
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
+
+import numpy as np
 
 from bridge.fleet.course import Ending
 from bridge.fleet.how import How, how_joined
@@ -43,6 +46,7 @@ PLAN_FILE = "plan.json"
 RESULT_FILE = "result.json"
 RUN_FOLDER = "run"
 LOG_FILE = "log.txt"
+ENDING = (signal.SIGTERM, signal.SIGINT)
 WARM = (
     "bridge.program.process",
     "fdm.model.jsbsim_model",
@@ -197,28 +201,34 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
 
 def fly_forked(directory: Path) -> None:
     """Fly a case in a process that is forked from this one, and wait for its end."""
-    child = os.fork()
-    if child == 0:
-        _be_a_case(directory)
-    ended = False
+    worker, child = os.getpid(), 0
 
     def pass_on(number: int, _: object) -> None:
-        if not ended:
-            os.kill(child, number)
+        with suppress(ProcessLookupError):
+            if child:
+                os.kill(child, number)
 
-    kept = {number: signal.signal(number, pass_on) for number in (signal.SIGTERM, signal.SIGINT)}
+    kept = {number: signal.signal(number, pass_on) for number in ENDING}
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # a signal is for the case, from its first moment on
+    child = os.fork()
+    if child == 0:
+        _be_a_case(directory, worker)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     os.waitpid(child, 0)
-    ended = True
     for number, handler in kept.items():
         signal.signal(number, handler)
 
 
-def _be_a_case(directory: Path) -> NoReturn:
+def _be_a_case(directory: Path, parent: int) -> NoReturn:
     status = 1
     try:
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in ENDING:
             signal.signal(number, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
         end_with_parent()
+        if os.getppid() != parent:
+            os._exit(1)  # the worker was gone before the wish was made
+        np.random.seed()  # noqa: TID251
         with (directory / LOG_FILE).open("ab") as log:
             for standard in (1, 2):
                 os.dup2(log.fileno(), standard)

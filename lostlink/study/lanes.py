@@ -38,7 +38,7 @@ class _Worker:
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
-            on_a_leash([sys.executable, "/tmp/case.py"]),
+            on_a_leash([sys.executable, "-m", "lostlink.study.case_process"]),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment_of(os.environ),
@@ -71,7 +71,8 @@ class _Flights:
 
     def __init__(self) -> None:
         self._flying: set[_Worker] = set()
-        self._idle: list[_Worker] = []
+        # Each thread has its own: the kernel ends a worker with the thread that started it.
+        self._idle: dict[int, _Worker] = {}
         self._lock = threading.Lock()
         self._ended = False
 
@@ -80,7 +81,7 @@ class _Flights:
         with self._lock:
             if self._ended:
                 return
-            worker = self._idle.pop() if self._idle else _Worker()
+            worker = self._idle.pop(threading.get_ident(), None) or _Worker()
             self._flying.add(worker)
         is_of_use = False
         try:
@@ -88,9 +89,10 @@ class _Flights:
         finally:
             with self._lock:
                 self._flying.discard(worker)
-                if is_of_use:
-                    self._idle.append(worker)
-            if not is_of_use:
+                is_kept = is_of_use and not self._ended
+                if is_kept:
+                    self._idle[threading.get_ident()] = worker
+            if not is_kept:
                 worker.close()
 
     def end(self) -> None:
@@ -102,8 +104,10 @@ class _Flights:
 
     def close(self) -> None:
         """End the workers, which have nothing to fly any more."""
-        while self._idle:
-            self._idle.pop().close()
+        with self._lock:
+            idle, self._idle = list(self._idle.values()), {}
+        for worker in idle:
+            worker.close()
 
 
 class LocalLanes:
@@ -183,7 +187,9 @@ def fly_here(client: str, case: str) -> None:
 
 def end_here(client: str) -> None:
     """End what a client has flying on this worker."""
-    _here.setdefault(client, _Flights()).end()
+    flights = _here.setdefault(client, _Flights())
+    flights.end()
+    flights.close()
 
 
 def _passing_to(local: Future[Any]) -> Callable[[Any], None]:

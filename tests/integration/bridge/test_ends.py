@@ -148,6 +148,11 @@ from bridge.agents import Agent
 
 
 class Mine(Agent):
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        while self.options["does"] == "build":
+            time.sleep(0.01)
+
     async def fly(self):
         await self.sleep(3600)
 
@@ -204,6 +209,28 @@ def test_a_run_with_an_agent_that_blocks_can_be_ended(
         in (run.directory / "logs" / f"{host_of(processes)}.log").read_text()
     )
     assert_nothing_is_left(run, children)
+
+
+@both
+def test_a_run_whose_agent_is_never_built_can_be_ended(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    run = start_run(scenario=with_an_agent_that(tmp_path, "build"), processes=processes)
+    run.wait_for("starts flight dynamics")
+    log = run.directory / "logs" / f"{host_of(processes)}.log"
+    wait_for_text(log, "MAVLink of UA 0" if processes == "one" else "")
+    children = run.children()
+    assert run.stop(signal.SIGINT) < 8.0
+    assert run.process.returncode == 128 + signal.SIGINT, run.output.decode()
+    assert (run.summary["ending"], run.summary["error"]) == ("interrupted", None)
+    assert_nothing_is_left(run, children)
+
+
+def wait_for_text(file: Path, text: str) -> None:
+    deadline = time.monotonic() + 20.0
+    while not (file.exists() and text in file.read_text()):
+        assert time.monotonic() < deadline, f"no {text!r} in {file}"
+        time.sleep(0.05)
 
 
 def host_of(processes: str) -> str:
