@@ -12,6 +12,7 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack, ExitStack, suppress
+from math import isinf
 from time import monotonic
 from typing import Any
 
@@ -35,6 +36,7 @@ from bridge.run.every import Every
 from bridge.run.process import log_clock
 from bridge.timeouts import FLUSH_PERIOD_S
 from channel.validity import OutsideValidityError
+from fdm.exchange.exchange import Exchange
 from standin.called import CalledStandIn
 from standin.cli import called_standins
 
@@ -43,6 +45,8 @@ NAME = "fleet"
 TELL_PERIOD_S = 0.05
 """The supervisor is told of ticks this often, wall time; of the last one in any case."""
 GLANCE_PERIOD_S = 0.25
+LOOK_S = 0.01
+"""Physics in the event loop looks this often whether an operator has let it go on."""
 IDLE_S = 5.0
 """After so long without a tick it is logged what is waited for."""
 GC_THRESHOLD = 50_000
@@ -84,6 +88,8 @@ class Program:
         )
         self._hosted = Hosted((), self._dynamics.exchanged)
         self._thread = threading.Thread(target=self._fly, name="physics", daemon=True)
+        self._called: asyncio.Task[None] | None = None
+        self._moved = asyncio.Event()
 
     async def run(self, stop: asyncio.Event) -> None:
         """Fly until ``stop`` is set, then write what is left of the record.
@@ -101,8 +107,11 @@ class Program:
             gc.collect()
             gc.freeze()
             gc.set_threshold(GC_THRESHOLD)
-            self._thread.start()
             self._tell(self._keys.alive(NAME), Header())
+            if self._needs_no_thread:
+                self._called = asyncio.create_task(self._fly_called())
+            else:
+                self._thread.start()
             await self._until(stop)
             self._stop()
 
@@ -148,14 +157,18 @@ class Program:
             for outlet in self._outlets.values():
                 outlet.pass_on()
         finally:
-            self._dynamics.stop()
+            self._end_physics()
+
+    def _end_physics(self) -> None:
+        self._dynamics.stop()
+        if self._called is not None:
+            self._called.cancel()
+        elif self._thread.is_alive():
             self._thread.join()
 
     async def _end(self) -> None:
         """Close everything, and write what is left of the record."""
-        self._dynamics.stop()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._end_physics()
         failure = self._over.exception() if self._over.done() else None
         with ExitStack() as closing:  # each, whatever another raises
             closing.callback(self._report.close)
@@ -185,7 +198,34 @@ class Program:
         if not self._over.done():
             self._over.set_exception(error)
 
-    # The physics' thread.
+    # Physics.
+
+    @property
+    def flies_in_the_loop(self) -> bool:
+        """Whether physics has no thread of its own."""
+        return self._called is not None
+
+    @property
+    def _needs_no_thread(self) -> bool:
+        """Whether nobody waits for wall time: then a thread of its own would only have the caches of another core."""
+        scenario = self._run.scenario
+        return bool(self._standins) and isinf(scenario.speed_factor) and not scenario.lookahead_ticks
+
+    async def _fly_called(self) -> None:
+        """Fly from tick to tick in the event loop, which has its turn at each of them."""
+        exchange = self._dynamics.exchange
+        assert isinstance(exchange, Exchange)
+        exchange.begin()
+        try:
+            while True:
+                self._moved.clear()
+                exchange.fly_called()
+                await asyncio.sleep(0)  # in which the tick is worked on
+                if not self._moved.is_set():
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(self._moved.wait(), LOOK_S)
+        except Exception as error:
+            self._fail(error)
 
     def _fly(self) -> None:
         try:
@@ -234,7 +274,7 @@ class Program:
     def _close(self, closed: Closed) -> None:
         """Everybody is done with an instant."""
         if not closed.is_tick:
-            self._dynamics.release(closed.sim_time_ns)
+            self._release(closed.sim_time_ns)
             return
         tick = self._radio.settle(closed.sim_time_ns)
         for share in self._hosts.shares(tick).values():
@@ -242,7 +282,7 @@ class Program:
         if self._bus is not None:
             self._bus.settled(tick, is_end=closed.is_end)
         if not closed.is_end:
-            self._dynamics.release(closed.sim_time_ns)
+            self._release(closed.sim_time_ns)
         if self._glance[""].is_due() or closed.is_end:
             self._tell(self._keys.tick("links"), self._radio.links(closed.sim_time_ns))
         self._radio.write(tick.settled)
@@ -251,6 +291,10 @@ class Program:
         if closed.is_end:
             self._tell_clock()
             self._tell(self._keys.clock_end, Header.at(closed.sim_time_ns, ""))
+
+    def _release(self, sim_time_ns: int) -> None:
+        self._dynamics.release(sim_time_ns)
+        self._moved.set()
 
     # What nodes say, besides to the radio (`bridge.program.outlets.Listeners`).
 
@@ -291,7 +335,10 @@ class _InTheLoop:
         self._call(self._program.tick, clock, truths)
 
     def _call(self, callback: Callable[..., None], *arguments: object) -> None:
-        self._loop.call_soon_threadsafe(self._guarded, callback, arguments)
+        if self._program.flies_in_the_loop:
+            self._loop.call_soon(self._guarded, callback, arguments)
+        else:
+            self._loop.call_soon_threadsafe(self._guarded, callback, arguments)
 
     def _guarded(self, callback: Callable[..., None], arguments: Sequence[object]) -> None:
         try:

@@ -152,7 +152,7 @@ class Exchange:
     def run(self) -> None:
         """Serve until `stop` is called. Errors of the callbacks end it and come out of it."""
         turn = self.turn
-        self._clock.begin(time.monotonic_ns())
+        self.begin()
         try:
             while not self._stopping:
                 turn()
@@ -171,9 +171,21 @@ class Exchange:
         self._service.progress()
         self._service.let_go_the_stalled()
 
-    def _call(self) -> None:
+    def fly_called(self) -> None:
+        """Fly the called UA as far as they may, and do what was commanded; never wait. In place of `run`."""
+        self._commands.drain()
+        self._service.progress()
+        while any(seat.packets for seat in self._called):
+            self._call(waits=False)
+            self._service.progress()
+
+    def begin(self) -> None:
+        """Time-outs and pace count from here; `run` does it itself."""
+        self._clock.begin(time.monotonic_ns())
+
+    def _call(self, *, waits: bool = True) -> None:
         """Fly the called UA as far as they may; wait where none may."""
-        if not any(seat.packets for seat in self._called):
+        if waits and not any(seat.packets for seat in self._called):
             self._wait()
         self._clock.update(time.monotonic_ns())
         for seat in self._called:
