@@ -6,7 +6,6 @@ import logging
 import threading
 from collections.abc import Callable
 
-from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, DecodeError, Header, Truths, decode
 from bridge.bus.session import Sample, Session
 from bridge.physics.held_clock import HeldClock, Paced
@@ -28,11 +27,6 @@ class ClockOnBus:
         stations = self._scenario.stations
         self._wanted = {node: session.interest(self._keys.truth(node)) for node in stations}
         self._clock: HeldClock | None = None
-
-    @property
-    def keys(self) -> Keys:
-        """Of the run."""
-        return self._keys
 
     def hold(self, paced: Paced, on_pace: Callable[[Clock], object] = lambda _: None) -> None:
         """Let operators hold the clock; ``on_pace`` is told of it in any thread."""

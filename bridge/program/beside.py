@@ -19,7 +19,6 @@ from bridge.physics.held_clock import Paced
 from bridge.physics.on_bus import ClockOnBus
 from bridge.radio.intake import Handler
 from bridge.radio.next_packet import NextPacket
-from bridge.radio.process import REFUSALS_LOGGED_MAX
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.radio import RecordedRadio, SettledTick
 from bridge.radio.senders import Refused
@@ -119,16 +118,12 @@ class BesideBus:
             handler(str(came.key_expr), came)
         except (DecodeError, KeyMistake) as error:
             self._radio.core.refused[Refused.MALFORMED] += 1
-            self._tell_refusal(f"{came.key_expr}: {error}")
+            self._radio.tell_refusal(f"{came.key_expr}: {error}")
 
     def _packet_came(self, key: str, sample: Sample) -> None:
         address, payload = self._keys.address_of(key), sample.payload.to_bytes()
         if not self._radio.packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
-            self._tell_refusal(f"a packet on {key}")
+            self._radio.tell_refusal(f"a packet on {key}")
 
     def _agent_came(self, key: str, sample: Sample) -> None:
         self._on_agent(self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus))
-
-    def _tell_refusal(self, text: str) -> None:
-        if self._radio.core.refused.total() <= REFUSALS_LOGGED_MAX:
-            log.warning("refused %s; refused so far: %s", text, dict(self._radio.core.refused))

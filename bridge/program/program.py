@@ -173,10 +173,10 @@ class Program:
         with ExitStack() as closing:  # each, whatever another raises
             closing.callback(self._report.close)
             # where a packet has no fate the books cannot be closed
-            no_fate = isinstance(failure, OutsideValidityError)
-            closing.callback(
-                *((self._radio.close,) if no_fate else (self._radio.finish, self._tell_progress))
-            )
+            if isinstance(failure, OutsideValidityError):
+                closing.callback(self._radio.close)
+            else:
+                closing.callback(self._radio.finish, self._tell_progress)
             closing.callback(self._tell_clock)
             closing.callback(self._dynamics.close)
             if self._bus is not None:

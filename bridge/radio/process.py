@@ -16,7 +16,7 @@ from bridge.radio.heard import Hosts
 from bridge.radio.intake import Handler, Intake, Waiting
 from bridge.radio.next_packet import NextPacket
 from bridge.radio.publisher import TickPublisher
-from bridge.radio.radio import RecordedRadio
+from bridge.radio.radio import REFUSALS_LOGGED_MAX, RecordedRadio
 from bridge.radio.senders import Refused
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
@@ -26,7 +26,6 @@ from bridge.timeouts import FLUSH_PERIOD_S
 from channel.validity import OutsideValidityError
 
 IDLE_S = 5.0
-REFUSALS_LOGGED_MAX = 20
 log = logging.getLogger("router")
 
 
@@ -104,11 +103,7 @@ class RouterProcess:
             KeyMistake,
         ) as error:  # bytes or keys of somebody else's; what is ours ends the run
             self._core.refused[Refused.MALFORMED] += 1
-            self._tell_refusal(f"{item.came.key_expr}: {error}")
-
-    def _tell_refusal(self, text: str) -> None:
-        if self._core.refused.total() <= REFUSALS_LOGGED_MAX:
-            log.warning("refused %s; refused so far: %s", text, dict(self._core.refused))
+            self._radio.tell_refusal(f"{item.came.key_expr}: {error}")
 
     # What comes.
 
@@ -118,7 +113,7 @@ class RouterProcess:
     def _on_packet(self, key: str, sample: Sample) -> None:
         address, payload = self._keys.address_of(key), sample.payload.to_bytes()
         if not self._radio.packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
-            self._tell_refusal(f"a packet on {key}")
+            self._radio.tell_refusal(f"a packet on {key}")
 
     def _on_clock(self, _key: str, sample: Sample) -> None:
         log_clock.now_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns

@@ -30,6 +30,7 @@ from channel.medium.verdict import Judge
 NO_PACKAGE = "no_data_package_on_the_data_channel"
 """Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
 PACKAGE_ENCODING = encoding_of(DataPackage)
+REFUSALS_LOGGED_MAX = 20
 log = logging.getLogger("router")
 
 
@@ -130,6 +131,11 @@ class RecordedRadio:
             self._free.discard(node)
             text = f"a program that the clock does not wait for transmits as node {node}"
             self._report.may_not_repeat(text)
+
+    def tell_refusal(self, text: str) -> None:
+        """Log what was refused, the first times."""
+        if self.core.refused.total() <= REFUSALS_LOGGED_MAX:
+            log.warning("refused %s; refused so far: %s", text, dict(self.core.refused))
 
     def tell_what_is_waited_for(self) -> None:
         """Log why no tick is closed."""
