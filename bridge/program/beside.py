@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -27,8 +26,6 @@ from bridge.run.directory import RunDirectory
 if TYPE_CHECKING:
     from bridge.bus.messages import AircraftState
     from bridge.record.logged import LoggedValue
-
-log = logging.getLogger("router")
 
 
 class BesideBus:
