@@ -9,7 +9,7 @@ export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
 PYTEST := --numprocesses auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo view test test-slow test-long repeat check bench bench-fdm bench-channel bench-aps schema lock api-docs clean help
+.PHONY: demo view test test-slow test-long repeat check docs bench bench-fdm bench-channel bench-aps schema lock api-docs clean help
 
 help:  ## Show the targets.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -32,11 +32,15 @@ test-long: $(VENV)/.dev  ## Run the tests that take minutes, one after the other
 repeat: $(VENV)/.dev  ## Fly each kind of run again and again, and see that it repeats byte for byte.
 	$(BIN)/python -m benchmarks.repeat
 
-check: $(VENV)/.dev  ## Format, lint, types, layers.
+check: $(VENV)/.dev docs  ## Format, lint, types, layers, docs.
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Always the whole: of a page that it does not build anew Sphinx repeats no warning.
+docs: $(VENV)/.dev  ## Build the docs into site/; a broken link or docstring is an error.
+	$(BIN)/sphinx-build --fresh-env --write-all --fail-on-warning --quiet --jobs auto docs site
 
 bench: $(VENV)/.dev  ## Run the benchmarks.
 	$(BIN)/python -m benchmarks
@@ -78,7 +82,7 @@ lock:  ## Pin requirements/*.txt anew from pyproject.toml (needs uv).
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra dev -c requirements/run.txt -o requirements/dev.txt pyproject.toml requirements/build.in
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra view -c requirements/dev.txt -o requirements/view.txt pyproject.toml requirements/build.in
 
-api-docs: $(VENV)/.dev  ## Write docs/aps-api.md from the API's OpenAPI document.
+api-docs: $(VENV)/.dev  ## Write docs/reference/aps-api.md from the API's OpenAPI document.
 	$(BIN)/python -m aps.api.reference
 
 clean:  ## Remove what make set up (not runs/).

@@ -14,9 +14,10 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
+from dataclasses import replace
 from pathlib import Path
 
-from aps.api.guard import TOKEN_VARIABLE
+from aps.api.guard import TOKEN_VARIABLE, ApiConfig
 from aps.config import DaemonConfig
 from aps.daemon import Daemon
 from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
@@ -123,31 +124,29 @@ def _ready(daemon: Daemon, *, as_json: bool) -> str:
     return f"READY aps sysid={config.sysid} listen={listen} autopilot={config.autopilot}"
 
 
-def _api_address(text: str | None) -> tuple[str, int] | None:
+def _api_config(text: str | None) -> ApiConfig | None:
     if text is None:
         return None
     host, colon, port = text.rpartition(":")
     if not colon or not port.isdecimal() or not 0 <= int(port) <= 65_535:
         raise ValueError(f"--api must be HOST:PORT, not {text!r}")
-    return host.strip("[]") or "127.0.0.1", int(port)
+    token = os.environ.get(TOKEN_VARIABLE, "")
+    return ApiConfig(host=host.strip("[]") or "127.0.0.1", port=int(port), token=token)
 
 
 async def _serve_api(
     daemons: Sequence[Daemon],
-    address: tuple[str, int],
+    first: ApiConfig,
     stack: AsyncExitStack,
     on_failure: Callable[[BaseException], None],
 ) -> list[str]:
     """Serve each daemon's API; returns where."""
     from aps.api.backend import DaemonBackend  # FastAPI takes its time, and most daemons do without
-    from aps.api.guard import ApiConfig
     from aps.api.server import ApiServer
 
-    host, port = address
-    token = os.environ.get(TOKEN_VARIABLE, "")
-    places = []
+    host, places = first.host, []
     for number, daemon in enumerate(daemons):
-        config = ApiConfig(host=host, port=port + API_STEP * number if port else 0, token=token)
+        config = replace(first, port=first.port + API_STEP * number if first.port else 0)
         server = await stack.enter_async_context(ApiServer(DaemonBackend(daemon), config, on_failure))
         shown = f"[{host}]" if ":" in host else host
         places.append(f"http://{shown}:{server.port}/")
@@ -155,7 +154,7 @@ async def _serve_api(
 
 
 async def _serve(
-    configs: Sequence[DaemonConfig], *, as_json: bool, rate_hz: float, api: tuple[str, int] | None = None
+    configs: Sequence[DaemonConfig], *, as_json: bool, rate_hz: float, api: ApiConfig | None = None
 ) -> BaseException | None:
     """Serve until a signal; returns what a daemon or its API failed of, if one did."""
     stop = asyncio.Event()
@@ -170,12 +169,12 @@ async def _serve(
         loop.add_signal_handler(number, stop.set)
     async with AsyncExitStack() as stack:
         daemons = [await stack.enter_async_context(Daemon(config)) for config in configs]
+        places = [] if api is None else await _serve_api(daemons, api, stack, failed)
         for daemon in daemons:
             daemon.on_failure = failed
             print(_ready(daemon, as_json=as_json), flush=True)
             if as_json:
                 daemon.subscribe(lambda state: print(state_line(state), flush=True), rate_hz)
-        places = [] if api is None else await _serve_api(daemons, api, stack, failed)
         for daemon, place in zip(daemons, places, strict=False):
             told = {"event": "api", "sysid": daemon.config.sysid, "url": place}
             print(json.dumps(told) if as_json else f"API aps sysid={daemon.config.sysid} {place}", flush=True)
@@ -219,7 +218,7 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     )
     try:
         configs = _configs(arguments)
-        api = _api_address(arguments.api)
+        api = _api_config(arguments.api)
         failure = asyncio.run(_serve(configs, as_json=arguments.json, rate_hz=arguments.rate_hz, api=api))
     except ValueError as error:
         return _refuse(str(error))
@@ -271,7 +270,7 @@ def _refuse(text: str) -> int:
 
 
 _ADDRESS = re.compile(r"\('([^']*)', (\d+)")
-"""How asyncio tells which address it could not bind."""
+"""How asyncio names the address that it could not bind."""
 
 
 def _explain(error: OSError) -> str:

@@ -8,16 +8,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
-from types import TracebackType
 from typing import Any, Self
 
 from aps.config import DaemonConfig
 from aps.core import Core
 from aps.links.address import LinkAddress, parse_address
-from aps.links.drivers import Driver, make_driver
+from aps.links.kinds.drivers import Driver, make_driver
+from aps.links.kinds.tcp import TcpServer
 from aps.links.link import Link, Role
 from aps.links.table import LinkTable
-from aps.links.tcp import TcpServer
 from aps.logs.tlog import TlogWriter
 from aps.status import StatusServer, plain_state
 from aps.timeouts import SILENCE_TIMEOUT_S
@@ -249,12 +248,7 @@ class DaemonBase(ABC):
         await self._status.start()
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         self.commands.interrupt_all("the daemon stops")
         await self._stop()
 

@@ -42,6 +42,9 @@ class DaemonConfig:
     client_frames_per_s: float = DEFAULT_FRAMES_PER_S
     """What one client may send for good; beyond it, it has to wait (TCP, serial) or its datagrams are dropped."""
     route_expiry_s: float = ROUTE_EXPIRY_S
+    middle_stick: bool = False
+    """Whether the throttle stick of a copter is held in the middle while it flies LOITER, ALT_HOLD and the like by a
+    command of ours: for simulations, as a real vehicle has a pilot and a receiver."""
     tlog_directory: Path | None = None
     """Where every frame is recorded (.tlog); ``None``: nowhere."""
     tlog_name: str = ""

@@ -73,6 +73,7 @@ class Core:
             wake,
             silence_s,
             config.autopilot,
+            middle_stick=config.middle_stick,
         )
         self.answers = Answers(config.sysid, ONBOARD_COMPUTER_COMPID)
         self.answered = ANSWERED

@@ -14,13 +14,12 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Self
 
 from aps.base import DaemonBase
 from aps.config import NS_PER_S, DaemonConfig
 from aps.links.address import parse_autopilot
-from aps.links.drivers import make_driver
+from aps.links.kinds.drivers import make_driver
 from aps.links.link import Link, Role
 from aps.wire.framer import Frame
 
@@ -51,14 +50,9 @@ class Daemon(DaemonBase):
         self._wake()
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *error: object) -> None:
         self._running = False
-        await super().__aexit__(kind, error, traceback)
+        await super().__aexit__(*error)
         if self._timer is not None:
             self._timer.cancel()
 

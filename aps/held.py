@@ -9,9 +9,9 @@
             await release()                 # physics answers, the autopilot runs on
 
 Between two exchanges nothing is said to the autopilot and no state changes, whatever clients do and however
-the event loop is loaded: what the autopilot is told depends on what it said, the instants, the commands
+the event loop is loaded: what is sent to the autopilot depends on what it sent, the instants, the commands
 started and the inputs from outside (``on_input``), and on nothing else. With the inputs of a record
-(``inject``) it is told the same again.
+(``inject``) the same is sent again.
 
 All time-outs of the logic run in sim time; wall time is left to ``connect`` and to the clients' sockets.
 """
@@ -21,15 +21,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from types import TracebackType
 from typing import Any, Final
 
 from aps.base import DaemonBase
 from aps.config import DaemonConfig
 from aps.inputs import Input, InputQueue
 from aps.links.address import parse_autopilot
-from aps.links.called import CalledClient, CalledLink
-from aps.links.held import HeldLink
+from aps.links.kinds.called import CalledClient, CalledLink
+from aps.links.kinds.held import HeldLink
 from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.timeouts import HELD_SILENCE_TIMEOUT_S
@@ -40,6 +39,11 @@ __all__ = ["ExchangeCounters", "HeldDaemon"]
 AUTOPILOT_ID: Final = 0
 """Id of the autopilot's link; an input's is 1 or higher."""
 _EXCHANGE: Final = "exchange"
+_BY_THREAD: Final = {
+    110: "a client used MAVLink FTP, which ArduPilot answers from a thread of its own",
+    119: "a client downloaded a log, which ArduPilot reads in a thread of its own",
+}
+"""FILE_TRANSFER_PROTOCOL and LOG_REQUEST_DATA: what it says to them comes when the machine lets it."""
 
 _log = logging.getLogger(__name__)
 
@@ -124,6 +128,8 @@ class HeldDaemon(DaemonBase):
         """Called when an exchange finds that the autopilot has closed the connection: ``connect`` again."""
         self.on_wall_time: Callable[[str], None] | None = None
         """Called with the reason when the result may depend on wall time: the flight may not repeat."""
+        self.by_thread = dict(_BY_THREAD)
+        """By id of a message: the reason why a flight may not repeat once a client has sent one; reported once."""
         self.counters = ExchangeCounters()
         self._inputs = InputQueue()
         self._paused: list[Link] = []
@@ -140,13 +146,8 @@ class HeldDaemon(DaemonBase):
     def takes_input(self, takes_input: bool) -> None:
         self.links.listeners = not takes_input
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        await super().__aexit__(kind, error, traceback)
+    async def __aexit__(self, *error: object) -> None:
+        await super().__aexit__(*error)
         self.link.close()
 
     @property
@@ -313,6 +314,8 @@ class HeldDaemon(DaemonBase):
     def _take(self, item: Input, frame: Frame | None) -> None:
         if frame is not None:
             link = self.hub.links[item.link]
+            if frame.msg_id in self.by_thread and frame.target_system in (0, self.config.sysid):
+                self._wall_time(self.by_thread.pop(frame.msg_id))
             self.core.frames(link, [frame], self._now_ns)
         elif item.kind == "open":
             self.core.link_opened(self.links.links.get(item.link) or _nobody(item.link), self._now_ns)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-from rich.console import Group
+from rich.console import Console, Group
 from rich.live import Live
 from rich.markup import escape
 from rich.table import Column, Table
@@ -25,6 +25,8 @@ from aps.status import SUFFIX, status_directory
 __all__ = ["ask", "ask_over_http", "tables", "watch"]
 
 TIMEOUT_S: Final = 1.0
+WIDE: Final = 1000
+"""Columns where the output is no terminal: a table is as wide as it needs."""
 HTTP_TIMEOUT_S: Final = 5.0
 TROUBLES: Final = (
     "throttled",
@@ -174,7 +176,7 @@ def _link_row(link: dict[str, Any]) -> list[str]:
 
 
 def watch(period_s: float, *, once: bool, as_json: bool, urls: Sequence[str] = (), token: str = "") -> int:
-    """Show daemons until interrupted; returns the exit status.
+    """Show daemons until interrupted; returns the exit status: 1 if one of them did not answer as it should.
 
     Args:
         period_s: between two looks.
@@ -185,17 +187,27 @@ def watch(period_s: float, *, once: bool, as_json: bool, urls: Sequence[str] = (
     """
     look: Callable[[], Iterator[dict[str, Any]]]
     look = partial(ask_over_http, urls, token) if urls else partial(ask, status_directory())
+    told = list(look())
     if as_json:
-        while True:
-            print(json.dumps(list(look())), flush=True)
-            if once:
-                return 0
+        while not once:
+            print(json.dumps(told), flush=True)
             time.sleep(period_s)
+            told = list(look())
+        print(json.dumps(told), flush=True)
+        return _status_of(told)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDE)
     with (
-        Live(tables(list(look())), auto_refresh=False) as live,
+        Live(tables(told), console=console, auto_refresh=False) as live,
         contextlib.suppress(KeyboardInterrupt),
     ):
         while not once:
             time.sleep(period_s)
-            live.update(tables(list(look())), refresh=True)
-    return 0
+            told = list(look())
+            live.update(tables(told), refresh=True)
+    return _status_of(told)
+
+
+def _status_of(told: Sequence[dict[str, Any]]) -> int:
+    return int(any("error" in daemon for daemon in told))

@@ -8,7 +8,7 @@ A request is repeated (ACK_TIMEOUTS_S: 16 s in all) for less long than a lost li
 for. Both are shorter than a route lives (ROUTE_EXPIRY_S), so the answer finds its way back. After
 acceptance a command may take as long as its flight is long, in the autopilot's time; since that time stands
 still when the autopilot is silent or its simulation paused, SILENCE_TIMEOUT_S bounds the standstill by the
-daemon's clock. It exceeds all the others: a command ends for the most telling reason.
+daemon's clock. It exceeds all the others: a command ends for the most specific reason.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ LINK_LOSS_TIMEOUT_S: Final = 30.0
 ROUTE_EXPIRY_S: Final = 60.0
 """Since the last frame of a sender, until its route is forgotten: 60 missing heartbeats."""
 SILENCE_TIMEOUT_S: Final = 600.0
-"""For an accepted command whose autopilot's clock stands still, by wall time. A paused simulation cannot be told from
-an autopilot that hangs, so this is long: a pause of up to ten minutes does not end a command."""
+"""For an accepted command whose autopilot's clock stands still, by wall time. A paused simulation looks like an
+autopilot that hangs, so this is long: a pause of up to ten minutes does not end a command."""
 HELD_SILENCE_TIMEOUT_S: Final = 30.0
 """The same in held mode: sim time stands still in a pause, too, so this can be as short as that of a lost link."""
 

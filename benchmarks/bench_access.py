@@ -70,7 +70,7 @@ def serve(place: Place, pipe: Connection) -> None:
 
 
 def receive(place: Place, pipe: Connection) -> None:
-    """All receivers, a session each; tells how many packets the slowest of them has."""
+    """All receivers, a session each; returns how many packets the slowest of them has."""
     counts = dict.fromkeys(place.nodes[1:], 0)
     sessions = [place.join(node) for node in counts]
     lock = threading.Lock()
@@ -90,7 +90,7 @@ def receive(place: Place, pipe: Connection) -> None:
 
 @contextmanager
 def running(target: Any, place: Place) -> Iterator[Connection]:
-    """A process at the other end of a pipe, which ends when it is told anything it does not know."""
+    """A process at the other end of a pipe, which ends on any word that it does not know."""
     context = mp.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=target, args=(place, theirs), daemon=True)

@@ -125,7 +125,7 @@ async def started(command: Sequence[str]) -> AsyncIterator[int]:
 
 
 def message(mav: Any, number: int) -> bytes:
-    """One of the stream: the time now, which tells the delay; a heartbeat now and then."""
+    """One of the stream: the time now, from which the delay follows; a heartbeat now and then."""
     mav.seq = number % 256
     if number % RATE_HZ == 0:
         return bytes(mavlink.MAVLink_heartbeat_message(2, 3, 0x59, 4, 4, 3).pack(mav))

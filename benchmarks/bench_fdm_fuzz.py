@@ -87,7 +87,7 @@ def receive_or_repeat(sock: socket.socket, datagram: bytes, sent: Synchronized[i
 
 
 def flood(ports: Sequence[int], total: int, pause_s: float, result: Connection) -> None:
-    """Send `total` datagrams in bursts; tells how many of each reason there were, and how many answers came."""
+    """Send `total` datagrams in bursts; returns how many of each reason there were, and how many answers came."""
     pool = garbage_pool(seed=17)
     reasons = [str(unpack_servo_packet(datagram)) for datagram in pool]
     sent: Counter[str] = Counter()

@@ -30,7 +30,7 @@ SPACING_M = 60.0
 MODES = ("one", "many", "one+1", "many+1")
 
 
-def scenario(autopilot: str, size: int, mode: str, duration_s: float) -> dict[str, Any]:
+def scenario(autopilot: str, size: int, mode: str, duration_s: float, slot: int = SLOT) -> dict[str, Any]:
     """Some UA that hover."""
     processes, _, lookahead = mode.partition("+")
     agent = {"type": "hold", "altitude_m": ALTITUDE_M}
@@ -45,7 +45,7 @@ def scenario(autopilot: str, size: int, mode: str, duration_s: float) -> dict[st
         "figure": False,
         "origin": {"lat_deg": 40.1331, "lon_deg": -105.2404, "alt_amsl_m": 1690.0},
         "radio": "corrected",
-        "ports": {"zenoh": 0, "first_slot": SLOT},
+        "ports": {"zenoh": 0, "first_slot": slot},
         "nodes": [
             {"id": number, "home": {"north_m": SPACING_M * number}, "agent": agent} for number in range(size)
         ],
@@ -74,27 +74,28 @@ def flown(content: dict[str, Any], command: Sequence[str], cwd: Path = ROOT) -> 
     return {"factor": summary["real_time_factor"], "cpu": per_sim_s}
 
 
-def alone(autopilot: str, size: int) -> float:
-    """The real-time factor of physics and autopilots alone (`benchmarks.bench_fdm_fleet`)."""
+def alone(autopilot: str, size: int, wall_s: float = 5.0, slot: int = SLOT) -> float:
+    """The real-time factor of physics and autopilots alone, over ``wall_s`` (`benchmarks.bench_fdm_fleet`)."""
     command = [sys.executable, "-m", "benchmarks.bench_fdm_fleet", "--autopilot", autopilot, "--speed", "max"]
-    command += ["--sizes", str(size), "--coupling", "serial", "--instance", str(SLOT)]
+    command += ["--sizes", str(size), "--coupling", "serial", "--instance", str(slot)]
+    command += ["--seconds", str(wall_s)]
     command += ["--hover"] if autopilot == "standin" else []
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     (curve,) = json.loads(done.stdout.splitlines()[-1])["curves"].values()
     return float(curve[str(size)][0])
 
 
-def measure(
-    autopilot: str, size: int, modes: Sequence[str], rounds: int, duration_s: float
-) -> dict[str, Any]:
+def measure(options: argparse.Namespace, size: int) -> dict[str, Any]:
     """Medians of alternated rounds."""
+    autopilot, slot = options.autopilot, options.first_slot
     bare: list[float] = []
-    runs: dict[str, list[dict[str, float]]] = {mode: [] for mode in modes}
+    runs: dict[str, list[dict[str, float]]] = {mode: [] for mode in options.modes}
     lostlink = [sys.executable, "-m", "lostlink.cli.main"]
-    for _ in range(rounds):
-        bare.append(alone(autopilot, size))
-        for mode in modes:
-            runs[mode].append(flown(scenario(autopilot, size, mode, duration_s), lostlink))
+    for _ in range(options.rounds):
+        bare.append(alone(autopilot, size, options.seconds, slot))
+        for mode in options.modes:
+            content = scenario(autopilot, size, mode, options.duration, slot)
+            runs[mode].append(flown(content, lostlink))
     row: dict[str, Any] = {"ua": size, "alone": round(statistics.median(bare), 2)}
     for mode, found in runs.items():
         factor = statistics.median(each["factor"] for each in found)
@@ -114,10 +115,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--modes", choices=MODES, nargs="+", default=["one", "many"])
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--duration", type=float, default=60.0, help="sim time of each run, s")
+    parser.add_argument("--seconds", type=float, default=5.0, help="wall time of each measure alone")
+    parser.add_argument("--first-slot", type=int, default=SLOT, help="where the ports of the fleet begin")
     options = parser.parse_args(arguments)
     rows = []
     for size in options.sizes:
-        rows.append(measure(options.autopilot, size, options.modes, options.rounds, options.duration))
+        rows.append(measure(options, size))
         print(rows[-1], file=sys.stderr, flush=True)
     print(json.dumps(rows))
     return 0

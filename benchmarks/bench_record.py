@@ -51,6 +51,7 @@ def fleet_columns(nodes: int, ticks: int, seed: int = 1) -> Iterator[Columns]:
             "snr_db": snr_db,
             "per": per,
             "fate": (rng.random(tx.size) < per).astype(np.int64),
+            "received_ns": np.full(tx.size, (tick + 1) * 50_000_000),
         }
 
 
@@ -68,7 +69,7 @@ def _append(run: Path, nodes: list[str], ticks: list[Columns]) -> None:
 def _csv(run: Path, nodes: list[str], ticks: list[Columns]) -> None:
     with (run / "rows.csv").open("w") as file:
         for columns in ticks:
-            for t, tx, rx, seq, _, length, distance, power, snr, per, fate in zip(
+            for t, tx, rx, seq, _, length, distance, power, snr, per, fate, *_said in zip(
                 *(values.tolist() for values in columns.values()), strict=True
             ):
                 file.write(

@@ -32,8 +32,8 @@ import numpy as np
 
 from bridge.agents.agent import Agent
 from bridge.agents.client import UaClient
-from bridge.agents.feed import Arrivals, DeliveredPacket
-from bridge.agents.runner import AgentRunner
+from bridge.agents.running.feed import Arrivals, DeliveredPacket
+from bridge.agents.running.runner import AgentRunner
 from bridge.bus.keys import Address, Keys
 from bridge.bus.messages import AircraftState, DataPackage, Header, Quaternion, Truth, Vector3, decode, encode
 from bridge.bus.reception import Reception

@@ -81,7 +81,7 @@ async def serve() -> None:
     from lostlink.view.broadcast import Broadcast
     from lostlink.view.page.charts import ModelCurve
     from lostlink.view.page.page import Shown
-    from lostlink.view.picture.frames import Frames
+    from lostlink.view.picture.frames import PictureFrames
     from lostlink.view.server import ViewServer
 
     view = fifty()
@@ -94,7 +94,7 @@ async def serve() -> None:
 
     asyncio.get_running_loop().add_reader(ours.fileno(), take)
     shown = Shown("fifty", view, lambda _: ModelCurve(np.empty(0), np.empty(0)))
-    async with ViewServer(shown, Broadcast(Frames(view), lambda _: None), ApiConfig()) as server:
+    async with ViewServer(shown, Broadcast(PictureFrames(view), lambda _: None), ApiConfig()) as server:
         print(f"http://127.0.0.1:{server.port}/", flush=True)
         await asyncio.Event().wait()
 

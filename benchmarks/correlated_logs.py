@@ -1,7 +1,8 @@
 """Flight logs with correlated shadowing, drawn with numpy alone: nothing of the channel's code, formulas written anew.
 
 Log-distance loss from free space at 1 m; QPSK over white noise, 24 Mbit/s in 20 MHz, 40 bytes without coding; shadowing
-exp(-x / decorrelation) along the line, so that a place that is passed again is shadowed as before.
+exp(-x / decorrelation) along the line, so that a place that is passed again is shadowed as before; fading as a direct
+wave and many from all around, over the way flown (Jakes).
 """
 
 from __future__ import annotations
@@ -16,6 +17,10 @@ from numpy.typing import NDArray
 FREQUENCY_HZ = 2.412e9
 POWER_AND_GAINS_DBM = 18.0 + 2.0 * 2.3
 BITS = 8 * 40
+WAVES = 64
+NEAREST_M = 20.0
+JITTER_M = 0.15
+"""Of the places of packets, as gusts and a computer's clock have it: more than a wavelength."""
 WATERFALL_DB = 7.0
 """SNR of about 50 % delivery."""
 
@@ -33,11 +38,16 @@ class Truth:
     step_db: float = 1.0
     error_db: float = 0.0
     evenly: bool = False
+    k_db: float | None = None
+    """Of Rician fading; None: no fading."""
+    to_m: float | None = None
+    """Flown straight out to there; None: twice out and back, to 1.6 times the range of 50 % delivery."""
 
     @property
     def by_name(self) -> dict[str, float]:
         """What a fit looks for."""
-        return {
+        fading = {} if self.k_db is None else {"fading.k_db": self.k_db}
+        return fading | {
             "propagation.exponent": self.exponent,
             "offset_db": self.offset_db,
             "shadowing.sigma_db": self.sigma_db,
@@ -61,6 +71,12 @@ TRUTHS = {
     "50 m, error of 1 dB": Truth(50.0, 2.3, -1.0, 5.0, 0.06, -89.0, error_db=1.0),
     "50 m, steps of 0.5 dB": Truth(50.0, 2.7, 3.0, 6.0, 0.1, -93.0, step_db=0.5),
 }
+FADED = {
+    "Rice, K 12 dB, to 1.2 km": Truth(25.0, 2.6, 0.0, 5.0, 0.05, -94.0, k_db=12.0, to_m=1200.0),
+    "Rice, K 6 dB, to 1.2 km": Truth(30.0, 2.8, 0.0, 5.0, 0.05, -95.0, k_db=6.0, to_m=1200.0),
+    "Rice, K 9 dB, out and back": Truth(20.0, 3.0, 2.0, 6.0, 0.1, -96.0, step_db=0.5, k_db=9.0),
+}
+"""The same with fading: seven parameters."""
 
 
 def drawn(
@@ -72,9 +88,13 @@ def drawn(
     share = np.abs((np.linspace(0.0, 4.0, packets) + 1.0) % 2.0 - 1.0)
     share = rng.uniform(size=packets) if truth.evenly else share
     distance_m = 10.0 ** (level / (10.0 * truth.exponent)) * (0.1 + 1.5 * share)
+    if truth.to_m is not None:
+        distance_m = np.linspace(NEAREST_M, truth.to_m, packets) + rng.uniform(-JITTER_M, JITTER_M, packets)
     power_dbm = truth.mean_dbm(distance_m) + truth.sigma_db * _shadowing(
         distance_m, truth.decorrelation_m, rng
     )
+    if truth.k_db is not None:
+        power_dbm = power_dbm + _fading_db(distance_m, truth.k_db, rng)
     ebn0 = 10.0 ** ((power_dbm - truth.floor_dbm) / 10.0) * (20.0 / 24.0)
     bit_error = 0.5 * np.array([math.erfc(math.sqrt(each)) for each in ebn0])
     arrives = np.exp(BITS * np.log1p(-bit_error)) * (1.0 - truth.base_loss)
@@ -83,6 +103,16 @@ def drawn(
     if truth.step_db > 0.0:
         reading = np.round(reading / truth.step_db) * truth.step_db
     return distance_m, delivered, np.where(delivered, reading, np.nan)
+
+
+def _fading_db(distance_m: NDArray[np.float64], k_db: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return a Rician power gain over the way flown: a direct wave, and waves from all around (Jakes)."""
+    wavelengths = np.cumsum(np.abs(np.diff(distance_m, prepend=distance_m[0]))) * FREQUENCY_HZ / 299_792_458.0
+    k, from_rad, phase_rad = 10.0 ** (k_db / 10.0), *rng.uniform(0.0, 2.0 * math.pi, (2, WAVES))
+    turns = wavelengths[:, np.newaxis] * np.cos(from_rad)
+    scatter = np.sum(np.exp(1j * (2.0 * math.pi * turns + phase_rad)), axis=1) / math.sqrt(WAVES)
+    direct = math.sqrt(k) * np.exp(2j * math.pi * wavelengths)
+    return np.asarray(20.0 * np.log10(np.abs(direct + scatter) / math.sqrt(1.0 + k)))
 
 
 def _shadowing(

@@ -3,8 +3,8 @@
 Each set is a radio that differs from the one it is fitted from in every parameter. Logs are drawn with numpy's own
 generator, not with the draws of the medium: distances from 0.1 to 1.6 times the range of 50 % delivery, evenly at
 random or flown out and back, and received powers of what arrived where the set has them, rounded to the set's step.
-With `--correlated` the shadowing is correlated along the track: six more radios, drawn with numpy alone
-(`benchmarks/correlated_logs.py`).
+With `--correlated` the shadowing is correlated along the track: nine more radios, three of them with
+Rician fading, drawn with numpy alone (`benchmarks/correlated_logs.py`).
 A parameter is covered if its 95 % interval holds the truth; how many of the intervals had two ends is counted, too.
 """
 
@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.correlated_logs import TRUTHS, drawn
+from benchmarks.correlated_logs import FADED, TRUTHS, drawn
 from channel.config import RadioConfig
 from channel.fit.calibration import fit_radio
 from channel.fit.flight_log import FlightLog
@@ -28,6 +28,7 @@ from channel.fit.result import Estimate, Fit
 from channel.link.radio import Radio
 from channel.presets import load_radio
 
+CORRELATED = TRUTHS | FADED
 PACKETS = 2000
 LENGTH_BYTES = 40.0
 
@@ -132,7 +133,9 @@ def one_fit(name: str, repeat: int, packets: int = PACKETS) -> tuple[Fit, float]
 
 def one_correlated_fit(name: str, repeat: int, packets: int = PACKETS) -> tuple[Fit, float]:
     """Fit one log with correlated shadowing; return the fit and its CPU time in s."""
-    distance_m, delivered, rssi_dbm = drawn(TRUTHS[name], packets, (77, list(TRUTHS).index(name), repeat))
+    distance_m, delivered, rssi_dbm = drawn(
+        CORRELATED[name], packets, (77, list(CORRELATED).index(name), repeat)
+    )
     log = FlightLog(distance_m, delivered, np.full(packets, LENGTH_BYTES), rssi_dbm)
     start = process_time()
     return fit_radio(log, load_radio("corrected")), process_time() - start
@@ -141,15 +144,15 @@ def one_correlated_fit(name: str, repeat: int, packets: int = PACKETS) -> tuple[
 def levels_held(name: str, fits: Sequence[Fit]) -> int:
     """Return how many intervals of the level at the log's mean distance hold the true mean."""
     levels = [
-        (each.level, float(TRUTHS[name].mean_dbm(each.level.distance_m))) for each in fits if each.level
+        (each.level, float(CORRELATED[name].mean_dbm(each.level.distance_m))) for each in fits if each.level
     ]
     return sum(level.low_dbm <= truth <= level.high_dbm for level, truth in levels)
 
 
 def coverage(name: str, fits: Sequence[Fit]) -> dict[str, tuple[int, int]]:
     """Return by parameter how many intervals hold the truth, and how many have two ends; held ones left out."""
-    if name in TRUTHS:
-        return _held(TRUTHS[name].by_name, fits)
+    if name in CORRELATED:
+        return _held(CORRELATED[name].by_name, fits)
     chosen = SETS[name]
     left_out = {*chosen.hold, *(() if chosen.rssi else ("noise.floor_dbm",))}
     return _held({key: value for key, value in truth_of(chosen.truth).items() if key not in left_out}, fits)
@@ -174,13 +177,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--correlated", action="store_true", help="shadowing correlated along the track")
     parser.add_argument("--only", default="", metavar="TEXT", help="radios whose names have this in them")
     options = parser.parse_args(arguments)
-    names, fit_one = (list(TRUTHS), one_correlated_fit) if options.correlated else (list(SETS), one_fit)
+    names, fit_one = (list(CORRELATED), one_correlated_fit) if options.correlated else (list(SETS), one_fit)
     print(f"{'set':<28}{'parameter':<22}{'truth':>9}{'covered':>9}{'two ends':>10}   of {options.repeats}")
     with ProcessPoolExecutor(options.jobs) as pool:
         for name in (each for each in names if options.only in each):
             results = list(pool.map(partial(fit_one, name, packets=options.packets), range(options.repeats)))
             fits = [fit for fit, _ in results]
-            truth = TRUTHS[name].by_name if options.correlated else truth_of(SETS[name].truth)
+            truth = CORRELATED[name].by_name if options.correlated else truth_of(SETS[name].truth)
             for parameter, (covered, finite) in coverage(name, fits).items():
                 print(f"{name:<28}{parameter:<22}{truth[parameter]:>9.4g}{covered:>9}{finite:>10}")
             if options.correlated:

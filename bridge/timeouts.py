@@ -5,7 +5,7 @@ given up, and whoever waits for another waits longer than the other may take:
 
     a stuck autopilot is let go (STALL_S) long before the clock is said to stand still (SILENCE_S);
     the start of the autopilots (START_S) ends before the supervisor calls the same silence a failure (SILENCE_S);
-    a process that ends has its grace, and one that tells how far it is (the record of a large run) has more.
+    a process that ends has its grace, and one that reports progress (the record of a large run) has more.
 
 Time-outs towards the autopilot (acknowledgements, retries, silence) are sim time and live in `aps`.
 """
@@ -15,7 +15,9 @@ from __future__ import annotations
 START_S = 60.0
 """For all processes to be ready, and again for the autopilots to send their first packet."""
 NEWS_PERIOD_S = 2.0
-"""Nothing that a person waits for is silent for longer."""
+"""Nothing that a person waits for at a terminal is silent for longer."""
+LOG_PERIOD_S = 10.0
+"""The same where output goes to a file."""
 FLUSH_PERIOD_S = 1.0
 """What was recorded is on disk after that, so that a killed run leaves all but its last second."""
 STALL_S = 5.0
@@ -23,8 +25,11 @@ STALL_S = 5.0
 SILENCE_S = 90.0
 """Without a tick for so long, the run is given up. Longer than START_S, and than STALL_S; with a longer stall in a
 scenario (fdm.stall_timeout_s), twice that."""
+LEASE_S = 3600.0
+"""A process that is frozen (stopped, swapped out, its machine asleep) keeps its connections for so long, and flies on
+when it thaws; Zenoh's 10 s would cut it off for good. Longer than SILENCE_S: the run decides when it is given up."""
 AGENT_END_S = 0.5
-"""For all agents of a host to end after they were told to; their records are written in any case."""
+"""For all agents of a host to end after they were stopped; their records are written in any case."""
 AGENT_GRACE_S = 2.0
 """For the hosts to end: longer than their agents may take."""
 FAILURE_GRACE_S = 2.0
@@ -34,6 +39,6 @@ FLIGHT_GRACE_S = 1.5
 ROUTER_GRACE_S = 10.0
 """For the radio to say the next word of how far its record is: it may take any time as long as it gets on."""
 RADIO_ANSWER_S = 10.0
-"""For the radio to tell a program beside the run with which packet it goes on."""
+"""For the radio to answer a program beside the run that asks for its next packet."""
 COMMAND_QUERY_S = 30 * 86400.0
 """For a script's command: flights end by their own time-outs, in sim time, however long that takes."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from channel.checks import FloatArray
-from channel.units import db_from_ratio, ratio_from_db
+from channel.numbers.units import db_from_ratio, ratio_from_db
 from channel.variant import Settings, Variant
 
 DIPOLE_PEAK = 1.640922

@@ -18,7 +18,7 @@ from channel.fading.shadowing import (
 from channel.own import own_models
 from channel.phy.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
-from channel.phy.noise import FixedNoise, ThermalNoise
+from channel.phy.noise import FixedNoise, ManMadeNoise, ThermalNoise
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
@@ -29,6 +29,15 @@ from channel.propagation.terrain import Terrain
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.variant import Settings, Variant
 
+SHADOWING_METHODS = (
+    "is_random",
+    "decorrelation_m",
+    "spread_db",
+    "loss_db",
+    "chance_below",
+    "in_sight",
+    "with_sigma",
+)
 Propagation = Annotated[
     FreeSpace
     | LogDistance
@@ -48,11 +57,12 @@ Propagation = Annotated[
 Shadowing = Annotated[
     NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,
     Field(discriminator="model"),
+    *own_models("shadowing", *SHADOWING_METHODS),
 ]
 Fading = Annotated[
     NoFading | Rayleigh | Rician | Nakagami,
     Field(discriminator="model"),
-    *own_models("fading", "gain_db", "rule"),
+    *own_models("fading", "gain_db", "rule", "is_random", "by_elevation", "coherence", "max_coherence_s"),
 ]
 Antenna = Annotated[
     Isotropic | HalfWaveDipole | Sector | Pattern,
@@ -60,8 +70,14 @@ Antenna = Annotated[
     *own_models("antenna", "needs_direction", "towards_db"),
 ]
 Atmosphere = Annotated[NoAtmosphere | ItuAtmosphere, Field(discriminator="model")]
-Bursts = Annotated[NoBursts | GilbertElliott, Field(discriminator="model")]
-Noise = Annotated[FixedNoise | ThermalNoise, Field(discriminator="model")]
+Bursts = Annotated[
+    NoBursts | GilbertElliott, Field(discriminator="model"), *own_models("bursts", "mean_loss", "loss_at")
+]
+Noise = Annotated[
+    FixedNoise | ThermalNoise | ManMadeNoise,
+    Field(discriminator="model"),
+    *own_models("noise", "noise_floor_dbm"),
+]
 Error = Annotated[
     ErfcBytes | UncodedAwgn | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
     Field(discriminator="model"),

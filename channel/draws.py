@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import ChannelInputError, FloatArray
-from channel.philox import WORDS_PER_COUNT, PhiloxRuns, Words, philox_words
+from channel.numbers.philox import WORDS_PER_COUNT, PhiloxRuns, Words, philox_words
 
 __all__ = ["WORDS_PER_COUNT", "Draws", "LinkDraws", "Purpose", "stream_key", "uniform_from_words"]
 

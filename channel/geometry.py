@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from channel.checks import FloatArray
 
+Indices = NDArray[np.intp]
+Column = TypeVar("Column")
 MIN_HEIGHT_M = 0.1
 """Antennas are never lower than this above the ground plane: a UA on its legs still has an aerial above it."""
 LEVEL_WXYZ = np.array([1.0, 0.0, 0.0, 0.0])
@@ -30,6 +33,8 @@ class Path(NamedTuple):
         reflected_gain_db: what both antennas have more along the ray that flat ground reflects than along the direct
             one, or None: nothing.
         emitters_ned_m: where emitters are, by name, shape (3,) or (..., 3); None if nobody said.
+        tx_is_base: whether the transmitter stands on the ground, as bases do; for laws with `needs_roles`.
+        rx_is_base: likewise.
     """
 
     frequency_hz: float | FloatArray
@@ -42,6 +47,8 @@ class Path(NamedTuple):
     attitude_rx_wxyz: FloatArray | None = None
     reflected_gain_db: FloatArray | None = None
     emitters_ned_m: Mapping[str, FloatArray] | None = None
+    tx_is_base: bool | NDArray[np.bool_] = True
+    rx_is_base: bool | NDArray[np.bool_] = False
 
     @property
     def ground_distance_m(self) -> FloatArray:
@@ -79,3 +86,37 @@ def separation_m(tx_ned_m: FloatArray, rx_ned_m: FloatArray) -> FloatArray:
     way = rx_ned_m - tx_ned_m
     north, east, down = way[..., 0], way[..., 1], way[..., 2]
     return np.asarray(np.sqrt(north * north + east * east + down * down))
+
+
+def path_at(path: Path, links: Indices) -> Path:
+    """Return some of the links of a path."""
+    return path._replace(
+        frequency_hz=_number_at(path.frequency_hz, links),
+        distance_m=path.distance_m[links],
+        height_tx_m=_number_at(path.height_tx_m, links),
+        height_rx_m=_number_at(path.height_rx_m, links),
+        position_tx_ned_m=vectors_at(path.position_tx_ned_m, links),
+        position_rx_ned_m=vectors_at(path.position_rx_ned_m, links),
+        attitude_tx_wxyz=vectors_at(path.attitude_tx_wxyz, links),
+        attitude_rx_wxyz=vectors_at(path.attitude_rx_wxyz, links),
+        emitters_ned_m=_emitters_at(path.emitters_ned_m, links),
+        tx_is_base=_number_at(path.tx_is_base, links),
+        rx_is_base=_number_at(path.rx_is_base, links),
+    )
+
+
+def _emitters_at(places: Mapping[str, FloatArray] | None, links: Indices) -> Mapping[str, FloatArray] | None:
+    """Return places of emitters for some of the links; one place for all is (3,)."""
+    if places is None:
+        return None
+    return {name: place if place.ndim == 1 else place[links] for name, place in places.items()}
+
+
+def _number_at(column: Column, links: Indices) -> Column:
+    """Return some rows of a column; what is one for all links stays as it is."""
+    return cast(Column, column[links]) if isinstance(column, np.ndarray) else column
+
+
+def vectors_at(vectors: FloatArray | None, links: Indices) -> FloatArray | None:
+    """Return rows of vectors; None if there are none."""
+    return None if vectors is None else vectors.T.take(links, axis=1).T

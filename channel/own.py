@@ -40,7 +40,7 @@ def own_models(group: str, *needed: str) -> tuple[WrapValidator, WrapSerializer]
         if key is None:
             return others(value)
         found = _class_of(key, group)
-        missing = [name for name in needed if not hasattr(found, name)]
+        missing = [name for name in needed if not hasattr(found, name) and name not in found.model_fields]
         if missing:
             raise ValueError(f"{found.__name__} in {key[1]} has no {', '.join(missing)}")
         try:

@@ -43,15 +43,22 @@ class RangedVariant(Variant):
             return array
         bad = (array < low) | (array > high)
         if bad.any():
-            self._say(name, float(array[bad].flat[0]), f"{low:g} to {high:g}")
+            self.say(name, float(array[bad].flat[0]), f"{low:g} to {high:g}")
         return array
 
-    def _say(self, name: str, value: float, allowed: str) -> None:
+    def say(self, name: str, value: float | str, allowed: str) -> None:
+        """Say that a value lies outside: refuse, warn the first time, or nothing, as `outside` has it.
+
+        Raises:
+            OutsideValidityError: the model is to refuse.
+        """
         model = getattr(self, "model", type(self).__name__)
         if self.outside == "refuse":
             raise OutsideValidityError(
                 name, value, f"{allowed}, the validity range of {model}; {OUTSIDE_KEY}"
             )
-        self._warned.add(name)
-        message = f"{name} = {value:g}: outside {allowed}, the validity range of {model}"
-        warnings.warn(message, ValidityWarning, stacklevel=4)
+        if self.outside == "warn" and name not in self._warned:
+            self._warned.add(name)
+            shown = value if isinstance(value, str) else f"{value:g}"
+            message = f"{name} = {shown}: outside {allowed}, the validity range of {model}"
+            warnings.warn(message, ValidityWarning, stacklevel=4)

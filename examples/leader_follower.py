@@ -1,4 +1,4 @@
-"""Follow another UA by what it tells over the radio: its position and velocity, as old as the newest packet heard.
+"""Follow another UA by what it transmits: its position and velocity, as old as the newest packet heard.
 
 lostlink run examples/leader_follower.yaml
 """

@@ -14,6 +14,9 @@ from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 class TurnBack(Agent):
     """Knows where the link ends by losing it. Options: altitude_m, distance_m (at most), speed_mps, silence_s."""
 
+    def on_tick(self, sim_time_ns: int) -> None:  # noqa: ARG002
+        self.log("silence_s", self.silence_s())
+
     async def fly(self) -> None:
         home = await self.take_off(self.options["altitude_m"])
         start = GeodeticPosition(home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)

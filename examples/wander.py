@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import asyncio
 
-from bridge.agents import Agent
-from bridge.agents.commands import CommandFailed
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
+from lostlink import Agent, CommandFailed
 
 
 class Wander(Agent):
@@ -52,7 +51,7 @@ class Wander(Agent):
             self.ua.transmit("beacon", self.rng.bytes(8))
 
     async def count(self) -> None:
-        """Tell once in ten seconds who was heard since."""
+        """Report once in ten seconds who was heard since."""
         async for now_s in self.every(10.0):
             heard = sorted(
                 node for node, p in self.latest.items() if p.header.stamp.ns > (now_s - 10.0) * 1e9

@@ -7,6 +7,6 @@
     exchange/    one UA between its datagrams and its model; the sockets and the loop
     workers/     the same over several processes
 
-Only ``model.jsbsim_model`` imports JSBSim. Imports none of the other packages; ``python -m fdm --help`` tells how to
+Only ``model.jsbsim_model`` imports JSBSim. Imports none of the other packages; ``python -m fdm --help`` says how to
 fly an ArduPilot started by hand.
 """

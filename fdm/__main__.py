@@ -157,7 +157,7 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     type=click.IntRange(10, 65535),
     default=400,
     show_default=True,
-    help="Frames per second of sim time in the legacy scheme, which does not tell.",
+    help="Frames per second of sim time in the legacy scheme, which does not say.",
 )
 @click.option("--wind", default="calm", show_default=True, help="Name or YAML file of the wind.")
 @click.option(
@@ -176,7 +176,7 @@ def specs_of(options: Options) -> list[AircraftSpec]:
 )
 @click.option(
     "--noise",
-    help="YAML file of sensor errors beyond those of SITL (docs/fdm-weather.md); none if not given.",
+    help="YAML file of sensor errors beyond those of SITL (docs/reference/fdm-weather.md); none if not given.",
 )
 @click.option(
     "--seed",

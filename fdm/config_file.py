@@ -27,7 +27,7 @@ def explain(path: Path, text: str, error: ValidationError, allowed: Iterable[str
         path: the file.
         text: its content.
         error: what its validation found.
-        allowed: keys of its top level, to be told for an unknown one.
+        allowed: keys of its top level, to be named for an unknown one.
     """
     allowed = tuple(allowed)
     lines = []

@@ -4,12 +4,17 @@ Each name is imported when it is first used: an agent that needs `Agent` alone d
 """
 
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from bridge.agents.agent import Agent
     from bridge.agents.beside import connect_ua
     from bridge.agents.client import UaClient
+    from bridge.agents.commands import CommandFailed
+    from bridge.agents.measurements import Measurement
+    from bridge.bus.reception import Reception
     from bridge.fleet.course import FleetError
     from bridge.scenario.file import ScenarioError
     from lostlink.flight.scripted import RunResult, fly
@@ -18,8 +23,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Agent",
+    "CommandFailed",
     "FleetError",
+    "Measurement",
     "NoRun",
+    "Reception",
     "Redecision",
     "Run",
     "RunResult",
@@ -33,8 +41,11 @@ __all__ = [
 
 _PLACES = {
     "Agent": "bridge.agents.agent",
+    "CommandFailed": "bridge.agents.commands",
     "FleetError": "bridge.fleet.course",
+    "Measurement": "bridge.agents.measurements",
     "NoRun": "lostlink.reading.run",
+    "Reception": "bridge.bus.reception",
     "Redecision": "lostlink.redecision.redecide",
     "Run": "lostlink.reading.run",
     "RunResult": "lostlink.flight.scripted",
@@ -45,6 +56,25 @@ _PLACES = {
     "load_run": "lostlink.reading.run",
     "redecide": "lostlink.redecision.redecide",
 }
+
+
+def _refuse_shadows() -> None:
+    """Say which file of the user's hides a package that lostlink consists of.
+
+    Raises:
+        ImportError: there is one.
+    """
+    root = Path(__file__).resolve().parents[1]
+    for name in ("aps", "bridge", "channel", "fdm", "standin"):
+        spec = find_spec(name)
+        file = Path(spec.origin).resolve() if spec is not None and spec.origin else None
+        if file is not None and not file.is_relative_to(root / name):
+            raise ImportError(
+                f"{file} hides lostlink's package {name}: rename it, or start Python with -P elsewhere than beside it"
+            )
+
+
+_refuse_shadows()
 
 
 def __getattr__(name: str) -> object:

@@ -76,7 +76,7 @@ class AutopilotSockets:
         return int(self._listener.getsockname()[1])
 
     def join(self, waiter: Waiter[AutopilotSockets]) -> None:
-        """Have ``waiter`` wait for the sockets; call ``turn`` when it tells of a frame."""
+        """Have ``waiter`` wait for the sockets; call ``turn`` when a frame has come."""
         self._waiter = waiter
         waiter.add_physics(self._udp, self)
         waiter.add_client(self._listener, self._hear_client)
@@ -137,7 +137,7 @@ class AutopilotSockets:
             return
         try:
             data = client.recv(READ_MAX_BYTES, socket.MSG_DONTWAIT)
-        except BlockingIOError:  # only now nothing is left, and the next arrival tells
+        except BlockingIOError:  # only now nothing is left, and the next arrival wakes
             self._client_spoke = not TELLS_ARRIVALS
             return
         except OSError:

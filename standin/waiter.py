@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 TELLS_ARRIVALS = hasattr(select, "epoll")
-"""Whether the system tells of clients too. Elsewhere than on Linux one has to look, at every frame."""
+"""Whether the system reports clients too. Elsewhere than on Linux one has to look, at every frame."""
 
 T = TypeVar("T")
 
@@ -16,7 +16,7 @@ T = TypeVar("T")
 class Waiter(Generic[T]):
     """Waits for sensor frames; a ``T`` is who gets them.
 
-    Of a client it tells once per arrival: what came stays in its socket until the next frame, and must not wake
+    A client is reported once per arrival: what came stays in its socket until the next frame, and must not wake
     the process again and again.
     """
 

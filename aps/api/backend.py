@@ -66,7 +66,7 @@ class Backend(Protocol):
     def listen(
         self, on_state: Callable[[VehicleState], None], on_text: Callable[[StatusText], None]
     ) -> Callable[[], None]:
-        """Be told of every new state and of the autopilot's texts; returns what ends it."""
+        """Subscribe to every new state and to the autopilot's texts; returns what ends it."""
 
 
 class DaemonBackend:
@@ -129,7 +129,7 @@ class DaemonBackend:
     def listen(
         self, on_state: Callable[[VehicleState], None], on_text: Callable[[StatusText], None]
     ) -> Callable[[], None]:
-        """Be told of every new state and of the autopilot's texts."""
+        """Subscribe to every new state and to the autopilot's texts."""
         subscription = self._daemon.subscribe(on_state)
         texts = self._daemon.vehicle.text_listeners
         texts.append(on_text)

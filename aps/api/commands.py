@@ -85,6 +85,10 @@ def add_commands(app: FastAPI, jobs: Jobs) -> None:
     for verb, make in VERBS.items():
         _add_command(app, jobs, verb, make)
 
+    @app.post("/commands/{verb}", include_in_schema=False)
+    async def unknown(verb: str) -> None:
+        raise HTTPException(404, f"there is no command {verb!r}; there are {', '.join(VERBS)}")
+
 
 def _add_command(app: FastAPI, jobs: Jobs, verb: str, make: Callable[..., Any]) -> None:
     model = _model(verb, make)

@@ -77,7 +77,7 @@ class Guard:
     Args:
         app: what is guarded.
         config: who may come.
-        count: told why each refused request was refused.
+        count: called with the reason of each refusal.
     """
 
     def __init__(self, app: App, config: ApiConfig, count: Callable[[str], object]) -> None:

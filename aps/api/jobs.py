@@ -31,7 +31,7 @@ class Job:
     progress: CommandProgress | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """As the API tells it."""
+        """As the API reports it."""
         told: dict[str, Any] = {"id": self.id, "verb": self.verb, "progress": None, "result": None}
         if self.progress is not None:
             told["progress"] = progress_json(self.progress)
@@ -66,7 +66,7 @@ class Jobs:
 
     Args:
         backend: the UA.
-        tell: told of each piece of progress and of each result, as an event of the stream.
+        tell: called with each piece of progress and each result, as an event of the stream.
     """
 
     def __init__(self, backend: Backend, tell: Callable[[dict[str, Any]], None]) -> None:

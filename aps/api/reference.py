@@ -1,4 +1,4 @@
-"""The API's reference, made from its OpenAPI document: ``python -m aps.api.reference`` writes docs/aps-api.md."""
+"""The API's reference from its OpenAPI document: ``python -m aps.api.reference`` writes docs/reference/aps-api.md."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from aps.daemon import Daemon, DaemonConfig
 
 __all__ = ["reference"]
 
-FILE: Final = Path("docs/aps-api.md")
+FILE: Final = Path("docs/reference/aps-api.md")
 HEAD: Final = """\
-# HTTP API: reference
+# HTTP API
 
 Made from the OpenAPI document of the code by `make api-docs`; what the API is for, and how it is guarded, is in
 [aps.md](aps.md#http-api). Of a running UA, `/openapi.json` is the same for programs, and `/` a page that lists and
@@ -39,7 +39,7 @@ _ARGUMENT: Final = re.compile(r"    (\w+): (.*)")
 _EVERY_COMMAND: Final = """\
 A command takes its arguments as a JSON object. It answers when it has ended, with
 `{"verb", "outcome", "reason", "value"}`; with `?wait=false` at once, with its number (`id`), by which
-GET /commands/NUMBER and the stream tell what becomes of it."""
+GET /commands/NUMBER and the stream have its progress and result."""
 
 
 def reference(app: FastAPI) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 from aps.api.backend import Backend
@@ -25,7 +24,7 @@ class ApiServer:
     Args:
         backend: the UA.
         config: where, and who may come.
-        on_failure: told the error if the server ends of itself.
+        on_failure: called with the error if the server ends of itself.
 
     Raises:
         OSError: the port is taken (on entering the context).
@@ -66,12 +65,7 @@ class ApiServer:
     def _count(self, reason: str) -> None:
         self.refused[reason] += 1
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         self._stream.close()
         if self._serving is not None:
             await self._serving.__aexit__()

@@ -19,7 +19,7 @@ from aps.vehicle.status_text import StatusText
 __all__ = ["ApiStream", "Listener", "state_json"]
 
 MAX_WAITING: Final = 256
-"""Events that wait for a client: then the oldest give way, and the client is told how many."""
+"""Events that wait for a client: then the oldest give way, and the client gets their number."""
 MAX_LISTENERS: Final = 32
 NS_PER_S: Final = 1_000_000_000
 

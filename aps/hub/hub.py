@@ -17,14 +17,14 @@ from aps.wire.framer import Frame
 __all__ = ["Hub", "HubCounters", "Local", "Tap"]
 
 Tap = Callable[[bytes, Link], None]
-"""Told of each frame, its bytes: one that has come, as its link's rules allow, and one of our own that is sent."""
+"""Called with each frame, its bytes: one that has come, as its link's rules allow, and one of our own that is sent."""
 
 
 class Local(Protocol):
     """What is at home at the hub: the vehicle's side of the daemon."""
 
     answered: frozenset[int]
-    """Ids of the messages that it may answer: only of these it is told that they are for it."""
+    """Ids of the messages that it may answer: only those are passed on as addressed to it."""
 
     def from_autopilot(self, frame: Frame, link: Link, now_ns: int) -> bool:
         """A frame came from an autopilot's link; returns whether it concerns others, too."""

@@ -61,7 +61,7 @@ class Link:
         name: the peer, for people.
         outbox: what waits to be sent.
         opening: its role and rules.
-        connectionless: whether only silence can tell that the peer is gone (UDP, serial).
+        connectionless: whether only silence shows that the peer is gone (UDP, serial).
     """
 
     def __init__(
@@ -154,10 +154,10 @@ UNNUMBERED: Final = 0
 
 
 class LinkOwner(Protocol):
-    """Who is told what happens on links; all calls come in the event loop."""
+    """Gets what happens on links; all calls come in the event loop."""
 
     def link_opened(self, link: Link) -> bool:
-        """There is a peer; False turns it away: the link is closed, and nothing more is told of it."""
+        """There is a peer; False turns it away: the link is closed, and nothing more is reported of it."""
 
     def link_data(self, link: Link, data: bytes) -> None:
         """Bytes came, in any chunking."""

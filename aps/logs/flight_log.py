@@ -9,8 +9,8 @@ One log was recorded at the receiving end (.tlog), the other is the sender's own
 - where the receiver was: GLOBAL_POSITION_INT of another system in the first log, or a place that is given.
 - RSSI: RADIO_STATUS (or RADIO) in the first log. Each reading goes to the packet nearest in time, and to no other.
 
-It cannot tell a packet that the sender's router dropped from one that the radio lost, nor what was sent before the
-first arrival. Packets without a position of both ends within `MAX_POSITION_AGE_S` are left out.
+Packets that the sender's router dropped look like those that the radio lost, and what was sent before the first
+arrival is unknown. Packets without a position of both ends within `MAX_POSITION_AGE_S` are left out.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ Timed = list[tuple[float, Frame]]
 def read_tlog(file: Path) -> Timed:
     """Return the frames of a .tlog with their times in s: 8 bytes of microseconds, big endian, before each frame.
 
-    What is cut off or damaged is left out. A frame whose time alone is damaged, which no checksum tells, gets one
+    What is cut off or damaged is left out. A frame whose time alone is damaged, which no checksum shows, gets one
     between those of its neighbours.
 
     Raises:
@@ -211,7 +211,7 @@ def read_link(
     """
     if received.suffix.lower() == ".bin":
         raise AutopilotLogError(
-            f"{received}: a .bin does not tell what arrived: give the receiver's .tlog first"
+            f"{received}: a .bin does not show what arrived: give the receiver's .tlog first"
         )
     frames = read_tlog(received)
     track, sysid = _senders(sent, frames, received, sender_sysid)

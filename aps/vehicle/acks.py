@@ -12,7 +12,7 @@ the autopilot's heartbeats is not owed any more; until then the next request of 
 first answer to the lost one, and is answered on its second try.
 
 Clients' own commands are remembered too: autopilots that speak MAVLink 1 acknowledge without naming anyone,
-and only the order tells whose answer it is.
+and only the order shows whose answer it is.
 """
 
 from __future__ import annotations

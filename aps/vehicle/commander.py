@@ -30,6 +30,7 @@ VERBS: Final[dict[str, Callable[..., CommandPlan | Execution]]] = {
     "disarm": plans.disarm,
     "mode": plans.set_mode,
     "takeoff": plans.takeoff,
+    "hold": targets.hold,
     "goto": targets.goto,
     "goto_ned": targets.goto_ned,
     "velocity": targets.velocity,
@@ -80,7 +81,7 @@ class CommandHandle:
         return self.execution.result
 
     def cancel(self) -> None:
-        """End the command's supervision (not the flight): ``on_done`` is told that it was interrupted."""
+        """End the command's supervision (not the flight): ``on_done`` is called with an interruption."""
         self.execution.interrupt("the caller gave up")
         self._commander.complete(self)
 
@@ -99,7 +100,7 @@ class Commander:
     """Runs commands one after the other: a new flight command takes over from the one before.
 
     The coroutines return when the goal is reached, or the command is refused, timed out or interrupted; see
-    ``CommandResult``. ``on_progress`` is told about acceptance and, while the UA flies, how far it has to go.
+    ``CommandResult``. ``on_progress`` is called on acceptance and, while the UA flies, with the way to go.
     Cancelling the awaiting task ends the command's supervision, not the flight.
 
     Args:
@@ -107,7 +108,7 @@ class Commander:
         send: sends pymavlink messages to the autopilot, and remembers what waits for their acknowledgement.
         now_ns: the daemon's clock: monotonic wall time, or sim time in held mode.
         wake: called when deadlines may have changed, or messages were sent.
-        callbacks: calls what users want to be told.
+        callbacks: calls users' functions.
         silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
     """
 
@@ -126,6 +127,8 @@ class Commander:
         self.ftp = True
         """Whether files may be read by MAVLink FTP. ArduPilot serves them in a thread of its own, whose answers come
         when the machine lets them: a simulation that is to repeat does without."""
+        self.on_flight: Callable[[str], None] = lambda _: None
+        """Called with each flight command, before its first message: the mode with sticks in which it leaves the UA."""
         self._running: list[CommandHandle] = []
 
     @property
@@ -211,8 +214,8 @@ class Commander:
         Args:
             verb: one of ``VERBS``.
             arguments: as of the function that ``VERBS`` names, without the state.
-            on_progress: told about acceptance and the way to go.
-            on_done: told the result, exactly once; from within this call if the command ends at once.
+            on_progress: called on acceptance, and with the way to go.
+            on_done: called with the result, exactly once; from within this call if the command ends at once.
             options: keyword arguments, likewise.
 
         Raises:
@@ -223,6 +226,8 @@ class Commander:
         handle = CommandHandle(execution, self, on_progress, on_done)
         if execution.result is None:
             self._take_over(execution)
+            if isinstance(execution, CommandExecution) and execution.occupies == FLIGHT:
+                self.on_flight(execution.plan.stick_mode)
         self._running.append(handle)
         self.poll()
         return handle
@@ -242,6 +247,15 @@ class Commander:
         """
         check_names(verb, arguments)
         return self.start(verb, on_progress=on_progress, on_done=on_done, **arguments)
+
+    def check(self, verb: str, arguments: Mapping[str, Any]) -> None:
+        """See that ``start_named`` would take these arguments now; nothing is started.
+
+        Raises:
+            ValueError: no such verb, or an argument that is wrong, missing or unknown.
+        """
+        check_names(verb, arguments)
+        self._execution(verb, **arguments)
 
     def _execution(self, verb: str, *arguments: Any, **options: Any) -> Execution:
         state = self._state()
@@ -272,7 +286,7 @@ class Commander:
                 older.interrupt(f"by {newer.verb}")
 
     def complete(self, handle: CommandHandle) -> None:
-        """Called by a handle: take a command that has ended off the list, and tell its result."""
+        """Called by a handle: take a command that has ended off the list, and report its result."""
         if handle in self._running and handle.result is not None:
             self._running.remove(handle)
             handle.end(self._callbacks)
@@ -280,7 +294,7 @@ class Commander:
     # Called by the daemon.
 
     def poll(self) -> None:
-        """Carry all commands on: send what is due, tell progress, complete what is done."""
+        """Carry all commands on: send what is due, report progress, complete what is done."""
         state, now_ns = self._state(), self._now_ns()
         for handle in list(self._running):
             if handle in self._running:  # else a callback has ended it
@@ -292,7 +306,7 @@ class Commander:
         self._wake()
 
     def wants(self, msg_id: int) -> bool:
-        """Whether a command under way wants to be told of messages of a type."""
+        """Whether a command under way waits for messages of a type."""
         return any(msg_id in running.execution.wanted for running in self._running)
 
     def deadline_ns(self) -> int | None:

@@ -52,9 +52,9 @@ class Step:
     parameter: str | None = None
     """Parameter whose PARAM_VALUE answers it ..."""
     value: float = 0.0
-    """... if it tells this value (to 1, since some parameters are whole numbers), not the one of before."""
+    """... if it reports this value (to 1, since some parameters are whole numbers), not the one of before."""
     optional: bool = False
-    """A refusal is told as feedback but does not end the command."""
+    """A refusal is reported as feedback but does not end the command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +89,8 @@ class CommandPlan:
     """What is said once the goal is reached."""
     reboots: bool = False
     """Whether a reboot is its goal."""
+    stick_mode: str = ""
+    """Mode that it leaves the UA in, if that one climbs and sinks by the throttle stick."""
 
 
 @dataclass(slots=True)
@@ -238,13 +240,13 @@ class CommandExecution(Execution):
         words = "; ".join(waiting.texts)
         label = enum_label("MAV_RESULT", result)
         reason = f"{label}: {words}" if words else label
+        name = enum_label("MAV_CMD", step.command or 0)
         if step.optional:
-            name = enum_label("MAV_CMD", step.command or 0)
             self.tell("feedback", f"{name} refused: {reason}")
             waiting.answer = _ACCEPTED
             return
-        hint = self.plan.refusal_hint
-        self.end(Outcome.REFUSED, f"{reason} ({hint})" if hint and not words else reason)
+        hint = self.plan.refusal_hint or f"{name}; the autopilot does not say why"
+        self.end(Outcome.REFUSED, reason if words else f"{reason} ({hint})")
 
     def _reason_due_ns(self) -> int:
         return (self._waiting.refused_ns or 0) + round(REASON_GRACE_S * NS_PER_S)

@@ -88,7 +88,7 @@ class Execution(ABC):
         self._link_lost_ns: int | None = None
 
     wanted: frozenset[int] = frozenset()
-    """Ids of the messages that it wants to be told of, beside acknowledgements, texts and the state."""
+    """Ids of the messages that it wants, beside acknowledgements, texts and the state."""
 
     @property
     def request(self) -> object | None:

@@ -78,10 +78,10 @@ class VehicleState:
     mission_current: int = -1
     """Number of the item that is flown to, as the autopilot counts (ArduPilot: item 0 is home)."""
     mission_total: int = -1
-    """Number of the last item; -1 where the autopilot does not tell."""
+    """Number of the last item; -1 where the autopilot does not say."""
     mission_state: str = ""
     """MISSION_STATE label: NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE; empty where the autopilot does not
-    tell."""
+    say."""
     mission_reached: int = -1
     """Number of the item that was reached last."""
     waypoint_distance_m: float = NAN
@@ -95,7 +95,7 @@ class VehicleState:
     """... and when each message that feeds it was last heard, by message id."""
 
     def age_s(self, name: str) -> float:
-        """How old a field is, s of the daemon's clock: since the newest message that tells it; infinite if none came.
+        """How old a field is, s of the daemon's clock: since the newest message that has it; infinite if none came.
 
         A field of several sources (true airspeed of velocity and wind) is as old as the oldest of them.
 

@@ -138,7 +138,7 @@ class StreamArbiter:
         self._wishes: dict[int, dict[int, int]] = {}
         """Client link -> message id -> interval, us."""
         self._asked: dict[int, int] = {}
-        """Message id -> interval that the autopilot has, or is about to be told, us."""
+        """Message id -> interval that the autopilot has, or is about to get, us."""
         self._queue: deque[int] = deque()
         self._outstanding: _Outstanding | None = None
         self._connected = False
@@ -226,7 +226,7 @@ class StreamArbiter:
         return True
 
     def _note_asked(self, msg_id: int, interval_us: int) -> None:
-        """Remember what the autopilot is told, as long as it is there and the interval is not its own."""
+        """Remember what the autopilot is sent, as long as it is there and the interval is not its own."""
         if self._connected and interval_us != AUTOPILOT_DEFAULT_US:
             self._asked[msg_id] = interval_us
         else:

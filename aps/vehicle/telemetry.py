@@ -74,6 +74,17 @@ class Telemetry:
         clock_ms: int = self._values.get("time_boot_ms", 0)
         return clock_ms
 
+    @property
+    def mode(self) -> str:
+        """The autopilot's flight mode, from its newest heartbeat."""
+        mode: str = self._values.get("mode", "")
+        return mode
+
+    @property
+    def armed(self) -> bool:
+        """Whether it is armed, by its newest heartbeat."""
+        return bool(self._values.get("armed"))
+
     def state(self, now_ns: int) -> VehicleState:
         """The state as known at ``now_ns`` (same monotonic clock as ``update``)."""
         age_s = math.inf if self._heartbeat_ns is None else (now_ns - self._heartbeat_ns) / NS_PER_S

@@ -19,6 +19,7 @@ from aps.vehicle.acks import FOREIGN, AckLedger
 from aps.vehicle.commander import Commander
 from aps.vehicle.messages import MessageBoard
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
+from aps.vehicle.sticks import MiddleStick
 from aps.vehicle.streams import StreamArbiter, command_of
 from aps.vehicle.subscription import Subscriptions
 from aps.vehicle.telemetry import Telemetry
@@ -59,6 +60,7 @@ class Vehicle:
         wake: called when a command has queued messages or changed deadlines.
         silence_s: for how long, by that clock, the autopilot's may stand still under an accepted command.
         name: what the autopilot is called in the log.
+        middle_stick: whether to hold a copter's throttle stick in the middle where a mode reads it.
 
     Every event takes ``now_ns``, an instant of the same clock; instants never go back.
     """
@@ -72,6 +74,8 @@ class Vehicle:
         wake: Callable[[], None],
         silence_s: float = SILENCE_TIMEOUT_S,
         name: str = "",
+        *,
+        middle_stick: bool = False,
     ) -> None:
         self.sysid = sysid
         self.telemetry = Telemetry(sysid)
@@ -84,6 +88,9 @@ class Vehicle:
         self.commands = Commander(
             lambda: self.telemetry.state(clock()), self._send, clock, wake, self.callbacks, silence_s
         )
+        self._stick = MiddleStick(sysid, put) if middle_stick else None
+        if self._stick is not None:
+            self.commands.on_flight = self._stick.flight_begins
         self.texts: Callable[[StatusText], None] | None = None
         """Called with each text of the autopilot, if set."""
         self.text_listeners: list[Callable[[StatusText], None]] = []
@@ -148,15 +155,20 @@ class Vehicle:
         return found is not None and self.streams.asks_for(int(found[1]))
 
     def state_changed(self, now_ns: int) -> None:
-        """Tell the subscribers and commands, after all frames that came at once."""
+        """Call subscribers and commands, after all frames that came at once."""
         if self.subscriptions:
             self.subscriptions.offer(self.telemetry.state(now_ns))
+        if self._stick is not None:
+            telemetry = self.telemetry
+            self._stick.state_changed(telemetry.mode, telemetry.armed, telemetry.clock_ms)
         if self.commands.busy:
             self.commands.poll()
 
     def client_frame(self, frame: Frame, link: int) -> bytes | None:
         """A client's frame on its way to the autopilot: the bytes to pass on, or ``None``."""
         raw = self.streams.client_frame(frame, link)
+        if self._stick is not None:
+            self._stick.client_frame(frame)
         if raw is not None:
             self._note_command(frame)
         return raw

@@ -164,6 +164,11 @@ def is_ground(vehicle_type: int) -> bool:
     return vehicle_type in _GROUND_TYPES
 
 
+def is_copter(vehicle_type: int) -> bool:
+    """Whether a MAV_TYPE flies ArduCopter's modes."""
+    return vehicle_type in _COPTER_TYPES
+
+
 def _px4_mode(main: int, sub: int = 0) -> int:
     """PX4 keeps main mode and sub mode in the two high bytes of ``custom_mode`` (px4_custom_mode.h)."""
     return main << 16 | sub << 24

@@ -1,7 +1,7 @@
-"""The base of all agents: tells the others its state (Table II) at every tick, and flies what `fly` says.
+"""The base of all agents: transmits its state (Table II) at every tick, and flies what `fly` says.
 
 An agent lives in sim time: whatever it awaits (`asyncio.sleep`, timeouts, timers) waits in sim time, and what it
-transmits after an await has the stamp of the tick in which it ran. docs/agents.md says what its code must not do.
+transmits after an await has the stamp of the tick in which it ran. docs/reference/agents.md has the rules for its code.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class Agent:
 
     Attributes:
         ua: the node as the agent sees it.
-        waypoints: what it plans to fly; told to the others.
-        measurements_dbm: RF powers that are told to the others; if empty, what the node's sensor measured since the
-            last package.
+        waypoints: what it plans to fly; transmitted to the others.
+        measurements_dbm: RF powers that are transmitted to the others; if empty, what the node's sensor measured since
+            the last package.
         latest: newest package that the radio delivered, of each other node; see `LatestPackages`.
         rng: the agent's own random numbers, seeded by run and node: the same in every repetition of the run.
     """
@@ -130,13 +130,16 @@ class Agent:
         return DataPackage(
             Header.at(sim_time_ns, self.ua.node),
             self.transmit_config.frequency_mhz,
-            AircraftState() if self.ua.state is None else replace(self.ua.state, age_s=()),
+            replace(self.ua.told, age_s=()),
             self.waypoints,
             measured_dbm,
         )
 
     async def take_off(self, altitude_rel_m: float) -> AircraftState:
-        """Wait until the autopilot can be armed, then arm and climb. Returns the state on the ground."""
+        """Wait until the autopilot can be armed and it is time, then arm and climb. Returns the state on the ground.
+
+        The time is the scenario's ``take_off_at_s``.
+        """
         self.ua.report("waits until the autopilot is ready to arm")
         try:
             home = await self.ua.wait_for(lambda state: state.ready_to_arm, timeout_s=READY_TIMEOUT_S)
@@ -145,11 +148,20 @@ class Agent:
                 f"UA {self.ua.node}: the autopilot was not ready to arm within {READY_TIMEOUT_S:g} s of sim time; "
                 "the log of its host has what it said"
             ) from None
+        await self._time_to_take_off()
         self.ua.report(f"takes off to {altitude_rel_m:g} m")
         await self.ua.set_mode("GUIDED")
         await self.ua.arm()
         await self.ua.takeoff(altitude_rel_m)
         return home
+
+    async def _time_to_take_off(self) -> None:
+        late_s = self.ua.sim_time_ns / 1e9 - self.ua.take_off_at_s
+        if late_s < 0.0:
+            self.ua.report(f"is ready, and takes off at {self.ua.take_off_at_s:g} s")
+            await self.sleep_until(self.ua.take_off_at_s)
+        elif self.ua.take_off_at_s:
+            self.ua.report(f"was ready {late_s:.0f} s after take_off_at_s")
 
 
 def rng_of(seed: int, node: str) -> np.random.Generator:

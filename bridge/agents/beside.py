@@ -24,9 +24,10 @@ from time import monotonic
 
 from bridge.agents.bus_outlet import BusOutlet
 from bridge.agents.client import UaClient
-from bridge.agents.feed import Arrivals, DeliveredPacket, Feeder
+from bridge.agents.frames import frames_of
 from bridge.agents.measurements import measurements_by_node
 from bridge.agents.outlet import OnEvent
+from bridge.agents.running.feed import Arrivals, DeliveredPacket, Feeder
 from bridge.bus.identity.roster import node_identity
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
@@ -46,7 +47,7 @@ from bridge.bus.reception import signal_of
 from bridge.bus.replies import event_of
 from bridge.bus.session import Sample, Session, SessionError, Stamp
 from bridge.record.logged import LoggedValue
-from bridge.run.access import Access, access_of
+from bridge.run.access import Access, access_of, directory_of
 from bridge.timeouts import COMMAND_QUERY_S, RADIO_ANSWER_S
 
 log = logging.getLogger("beside")
@@ -88,7 +89,7 @@ class FreeOutlet(BusOutlet):
 class ScriptOutlet(FreeOutlet):
     """What a script says beside a node's agent: commands, and the rest to its own log."""
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:  # noqa: ARG002
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:  # noqa: ARG002
         """Refuse, as the node's agent numbers its packets.
 
         Raises:
@@ -109,7 +110,7 @@ class ScriptOutlet(FreeOutlet):
 
 
 class _Asked:
-    """A command that was asked for: its events wait for a tick, but that nobody answers any more is told at once."""
+    """A command that was asked for: its events wait for a tick, but a missing answer is reported at once."""
 
     def __init__(self, arrivals: Arrivals, on_event: OnEvent) -> None:
         self._arrivals, self._on_event = arrivals, on_event
@@ -220,7 +221,7 @@ class _TicksOnBus:
 
 
 async def _next_packet(session: Session, keys: Keys, node: str) -> Stamp:
-    """Number and least sim time of the next packet of ``node``, as the radio tells whoever may transmit as it.
+    """Number and least sim time of the next packet of ``node``, from the radio, for a program that may transmit as it.
 
     Raises:
         PermissionError: another one numbers its packets.
@@ -244,7 +245,7 @@ async def _next_packet(session: Session, keys: Keys, node: str) -> Stamp:
                 raise PermissionError(event.text)
         await asyncio.sleep(ASK_AGAIN_S)
     raise SessionError(
-        f"the radio does not tell with which packet node {node} goes on: is it a run that goes on?"
+        f"the radio does not answer with the next packet of node {node}: is the run still running?"
     )
 
 
@@ -265,12 +266,15 @@ async def connect_ua(
         PermissionError: ``is_sender``, and the node has an agent that is not ``free``.
         SessionError: if there is no such run, or it is over; the text says which.
     """
-    access = access or access_of(run, node_identity(node))
+    frames = None
+    if access is None:
+        access = access_of(run, node_identity(node))
+        frames = frames_of(directory_of(run).scenario, node)
     with access.open() as session:
         keys, arrivals = Keys(access.run), Arrivals()
         inbox: Inbox[_Came] = Inbox(asyncio.get_running_loop(), lambda came: came())
         outlet = (FreeOutlet if is_sender else ScriptOutlet)(session, keys, node, inbox, arrivals)
-        ua = UaClient(node, outlet)
+        ua = UaClient(node, outlet, frames=frames)
         ticks = _TicksOnBus(session, keys, ua, inbox, arrivals)
         if is_sender:
             ua.go_on_from(await _next_packet(session, keys, node))

@@ -23,7 +23,7 @@ class BusOutlet:
         self._session, self._keys, self._node = session, keys, node
         self._wants_logged = session.interest(keys.logged(node, "*"))
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:
         """Give a packet to the radio."""
         self._session.put_bytes(
             self._keys.tx(self._node, channel, to=to),
@@ -34,7 +34,7 @@ class BusOutlet:
         )
 
     def report(self, status: AgentStatus) -> None:
-        """Tell what the agent is doing."""
+        """Report what the agent is doing."""
         self._session.put(self._keys.agent(self._node), status, must_arrive=True)
 
     def log(self, item: LoggedValue, sim_time_ns: int) -> None:
@@ -52,10 +52,10 @@ class BusOutlet:
         self._session.put(self._keys.state(self._node), state)
 
     def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
-        """Tell the radio that this node's was switched."""
+        """Report to the radio that this node's was switched."""
         switch = RadioSwitch(Header.at(sim_time_ns, self._node), on)
         self._session.put(self._keys.radio(self._node), switch, must_arrive=True)
 
     def answer(self, sim_time_ns: int) -> None:
-        """Tell the radio that this node is done with a tick."""
+        """Report to the radio that this node is done with a tick."""
         self._session.put(self._keys.answer(self._node), Header.at(sim_time_ns, self._node), must_arrive=True)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from bridge.agents.commands import CommandFailed, Commands, failure
+from bridge.agents.frames import Frames, Place, has_fix
 from bridge.agents.measurements import Measurement, SensorMemory
 from bridge.agents.outlet import AgentOutlet
 from bridge.agents.own_files import OwnFiles
@@ -44,7 +45,7 @@ log = logging.getLogger("agent")
 LOGGED_MAX = 1000
 """Values that an agent may log at a tick."""
 OnPacket = Callable[[str, str, bytes, Reception], object]
-"""Told of each packet: sender, channel, payload, and what the receiver knows of it."""
+"""Called with each packet: sender, channel, payload, and what the receiver knows of it."""
 LookAtStatus = Callable[[], CommunicationStatus | None]
 """Makes, or reads, a communication status; None if it is none."""
 
@@ -62,8 +63,12 @@ class UaClient(Commands):
         folder: where its own files go; ``None``: nowhere.
         nodes: ids of all nodes of the run that exchange packets, if they are known.
         sensor: what the node knows of its RF sensor; None: it has none.
+        frames: the node's and the fleet's frame, if they are known.
+        take_off_at_s: sim time before which no aircraft of the run is to take off.
 
     Attributes:
+        state: of its aircraft, newest; None until the autopilot knows where it is.
+        told: the same, also without a fix: numbers that are not known are nan.
         measurements: what the sensor measured at the tick before, and the newest of each emitter.
     """
 
@@ -76,21 +81,26 @@ class UaClient(Commands):
         *,
         nodes: Collection[str] = (),
         sensor: Sensor | None = None,
+        frames: Frames | None = None,
+        take_off_at_s: float = 0.0,
     ) -> None:
         self.node = node
         self.files = OwnFiles(folder)
         self._others = tuple(each for each in nodes if each != node)
         self.seed = seed
         self.state: AircraftState | None = None
+        self.told = AircraftState()
         self.sensor = sensor
-        self.measurements = SensorMemory()
+        self.frames = frames
+        self.take_off_at_s = take_off_at_s
+        self.measurements = SensorMemory(frames)
         self._comm_status: CommunicationStatus | None = None
         self._new_comm_status: LookAtStatus | None = None
         self.malformed = 0
         """Packets and the like that the agent could not read."""
         self.sim_time_ns = 0
         self.is_over = False
-        """The run is over: what is still transmitted or commanded has no effect, as nobody could hear it."""
+        """Whether the run is over; what is still transmitted or commanded has no effect, as nobody could hear it."""
         self.sent = 0
         self.received = 0
         self._outlet = outlet
@@ -123,12 +133,17 @@ class UaClient(Commands):
             return None
 
     def age_s(self, field: str) -> float:
-        """How old a field of ``state`` is, s, such as ``latitude_deg``; inf if the autopilot has not told it yet.
+        """How old a field of ``state`` is, s, such as ``latitude_deg``; inf if the autopilot has not sent it yet.
 
         Raises:
-            ValueError: there is no such field, or it is nothing that the autopilot tells.
+            ValueError: there is no such field, or it is none that the autopilot sends.
         """
-        return age_s(self.state or AircraftState(), field)
+        return age_s(self.told, field)
+
+    @property
+    def place_ned_m(self) -> Place | None:
+        """Where the node is by its own state, in the fleet's frame; None if it is not known."""
+        return None if self.state is None or self.frames is None else self.frames.place_of(self.state)
 
     def on_tick(self, callback: Callable[[int], object]) -> None:
         """Call ``callback(sim_time_ns)`` at each tick of the fleet clock."""
@@ -180,7 +195,7 @@ class UaClient(Commands):
         checked_chunk(to)
         if self._others and to != ALL and to not in self._others:
             raise ValueError(f"to={to!r}: there are {ALL} and {', '.join(self._others)}")
-        encoding = encoding_of(type(payload)) if isinstance(payload, Message) else None
+        encoding = encoding_of(type(payload)) if isinstance(payload, Message) else ""
         raw = encode(payload) if isinstance(payload, Message) else _checked_bytes(payload)
         seq = self.sent
         if self.is_over:
@@ -285,7 +300,9 @@ class UaClient(Commands):
 
     def take_state(self, state: AircraftState) -> None:
         """The aircraft's state: who waits for it goes on."""
-        self.state = state
+        self.told, self.state = state, state if has_fix(state) else None
+        if self.state is None:
+            return
         if self.sensor is not None:
             self.measurements.take_state(self.sim_time_ns, state)
         for condition, future, _ in tuple(self._waiters.values()):
@@ -315,7 +332,7 @@ class UaClient(Commands):
             callback(sender, channel, payload, reception)
 
     def tick(self) -> None:
-        """All that came with this tick was taken: tell who wants to know; raises what the callbacks raise."""
+        """All that came with this tick was taken: call the callbacks; raises what they raise."""
         for callback in self._on_tick:
             callback(self.sim_time_ns)
 

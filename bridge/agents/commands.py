@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from bridge.agents.frames import Frames
 from bridge.bus.messages import CommandEvent, CommandGoal
 
 OnFeedback = Callable[[CommandEvent], object]
@@ -53,6 +54,9 @@ def _as_json(arguments: Mapping[str, Any]) -> str:
 class Commands(ABC):
     """The commands of a node's aircraft. Arguments that are not given are left to the autopilot."""
 
+    frames: Frames | None = None
+    """The node's and the fleet's frame, if they are known."""
+
     @abstractmethod
     async def command(
         self, verb: str, goal: CommandGoal | None = None, on_feedback: OnFeedback | None = None
@@ -64,7 +68,7 @@ class Commands(ABC):
         """
 
     async def run(self, verb: str, on_feedback: OnFeedback | None = None, **arguments: Any) -> CommandEvent:
-        """Any command by its name and its arguments' names; docs/aps.md lists them.
+        """Any command by its name and its arguments' names; docs/reference/aps.md lists them.
 
         Raises:
             CommandFailed: it was refused, timed out or interrupted.
@@ -112,6 +116,10 @@ class Commands(ABC):
 
     # --- where to fly to
 
+    async def hold(self) -> bool:
+        """Stop and stay here, whatever it flew before; a plane circles. Returns as `goto`, once it stands still."""
+        return await self._target("hold", None)
+
     async def goto(
         self,
         latitude_deg: float,
@@ -121,6 +129,7 @@ class Commands(ABC):
         speed_mps: float = 0.0,
         yaw_deg: float | None = None,
         frame: str | None = None,
+        within_m: float | None = None,
         on_feedback: OnFeedback | None = None,
     ) -> bool:
         """Fly to a point; returns True when it is reached, False when a newer target took its place.
@@ -132,9 +141,10 @@ class Commands(ABC):
             speed_mps: 0: as the autopilot is set.
             yaw_deg: heading of the nose.
             frame: ``relative`` (home), ``amsl`` (mean sea level) or ``terrain`` (the ground below).
-            on_feedback: told of the way to go.
+            within_m: how near to the point, over ground, counts as there: 2, of a plane 200, unless given.
+            on_feedback: called with the way to go.
         """
-        more = _as_json({"yaw_deg": yaw_deg, "frame": frame})
+        more = _as_json({"yaw_deg": yaw_deg, "frame": frame, "within_m": within_m})
         goal = CommandGoal("", longitude_deg, latitude_deg, altitude_rel_m, speed_mps, more)
         return (await self.command("goto", goal, on_feedback)).outcome != "superseded"
 
@@ -146,6 +156,7 @@ class Commands(ABC):
         *,
         frame: str = "origin",
         yaw_deg: float | None = None,
+        within_m: float | None = None,
         on_feedback: OnFeedback | None = None,
     ) -> bool:
         """Fly to a point in metres; returns as `goto`.
@@ -154,13 +165,22 @@ class Commands(ABC):
             north_m: north of the point; ``body``: ahead.
             east_m: east of the point; ``body``: to the right.
             down_m: down of the point.
-            frame: ``origin`` (the autopilot's local origin), ``offset`` (from here) or ``body`` (from here, along the
-                heading).
+            frame: ``fleet`` (the scenario's origin, as of all nodes), ``origin`` (the autopilot's local origin: its
+                home), ``offset`` (from here) or ``body`` (from here, along the heading).
             yaw_deg: heading of the nose.
-            on_feedback: told of the way to go.
+            within_m: how near to the point counts as there; 2 unless given.
+            on_feedback: called with the way to go.
+
+        Raises:
+            ValueError: ``fleet``, and the run's frames are not known here.
         """
+        if frame == "fleet":
+            if self.frames is None:
+                raise ValueError("goto_ned(frame='fleet'): where the fleet's frame begins is not known here")
+            frame, (north_m, east_m, down_m) = "origin", self.frames.own_from_fleet((north_m, east_m, down_m))
         place = {"north_m": north_m, "east_m": east_m, "down_m": down_m}
-        return await self._target("goto_ned", on_feedback, **place, frame=frame, yaw_deg=yaw_deg)
+        how = {"frame": frame, "yaw_deg": yaw_deg, "within_m": within_m}
+        return await self._target("goto_ned", on_feedback, **place, **how)
 
     async def velocity(
         self,
@@ -242,8 +262,8 @@ class Commands(ABC):
         """Upload a mission, and fly it to its end; the UA has to be armed.
 
         Args:
-            items: without home; each ``{"command": 16, "params": [7 numbers], "frame": 3}``, see docs/aps.md.
-            on_feedback: told of the item that it is at.
+            items: without home; each ``{"command": 16, "params": [7 numbers], "frame": 3}``, see docs/reference/aps.md.
+            on_feedback: called with the item that it is at.
         """
         await self.missions.upload(items)
         await self.missions.fly(on_feedback=on_feedback)
@@ -308,7 +328,7 @@ class Parameters:
         return float(json.loads((await self._ua.run("parameter_get", name=name)).value))
 
     async def set(self, name: str, value: float) -> None:
-        """Set one; returns when the autopilot tells the new value."""
+        """Set one; returns when the autopilot reports the new value."""
         await self._ua.run("parameter_set", name=name, value=value)
 
     async def all(self, on_feedback: OnFeedback | None = None) -> dict[str, float]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from bridge.agents.client import UaClient
+from bridge.agents.frames import has_fix
 from bridge.bus.messages import DataPackage
 
 
 class LatestPackages(Mapping[str, DataPackage]):
     """By node id. A node whose newest packet is no DataPackage is not in it; that is counted in ``ua.malformed``.
+
+    Nor is one that did not know where it was: there is no nan in the states here.
 
     Args:
         ua: the node that received them.
@@ -30,7 +33,8 @@ class LatestPackages(Mapping[str, DataPackage]):
 
     def __getitem__(self, sender: str) -> DataPackage:
         if sender not in self._read:
-            self._read[sender] = self._ua.read(self.raw[sender], DataPackage)
+            package = self._ua.read(self.raw[sender], DataPackage)
+            self._read[sender] = package if package is not None and has_fix(package.state) else None
         found = self._read[sender]
         if found is None:
             raise KeyError(sender)

@@ -1,4 +1,4 @@
-"""What a node's RF sensor tells its agent."""
+"""What a node's RF sensor reports to its agent."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from bridge.agents.frames import Frames, Place
 from bridge.bus.messages import AircraftState, Measurements
 
 KEPT_STATES = 4
@@ -20,9 +21,10 @@ class Measurement:
         sim_time_ns: the tick at which it was taken.
         number: the sensor's count of its measurements: one for all emitters that it measured at a tick.
         power_dbm: in the sensor's steps.
-        frequency_hz: of the emitter; None if the sensor does not tell.
-        emitter: its id; None if the sensor does not tell.
+        frequency_hz: of the emitter; None if the sensor does not say.
+        emitter: its id; None if the sensor does not say.
         state: of the node itself at that tick, as its autopilot reported it; None if it is not known.
+        place_ned_m: where the node was by that state, in the fleet's frame, as `Sensor.expected_power_dbm` takes it.
     """
 
     sim_time_ns: int
@@ -31,12 +33,18 @@ class Measurement:
     frequency_hz: float | None = None
     emitter: str | None = None
     state: AircraftState | None = None
+    place_ned_m: Place | None = None
 
 
 class SensorMemory:
-    """Those measurements that came with the present tick, to iterate over; and the newest."""
+    """Those measurements that came with the present tick, to iterate over; and the newest.
 
-    def __init__(self) -> None:
+    Args:
+        frames: of the node, if they are known.
+    """
+
+    def __init__(self, frames: Frames | None = None) -> None:
+        self._frames = frames
         self._new: tuple[Measurement, ...] = ()
         self._latest: dict[str, tuple[Measurement, ...]] = {}
         self._states: dict[int, AircraftState] = {}
@@ -49,9 +57,9 @@ class SensorMemory:
 
     @property
     def latest(self) -> tuple[Measurement, ...]:
-        """The newest of each emitter that the sensor tells apart, sorted by id or frequency.
+        """The newest of each emitter that the sensor distinguishes, sorted by id or frequency.
 
-        Those on one frequency, if the sensor tells no more, or all, if it tells nothing, are those of one tick.
+        Those on one frequency, if the sensor says no more, or all, if it says nothing, are those of one tick.
         """
         return tuple(each for _, group in sorted(self._latest.items()) for each in group)
 
@@ -63,15 +71,22 @@ class SensorMemory:
 
     def take(self, measurements: Sequence[Measurement]) -> None:
         """Take what came with a tick; it is of one tick, too."""
-        self._new = tuple(replace(each, state=self._states.get(each.sim_time_ns)) for each in measurements)
+        self._new = tuple(map(self._with_state, measurements))
         groups: dict[str, list[Measurement]] = {}
         for each in self._new:
             groups.setdefault(_whose(each), []).append(each)
         self._latest |= {whose: tuple(group) for whose, group in groups.items()}
 
+    def _with_state(self, measurement: Measurement) -> Measurement:
+        state = self._states.get(measurement.sim_time_ns)
+        if state is None:
+            return measurement
+        place_ned_m = None if self._frames is None else self._frames.place_of(state)
+        return replace(measurement, state=state, place_ned_m=place_ned_m)
+
 
 def _whose(measurement: Measurement) -> str:
-    """What the sensor tells apart emitters by; texts that sort as frequencies do."""
+    """What the sensor distinguishes emitters by; texts that sort as frequencies do."""
     if measurement.emitter is not None:
         return measurement.emitter
     return "" if measurement.frequency_hz is None else f"{measurement.frequency_hz:020.3f}"

@@ -15,24 +15,31 @@ from bridge.bus.session import Stamp
 from bridge.record.logged import LoggedValue
 
 OnEvent = Callable[[CommandEvent | None], object]
-"""Told of each event of a command; None: there will be no more."""
+"""Called with each event of a command; None: there will be no more."""
 
 
 class Outlet(Protocol):
     """What is said as a node."""
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:
         """Give a packet to the radio; called in the agent's thread.
+
+        Args:
+            to: id of the addressee, or all.
+            channel: last part of the keys.
+            payload: what is transmitted.
+            encoding: what the payload is, as Zenoh names it; "" for bytes of which nothing is said.
+            stamp: its number and time.
 
         Raises:
             PermissionError: whoever says it is not the node's agent.
         """
 
     def report(self, status: AgentStatus) -> None:
-        """Tell what the agent is doing; called in the agent's thread."""
+        """Report what the agent is doing; called in the agent's thread."""
 
     def log(self, item: LoggedValue, sim_time_ns: int) -> None:
-        """Tell a value of this instant that the agent logged."""
+        """Report a value of this instant that the agent logged."""
 
 
 class AgentOutlet(Outlet, Protocol):
@@ -49,10 +56,10 @@ class NodeOutlet(Outlet, Protocol):
         """Publish the aircraft's state."""
 
     def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
-        """Tell the radio that an operator switched this node's from an instant on; ahead of the answer to it."""
+        """Report to the radio that an operator switched this node's from an instant on; ahead of the answer to it."""
 
     def answer(self, sim_time_ns: int) -> None:
-        """Tell the radio that all is done that this node does at a tick."""
+        """Report to the radio that all is done that this node does at a tick."""
 
 
 class HeldOutlet:
@@ -69,7 +76,7 @@ class HeldOutlet:
         self.logged: list[LoggedValue | AgentStatus] = []
 
     def report(self, status: AgentStatus) -> None:
-        """Tell at once, and keep it for the record."""
+        """Report at once, and keep it for the record."""
         self._report(status)
         self.logged.append(status)
 

@@ -13,6 +13,7 @@ from types import ModuleType
 from bridge.agents.agent import Agent
 from bridge.scenario.own_class import PLAIN_METHODS
 
+PACKAGES = ("aps", "bridge", "channel", "fdm", "standin")
 _numbers = itertools.count()
 
 
@@ -26,8 +27,7 @@ def load_class(place: str, name: str) -> type[Agent]:
     Raises:
         AgentError: if there is none. What the code in ``place`` itself raises is passed on.
     """
-    module = _from_file(Path(place)) if place.endswith(".py") else _installed(place)
-    found = getattr(module, name, None)
+    found = getattr(load_module(place), name, None)
     if not isinstance(found, type):
         raise AgentError(f"{place} has no class {name}")
     if not issubclass(found, Agent):
@@ -45,6 +45,15 @@ def load_class(place: str, name: str) -> type[Agent]:
     return found
 
 
+def load_module(place: str) -> ModuleType:
+    """The module in ``place``, a file that ends in .py or a module's name.
+
+    Raises:
+        AgentError: there is none. What its code itself raises is passed on.
+    """
+    return _from_file(Path(place)) if place.endswith(".py") else _installed(place)
+
+
 def _from_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise AgentError(f"{path}: no such file (looked from {Path.cwd()})")
@@ -56,6 +65,8 @@ def _from_file(path: Path) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
+    for ours in PACKAGES:  # before the folder comes first: a file there may have the name of one
+        importlib.import_module(ours)
     beside = str(path.parent.resolve())
     if beside not in sys.path:
         sys.path.insert(0, beside)

@@ -80,11 +80,11 @@ class AircraftBridge:
         self.daemon.end_exchange()
 
     def state(self) -> messages.AircraftState:
-        """Table I of the paper, as the bytes heard by this instant tell it."""
+        """Table I of the paper, as the bytes heard by this instant report it."""
         return state_message(self.daemon.state, self._node, self._now_ns)
 
     def start(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
-        """Begin to carry out ``verb``; ``on_event`` is told of progress and, once, of the result."""
+        """Begin to carry out ``verb``; ``on_event`` is called with progress and, once, with the result."""
 
         def on_progress(progress: CommandProgress) -> None:
             on_event(_progress(progress))

@@ -35,11 +35,11 @@ class Body(Protocol):
         """Table I of the paper."""
 
     def start(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
-        """Begin to carry out ``verb``; ``on_event`` is told of progress and, once, of the result."""
+        """Begin to carry out ``verb``; ``on_event`` is called with progress and, once, with the result."""
 
 
 class StatePace:
-    """Tells when a node's state is published: STATE_RATE_HZ on the mean, at any tick rate from that up."""
+    """Decides when a node's state is published: STATE_RATE_HZ on the mean, at any tick rate from that up."""
 
     def __init__(self) -> None:
         self._next_ns = 0

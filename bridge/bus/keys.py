@@ -125,7 +125,7 @@ class Keys:
         return f"{self.prefix}/node/{node}/tx/{radio}/{to}/{channel}"
 
     def next_packet(self, node: str) -> str:
-        """Queryable that tells a free node's program the number and the least sim time of its next packet."""
+        """Queryable that gives a free node's program the number and the least sim time of its next packet."""
         return f"{self.prefix}/node/{node}/next_packet"
 
     def rx(self, node: str, sender: str, channel: str) -> str:
@@ -137,7 +137,7 @@ class Keys:
         return f"{self.prefix}/node/{node}/comm_status"
 
     def measurements(self, node: str) -> str:
-        """What a node's RF sensor tells."""
+        """What a node's RF sensor reports."""
         return f"{self.prefix}/node/{node}/measurements"
 
     def heard(self, host: str) -> str:

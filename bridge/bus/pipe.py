@@ -1,4 +1,4 @@
-"""What a process of a run tells its supervisor without Zenoh: samples through a pipe, each with its key.
+"""What a process of a run reports to its supervisor without Zenoh: samples through a pipe, each with its key.
 
 A sample is a little-endian uint16 length of the key, a uint32 length of the payload, the key and the payload.
 """
@@ -28,7 +28,7 @@ class PipeWriter:
         self._broken = False
 
     def put(self, key: str, message: Message) -> None:
-        """Write one; whoever does not listen any more is not told."""
+        """Write one; nothing happens if nobody listens any more."""
         name, payload = key.encode(), encode(message)
         view = memoryview(_HEAD.pack(len(name), len(payload)) + name + payload)
         with self._lock:

@@ -13,13 +13,13 @@ _SIGNAL = struct.Struct("<ff")
 
 
 class Reception(NamedTuple):
-    """One packet at one receiver, as a real receiver tells it.
+    """One packet at one receiver, as a real receiver knows it.
 
     Attributes:
         seq: the sender's sequence number.
         sim_time_ns: when it was sent, by the sender's stamp.
         received_ns: the tick at which it came, sim time.
-        rssi_dbm: power in which this very packet arrived, with its shadowing and fading; NaN where nobody told it.
+        rssi_dbm: power in which this very packet arrived, with its shadowing and fading; NaN where it is not known.
         snr_db: the same over the noise.
     """
 

@@ -13,7 +13,6 @@ import struct
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, ClassVar, Self
 
 import zenoh
@@ -22,6 +21,7 @@ from zenoh.handlers import Callback
 from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials
 from bridge.bus.messages import Message, encode, encoding_of
+from bridge.timeouts import LEASE_S
 
 CONNECT_RETRY = {"period_init_ms": 50, "period_max_ms": 50, "period_increase_factor": 1}
 """The processes of a run start together, so that most knock before the router is there (Zenoh: each second)."""
@@ -32,6 +32,8 @@ _ATTACHMENT = struct.Struct("<qqB16s")
 
 Sample = zenoh.Sample
 Query = zenoh.Query
+_UNSAID = str(zenoh.Encoding.ZENOH_BYTES)
+"""The encoding that Zenoh gives to bytes of which their sender says nothing."""
 
 
 class SessionError(RuntimeError):
@@ -42,7 +44,7 @@ class SessionError(RuntimeError):
 class Stamp:
     """What travels beside a packet: its number, and when it was sent (sim time).
 
-    The source is what the sender says of itself. Who a packet is from is told by its key, which the router guards.
+    The source is what the sender says of itself. A packet's key names its sender, which the router guards.
     """
 
     seq: int
@@ -65,6 +67,12 @@ class Stamp:
             return None
         seq, sim_time_ns, id_length, source = _ATTACHMENT.unpack_from(raw)
         return cls(seq, sim_time_ns, source.rstrip(b"\0")) if id_length == 16 else None
+
+
+def encoding_said(sample: Sample) -> str:
+    """What a sample's payload is said to be; "" if its sender said nothing."""
+    encoding = str(sample.encoding)
+    return "" if encoding == _UNSAID else encoding
 
 
 def answer(query: Query, key: str, payload: bytes, encoding: str) -> bool:
@@ -103,6 +111,7 @@ def _config(settings: Iterable[tuple[str, Any]]) -> zenoh.Config:
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/gossip/enabled", "false")
     config.insert_json5("adminspace/enabled", "false")
+    config.insert_json5("transport/link/tx/lease", str(int(LEASE_S * 1000)))
     for key, value in settings:
         config.insert_json5(key, json.dumps(value))
     return config
@@ -124,13 +133,15 @@ class Session:
         key: str,
         payload: Any,
         *,
-        encoding: Any = None,
+        encoding: str = "",
         attachment: Any = None,
         must_arrive: bool = False,
     ) -> None:
-        """Publish bytes as they are."""
+        """Publish bytes as they are; ``encoding`` says what they are."""
         control = zenoh.CongestionControl.BLOCK if must_arrive else zenoh.CongestionControl.DROP
-        self._inner.put(key, payload, encoding=encoding, attachment=attachment, congestion_control=control)
+        self._inner.put(
+            key, payload, encoding=encoding or None, attachment=attachment, congestion_control=control
+        )
 
     def subscribe(self, key_expr: str, callback: Callable[[Sample], object]) -> None:
         """Call ``callback`` for each sample, in Zenoh's own thread: it must only hand the sample on.
@@ -204,9 +215,7 @@ class Session:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -10,10 +10,23 @@ from bridge.bus.messages import AircraftState, DecodeError, Links, Message, deco
 LINKS_KEPT = 6
 """Link reports come five times per second of sim time: the oldest kept is a second older than the newest."""
 M = TypeVar("M", bound=Message)
+Came = bytes | Message
+"""A message, coded or not."""
+
+
+def message_of(came: Came, cls: type[M]) -> M:
+    """What came, decoded if it has to be.
+
+    Raises:
+        DecodeError: it is no message of that kind.
+    """
+    message = decode(came, cls) if isinstance(came, bytes) else came
+    assert isinstance(message, cls)
+    return message
 
 
 class Glance:
-    """States of UA and link reports. Payloads may come in any thread, and at any rate, at next to no cost.
+    """States of UA and link reports. What comes may come in any thread, and at any rate, at next to no cost.
 
     Attributes:
         malformed: payloads that were looked at and could not be decoded.
@@ -21,16 +34,16 @@ class Glance:
 
     def __init__(self) -> None:
         self.malformed = 0
-        self._states: dict[str, bytes] = {}
-        self._links: deque[bytes] = deque(maxlen=LINKS_KEPT)
+        self._states: dict[str, Came] = {}
+        self._links: deque[Came] = deque(maxlen=LINKS_KEPT)
 
-    def state_came(self, key: str, payload: bytes) -> None:
+    def state_came(self, key: str, came: Came) -> None:
         """Keep the state of a UA."""
-        self._states[key] = payload
+        self._states[key] = came
 
-    def links_came(self, payload: bytes) -> None:
+    def links_came(self, came: Came) -> None:
         """Keep a report on all links."""
-        self._links.append(payload)
+        self._links.append(came)
 
     def states(self) -> dict[str, AircraftState]:
         """The newest state of each UA, by its id."""
@@ -46,9 +59,9 @@ class Glance:
         before = self._decoded(kept[0], Links) if len(kept) > 1 else None
         return newest, before or Links(newest.header)
 
-    def _decoded(self, payload: bytes, cls: type[M]) -> M | None:
+    def _decoded(self, came: Came, cls: type[M]) -> M | None:
         try:
-            return decode(payload, cls)
+            return message_of(came, cls)
         except DecodeError:
             self.malformed += 1
             return None

@@ -11,11 +11,12 @@ from bridge.bus.identity.roster import SUPERVISOR
 from bridge.bus.inbox import Inbox
 from bridge.bus.messages import Header
 from bridge.bus.session import Sample, Session, SessionError, open_client
-from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
+from bridge.fleet.arrangement import Arrangement
+from bridge.fleet.children.child import Child, ProcessSpec, end_all, end_with_news
+from bridge.fleet.children.crew import Crew
 from bridge.fleet.course import FleetError
-from bridge.fleet.crew import Crew
 from bridge.fleet.hosts import PREFIX
-from bridge.fleet.tidings import SampleSorter, Tidings
+from bridge.fleet.tidings import Tidings
 from bridge.run.directory import RunDirectory
 from bridge.timeouts import AGENT_GRACE_S, FLIGHT_GRACE_S, NEWS_PERIOD_S, ROUTER_GRACE_S, START_S
 
@@ -29,56 +30,49 @@ RECORDER = "router"
 """The process that writes the last part of the record."""
 
 
-class ManyProcesses:
-    """The processes of a run (`bridge.fleet.arrangement.Arrangement`).
-
-    Args:
-        run: the run.
-        crew: starts them.
-        tidings: told what they say.
-        on_phase: told what is waited for.
-    """
+class ManyProcesses(Arrangement):
+    """The processes of a run, which report on Zenoh what they do."""
 
     recorder = RECORDER
 
     def __init__(
         self, run: RunDirectory, crew: Crew, tidings: Tidings, on_phase: Callable[[str], object]
     ) -> None:
-        self._run, self._crew, self._tidings, self._on_phase = run, crew, tidings, on_phase
-        self._delivery = SampleSorter(run.keys, tidings)
+        super().__init__(run, crew, tidings, on_phase)
         self._router: Child | None = None
         self._session: Session | None = None
         self._names: set[str] = set()
         # What decides the run is never dropped.
-        self._inbox: Inbox[Sample] = Inbox(asyncio.get_running_loop(), self._deliver, limit=None)
+        self._inbox: Inbox[Sample] = Inbox(asyncio.get_running_loop(), self._sort, limit=None)
 
     async def start(self) -> None:
-        """Start our own processes, all at once.
-
-        Raises:
-            FleetError: one cannot be started.
-        """
+        """Start our own processes, all at once."""
         self._on_phase("starts the radio router")
-        self._router = await self._crew.start(self._python("router"))
+        self._router = self._crew.start(self._python("router"))
         self._on_phase("starts flight dynamics, MAVLink daemons and agents")
         specs = [self._python("physics")]
         specs += [self._python("host", name, nodes) for name, nodes in self._run.info.hosts.items()]
         for spec in specs:
-            await self._crew.start(spec)
+            self._crew.start(spec)
         self._names = {"router", *(spec.name for spec in specs)}
 
     def _python(self, module: str, name: str = "", nodes: Sequence[str] = ()) -> ProcessSpec:
         name = name or module
-        command = [sys.executable, "-m", MODULES[module], "--run-dir", str(self._run.path), "--name", name]
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            MODULES[module],
+            "--run-dir",
+            str(self._run.path),
+            "--name",
+            name,
+        ]
         command += ["--nodes", ",".join(nodes)] if nodes else []
         return ProcessSpec(name, command, self._run.log_path(name))
 
     async def ready(self) -> None:
-        """Join the router, and wait until all are ready.
-
-        Raises:
-            FleetError: they are not in time.
-        """
+        """Join the router, and wait until all are ready."""
         self._session = await self._connected()
         self._listen(self._session)
         await self._all_alive(self._session)
@@ -100,10 +94,10 @@ class ManyProcesses:
             session.subscribe(key, self._inbox.push)
         if self._tidings.glance is not None:  # which costs next to nothing, in any thread
             for key in (keys.state("*"), keys.tick("links")):
-                session.subscribe(key, self._deliver)
+                session.subscribe(key, self._sort)
 
-    def _deliver(self, sample: Sample) -> None:
-        self._delivery.take(str(sample.key_expr), sample.payload.to_bytes())
+    def _sort(self, sample: Sample) -> None:
+        self._sorter.take(str(sample.key_expr), sample.payload.to_bytes())
 
     async def _all_alive(self, session: Session) -> None:
         everybody = asyncio.Event()
@@ -136,11 +130,7 @@ class ManyProcesses:
         self._session.put(self._run.keys.clock_start, Header(), must_arrive=True)
 
     async def end(self, news: asyncio.Event) -> list[str]:
-        """End everything: hosts first, so that nobody transmits into a dying router; the router last.
-
-        Returns:
-            The names of those that had to be killed.
-        """
+        """End everything: hosts first, so that nobody transmits into a dying router; the router last."""
         children = self._crew.children
         hosts = [child for child in children if child.spec.name.startswith(PREFIX)]
         others = [c for c in children if c not in hosts and c is not self._router]
@@ -150,8 +140,3 @@ class ManyProcesses:
         if self._session is not None:
             self._session.close()
         return killed
-
-    @property
-    def failed(self) -> int:
-        """How many tidings could not be handled."""
-        return self._inbox.failed

@@ -9,12 +9,13 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 
-from bridge.bus.messages import Message, encode
+from bridge.bus.messages import Message
 from bridge.bus.pipe import PipeReader
-from bridge.fleet.child import Child, ProcessSpec, end_all, end_with_news
+from bridge.fleet.arrangement import Arrangement
+from bridge.fleet.children.child import Child, ProcessSpec, end_all, end_with_news
+from bridge.fleet.children.crew import Crew
 from bridge.fleet.course import FleetError
-from bridge.fleet.crew import Crew
-from bridge.fleet.tidings import SampleSorter, Tidings
+from bridge.fleet.tidings import Tidings
 from bridge.run.directory import RunDirectory
 from bridge.run.process import NodeLogs
 from bridge.timeouts import FLIGHT_GRACE_S, ROUTER_GRACE_S, START_S
@@ -24,63 +25,57 @@ READ_BYTES = 1 << 16
 log = logging.getLogger(NAME)
 
 
-class OneProcess:
-    """The program as a child, which tells what it does through a pipe (`bridge.fleet.arrangement.Arrangement`).
-
-    Args:
-        run: the run.
-        crew: starts it.
-        tidings: told what it says.
-        on_phase: told what is waited for.
-    """
+class _OneProgram(Arrangement):
+    """The program: it flies as soon as it is ready, since nobody else need be waited for."""
 
     recorder = NAME
 
     def __init__(
         self, run: RunDirectory, crew: Crew, tidings: Tidings, on_phase: Callable[[str], object]
     ) -> None:
-        self._run, self._crew, self._on_phase = run, crew, on_phase
-        self._delivery = SampleSorter(run.keys, tidings)
-        self._samples = PipeReader()
-        self._child: Child | None = None
-        self._alive = asyncio.Event()
-        self._closed = asyncio.Event()
-        self._fd = -1
-        self.failed = 0
+        super().__init__(run, crew, tidings, on_phase)
+        self._begun = asyncio.Event()
+        on_phase("starts flight dynamics, radio and agents in one process")
+
+    async def ready(self) -> None:
+        """Wait until it is ready."""
+        try:
+            await asyncio.wait_for(self._begun.wait(), START_S)
+        except TimeoutError:
+            log_path = self._run.log_path(NAME)
+            raise FleetError(f"not ready within {START_S:g} s: {NAME}; see {log_path}") from None
+
+    def go(self) -> None:
+        """It has begun."""
+
+    def _heard(self, key: str, came: bytes | Message) -> None:
+        if key == self._run.keys.alive(NAME):
+            self._begun.set()
+        else:
+            self._sorter.take(key, came)
+
+
+class OneProcess(_OneProgram):
+    """The program as a child, which says what it does through a pipe."""
+
+    _child: Child | None = None
+    _fd = -1
 
     async def start(self) -> None:
-        """Start the program.
-
-        Raises:
-            FleetError: it cannot be started.
-        """
-        self._on_phase("starts flight dynamics, radio and agents in one process")
+        """Start the program."""
+        self._samples, self._closed = PipeReader(), asyncio.Event()
         self._fd, theirs = os.pipe()
         os.set_blocking(self._fd, False)
         asyncio.get_running_loop().add_reader(self._fd, self._read)
-        command = [sys.executable, "-m", "bridge.program.process", "--run-dir", str(self._run.path)]
-        spec = ProcessSpec(
-            NAME, [*command, "--tell-fd", str(theirs)], self._run.log_path(NAME), pass_fds=(theirs,)
-        )
+        command = [sys.executable, "-P", "-m", "bridge.program.process", "--run-dir", str(self._run.path)]
+        command += ["--tell-fd", str(theirs)]
+        command += ["--glance"] if self._tidings.glance is not None else []
         try:
-            self._child = await self._crew.start(spec)
+            self._child = self._crew.start(
+                ProcessSpec(NAME, command, self._run.log_path(NAME), pass_fds=(theirs,))
+            )
         finally:
             os.close(theirs)
-
-    async def ready(self) -> None:
-        """Wait until it is ready.
-
-        Raises:
-            FleetError: it is not in time.
-        """
-        try:
-            await asyncio.wait_for(self._alive.wait(), START_S)
-        except TimeoutError:
-            log = self._run.log_path(NAME)
-            raise FleetError(f"not ready within {START_S:g} s: {NAME}; see {log}") from None
-
-    def go(self) -> None:
-        """It flies as soon as it is ready: nobody else need be waited for."""
 
     def _read(self) -> None:
         try:
@@ -90,10 +85,7 @@ class OneProcess:
         if not data:
             self._close()
         for key, payload in self._samples.receive(data):
-            if key == self._run.keys.alive(NAME):
-                self._alive.set()
-            else:
-                self._delivery.take(key, payload)
+            self._heard(key, payload)
 
     def _close(self) -> None:
         if self._fd >= 0:
@@ -103,11 +95,7 @@ class OneProcess:
             self._closed.set()
 
     async def end(self, news: asyncio.Event) -> list[str]:
-        """End the program, which writes what is left of its record, then the autopilots.
-
-        Returns:
-            The names of those that had to be killed.
-        """
+        """End the program, which writes what is left of its record, then the autopilots."""
         killed: list[str] = []
         if self._child is not None:
             killed += await end_with_news(self._child, news, ROUTER_GRACE_S)
@@ -119,38 +107,23 @@ class OneProcess:
         return killed
 
 
-class OneTask:
+class OneTask(_OneProgram):
     """The program as a task of the supervisor's own event loop: its process was started with the run's environment."""
 
-    recorder = NAME
-    failed = 0
-
-    def __init__(
-        self, run: RunDirectory, crew: Crew, tidings: Tidings, on_phase: Callable[[str], object]
-    ) -> None:
-        self._run, self._crew, self._tidings = run, crew, tidings
-        self._delivery = SampleSorter(run.keys, tidings)
-        self._stop, self._begun = asyncio.Event(), asyncio.Event()
-        self._on_phase = on_phase
-        self._task: asyncio.Task[None] | None = None
+    _task: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
         """Start the program."""
         from bridge.program.process import fly  # which loads all parts
 
-        self._on_phase("starts flight dynamics, radio and agents")
+        self._stop = asyncio.Event()
         self._logs = NodeLogs(self._run, logging.FileHandler(self._run.log_path(NAME), encoding="utf-8"))
         root = logging.getLogger()
         root.setLevel(logging.INFO)
         root.addHandler(self._logs)
-        self._task = asyncio.create_task(fly(self._run, self._tell, self._stop), name=NAME)
+        looks = self._tidings.glance is not None
+        self._task = asyncio.create_task(fly(self._run, self._heard, self._stop, looks=looks), name=NAME)
         self._task.add_done_callback(self._ended)
-
-    def _tell(self, key: str, message: Message) -> None:
-        if key == self._run.keys.alive(NAME):
-            self._begun.set()
-        else:
-            self._delivery.take(key, encode(message))
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         error = None if task.cancelled() else task.exception()
@@ -159,25 +132,10 @@ class OneTask:
             self._tidings.lost(f"the run cannot go on: {error}")
         self._begun.set()
 
-    async def ready(self) -> None:
-        """Wait until it is ready.
-
-        Raises:
-            FleetError: it is not in time.
-        """
-        try:
-            await asyncio.wait_for(self._begun.wait(), START_S)
-        except TimeoutError:
-            log_path = self._run.log_path(NAME)
-            raise FleetError(f"not ready within {START_S:g} s: {NAME}; see {log_path}") from None
-
-    def go(self) -> None:
-        """It flies as soon as it is ready."""
-
     async def end(self, news: asyncio.Event) -> list[str]:  # noqa: ARG002
         """End the program, which writes what is left of its record, then the autopilots."""
-        self._stop.set()
         if self._task is not None:
+            self._stop.set()
             await asyncio.wait({self._task})
             logging.getLogger().removeHandler(self._logs)
             self._logs.close()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,19 +10,20 @@ from typing import Any, TypeVar
 
 from bridge.bus.identity.keyring import Keyring
 from bridge.bus.identity.roster import roster
-from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Message, decode
+from bridge.bus.messages import AgentStatus, Clock, Header, Message
 from bridge.bus.session import free_port
-from bridge.fleet.arrangement import Arrangement, arrange
+from bridge.fleet.arrangement import Arrangement
 from bridge.fleet.autopilots.launcher import AutopilotError, LaunchPlan
-from bridge.fleet.child import Child
+from bridge.fleet.children.child import Child
+from bridge.fleet.children.crew import Crew
 from bridge.fleet.course import Course, Ending, FleetError
-from bridge.fleet.crew import Crew
-from bridge.fleet.environment import environment_of
 from bridge.fleet.glance import Glance
 from bridge.fleet.hosts import host_groups
 from bridge.fleet.how import How, calls_standins, has_bus, how_joined
-from bridge.fleet.ports import HOST
-from bridge.fleet.preflight import launcher_of
+from bridge.fleet.many import ManyProcesses
+from bridge.fleet.one import OneProcess, OneTask
+from bridge.fleet.preflight.ports import HOST
+from bridge.fleet.preflight.preflight import launcher_of
 from bridge.record.events import DIED, KILLED, Report
 from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import SECRETS_FOLDER, RunDirectory
@@ -33,7 +33,7 @@ from bridge.scenario.resolve.named_files import named_files
 from bridge.timeouts import FAILURE_GRACE_S, SILENCE_S
 
 T = TypeVar("T")
-M = TypeVar("M", bound=Message)
+ARRANGEMENTS: dict[How, type[Arrangement]] = {"many": ManyProcesses, "one": OneProcess, "task": OneTask}
 
 
 class _Over(Exception):
@@ -42,11 +42,11 @@ class _Over(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Observer:
-    """What the supervisor tells of the run while it goes on.
+    """What the supervisor reports of the run while it goes on.
 
     Attributes:
-        on_phase: told what it does now.
-        on_message: told the clock, and what agents say of themselves.
+        on_phase: called with what it does now.
+        on_message: called with the clock, and what agents say of themselves.
         glance: given states and link reports; None: nobody looks at them, and nobody makes them.
     """
 
@@ -61,7 +61,7 @@ class Fleet:
     Args:
         scenario: what to fly.
         run: its directory, already there.
-        observer: told of phases and messages.
+        observer: called with phases and messages.
         ardupilot_dir: where real binaries are, if that was said.
         replay: directory of the run whose inputs from outside are repeated.
         how: how the parts are joined; None: as the scenario says.
@@ -83,7 +83,7 @@ class Fleet:
         self._scenario, self._run, self._observer, self._replay = scenario, run, observer, replay
         self._how: How = how or how_joined(scenario)
         self._launcher = launcher_of(scenario, ardupilot_dir)
-        self._crew = Crew(environment_of(os.environ), self._child_ended)
+        self._crew = Crew(self._child_ended)
         self._parts: Arrangement | None = None
         self._keyring: Keyring | None = None
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
@@ -126,17 +126,17 @@ class Fleet:
         except AutopilotError as error:
             raise FleetError(str(error)) from error
         self._write_run()
-        parts = self._parts = arrange(self._how, self._run, self._crew, self, self._observer.on_phase)
+        parts = self._parts = ARRANGEMENTS[self._how](self._run, self._crew, self, self._observer.on_phase)
         starts_autopilots = not calls_standins(self._scenario)
         at_once = self._launcher.waits_for_physics
         try:
             await parts.start()
             if starts_autopilots and at_once:
-                await self._start_autopilots()
+                self._start_autopilots()
             await self._unless_over(parts.ready())
             parts.go()
             if starts_autopilots and not at_once:
-                await self._start_autopilots()
+                self._start_autopilots()
             self._observer.on_phase("waits for the autopilots")
             return await self._unless_over(self._watch_clock())
         except _Over:
@@ -155,7 +155,7 @@ class Fleet:
         self._keyring = Keyring.create(self._run.path / SECRETS_FOLDER, identities)
         self._run.write(scenario, endpoint, self._replay, hosts, self._keyring)
 
-    async def _start_autopilots(self) -> None:
+    def _start_autopilots(self) -> None:
         scenario = self._scenario
         self._observer.on_phase(f"starts autopilots ({scenario.autopilot})")
         plans = [
@@ -164,7 +164,7 @@ class Fleet:
         ]
         try:
             for autopilot in self._launcher.processes(plans):
-                await self._crew.start(autopilot)
+                self._crew.start(autopilot)
         except AutopilotError as error:
             raise FleetError(str(error)) from error
 
@@ -214,7 +214,7 @@ class Fleet:
                 )
 
     async def _end(self) -> None:
-        """End everything, and tell what came for the supervisor and was not handled; and whom it had to kill."""
+        """End everything, and say what came for the supervisor and was not handled; and whom it had to kill."""
         self._settle(Ending.INTERRUPTED)
         self._observer.on_phase("ends all processes")
         if self._parts is not None:
@@ -231,20 +231,10 @@ class Fleet:
             )
         self._report.close()
 
-    # What the parts tell (`bridge.fleet.tidings.Tidings`).
+    # What the parts report (`bridge.fleet.tidings.Tidings`).
 
-    def _read(self, payload: bytes, cls: type[M]) -> M | None:
-        try:
-            return decode(payload, cls)
-        except DecodeError as error:
-            self._observer.on_phase(f"ignores a malformed {cls.__name__}: {error}")
-            return None
-
-    def clock(self, payload: bytes) -> None:
+    def clock(self, clock: Clock) -> None:
         """A tick."""
-        clock = self._read(payload, Clock)
-        if clock is None:
-            return
         self._last_tick = asyncio.get_running_loop().time()
         for node, error in self.course.tick(clock):
             if node in self.course.unfinished:
@@ -253,21 +243,17 @@ class Fleet:
                 self._observer.on_phase(str(error))
         self._observer.on_message(clock)
 
-    def pace(self, payload: bytes) -> None:
+    def pace(self, clock: Clock) -> None:
         """An operator holds the clock, or lets it go: while it is held nobody waits for ticks."""
-        clock = self._read(payload, Clock)
-        if clock is None:
-            return
         self._last_tick = asyncio.get_running_loop().time()
         pace = (clock.paused, clock.speed)
         if pace != self._pace:
             self._pace = pace
             self._observer.on_phase("is held by an operator" if clock.paused else "flies")
 
-    def agent(self, node: str, payload: bytes) -> None:
+    def agent(self, node: str, status: AgentStatus) -> None:
         """What an agent says of itself. A failed one ends the run with its tick, or soon if that cannot be closed."""
-        status = self._read(payload, AgentStatus)
-        if status is None or node not in self._scenario.transceiver_ids:
+        if node not in self._scenario.transceiver_ids:
             return
         had_failed = self.course.failure is not None
         status = self.course.agent(node, status)
@@ -275,19 +261,15 @@ class Fleet:
             asyncio.get_running_loop().call_later(FAILURE_GRACE_S, self._settle, self.course.failure)
         self._observer.on_message(status)
 
-    def end(self, payload: bytes) -> None:
+    def end(self, header: Header) -> None:
         """The last tick is closed."""
-        header = self._read(payload, Header)
-        if header is not None:
-            self._settle(self.course.end())
-            self._observer.on_message(header)
+        self._settle(self.course.end())
+        self._observer.on_message(header)
 
-    def ending(self, payload: bytes) -> None:
+    def ending(self, header: Header) -> None:
         """How far the record is: whoever waits for it waits on."""
         self._news.set()
-        header = self._read(payload, Header)
-        if header is not None:
-            self._observer.on_phase(f"the radio {header.frame_id}")
+        self._observer.on_phase(f"the radio {header.frame_id}")
 
     def lost(self, text: str) -> None:
         """A part cannot go on."""

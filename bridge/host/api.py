@@ -11,7 +11,6 @@ from aps.api.backend import DaemonBackend
 from aps.api.guard import ApiConfig
 from aps.api.server import ApiServer
 from aps.held import HeldDaemon
-from aps.vehicle.commander import check_names
 from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
 from bridge.bus.messages import CommandEvent, CommandGoal
 from bridge.host.node import Node
@@ -41,9 +40,9 @@ class NodeBackend(DaemonBackend):
         """Ask for a command: it starts at the next tick.
 
         Raises:
-            ValueError: there is no such verb or argument.
+            ValueError: there is no such verb, or an argument is wrong.
         """
-        check_names(verb, arguments)
+        self._daemon.commands.check(verb, arguments)
 
         def on_reply(event: CommandEvent) -> None:
             if event.phase == CommandEvent.RESULT:
@@ -75,5 +74,5 @@ def _progress(verb: str, event: CommandEvent) -> CommandProgress:
 def api_of(
     daemon: HeldDaemon, node: Node, port: int, on_failure: Callable[[BaseException], object]
 ) -> ApiServer:
-    """The API of a node, on loopback; ``on_failure`` is told if it ends of itself."""
+    """The API of a node, on loopback; ``on_failure`` is called if it ends of itself."""
     return ApiServer(NodeBackend(daemon, node), ApiConfig(port=port), on_failure)

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from bridge.agents.feed import Arrivals, DeliveredPacket
 from bridge.agents.measurements import measurements_by_node
+from bridge.agents.running.feed import Arrivals, DeliveredPacket
 from bridge.bus.messages import CommunicationStatus, Header, Heard
 from bridge.bus.session import Stamp
 

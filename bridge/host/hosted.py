@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
 from time import monotonic
 
-from aps.links.called import CalledClient
+from aps.links.kinds.called import CalledClient
 from bridge.agents.outlet import NodeOutlet
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_ground import HostedGround
@@ -43,7 +43,7 @@ class Hosted:
 
     Args:
         nodes: entered already.
-        on_exchanged: with lookahead, told of an instant from which all their aircraft may fly on.
+        on_exchanged: with lookahead, reported an instant from which all their aircraft may fly on.
     """
 
     def __init__(self, nodes: Sequence[HostedNode], on_exchanged: Callable[[int], object]) -> None:

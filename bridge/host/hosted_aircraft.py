@@ -10,7 +10,7 @@ from typing import Any
 
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
-from aps.links.called import CalledClient
+from aps.links.kinds.called import CalledClient
 from bridge.agents.outlet import NodeOutlet
 from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.host.hosted_node import HostedNode
@@ -47,6 +47,7 @@ class HostedAircraft(HostedNode):
                 sysid=config.sysid,
                 listen_port=scenario.aps_port(config),
                 links=tuple(f"udp-out:{place}" for place in scenario.udp_outputs(config)),
+                middle_stick=scenario.autopilot != "external",
                 tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
                 tlog_name=config.node,
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
@@ -60,6 +61,8 @@ class HostedAircraft(HostedNode):
         self._api = AsyncExitStack()
         self.daemon.on_bytes = record.write_mavlink
         self.daemon.on_wall_time = record.may_not_repeat
+        if scenario.autopilot == "standin":
+            self.daemon.by_thread.clear()  # it has no threads, refuses files and has no logs
         self.daemon.on_link_down = self._link_down
         self.daemon.on_failure = self._cannot_go_on
         self.daemon.on_input = self.node.client_did

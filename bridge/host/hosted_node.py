@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from bridge.agents import agent_class
 from bridge.agents.client import UaClient
+from bridge.agents.frames import frames_of
 from bridge.agents.outlet import HeldOutlet, NodeOutlet
-from bridge.agents.runner import AgentRunner
+from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.body import Body
 from bridge.bus.messages import AgentStatus, Header
 from bridge.host.node import Node
@@ -41,7 +42,7 @@ class HostedNode:
 
     Attributes:
         call_back: has something called in the event loop; the agent's thread calls it.
-        on_exchanged: with lookahead, told when the aircraft may fly on from an instant.
+        on_exchanged: with lookahead, called when the aircraft may fly on from an instant.
         asks_dropped: how many commands found no room before they came to the node.
     """
 
@@ -92,6 +93,8 @@ class HostedNode:
                 self._agent_folder,
                 nodes=self._scenario.transceiver_ids,
                 sensor=self._sensor(),
+                frames=frames_of(self._scenario, self.id),
+                take_off_at_s=self._scenario.take_off_at_s,
             ),
             lambda client: make(client, self._config, self._scenario.transmit),
             lambda: self.call_back(self._agent_is_idle),

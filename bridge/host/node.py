@@ -1,6 +1,6 @@
 """One node at a tick: hears its autopilot, lets its agent live through the tick, speaks to its autopilot.
 
-`Node` is the order in which things happen on board (docs/architecture.md has it as a drawing):
+`Node` is the order in which things happen on board (docs/explanation/architecture.md has it as a drawing):
 
 1. the autopilot, held by the flight dynamics, is heard; then MAVLink clients, then operators, in the order they came;
 2. the agent gets clock, state, who was heard, what its sensor measured, the packets that the radio delivered, and what
@@ -18,9 +18,9 @@ from functools import partial
 from typing import Protocol
 
 from aps.inputs import Input
-from bridge.agents.feed import Arrivals
 from bridge.agents.outlet import HeldOutlet, NodeOutlet
-from bridge.agents.runner import AgentRunner
+from bridge.agents.running.feed import Arrivals
+from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.body import Body, StatePace
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
@@ -51,7 +51,7 @@ class Node:
     Args:
         body: its aircraft, with a held daemon; or what a ground node has in its place.
         outlet: where what it says goes.
-        record: told of what is to be written down, at its tick.
+        record: called with what is to be written down, at its tick.
 
     Attributes:
         arrivals: what came for its agent since the last tick.

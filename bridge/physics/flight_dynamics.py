@@ -37,7 +37,7 @@ _BY_WALL_TIME = {
 
 
 class Held(Protocol):
-    """Who is told that the fleet is held at an instant; `FlownDynamics.release` lets it go on."""
+    """Called when the fleet is held at an instant; `FlownDynamics.release` lets it go on."""
 
     def exchange(self, sim_time_ns: int) -> None:
         """Between two ticks, for MAVLink alone."""
@@ -52,7 +52,7 @@ class FlownDynamics:
     Args:
         run: the run.
         report: of the process.
-        held: told of ticks and exchanges, in the thread of `run`.
+        held: called with ticks and exchanges, in the thread of `run`.
         autopilots: in the order of the scenario's UA, those that are called; none: all are served over UDP.
 
     Raises:

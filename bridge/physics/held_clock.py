@@ -16,7 +16,7 @@ from bridge.bus.session import answer as answer_query
 from fdm.clock.status import check_speed
 
 REMIND_S = 1.0
-"""How often it is told that the clock is held, wall time: whoever joins meanwhile hears no tick."""
+"""How often it is repeated that the clock is held, wall time: whoever joins meanwhile hears no tick."""
 JSON = "application/json"
 log = logging.getLogger("physics")
 
@@ -38,7 +38,7 @@ class Paced(Protocol):
 
 
 class HeldClock:
-    """Answers ``clock/cmd/<verb>``, and tells on ``clock/pace`` what came of it.
+    """Answers ``clock/cmd/<verb>``, and reports on ``clock/pace`` what came of it.
 
     Args:
         session: of the flight dynamics.
@@ -46,7 +46,7 @@ class HeldClock:
         paced: what is held.
         speed: aimed at now.
         tick_period_ns: how long a step is unless it says so.
-        on_pace: told, besides ``clock/pace``, in any thread.
+        on_pace: called, besides ``clock/pace``, in any thread.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class HeldClock:
                     self._tell()
 
     def close(self) -> None:
-        """Tell no more."""
+        """Report nothing more."""
         self._closed.set()
         if self._reminder is not None:
             self._reminder.join()

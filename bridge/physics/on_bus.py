@@ -29,7 +29,7 @@ class ClockOnBus:
         self._clock: HeldClock | None = None
 
     def hold(self, paced: Paced, on_pace: Callable[[Clock], object] = lambda _: None) -> None:
-        """Let operators hold the clock; ``on_pace`` is told of it in any thread."""
+        """Let operators hold the clock; ``on_pace`` is called, in any thread."""
         scenario = self._scenario
         self._clock = HeldClock(
             self._session,
@@ -88,6 +88,6 @@ class ClockOnBus:
         self._session.put(self._keys.clock, clock, must_arrive=True)
 
     def close(self) -> None:
-        """Tell no more."""
+        """Report nothing more."""
         if self._clock is not None:
             self._clock.close()

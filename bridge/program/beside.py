@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import asyncio
+import queue
 from collections.abc import Callable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from bridge.agents.bus_outlet import BusOutlet
-from bridge.bus.inbox import Inbox
-from bridge.bus.keys import KeyMistake
-from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, Truths, decode
-from bridge.bus.session import Sample, Session, Stamp
+from bridge.bus.messages import AgentStatus, Clock, Header, Truths
+from bridge.bus.session import Session
 from bridge.host.hosted_node import HostedNode
 from bridge.host.on_bus import AskedOnBus
 from bridge.physics.held_clock import Paced
 from bridge.physics.on_bus import ClockOnBus
-from bridge.radio.intake import Handler
-from bridge.radio.next_packet import NextPacket
+from bridge.radio.on_bus import RadioOnBus
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.radio import RecordedRadio, SettledTick
-from bridge.radio.senders import Refused
 from bridge.run.directory import RunDirectory
 
 if TYPE_CHECKING:
     from bridge.bus.messages import AircraftState
     from bridge.record.logged import LoggedValue
+
+
+TAKEN_AT_ONCE = 500
+"""Of what comes from outside; whoever sends without end keeps nobody else waiting."""
 
 
 class BesideBus:
@@ -35,7 +36,8 @@ class BesideBus:
         session: the router's.
         run: the run.
         radio: of the run.
-        on_agent: told what a free program says of itself.
+        on_agent: called with what a free program says of itself.
+        fail: called with what is raised while something that came is handled.
     """
 
     def __init__(
@@ -44,28 +46,24 @@ class BesideBus:
         run: RunDirectory,
         radio: RecordedRadio,
         on_agent: Callable[[str, AgentStatus], object],
+        fail: Callable[[BaseException], object],
     ) -> None:
-        self._on_agent = on_agent
-        self._session, self._run, self._keys, self._radio = session, run, run.keys, radio
+        self._session, self._run, self._keys = session, run, run.keys
         session.declare_alive(self._keys.alive("router"))
         self._clock = ClockOnBus(session, run)
         self._publisher = TickPublisher(session, run, radio)
         self._outlets = {node: BusOutlet(session, run.keys, node) for node in run.scenario.transceiver_ids}
-        inbox: Inbox[tuple[Handler, Any]] = Inbox(asyncio.get_running_loop(), self._take, limit=None)
+        self._loop, self._is_awake, self._fail = asyncio.get_running_loop(), False, fail
+        free = [each.node for each in run.scenario.transceivers if not each.has_agent]
+        self._came = RadioOnBus(session, run, radio, free, on_agent, self._wake)
 
-        def push(handler: Handler, came: Any) -> None:
-            inbox.push((handler, came))
-
-        NextPacket(self._keys, radio.core).serve(session, run.scenario, push)
-        for node in (each.node for each in run.scenario.transceivers if not each.has_agent):
-            for key, handler in (
-                (self._keys.tx(node, "*", to="*", radio="*"), self._packet_came),
-                (self._keys.agent(node), self._agent_came),
-            ):
-                session.subscribe(key, partial(push, handler))
+    @property
+    def dropped(self) -> int:
+        """How many packets of free programs found no room."""
+        return self._came.intake.dropped
 
     def serve(self, hosted: Sequence[HostedNode], paced: Paced, on_pace: Callable[[Clock], object]) -> None:
-        """Take operators' commands; ``on_pace`` is told, in any thread, when one holds the clock or lets it go."""
+        """Take operators' commands; ``on_pace`` is called, in any thread, when one holds the clock or lets it go."""
         self._clock.hold(paced, on_pace)
         for one in hosted:
             AskedOnBus(self._session, self._run, one)
@@ -83,9 +81,13 @@ class BesideBus:
     def settled(self, tick: SettledTick, *, is_end: bool) -> None:
         """What became of it."""
         self._publisher.to_nodes(tick)
-        key = self._keys.clock_end if is_end else self._keys.clock_release
-        self._session.put(key, Header.at(tick.sim_time_ns, ""), must_arrive=True)
+        self.released(tick.sim_time_ns, is_end=is_end)
         self._publisher.to_observers(tick, is_end=is_end)
+
+    def released(self, sim_time_ns: int, *, is_end: bool = False) -> None:
+        """Everybody is done with an instant."""
+        key = self._keys.clock_end if is_end else self._keys.clock_release
+        self._session.put(key, Header.at(sim_time_ns, ""), must_arrive=True)
 
     def state(self, state: AircraftState) -> None:
         """The aircraft's state."""
@@ -104,23 +106,27 @@ class BesideBus:
         self._outlets[node].log(item, sim_time_ns)
 
     def close(self) -> None:
-        """Tell no more."""
+        """Report nothing more."""
         self._clock.close()
 
     # What comes in.
 
-    def _take(self, item: tuple[Handler, Any]) -> None:
-        handler, came = item
+    def _wake(self) -> None:
+        if not self._is_awake:
+            self._is_awake = True
+            with suppress(RuntimeError):  # the loop is closed: the run is over
+                self._loop.call_soon_threadsafe(self._take_all)
+
+    def _take_all(self) -> None:
+        self._is_awake = False
         try:
-            handler(str(came.key_expr), came)
-        except (DecodeError, KeyMistake) as error:
-            self._radio.core.refused[Refused.MALFORMED] += 1
-            self._radio.tell_refusal(f"{came.key_expr}: {error}")
-
-    def _packet_came(self, key: str, sample: Sample) -> None:
-        address, payload = self._keys.address_of(key), sample.payload.to_bytes()
-        if not self._radio.packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
-            self._radio.tell_refusal(f"a packet on {key}")
-
-    def _agent_came(self, key: str, sample: Sample) -> None:
-        self._on_agent(self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus))
+            for _ in range(TAKEN_AT_ONCE):
+                item = self._came.intake.get(0.0)
+                if item is None:
+                    return
+                self._came.handle(item)
+            self._wake()  # the ring has its turn before the rest
+        except queue.Empty:
+            return
+        except Exception as error:
+            self._fail(error)

@@ -1,4 +1,4 @@
-"""Where what a node says goes in a run of one process: to the radio and to whoever is told, by calls."""
+"""Where what a node says goes in a run of one process: to the radio and to listeners, by calls."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bridge.record.logged import LoggedValue
 
 
 class Listeners(Protocol):
-    """Who is told what a node says, besides the radio."""
+    """Gets what a node says, besides the radio."""
 
     def state(self, state: AircraftState) -> None:
         """The aircraft's state."""
@@ -43,8 +43,8 @@ class CalledOutlet:
     Args:
         node: its id.
         radio: of the run.
-        listeners: who else is told.
-        on_answer: told when the node is done with an instant.
+        listeners: who else is called.
+        on_answer: called when the node is done with an instant.
     """
 
     def __init__(
@@ -54,13 +54,13 @@ class CalledOutlet:
         self._loop = asyncio.get_running_loop()
         self._said: deque[_Packet | AgentStatus] = deque()
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:
         """Give a packet to the radio."""
         address = Address(self._node, MAIN, to, channel)
-        self._said.append(_Packet(address, bytes(payload), encoding or "", stamp))
+        self._said.append(_Packet(address, bytes(payload), encoding, stamp))
 
     def report(self, status: AgentStatus) -> None:
-        """Tell what the agent is doing."""
+        """Report what the agent is doing."""
         self._said.append(status)
         self._loop.call_soon_threadsafe(self.pass_on)
 
@@ -83,10 +83,10 @@ class CalledOutlet:
         self._listeners.logged(self._node, item, sim_time_ns)
 
     def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
-        """Tell the radio that this node's was switched."""
+        """Report to the radio that this node's was switched."""
         self._radio.switch(self._node, sim_time_ns, on=on)
 
     def answer(self, sim_time_ns: int) -> None:
-        """Tell the radio that this node is done with an instant."""
+        """Report to the radio that this node is done with an instant."""
         self.pass_on()
         self._on_answer(self._node, sim_time_ns)

@@ -1,4 +1,4 @@
-"""The process of a run that is one program: tells its supervisor through a pipe what it does."""
+"""The process of a run that is one program: reports to its supervisor through a pipe."""
 
 from __future__ import annotations
 
@@ -26,21 +26,25 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog=NAME, description=__doc__)
     add_run_arguments(parser, NAME)
     parser.add_argument("--tell-fd", type=int, required=True, help="file descriptor of the supervisor's pipe")
+    parser.add_argument("--glance", action="store_true", help="tell of states and links, too")
     arguments = parser.parse_args()
     run = log_to_files(arguments)
     pipe = PipeWriter(arguments.tell_fd)
     try:
-        return run_until_stopped(partial(fly, run, pipe.put))
+        return run_until_stopped(partial(fly, run, pipe.put, looks=arguments.glance))
     except (FdmError, StandinError) as error:
-        logging.getLogger(NAME).error("%s", error)
+        log = logging.getLogger(NAME)
+        if isinstance(error, StandinError):
+            log.error("where its code failed:", exc_info=error.__cause__)
+        log.error("%s", error)
         return 1
 
 
-async def fly(run: RunDirectory, tell: Tell, stop: asyncio.Event) -> None:
-    """Fly the run in this process, with its router if it has one."""
+async def fly(run: RunDirectory, tell: Tell, stop: asyncio.Event, *, looks: bool) -> None:
+    """Fly the run in this process, with its router if it has one; see `Program`."""
     with ExitStack() as stack:
         report = Report(run.path, "router")
-        await Program(run, tell, report, _router(run, report, stack)).run(stop)
+        await Program(run, tell, report, _router(run, report, stack), looks=looks).run(stop)
 
 
 def _router(run: RunDirectory, report: Report, stack: ExitStack) -> Session | None:

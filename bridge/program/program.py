@@ -16,7 +16,7 @@ from math import isinf
 from time import monotonic
 from typing import Any
 
-from bridge.agents.feed import Arrivals
+from bridge.agents.running.feed import Arrivals
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header, Message, Truths
 from bridge.bus.session import Session
 from bridge.host.arrivals import hand_out
@@ -43,7 +43,7 @@ from standin.cli import called_standins
 NAME = "fleet"
 """Of the process, and of the one host in it."""
 TELL_PERIOD_S = 0.05
-"""The supervisor is told of ticks this often, wall time; of the last one in any case."""
+"""Ticks are reported to the supervisor this often, wall time; of the last one in any case."""
 GLANCE_PERIOD_S = 0.25
 LOOK_S = 0.01
 """Physics in the event loop looks this often whether an operator has let it go on."""
@@ -60,24 +60,28 @@ class Program:
 
     Args:
         run: the run.
-        tell: told, with a key of the run, what a supervisor has to know.
+        tell: called, with a key of the run, with what a supervisor has to know.
         report: of the radio.
         session: of the run's router, if somebody may look or speak from outside.
+        looks: whether ``tell`` is called with states and links now and then, too.
     """
 
-    def __init__(self, run: RunDirectory, tell: Tell, report: Report, session: Session | None = None) -> None:
+    def __init__(
+        self, run: RunDirectory, tell: Tell, report: Report, session: Session | None, *, looks: bool
+    ) -> None:
         self._run, self._keys, self._tell = run, run.keys, tell
         self._nodes = run.scenario.transceiver_ids
         self._loop = asyncio.get_running_loop()
         self._idle = IdleAgents()
         self._over: asyncio.Future[None] = self._loop.create_future()
-        self._report = Report(run.path, NAME)
         self._radio = RecordedRadio(run, report)
         self._hosts = Hosts(self._nodes, {NAME: run.scenario.regulated})
-        self._bus = None if session is None else BesideBus(session, run, self._radio, self._free_agent_said)
+        self._bus: BesideBus | None = None
+        if session is not None:
+            self._bus = BesideBus(session, run, self._radio, self._free_agent_said, self._fail)
         self._flush, self._told_at_s = Every(FLUSH_PERIOD_S), 0.0
         self._untold: Clock | None = None
-        self._glance = {node: Every(GLANCE_PERIOD_S) for node in (*self._nodes, "")}
+        self._glance = {node: Every(GLANCE_PERIOD_S) for node in (*self._nodes, "") if looks}
         self._standins = _standins(run)
         self._outlets = {
             node: CalledOutlet(node, self._radio, self, self._answered) for node in run.scenario.regulated
@@ -171,12 +175,12 @@ class Program:
         self._end_physics()
         failure = self._over.exception() if self._over.done() else None
         with ExitStack() as closing:  # each, whatever another raises
-            closing.callback(self._report.close)
             # where a packet has no fate the books cannot be closed
             if isinstance(failure, OutsideValidityError):
                 closing.callback(self._radio.close)
             else:
-                closing.callback(self._radio.finish, self._tell_progress)
+                dropped = 0 if self._bus is None else self._bus.dropped
+                closing.callback(self._radio.finish, self._tell_progress, dropped)
             closing.callback(self._tell_clock)
             closing.callback(self._dynamics.close)
             if self._bus is not None:
@@ -274,6 +278,8 @@ class Program:
     def _close(self, closed: Closed) -> None:
         """Everybody is done with an instant."""
         if not closed.is_tick:
+            if self._bus is not None:
+                self._bus.released(closed.sim_time_ns)
             self._release(closed.sim_time_ns)
             return
         tick = self._radio.settle(closed.sim_time_ns)
@@ -283,7 +289,7 @@ class Program:
             self._bus.settled(tick, is_end=closed.is_end)
         if not closed.is_end:
             self._release(closed.sim_time_ns)
-        if self._glance[""].is_due() or closed.is_end:
+        if self._is_looked_at("", always=closed.is_end):
             self._tell(self._keys.tick("links"), self._radio.links(closed.sim_time_ns))
         self._radio.write(tick.settled)
         if self._flush.is_due():
@@ -292,6 +298,10 @@ class Program:
             self._tell_clock()
             self._tell(self._keys.clock_end, Header.at(closed.sim_time_ns, ""))
 
+    def _is_looked_at(self, what: str, *, always: bool = False) -> bool:
+        """Whether it is time to report a node, or ("") of the links; always at the end, if ever."""
+        return what in self._glance and (self._glance[what].is_due() or always)
+
     def _release(self, sim_time_ns: int) -> None:
         self._dynamics.release(sim_time_ns)
         self._moved.set()
@@ -299,15 +309,15 @@ class Program:
     # What nodes say, besides to the radio (`bridge.program.outlets.Listeners`).
 
     def state(self, state: AircraftState) -> None:
-        """Tell of it now and then."""
+        """Report it now and then."""
         node = state.header.frame_id
-        if self._glance[node].is_due():
+        if self._is_looked_at(node):
             self._tell(self._keys.state(node), state)
         if self._bus is not None:
             self._bus.state(state)
 
     def report(self, node: str, status: AgentStatus) -> None:
-        """Tell of it."""
+        """Report it."""
         self._tell(self._keys.agent(node), status)
         if self._bus is not None:
             self._bus.report(node, status)
@@ -317,13 +327,13 @@ class Program:
         self._tell(self._keys.agent(node), status)
 
     def logged(self, node: str, item: LoggedValue, sim_time_ns: int) -> None:
-        """Tell the bus."""
+        """Publish it on the bus."""
         if self._bus is not None:
             self._bus.logged(node, item, sim_time_ns)
 
 
 class _InTheLoop:
-    """Passes what physics tells in its thread on to the event loop's."""
+    """Passes what physics reports in its thread on to the event loop's."""
 
     def __init__(self, program: Program) -> None:
         self._program, self._loop = program, asyncio.get_running_loop()

@@ -1,4 +1,4 @@
-"""What waits for the router's one thread: in the order in which it came, and bounded by number and by bytes."""
+"""What waits for the radio's one thread: in the order in which it came, and bounded by number and by bytes."""
 
 from __future__ import annotations
 
@@ -29,14 +29,18 @@ class Waiting(NamedTuple):
 
 
 class Intake:
-    """A queue from Zenoh's threads to the router's.
+    """A queue from Zenoh's threads to the radio's.
+
+    Args:
+        wake: called, in any thread, when something has come.
 
     Attributes:
         dropped: samples that found no room.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, wake: Callable[[], object] = lambda: None) -> None:
         self.dropped = 0
+        self._wake = wake
         self._queue: queue.SimpleQueue[Waiting | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._bytes = 0
@@ -56,6 +60,7 @@ class Intake:
             self._bytes += length
             lost, self._lost = self._lost, {}
             self._queue.put(Waiting(handler, came, lost))
+        self._wake()
 
     def end(self) -> None:
         """Let `get` return None; callable from a signal handler."""

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TypeVar
 
+from channel.medium.judge.check import Verdict
 from channel.medium.ledger import Ledger
-from channel.medium.verdict import Check
 
 LEDGER = "ledger.json"
+NOTHING_JUDGED = Verdict(())
 Refusal = TypeVar("Refusal", bound=StrEnum)
 
 
@@ -20,11 +21,14 @@ def write_ledger(
     ledger: Ledger,
     refused: Mapping[Refusal, int],
     progress: Callable[[float], object] = lambda _: None,
-    checks: Iterable[Check] = (),
+    verdict: Verdict = NOTHING_JUDGED,
+    *,
+    shares_draws: bool = False,
 ) -> None:
-    """Write the counters: per directed link, what was measured and predicted per bin, what was not taken, checks.
+    """Write the counters: per directed link, what was measured and predicted per bin, what was not taken; the verdict.
 
-    ``progress`` is told now and then which share of the bins is done.
+    ``progress`` is called now and then with the share of the bins that is done. The ratio of packets that share what is
+    drawn has no binomial interval.
     """
     links = [
         {"tx": tx, "rx": rx, "sent": a.sent, "delivered": a.delivered, "lost": dict(sorted(a.lost.items()))}
@@ -40,7 +44,7 @@ def write_ledger(
             "delivered": b.delivered,
             "measured": b.measured,
             "predicted": b.predicted,
-            "ci99": [b.ci99_low, b.ci99_high],
+            "ci99": None if shares_draws else [b.ci99_low, b.ci99_high],
         }
         for b in ledger.bins(progress)
     ]
@@ -51,7 +55,8 @@ def write_ledger(
                 "links": links,
                 "bins": bins,
                 "refused": {r.value: n for r, n in sorted(refused.items())},
-                "checks": [check._asdict() | {"passed": check.passed} for check in checks],
+                "checks": [check.plain for check in verdict.checks],
+                "unjudged": [each._asdict() for each in verdict.unjudged],
             },
             indent=1,
         )

@@ -11,7 +11,7 @@ import numpy as np
 from bridge.bus.messages import Header, Measurements
 from bridge.record.tables.measurements import MeasurementWriter
 from bridge.run.directory import RunDirectory
-from channel.link.emitter import Emitter
+from channel.link.emitters.emitter import Emitter
 from channel.medium.medium import Medium
 from channel.sensing.measured import MEASURED, NOTHING, Measured, Places
 from channel.sensing.sensing import Sensing
@@ -20,13 +20,13 @@ from channel.sensing.settings import Identifies
 
 
 class Told(NamedTuple):
-    """One measurement as its sensor tells it: of one of several that it cannot tell apart, the place says nothing.
+    """One measurement as its sensor reports it: of one of several that it cannot distinguish, the place says nothing.
 
     Attributes:
         node: index of the node with the sensor.
         number: the sensor's count.
-        emitter: id; empty if the sensor does not tell.
-        frequency_hz: NaN if it does not tell.
+        emitter: id; empty if the sensor does not say.
+        frequency_hz: NaN if it does not say.
         power_dbm: in the sensor's steps.
     """
 
@@ -42,7 +42,7 @@ class RfSensors:
 
     Args:
         sensing: their laws.
-        identifies: what each tells, in the order of `sensing.sensors`.
+        identifies: what each says, in the order of `sensing.sensors`.
         medium: which knows where everybody is.
     """
 
@@ -78,7 +78,7 @@ class RfSensors:
         )
 
     def told(self, measured: Measured) -> list[Told]:
-        """What the sensors tell, in an order that says no more than they do: by node, id, frequency and power."""
+        """What the sensors report, in an order that says no more than they do: by node, id, frequency and power."""
         rows = np.flatnonzero(measured.outcome == MEASURED)
         columns = (measured.sensor, measured.emitter, measured.number, measured.power_dbm)
         values = zip(*(column[rows].tolist() for column in columns), strict=True)
@@ -87,7 +87,7 @@ class RfSensors:
     def _told(self, sensor: int, emitter: int, number: int, power_dbm: float) -> Told:
         source, tells = self._sensing.emitters[emitter], self._identifies[sensor]
         name = source.name if tells == "id" else ""
-        # a number that sorts, also where it is not told: NaN takes its place in `as_message`
+        # a number that sorts, also where it is not known: NaN takes its place in `as_message`
         frequency_hz = 0.0 if tells == "none" else source.frequency_hz
         return Told(int(self._node[sensor]), number, name, frequency_hz, power_dbm)
 
@@ -133,7 +133,7 @@ class SensorsOfRun:
         return cls(RfSensors(sensing, [each.identifies for each in sensors.values()], medium), table)
 
     def measure(self, sim_time_ns: int) -> list[Told]:
-        """Measure at a tick, keep it all, and return what the sensors tell."""
+        """Measure at a tick, keep it all, and return what the sensors report."""
         measured = self._sensors.measure(sim_time_ns)
         self._table.write(sim_time_ns, measured)
         return self._sensors.told(measured)

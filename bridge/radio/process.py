@@ -9,15 +9,14 @@ from collections.abc import Iterable
 from functools import partial
 
 from bridge.bus.identity.logins import LoginWatch
-from bridge.bus.keys import KeyMistake, Keys
-from bridge.bus.messages import AgentStatus, Clock, DecodeError, Header, RadioSwitch, Truths, decode
-from bridge.bus.session import Sample, Session, Stamp, open_router
+from bridge.bus.keys import Keys
+from bridge.bus.messages import Clock, Header, RadioSwitch, Truths, decode
+from bridge.bus.session import Sample, Session, open_router
 from bridge.radio.heard import Hosts
-from bridge.radio.intake import Handler, Intake, Waiting
-from bridge.radio.next_packet import NextPacket
+from bridge.radio.intake import Handler
+from bridge.radio.on_bus import RadioOnBus
 from bridge.radio.publisher import TickPublisher
 from bridge.radio.radio import REFUSALS_LOGGED_MAX, RecordedRadio
-from bridge.radio.senders import Refused
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
@@ -36,29 +35,21 @@ class RouterProcess:
         self._keys: Keys = run.keys
         self._session = session
         self._radio = RecordedRadio(run, report)
-        self._core = self._radio.core
         self._publisher = TickPublisher(session, run, self._radio)
         self._hosts = Hosts(run.scenario.transceiver_ids, run.info.hosts)
-        self._intake = Intake()
-        droppable = {self._on_packet, self._on_agent}
+        self._came = RadioOnBus(session, run, self._radio, ["*"], self._radio.agent)
         for key_expr, handler in self._handlers():
-            push = partial(self._intake.push, handler, may_drop=handler in droppable)
-            session.subscribe(key_expr, push)
-        NextPacket(run.keys, self._core).serve(
-            session, run.scenario, partial(self._intake.push, may_drop=False)
-        )
+            session.subscribe(key_expr, partial(self._came.intake.push, handler, may_drop=False))
 
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
         yield self._keys.tick("truths"), self._on_truths
-        yield self._keys.tx("*", "*", to="*", radio="*"), self._on_packet
         yield self._keys.radio("*"), self._on_switch
         yield self._keys.answer("*"), self._on_answer
         yield self._keys.clock, self._on_clock
-        yield self._keys.agent("*"), self._on_agent
 
     def stop(self) -> None:
         """End `run`; callable from a signal handler."""
-        self._intake.end()
+        self._came.intake.end()
 
     def run(self) -> None:
         """Serve until `stop`, then write what is left of the record, however long that takes."""
@@ -68,12 +59,12 @@ class RouterProcess:
             self._radio.close()
             raise
         except BaseException:
-            self._radio.finish(self._tell_progress, self._intake.dropped)
+            self._radio.finish(self._tell_progress, self._came.intake.dropped)
             raise
-        self._radio.finish(self._tell_progress, self._intake.dropped)
+        self._radio.finish(self._tell_progress, self._came.intake.dropped)
 
     def _tell_progress(self, share: float) -> None:
-        """Tell the supervisor, which waits as long as it hears of progress."""
+        """Report to the supervisor, which waits as long as it hears of progress."""
         header = Header.at(0, f"writes its record: {100 * share:.0f} % of the distance bins")
         self._session.put(self._keys.ending, header, must_arrive=True)
 
@@ -81,10 +72,10 @@ class RouterProcess:
         flush, idle_s = Every(FLUSH_PERIOD_S), 0.0
         while True:
             try:
-                item = self._intake.get(FLUSH_PERIOD_S)
+                item = self._came.intake.get(FLUSH_PERIOD_S)
                 if item is None:
                     return
-                self._handle(item)
+                self._came.handle(item)
                 idle_s = 0.0
             except queue.Empty:
                 idle_s += FLUSH_PERIOD_S
@@ -93,40 +84,18 @@ class RouterProcess:
             if flush.is_due():
                 self._radio.flush()
 
-    def _handle(self, item: Waiting) -> None:
-        for key, seq in item.lost.items():
-            self._core.on_dropped(self._keys.node_of(key), seq)
-        try:
-            item.handler(str(item.came.key_expr), item.came)
-        except (
-            DecodeError,
-            KeyMistake,
-        ) as error:  # bytes or keys of somebody else's; what is ours ends the run
-            self._core.refused[Refused.MALFORMED] += 1
-            self._radio.tell_refusal(f"{item.came.key_expr}: {error}")
-
     # What comes.
 
     def _on_truths(self, _key: str, sample: Sample) -> None:
         self._radio.truths(decode(sample.payload.to_bytes(), Truths).truth)
 
-    def _on_packet(self, key: str, sample: Sample) -> None:
-        address, payload = self._keys.address_of(key), sample.payload.to_bytes()
-        if not self._radio.packet(address, payload, str(sample.encoding), Stamp.from_sample(sample)):
-            self._radio.tell_refusal(f"a packet on {key}")
-
     def _on_clock(self, _key: str, sample: Sample) -> None:
         log_clock.now_ns = decode(sample.payload.to_bytes(), Clock).header.stamp.ns
         self._radio.tick(log_clock.now_ns)
 
-    def _on_agent(self, key: str, sample: Sample) -> None:
-        self._radio.agent(self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus))
-
     def _on_switch(self, key: str, sample: Sample) -> None:
         switch = decode(sample.payload.to_bytes(), RadioSwitch)
-        node, sim_time_ns = self._keys.node_of(key), switch.header.stamp.ns
-        self._radio.switch(node, sim_time_ns, on=switch.on)
-        log.info("an operator switched the radio of node %s %s", node, "on" if switch.on else "off")
+        self._radio.switch(self._keys.node_of(key), switch.header.stamp.ns, on=switch.on)
 
     def _on_answer(self, key: str, sample: Sample) -> None:
         sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns

@@ -61,7 +61,7 @@ class TickPublisher:
             self._session.put_bytes(
                 self._keys.rx(self._nodes[rx], self._nodes[packet.tx], packet.channel),
                 packet.payload,
-                encoding=packet.encoding or None,
+                encoding=packet.encoding,
                 attachment=attachment(stamps[number], rssi_dbm, snr_db),
                 must_arrive=True,
             )
@@ -73,7 +73,7 @@ class TickPublisher:
                 self._session.put(key, self._picture.status(row, sim_time_ns), must_arrive=True)
 
     def _tell_measurements(self, sim_time_ns: int, told: Sequence[Told]) -> None:
-        """Put what each sensor tells where somebody beside the hosts listens."""
+        """Put what each sensor reports where somebody beside the hosts listens."""
         for node in sorted({each.node for each in told}):
             if self._wants_measurements[node]():
                 mine = [each for each in told if each.node == node]

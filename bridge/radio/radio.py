@@ -17,15 +17,15 @@ from bridge.radio.senders import Refused
 from bridge.radio.virtual_radio import Settled, VirtualRadio
 from bridge.record import names
 from bridge.record.events import Report
-from bridge.record.packets import SentPacket, encode_packet
+from bridge.record.packets import encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.run.directory import RunDirectory
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
+from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
-from channel.medium.verdict import Judge
 
 NO_PACKAGE = "no_data_package_on_the_data_channel"
 """Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
@@ -42,7 +42,7 @@ class SettledTick:
         sim_time_ns: the tick.
         settled: its packets.
         rows: whom each node heard, of those for which that changed.
-        told: what RF sensors tell.
+        told: what RF sensors report.
     """
 
     sim_time_ns: int
@@ -71,7 +71,7 @@ class RecordedRadio:
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
-        self._judge = Judge(len(nodes))
+        self._judge = Judge(len(nodes), scenario.seed)
         medium = Medium(
             radios,
             seed=scenario.seed,
@@ -79,14 +79,16 @@ class RecordedRadio:
             judge=self._judge,
             emitters=[each.name for each in emitters],
             switches=switches_of(scenario),
+            bases=[node.node for node in scenario.ground],
         )
+        self._shares_draws = any(radio.shares_draws for radio in radios.values())
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self.core = VirtualRadio(medium, ring, mtu_bytes)
         self.picture = Picture(nodes)
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
-        self._writer = DeliveryWriter(run.path, nodes)
+        self._writer = DeliveryWriter(run.path, nodes, self.core.words)
         self._sensors = SensorsOfRun.of(run, sensors_of(scenario), emitters, medium)
 
     # What comes in.
@@ -99,14 +101,14 @@ class RecordedRadio:
         """Take a tick of the fleet clock."""
         self.core.on_tick(sim_time_ns)
 
-    def packet(self, address: Address, payload: bytes, encoding: str, stamp: Stamp | None) -> bool:
-        """Take what a node transmits; returns whether it was taken."""
+    def packet(self, address: Address, payload: bytes, encoding: str, stamp: Stamp | None) -> None:
+        """Take what a node transmits."""
         if not self.core.on_packet(address, payload, encoding, stamp):
-            return False
+            self.tell_refusal(f"a packet of node {address.node} to {address.to} on {address.channel}")
+            return
         self._tell_if_free(address.node)
         if address.channel == self._data_channel and not _is_package(payload, encoding):
             self._report.count(f"{NO_PACKAGE}.{address.node}")
-        return True
 
     def agent(self, node: str, status: AgentStatus) -> None:
         """Take what a node's agent says of itself."""
@@ -120,6 +122,7 @@ class RecordedRadio:
     def switch(self, node: str, sim_time_ns: int, *, on: bool) -> None:
         """Take a node's word that an operator switched its radio."""
         self.core.on_switch(node, sim_time_ns, on=on)
+        log.info("an operator switched the radio of node %s %s", node, "on" if on else "off")
 
     def answer(self, node: str, sim_time_ns: int) -> Closed | None:
         """Take a node's word that it is done with an instant; `settle` a tick that this closes."""
@@ -162,11 +165,10 @@ class RecordedRadio:
 
     def write(self, settled: Settled) -> None:
         """Record what became of packets, and what was transmitted."""
-        self._writer.write(settled.columns, settled.gaps)
+        self._writer.write(settled.columns, settled.gaps, settled.received_ns)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for packet in transmitted:
-            sent = SentPacket(packet.seq, packet.sim_time_ns, packet.address, packet.payload)
-            self._packets[self.core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(sent))
+            self._packets[self.core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(packet))
 
     def flush(self) -> None:
         """Hand the record to the operating system."""
@@ -181,7 +183,7 @@ class RecordedRadio:
         """Write what is left of the record, however long that takes.
 
         Args:
-            tell_progress: told now and then which share is done.
+            tell_progress: called now and then with the share that is done.
             dropped: packets that came faster than they were taken.
 
         Raises:
@@ -193,8 +195,14 @@ class RecordedRadio:
             self.close()
         self._tell_overload(dropped)
         self._report.close()
-        checks = self._judge.verdict().checks
-        write_ledger(self._run.path / LEDGER, self.core.ledger, self.core.refused, tell_progress, checks)
+        write_ledger(
+            self._run.path / LEDGER,
+            self.core.ledger,
+            self.core.refused,
+            tell_progress,
+            self._judge.verdict(),
+            shares_draws=self._shares_draws,
+        )
 
     def close(self) -> None:
         """Close the files of the record as they are."""

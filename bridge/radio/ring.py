@@ -46,12 +46,17 @@ class Ring:
         self._tick_ns = 0
         self._tasks = set(tasks)
         self._end_ns = end_ns
-        self._tick_period_ns = tick_period_ns
+        self.tick_period_ns = tick_period_ns
 
     @property
     def waiting_for(self) -> tuple[str, ...]:
         """Nodes that have not answered the latest tick."""
         return tuple(node for node, at in self._answered.items() if at < self._tick_ns)
+
+    @property
+    def received_ns(self) -> int:
+        """The tick at which nodes get what is settled now: the one after the latest that all have answered."""
+        return (self._closed_ns // self.tick_period_ns + 1) * self.tick_period_ns
 
     def __contains__(self, node: str) -> bool:
         return node in self._answered
@@ -61,7 +66,7 @@ class Ring:
         self._tick_ns = max(self._tick_ns, sim_time_ns)
 
     def answer(self, node: str, sim_time_ns: int) -> Closed | None:
-        """Take a node's word that it has done all it will do at an instant; tells if that closes it.
+        """Take a node's word that it has done all it will do at an instant; returns whether that closes it.
 
         Raises:
             KeyError: nobody waits for this node.
@@ -74,7 +79,7 @@ class Ring:
             return None
         self._closed_ns = min(self._answered.values())
         self._missing = sum(at <= self._closed_ns for at in self._answered.values())
-        is_tick = self._closed_ns % self._tick_period_ns == 0
+        is_tick = self._closed_ns % self.tick_period_ns == 0
         return Closed(self._closed_ns, is_tick, is_tick and self._closed_ns >= self._end_ns)
 
     def done(self, node: str) -> None:

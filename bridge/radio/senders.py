@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from bridge.record.packets import SentPacket
 from bridge.record.tables.deliveries import Cause, Gap
 from channel.medium.reception import EVERYBODY
 
@@ -31,28 +32,17 @@ class Refused(StrEnum):
     OVERLOAD = "overload"
 
 
-@dataclass(frozen=True, slots=True)
-class TxPacket:
-    """What a node gave to the radio; the payload is opaque.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TxPacket(SentPacket):
+    """What a node gave to the radio, with its ends.
 
     Attributes:
         tx: index of the sender.
         to: index of the addressee, or EVERYBODY.
-        address: ``radio/to/channel``, as in the key.
     """
 
     tx: int
     to: int
-    address: str
-    seq: int
-    sim_time_ns: int
-    payload: bytes
-    encoding: str = ""
-
-    @property
-    def channel(self) -> str:
-        """Last part of the keys."""
-        return self.address.rpartition("/")[2]
 
 
 class Senders:
@@ -60,7 +50,7 @@ class Senders:
 
     Args:
         mtu_bytes: of each node's radio, by index.
-        on_gap: told of packets that are lost before the channel.
+        on_gap: called with packets that are lost before the channel.
     """
 
     def __init__(self, mtu_bytes: Iterable[int], on_gap: Callable[[Gap], object]) -> None:
@@ -87,8 +77,8 @@ class Senders:
         self._counts[packet.tx] += 1
         length = len(packet.payload)
         if length > self._mtu_bytes[packet.tx]:
-            lost = Gap(packet.sim_time_ns, packet.tx, packet.to, packet.seq, 1, length, Cause.TOO_LONG)
-            self._on_gap(lost)
+            what = (length, Cause.TOO_LONG, packet.channel, packet.encoding)
+            self._on_gap(Gap(packet.sim_time_ns, packet.tx, packet.to, packet.seq, 1, *what))
             return True
         self._bytes[packet.tx] += length
         self._taken.append(packet)

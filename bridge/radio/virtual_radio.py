@@ -1,6 +1,6 @@
 """The virtual radio: everything that one node transmits goes through here, and what survives goes on.
 
-`VirtualRadio` is the core: it takes packets, true positions and answers to ticks, and tells what became of them. It
+`VirtualRadio` is the core: it takes packets, true positions and answers to ticks, and says what became of them. It
 knows no Zenoh: the process around it is `bridge.radio.process`.
 
 The router also closes each tick: once every regulated node has answered it, all packets of that tick are settled at
@@ -21,7 +21,7 @@ from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused, Senders, TxPacket
-from bridge.record.tables.deliveries import Cause, Gap, columns_of
+from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
 from bridge.record.tables.schema import Columns
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
@@ -30,6 +30,8 @@ from channel.medium.reception import EVERYBODY, Packets, Receptions
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
+ENCODING_MAX = 1000
+"""Characters that a program may say of a payload."""
 AHEAD_MAX_NS = 1_000_000_000
 """A packet further ahead than this is: what waits for its truth has to be bounded."""
 
@@ -43,12 +45,14 @@ class Settled:
         receptions: their fates, as columns.
         gaps: packets that were lost before the channel.
         columns: of the receptions, as the table of deliveries has them.
+        received_ns: the tick at which nodes get them.
     """
 
     packets: Sequence[TxPacket]
     receptions: Receptions
     gaps: Sequence[Gap]
     columns: Columns
+    received_ns: int
 
 
 class VirtualRadio:
@@ -63,6 +67,7 @@ class VirtualRadio:
     def __init__(self, medium: Medium, ring: Ring, mtu_bytes: Mapping[str, int]) -> None:
         self.nodes = medium.nodes
         self.ring = ring
+        self.words = Vocabulary()
         self.ledger = Ledger(self.nodes, causes=tuple(Cause))
         self.transmitted: list[TxPacket] = []
         """Packets given to the medium, in canonical order; whoever writes them clears the list."""
@@ -123,16 +128,18 @@ class VirtualRadio:
 
     def on_packet(self, address: Address, payload: bytes, encoding: str, stamp: Stamp | None) -> bool:
         """Take a packet with its sender's stamp; returns whether it was. `settle` decides its fate."""
-        why = self._why_refused(address, stamp)
+        why = self._why_refused(address, encoding, stamp)
         if stamp is None or why is not None:
             self.refused[why or Refused.WITHOUT_STAMP] += 1
             return False
         to = EVERYBODY if address.to == ALL else self._index[address.to]
         route = f"{address.radio}/{address.to}/{address.channel}"
         tx = self._index[address.node]
-        return self._senders.take(TxPacket(tx, to, route, stamp.seq, stamp.sim_time_ns, payload, encoding))
+        return self._senders.take(
+            TxPacket(stamp.seq, stamp.sim_time_ns, route, payload, encoding, tx=tx, to=to)
+        )
 
-    def _why_refused(self, address: Address, stamp: Stamp | None) -> Refused | None:
+    def _why_refused(self, address: Address, encoding: str, stamp: Stamp | None) -> Refused | None:
         if address.node not in self._index:
             return Refused.UNKNOWN_NODE
         if stamp is None:
@@ -141,6 +148,8 @@ class VirtualRadio:
             return Refused.UNKNOWN_RADIO
         if address.to == address.node or (address.to != ALL and address.to not in self._index):
             return Refused.UNKNOWN_ADDRESS
+        if len(encoding) > ENCODING_MAX:
+            return Refused.MALFORMED
         return None if 0 <= stamp.sim_time_ns <= self._latest_ns + AHEAD_MAX_NS else Refused.MALFORMED
 
     def _is_plausible(self, sim_time_ns: int) -> bool:
@@ -188,8 +197,8 @@ class VirtualRadio:
 
     def on_dropped(self, node: str, seq: int) -> None:
         """Take note that the process dropped a node's packets up to number ``seq``: too much came at once."""
-        if node in self._index:
-            self._senders.book_missing(self._index[node], seq + 1, self._latest_ns)
+        if node in self._index and not self._senders.told_total(self._index[node], seq + 1, self._latest_ns):
+            self.refused[Refused.MALFORMED] += 1
 
     # What becomes of it.
 
@@ -205,7 +214,7 @@ class VirtualRadio:
             LedgerError: sent is not delivered plus lost: a defect of ours.
         """
         self._send()
-        settled = self._settled(self._medium.flush())
+        settled = self._settled(self._medium.flush(), is_over=True)
         self.ledger.check(in_flight=0)
         return settled
 
@@ -219,12 +228,18 @@ class VirtualRadio:
         self.ledger.send(packets)
         self._medium.send(packets)
 
-    def _settled(self, receptions: Receptions) -> Settled:
+    def _settled(self, receptions: Receptions, *, is_over: bool = False) -> Settled:
         self.ledger.settle(receptions)
         done = receptions.packets
         packets = [self._in_flight.pop(key) for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
         gaps, self._gaps = sorted(self._gaps, key=_place_of), []  # whoever was first
-        return Settled(packets, receptions, gaps, columns_of(receptions, self._medium.counted_bytes(done)))
+        came_ns = np.full(done.size, self.ring.received_ns)
+        if is_over:  # what was stamped ahead would have come later
+            period_ns = self.ring.tick_period_ns
+            came_ns = np.maximum(came_ns, tick_of(done.sim_time_ns, period_ns) + period_ns)
+        said = self.words.of(packets) | {"received_ns": came_ns}
+        columns = columns_of(receptions, self._medium.counted_bytes(done), said)
+        return Settled(packets, receptions, gaps, columns, self.ring.received_ns)
 
     def _book_gap(self, gap: Gap) -> None:
         to = None if gap.to == EVERYBODY else self.nodes[gap.to]

@@ -89,7 +89,7 @@ class Report:
             self._changed = True
 
     def event(self, sim_time_ns: int, node: str, kind: str, text: str) -> None:
-        """Tell what happened."""
+        """Report what happened."""
         with self._lock:
             if len(self._events) < EVENTS_MAX:
                 self._events.append(RunEvent(sim_time_ns, node, kind, text))
@@ -98,7 +98,7 @@ class Report:
             self._changed = True
 
     def may_not_repeat(self, reason: str) -> None:
-        """Tell, as a sentence, why the same run may come out differently. The same sentence counts once."""
+        """Report, as a sentence, why the same run may come out differently. The same sentence counts once."""
         with self._lock:
             if reason in self._reasons:
                 return

@@ -19,6 +19,7 @@ VERBS: Final = (
         "disarm",
         "mode",
         "takeoff",
+        "hold",
         "goto",
         "goto_ned",
         "velocity",

@@ -1,8 +1,8 @@
 """The payload of ``packets/<node>``: one packet that the node transmitted and the radio took.
 
-int64 sequence number, int64 sim time of transmission in ns, uint16 length of the address, that address in UTF-8
-(``radio/to/channel``, as in the key),
-and the packet's own bytes; all numbers are little-endian.
+int64 sequence number, int64 sim time of transmission in ns, uint16 lengths of address and encoding, the address
+(``radio/to/channel``, as in the key) and the encoding in UTF-8, and the packet's own bytes; all numbers are
+little-endian.
 """
 
 from __future__ import annotations
@@ -10,41 +10,56 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Final
 
 from bridge.record import names
 from bridge.record.streams import decoded
 
-_HEAD: Final = struct.Struct("<qqH")
-CHANNEL_MAX_BYTES: Final = 0xFFFF
+_HEAD: Final = struct.Struct("<qqHH")
+TEXT_MAX_BYTES: Final = 0xFFFF
 
 
 @dataclass(frozen=True, slots=True)
 class SentPacket:
-    """What a node gave to the radio; ``payload`` is opaque."""
+    """What a node gave to the radio.
+
+    Attributes:
+        seq: the sender's count.
+        sim_time_ns: when.
+        address: ``radio/to/channel``, as in the key.
+        payload: opaque.
+        encoding: what the payload is said to be, as Zenoh names it; "" for bytes of which nothing is said.
+    """
 
     seq: int
     sim_time_ns: int
-    channel: str
+    address: str
     payload: bytes
+    encoding: str = ""
+
+    @property
+    def channel(self) -> str:
+        """Last part of the address."""
+        return self.address.rpartition("/")[2]
 
 
 def encode_packet(packet: SentPacket) -> bytes:
     """The packet as the payload of a stream's entry.
 
     Raises:
-        ValueError: a number does not fit 64 bits, or the address is too long.
+        ValueError: a number does not fit 64 bits, or the address or the encoding is too long.
     """
-    channel = packet.channel.encode()
+    address, encoding = packet.address.encode(), packet.encoding.encode()
     try:
-        head = _HEAD.pack(packet.seq, packet.sim_time_ns, len(channel))
+        head = _HEAD.pack(packet.seq, packet.sim_time_ns, len(address), len(encoding))
     except struct.error as error:
         raise ValueError(
-            f"seq {packet.seq} and sim_time_ns {packet.sim_time_ns} have to fit int64, and the channel's "
-            f"{len(channel)} bytes must be at most {CHANNEL_MAX_BYTES}"
+            f"seq {packet.seq} and sim_time_ns {packet.sim_time_ns} have to fit int64, and the {len(address)} bytes "
+            f"of the address and {len(encoding)} of the encoding must each be at most {TEXT_MAX_BYTES}"
         ) from error
-    return head + channel + packet.payload
+    return head + address + encoding + packet.payload
 
 
 def decode_packet(entry: bytes) -> SentPacket:
@@ -55,11 +70,14 @@ def decode_packet(entry: bytes) -> SentPacket:
     """
     if len(entry) < _HEAD.size:
         raise ValueError(f"{len(entry)} bytes are too few for a packet")
-    seq, sim_time_ns, length = _HEAD.unpack_from(entry)
-    end = _HEAD.size + length
+    seq, sim_time_ns, *lengths = _HEAD.unpack_from(entry)
+    _, middle, end = accumulate(lengths, initial=_HEAD.size)
     if len(entry) < end:
-        raise ValueError(f"{len(entry)} bytes are too few for a channel's name of {length} bytes")
-    return SentPacket(seq, sim_time_ns, entry[_HEAD.size : end].decode(), entry[end:])
+        raise ValueError(
+            f"{len(entry)} bytes are too few for an address and an encoding of {sum(lengths)} bytes"
+        )
+    address, encoding = entry[_HEAD.size : middle].decode(), entry[middle:end].decode()
+    return SentPacket(seq, sim_time_ns, address, entry[end:], encoding)
 
 
 def packets_of(run: Path, node: str) -> Iterator[tuple[int, SentPacket]]:

@@ -47,11 +47,13 @@ class AutopilotOrigin:
         source: as in the scenario: ardupilot, standin or external.
         version: its version text; "" if not known.
         sha256: of the binary; "" if there is none of ours.
+        path: of the binary; where it lies makes no difference.
     """
 
     source: str
     version: str = ""
     sha256: str = ""
+    path: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         digest = f"binary with SHA-256 {self.sha256[:12]}..." if self.sha256 else ""
@@ -112,7 +114,7 @@ def ardupilot_origin(binary: Path, version: str = "") -> AutopilotOrigin:
     Raises:
         OSError: the binary cannot be read.
     """
-    return AutopilotOrigin("ardupilot", version, file_digest(binary))
+    return AutopilotOrigin("ardupilot", version, file_digest(binary), str(binary))
 
 
 def standin_origin() -> AutopilotOrigin:
@@ -160,7 +162,7 @@ def _from_plain(content: Any) -> Provenance:
 
 
 def _origin(values: Any) -> AutopilotOrigin:
-    return AutopilotOrigin(*(str(values.get(name, "")) for name in ("source", "version", "sha256")))
+    return AutopilotOrigin(*(str(values.get(name, "")) for name in ("source", "version", "sha256", "path")))
 
 
 def _table(values: Any) -> dict[str, str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
 from bridge.record.inputs import RecordedInput, inputs_of
 from bridge.scenario.model import Scenario
-from channel.medium.switches import Switches
+from channel.medium.stations.switches import Switches
 
 
 def switches_of(scenario: Scenario, run: Path | None = None) -> Switches:

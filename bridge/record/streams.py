@@ -13,14 +13,14 @@ import io
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, Self, TypeVar
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
 MAGIC: Final = b"LLSTREAM"
-VERSION: Final = 1
+VERSION: Final = 2
+"""2: a packet has its encoding."""
 PAYLOAD_MAX_BYTES: Final = 1 << 24
 BUFFER_BYTES: Final = 1 << 16
 TICK_MAX_NS: Final = (1 << 63) - 1
@@ -90,9 +90,7 @@ class StreamWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -64,7 +64,7 @@ def access_of(run: str | Path, identity: str) -> Access:
     Raises:
         NoAccess: the text says why.
     """
-    directory = _directory(Path(run))
+    directory = directory_of(run)
     try:
         info = directory.info
     except (OSError, ValueError) as error:
@@ -87,8 +87,13 @@ def access_of(run: str | Path, identity: str) -> Access:
     raise NoAccess(f"{directory.path}: nobody is called {identity!r} there; known: {known}")
 
 
-def _directory(run: Path) -> RunDirectory:
-    there = [path for path in (run, RUNS / run) if path.is_dir()]
+def directory_of(run: str | Path) -> RunDirectory:
+    """The directory of a run, or of one in `runs/`.
+
+    Raises:
+        NoAccess: there is no such run.
+    """
+    there = [path for path in (Path(run), RUNS / run) if path.is_dir()]
     if not there:
         raise NoAccess(f"there is no run {run}, nor {RUNS / run}")
     return RunDirectory(there[0])

@@ -1,4 +1,4 @@
-"""What a process does now and then, by wall time: writing to disk, telling how far it is."""
+"""What a process does now and then, by wall time: writing to disk, reporting progress."""
 
 from __future__ import annotations
 

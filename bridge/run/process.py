@@ -88,6 +88,12 @@ class NodeLogs(logging.Handler):
             handler.setFormatter(self._form)
         return handler
 
+    def close(self) -> None:
+        """Close the files."""
+        for handler in (*self._of_nodes.values(), self._rest):
+            handler.close()
+        super().close()
+
 
 def add_run_arguments(parser: argparse.ArgumentParser, name: str) -> None:
     """The arguments that every process of a run has."""

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from bridge.scenario.parts import Metres, Part, Positive
+from bridge.scenario.expectation_parts import ExpectationPart, Interval, NodeId, Nodes, Share, bounds, when
+from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
+from bridge.scenario.parts import Metres, Positive
 
-Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Interval = tuple[Seconds, Seconds]
-NodeId = Annotated[
-    str,
-    BeforeValidator(lambda value: str(value) if type(value) is int else value),
-    WithJsonSchema({"type": ["string", "integer"]}),
-]
-Nodes = Mapping[str, tuple[str, ...]]
 INSTANTS = ("end", "ever", "always")
 AN_INSTANT: dict[str, Any] = {"anyOf": [{"enum": list(INSTANTS)}, {"type": "number", "minimum": 0}]}
 
@@ -29,19 +21,7 @@ def _instant(value: object) -> object:
     raise ValueError(f"has to be a sim time in s, or one of: {', '.join(INSTANTS)}")
 
 
-class _Expectation(Part):
-    """Common to all.
-
-    Attributes:
-        name: what reports call it; made of what it says unless given.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
-
-    name: str = ""
-
-
-class DeliveryExpectation(_Expectation):
+class DeliveryExpectation(ExpectationPart):
     """The share of packets delivered, of those sent.
 
     Attributes:
@@ -80,16 +60,15 @@ class DeliveryExpectation(_Expectation):
             parts.append("on each link")
         if self.distance_m:
             parts.append(f"at {self.distance_m[0]:g} to {self.distance_m[1]:g} m")
-        return self.name or " ".join([*parts, *_when(self.between_s)])
+        return self.name or " ".join([*parts, *when(self.between_s)])
 
     @property
     def wanted(self) -> str:
         """The bounds in words."""
-        bounds = (("at least", self.at_least), ("at most", self.at_most))
-        return " and ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
+        return bounds(self.at_least, self.at_most)
 
 
-class PositionExpectation(_Expectation):
+class PositionExpectation(ExpectationPart):
     """A node is near a place.
 
     Attributes:
@@ -127,7 +106,7 @@ class PositionExpectation(_Expectation):
         return f"within {self.within_m:g} m"
 
 
-class AgeExpectation(_Expectation):
+class AgeExpectation(ExpectationPart):
     """How old the newest packet that a node has heard of another is, at most.
 
     Attributes:
@@ -151,7 +130,7 @@ class AgeExpectation(_Expectation):
     @property
     def title(self) -> str:
         """What reports call it."""
-        words = [f"age at {self.node} of what {self.from_ or 'each other node'} sent", *_when(self.between_s)]
+        words = [f"age at {self.node} of what {self.from_ or 'each other node'} sent", *when(self.between_s)]
         return self.name or " ".join(words)
 
     @property
@@ -160,19 +139,26 @@ class AgeExpectation(_Expectation):
         return f"at most {self.at_most_s:g} s"
 
 
-class SeparationExpectation(_Expectation):
-    """How near two nodes come to each other, at least.
+class SeparationExpectation(ExpectationPart):
+    """How near any two nodes come to each other, and how far from each other they are, at any tick.
 
     Attributes:
         among: ids of the nodes; all UA unless given.
         between_s: only in that interval of sim time.
-        at_least_m: the bound.
+        at_least_m, at_most_m: bounds of the distance.
     """
 
     type: Literal["separation"]
     among: Annotated[tuple[NodeId, ...] | None, Field(min_length=2)] = None
     between_s: Interval | None = None
-    at_least_m: Positive
+    at_least_m: Positive | None = None
+    at_most_m: Positive | None = None
+
+    @model_validator(mode="after")
+    def _has_a_bound(self) -> SeparationExpectation:
+        if self.at_least_m is None and self.at_most_m is None:
+            raise ValueError("give at_least_m, at_most_m or both")
+        return self
 
     @property
     def nodes(self) -> Nodes:
@@ -183,15 +169,15 @@ class SeparationExpectation(_Expectation):
     def title(self) -> str:
         """What reports call it."""
         who = "UA" if self.among is None else ", ".join(self.among)
-        return self.name or " ".join([f"separation of {who}", *_when(self.between_s)])
+        return self.name or " ".join([f"separation of {who}", *when(self.between_s)])
 
     @property
     def wanted(self) -> str:
-        """The bound in words."""
-        return f"at least {self.at_least_m:g} m"
+        """The bounds in words."""
+        return bounds(self.at_least_m, self.at_most_m, " m")
 
 
-class HostLossesExpectation(_Expectation):
+class HostLossesExpectation(ExpectationPart):
     """Packets that this machine lost before they got to the radio: losses that no model says anything of."""
 
     type: Literal["host_losses"]
@@ -213,7 +199,7 @@ class HostLossesExpectation(_Expectation):
         return f"at most {self.at_most}"
 
 
-class EndingExpectation(_Expectation):
+class EndingExpectation(ExpectationPart):
     """How the run ends: all tasks done, or sim time up."""
 
     type: Literal["ending"]
@@ -240,11 +226,9 @@ Expectation = Annotated[
     | PositionExpectation
     | AgeExpectation
     | SeparationExpectation
+    | LoggedExpectation
+    | FunctionExpectation
     | HostLossesExpectation
     | EndingExpectation,
     Field(discriminator="type"),
 ]
-
-
-def _when(between_s: Interval | None) -> list[str]:
-    return [] if between_s is None else [f"from {between_s[0]:g} to {between_s[1]:g} s"]

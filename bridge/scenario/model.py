@@ -104,7 +104,7 @@ class FlightDynamics(Part):
         coupling: autopilot and physics compute in turns (serial), or at the same time, with servo outputs that take
             effect one frame later (parallel).
         scheme: what the autopilots speak: ArduPilot's json, or the legacy scheme of external ones.
-        legacy_rate_hz: frames per second of sim time in the legacy scheme, which does not tell.
+        legacy_rate_hz: frames per second of sim time in the legacy scheme, which does not say.
         standin_rate_hz: frames per second of sim time that the stand-in asks for.
         sensor_noise: errors of the sensors beyond those of the autopilot's simulation.
         placement: whether autopilots and physics share a core at full speed; auto = measured at start.
@@ -150,8 +150,8 @@ class MavlinkSettings(Part):
     """What the MAVLink daemons do unasked.
 
     Attributes:
-        udp_out: where each sends its UA's MAVLink: HOST:PORT with rules (docs/aps.md); auto = to ``ports.gcs`` and
-            ``ports.mavsdk`` on this machine in real time (``speed: 1``), nowhere otherwise.
+        udp_out: where each sends a UA's MAVLink: HOST:PORT with rules (docs/reference/aps.md); auto = to ``ports.gcs``
+            and ``ports.mavsdk`` on this machine in real time (``speed: 1``), nowhere otherwise.
         tlog: whether each records it as a .tlog file in the run's directory.
     """
 
@@ -170,6 +170,8 @@ class Scenario(Part):
         autopilot: who flies: the stand-in that ships, real ArduPilot, or one that you start.
         speed: real-time factor, or max.
         duration_s: longest sim time; the run ends earlier when all tasks are done.
+        take_off_at_s: sim time before which agents do not take off, so that what else has a time meets the same part of
+            the flight whoever flies.
         tick_rate_hz: ticks per second of sim time: radio and agents.
         lookahead_ticks: 1: autopilots fly on to the next tick while agents and radio work on this one; what is
             commanded takes effect a tick later.
@@ -199,6 +201,7 @@ class Scenario(Part):
     autopilot: Literal["standin", "ardupilot", "external"] = "standin"
     speed: Annotated[float | str, BeforeValidator(_speed), WithJsonSchema(A_SPEED)] = 1.0
     duration_s: Positive
+    take_off_at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     lookahead_ticks: Literal[0, 1] = 0
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
@@ -221,6 +224,14 @@ class Scenario(Part):
     expectations: tuple[Expectation, ...] = ()
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+    @field_validator("take_off_at_s")
+    @classmethod
+    def _during_the_run(cls, at_s: float, info: ValidationInfo) -> float:
+        duration_s = info.data.get("duration_s")
+        if duration_s is not None and at_s >= duration_s:
+            raise ValueError(f"has to be below duration_s, {duration_s:g}")
+        return at_s
 
     @field_validator("tick_rate_hz")
     @classmethod
@@ -373,9 +384,10 @@ class Scenario(Part):
             return tuple(self.mavlink.udp_out)
         if self.speed_factor != 1.0:
             return ()
-        slot = self.instance(ua)
-        mavsdk = self.ports.mavsdk + slot + (MAVSDK_STEP if slot >= MAVSDK_SLOTS else 0)
-        return tuple(f"127.0.0.1:{port}" for port in (self.ports.gcs, mavsdk) if port and port <= 65535)
+        slot, ports = self.instance(ua), [self.ports.gcs]
+        if self.ports.mavsdk:
+            ports.append(self.ports.mavsdk + slot + (MAVSDK_STEP if slot >= MAVSDK_SLOTS else 0))
+        return tuple(f"127.0.0.1:{port}" for port in ports if 0 < port <= 65535)
 
     def instance(self, ua: Aircraft) -> int:
         """ArduPilot's instance number: what its ports are counted by."""

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, fie
 from bridge.scenario.agents import AgentConfig, FreeAgent, GroundAgentConfig
 from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting, Slug
 from bridge.scenario.sensor import RfSensor
-from channel.link.emission import Emission
+from channel.link.emitters.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
 
 GROUND_HEIGHT_M = 2.0

@@ -1,11 +1,13 @@
-"""What is wrong with the class of an agent that a scenario names, found without running its file."""
+"""What is wrong with a class or function that a scenario names, found without running its file."""
 
 from __future__ import annotations
 
 import ast
 import symtable
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
+
+from bridge.scenario.resolve.sources import sources_of
 
 PLAIN_METHODS = ("on_tick", "on_packet", "transmit_package")
 """Methods of an agent that are called, not awaited."""
@@ -13,8 +15,8 @@ AWAITED = "fly"
 """The one that is."""
 
 
-def mistake_in(place: str, name: str) -> str:
-    """What is wrong with a class ``name`` in the file ``place``, found without running it; empty = nothing."""
+def mistake_in(place: str, name: str, kind: str = "class") -> str:
+    """What is wrong with the class (or function) ``name`` in a file, found without running it; empty = nothing."""
     if not place.endswith(".py"):
         return ""
     path = Path(place)
@@ -28,7 +30,7 @@ def mistake_in(place: str, name: str) -> str:
     except (OSError, ValueError) as error:
         return f"{path}: {error}"
     if name not in names and "import *" not in text:
-        return f"{path} has no class {name}"
+        return f"{path} has no {kind} {name}"
     return _wrong_method_in(ast.parse(text), path, name)
 
 
@@ -43,6 +45,60 @@ def _wrong_method_in(module: ast.Module, path: Path, name: str) -> str:
         if isinstance(method, ast.FunctionDef) and method.name == AWAITED and not method.decorator_list:
             return f"{path}:{method.lineno}: {name}.{AWAITED} is a plain def: make it an async def, as it is awaited"
     return ""
+
+
+def unread_options(place: str, options: Collection[str]) -> list[str]:
+    """Which options the file of an agent, and what it imports from its folder, never name; found without running them.
+
+    A name counts wherever it stands: as a text, an argument, a field.
+    """
+    if not options or not place.endswith(".py"):
+        return []
+    try:
+        named = {word for file in sources_of(Path(place)) for word in _words_of(file)}
+    except (OSError, SyntaxError, ValueError):
+        return []  # a file beside the agent's that is no code: whoever loads it says so
+    return [option for option in options if option not in named]
+
+
+def is_plain(place: str, name: str) -> bool:
+    """Whether a class derives from `Agent` alone: then nothing but its folder's code reads its options."""
+    found = (
+        node
+        for node in ast.parse(Path(place).read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    )
+    return any(
+        each.name == name and [ast.unparse(base) for base in each.bases] == ["Agent"] for each in found
+    )
+
+
+def options_read(place: str) -> list[str]:
+    """The texts by which an agent's own file asks for something: ``options["height_m"]``, ``options.get("share")``."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(Path(place).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Subscript):
+            asked: list[ast.expr] = [node.slice]
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "get":
+            asked = node.args[:1]
+        else:
+            continue
+        found.update(
+            each.value for each in asked if isinstance(each, ast.Constant) and isinstance(each.value, str)
+        )
+    return sorted(found)
+
+
+def _words_of(file: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+        elif isinstance(node, ast.arg | ast.keyword) and node.arg is not None:
+            yield node.arg
+        elif isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
 
 
 def clash_of(places: Collection[str]) -> str:

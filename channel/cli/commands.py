@@ -14,6 +14,7 @@ import click
 from channel import presets
 from channel.checks import ChannelInputError
 from channel.cli import sweep as sweeps
+from channel.cli.air_command import air
 from channel.cli.fit_command import FitRequest, fit_options, run_fit
 from channel.cli.link_report import link_report, link_text
 from channel.cli.options import BadInput, chosen_radio, radio_options, writing
@@ -23,11 +24,17 @@ from channel.validity import ValidityWarning
 @click.command()
 @radio_options
 @click.option(
-    "--distance", "ground_distance_m", type=float, help="Over the ground, m; at equal heights the way."
+    "--ground-distance", "ground_distance_m", type=float, help="Over the ground, m; at equal heights the way."
 )
+@click.option("--distance", "ground_distance_m", type=float, hidden=True)
 @click.option("--frequency-hz", type=float, help="Another carrier than the radio's.")
 @click.option("--height-tx", "height_tx_m", type=float, help="Transmitting antenna above ground, m.")
 @click.option("--height-rx", "height_rx_m", type=float, help="Receiving antenna above ground, m.")
+@click.option(
+    "--base",
+    type=click.Choice(["tx", "rx"]),
+    help="Which end is the base, for uma-av and rma-av; tx if not given.",
+)
 @click.option("--length-bytes", type=int, help="Payload length.")
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
 @click.option(
@@ -49,15 +56,15 @@ def link(
 
     \b
     Examples:
-      lostlink link --radio moon2020 --distance 400
-      lostlink link --radio corrected --distance 400 --set propagation.exponent=3 --json
-      lostlink link --radio moon2020 --sweep distance 50:1000:10 --plot range.png
+      lostlink link --radio wifi-2.4 --ground-distance 400
+      lostlink link --radio corrected --ground-distance 400 --set propagation.exponent=3 --json
+      lostlink link --radio wifi-2.4 --sweep distance 50:1000:10 --plot range.png
     """
     if plot is not None and sweep is None:
         raise BadInput("--plot draws along a range: it needs --sweep")
     given: dict[str, Any] = {name: value for name, value in ends.items() if value is not None}
     if "ground_distance_m" not in given and (sweep is None or sweep[0] != "distance"):
-        raise BadInput("--distance is missing")
+        raise BadInput("--ground-distance is missing")
     try:
         with _warnings_on_stderr():
             if sweep is None:
@@ -184,12 +191,12 @@ def fit(log: Path, **options: Any) -> None:
     """Fit a radio to a flight LOG: a CSV of distance_m (or positions), delivered, and optional rssi_dbm.
 
     The radio to start from needs log-distance propagation and normal, gudmundson or one-sided-normal shadowing; it
-    gives the error model, powers and gains. Whether the shadowing is correlated along the track is found from the log.
+    gives the error model, powers and gains. Whether the shadowing is correlated along the track, and whether packets
+    fade (Rice), is found from the log.
     Prints each parameter with its 95 % interval, or that the data do not determine it.
 
     \b
     Examples:
-      lostlink fit flight.csv
       lostlink fit flight.csv --radio corrected --out mine.yaml --plot fit.png
       lostlink fit flight.csv --radio corrected --set noise.noise_figure_db=4 --hold shadowing.sigma_db --json
     """
@@ -203,5 +210,5 @@ def main() -> None:
     """Radio channel: link budgets, presets, figures and calibration."""
 
 
-for _command in (link, radios, figures, laws, fit):
+for _command in (link, radios, figures, laws, fit, air):
     main.add_command(_command)

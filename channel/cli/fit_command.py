@@ -12,13 +12,17 @@ import click
 
 from channel import presets
 from channel.checks import ChannelInputError
-from channel.cli.options import BadInput, chosen_radio, radio_options, writing
+from channel.cli.options import BadInput, base_radio_options, chosen_radio, writing
 from channel.config import RadioConfig
 
 if TYPE_CHECKING:
     from channel.fit.flight_log import FlightLog
     from channel.fit.result import Fit, Goodness
 
+NO_RADIO = (
+    "--radio is missing: the radio to start from gives the error model, powers, gains and the kind of shadowing; "
+    "`--radio corrected` (uncoded QPSK) if nothing is known, `lostlink radios` lists all"
+)
 STRONG = 0.9
 """Correlation of two estimates from which the text says so."""
 
@@ -27,7 +31,7 @@ STRONG = 0.9
 class FitRequest:
     """The options of `fit` but for the log."""
 
-    radio: str
+    radio: str | None
     settings: tuple[str, ...]
     hold: tuple[str, ...]
     out: Path | None
@@ -48,7 +52,7 @@ def fit_options(command: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--hold", multiple=True, metavar="KEY", help="A parameter that is known: the radio's. Repeatable."
         ),
-        radio_options,
+        base_radio_options,
     ):
         command = option(command)
     return command
@@ -67,6 +71,8 @@ def run_fit(request: FitRequest, name: str, read: Callable[[RadioConfig], Flight
     """
     from channel.fit import calibration, flight_log
 
+    if request.radio is None:
+        raise BadInput(NO_RADIO)
     base = chosen_radio(request.radio, request.settings)
     try:
         data = read(base)
@@ -119,7 +125,7 @@ def _text(found: Fit) -> str:
 
 
 def _strong_correlations(found: Fit) -> list[str]:
-    """Return a line for each pair of estimates that can hardly be told apart."""
+    """Return a line for each pair of estimates that can hardly be separated."""
     table = found.correlations or {}
     names = list(table)
     pairs = [(one, other) for i, one in enumerate(names) for other in names[:i]]
@@ -131,7 +137,7 @@ def _strong_correlations(found: Fit) -> list[str]:
 
 
 def _goodness(goodness: Goodness, *, correlated: bool) -> list[str]:
-    """Return what the log says of the model: chances below a hundredth tell that it does not hold."""
+    """Return what the log says of the model: chances below a hundredth say that it does not hold."""
     kind = "correlated along the track" if correlated else "independent from packet to packet"
     chances = {
         "independence": goodness.independence,

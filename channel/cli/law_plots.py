@@ -1,4 +1,4 @@
-"""Plots of the laws in `docs/channel-models.md`, drawn by the code that runs flights."""
+"""Plots of the laws in `docs/reference/channel-models.md`, drawn by the code that runs flights."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _loss_db(
 ) -> FloatArray:
     """Return what the way takes, horizon included, dB."""
     radio = Radio(load_radio("perfect", {"propagation": law, "frequency_hz": hz, **more}))
-    link = radio.link(ground_distance_m=ground_m, height_tx_m=tx_m, height_rx_m=rx_m)
+    link = radio.link(ground_distance_m=ground_m, height_tx_m=tx_m, height_rx_m=rx_m, base="rx")
     return np.asarray(
         -sum(
             np.asarray(each.contribution)

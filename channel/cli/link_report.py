@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from channel.config import RadioConfig
-from channel.link.radio import Radio
+from channel.link.radio import Geometry, Radio
 
 Report = dict[str, Any]
 
 
-def link_report(
-    config: RadioConfig, ground_distance_m: float, length_bytes: int | None = None, **ends: ArrayLike
-) -> Report:
+def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Unpack[Geometry]) -> Report:
     """Return the link budget of one link, term by term, and what follows from it.
 
     Keys: radio, description, frequency_hz, distance_m (over the ground), slant_distance_m, length_bytes, terms
@@ -25,22 +22,20 @@ def link_report(
 
     Args:
         config: the radio.
-        ground_distance_m: between the antennas, over the ground: equal to the slant distance at equal heights.
         length_bytes: payload; the radio's nominal one if not given.
-        **ends: height_tx_m, height_rx_m, frequency_hz as in `Radio.path`.
+        **ends: ground_distance_m, height_tx_m, height_rx_m, frequency_hz, base as in `Radio.path`.
 
     Raises:
         ChannelInputError: a value out of range.
     """
     radio = Radio(config)
-    ends = {"ground_distance_m": ground_distance_m, **ends}
     link = radio.link(length_bytes=length_bytes, **ends)
     delivery = radio.delivery(length_bytes=length_bytes, **ends)
     return {
         "radio": config.name,
         "description": config.description,
-        "frequency_hz": float(np.asarray(ends.get("frequency_hz", config.frequency_hz))),
-        "distance_m": float(ground_distance_m),
+        "frequency_hz": float(np.asarray(ends.get("frequency_hz") or config.frequency_hz)),
+        "distance_m": float(np.asarray(ends["ground_distance_m"])),
         "slant_distance_m": float(link.distance_m),
         "length_bytes": int(link.length_bytes),
         "terms": [{"name": term.name, "contribution": float(term.contribution)} for term in link.terms],

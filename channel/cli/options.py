@@ -20,16 +20,16 @@ class BadInput(click.ClickException):
 
 def radio_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add --radio and --set to a command."""
-    command = click.option(
-        "--set",
-        "settings",
-        multiple=True,
-        metavar="KEY=VALUE",
-        help="Override a key of the radio, as in --set propagation.exponent=2.5. Repeatable.",
-    )(command)
     return click.option(
-        "--radio", default="moon2020", show_default=True, help="A preset's name, or a YAML file."
-    )(command)
+        "--radio", default="hata-qpsk", show_default=True, help="A preset's name, or a YAML file."
+    )(_set_option(command))
+
+
+def base_radio_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add a --radio that has no default, and --set, to a command that changes a radio."""
+    return click.option("--radio", help="The radio to start from: a preset's name, or a YAML file.")(
+        _set_option(command)
+    )
 
 
 def chosen_radio(radio: str, settings: tuple[str, ...]) -> RadioConfig:
@@ -42,6 +42,16 @@ def chosen_radio(radio: str, settings: tuple[str, ...]) -> RadioConfig:
         return presets.load_radio(radio, presets.overrides_from_settings(settings))
     except presets.PresetError as error:
         raise BadInput(str(error)) from error
+
+
+def _set_option(command: Callable[..., None]) -> Callable[..., None]:
+    return click.option(
+        "--set",
+        "settings",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Override a key of the radio, as in --set propagation.exponent=2.5. Repeatable.",
+    )(command)
 
 
 @contextmanager

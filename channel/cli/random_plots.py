@@ -18,8 +18,8 @@ from channel.fading.scatter import Scatter
 from channel.fading.terms import LastingFading
 from channel.fading.waves import LinkPlaces, link_places
 from channel.link.radio import Radio
+from channel.numbers.units import SPEED_OF_LIGHT_MPS
 from channel.presets import load_radio
-from channel.units import SPEED_OF_LIGHT_MPS
 
 CARRIER_HZ = 2.4e9
 WAVELENGTH_M = SPEED_OF_LIGHT_MPS / CARRIER_HZ

@@ -11,7 +11,6 @@ from channel import presets
 from channel.checks import ChannelInputError, FloatArray
 from channel.cli.link_report import link_report
 from channel.config import RadioConfig
-from channel.link.lengths import Lengths
 from channel.link.radio import Radio
 
 MAX_POINTS = 100_000
@@ -97,10 +96,7 @@ def reach(config: RadioConfig) -> RadioReach:
     """Return the largest distances at which a radio delivers half, and nine tenths, of its packets."""
     radio = Radio(config)
     distance = np.geomspace(1.0, FARTHEST_M, GRID_POINTS)
-    path = radio.path(distance)
-    length = Lengths.same(radio.length_bytes(config.nominal_payload_bytes))
-    share = radio.expected_delivery(radio.mean_power_dbm(path), path, length)
-    share = np.where(distance <= radio.max_range_m, share, 0.0)
+    share = radio.expected_delivery(distance)
     return RadioReach(
         config.name, config.description, _last(distance, share, 0.5), _last(distance, share, 0.9)
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from channel.checks import FloatArray
 from channel.draws import uniform_from_words
 from channel.fading.link_words import Words, counted
-from channel.units import SPEED_OF_LIGHT_MPS
+from channel.numbers.units import SPEED_OF_LIGHT_MPS
 
 CLARKE = 9.0 / (16.0 * math.pi)
 """Coherence time times Doppler spread (Rappaport, eq. 5.40.b)."""

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from channel import special
 from channel.checks import FloatArray
 from channel.fading.quadrature import gauss_legendre, standard_normal_rule, uniform_from_normal
 from channel.fading.scatter import Scattering
-from channel.units import db_from_ratio, ratio_from_db
+from channel.numbers import special
+from channel.numbers.units import db_from_ratio, ratio_from_db
 from channel.variant import Variant
 
 ComplexArray = NDArray[np.complex128]
@@ -63,8 +63,11 @@ class FadingModel(Protocol):
         ...
 
 
-class _Coherent(Variant):
-    """What all fading laws share: when they draw anew."""
+class CoherentFading(Variant):
+    """What all fading laws share: when they draw anew.
+
+    A law of one's own derives from it, and has `gain_db` and `rule`.
+    """
 
     coherence: Coherence = Field(
         default="packet",
@@ -88,14 +91,8 @@ class _Coherent(Variant):
         """False, unless the law says otherwise."""
         return False
 
-    def gain_of_scatter_db(
-        self, scatter: ComplexArray, _direct: ComplexArray, _elevation_deg: FloatArray, /
-    ) -> FloatArray:
-        """Return the gain in dB where the scattered field, of mean power 1, is `scatter`."""
-        return db_from_ratio(np.maximum(_power(scatter), LOWEST_GAIN))
 
-
-class NoFading(_Coherent):
+class NoFading(CoherentFading):
     """No fading."""
 
     model: Literal["none"] = "none"
@@ -114,7 +111,7 @@ class NoFading(_Coherent):
         return np.zeros(1), np.ones(1)
 
 
-class Rayleigh(_Coherent):
+class Rayleigh(CoherentFading):
     """No direct path: the power gain is exponential with mean 1 (Rappaport, sec. 5.6.1)."""
 
     model: Literal["rayleigh"] = "rayleigh"
@@ -133,8 +130,14 @@ class Rayleigh(_Coherent):
         z, weights = standard_normal_rule(panels)
         return db_from_ratio(np.maximum(-np.log(uniform_from_normal(z)), LOWEST_GAIN)), weights
 
+    def gain_of_scatter_db(
+        self, scatter: ComplexArray, _direct: ComplexArray, _elevation_deg: FloatArray, /
+    ) -> FloatArray:
+        """Return the gain in dB where the scattered field, of mean power 1, is `scatter`."""
+        return db_from_ratio(np.maximum(_power(scatter), LOWEST_GAIN))
 
-class Nakagami(_Coherent):
+
+class Nakagami(CoherentFading):
     """The power gain is gamma-distributed, shape m, mean 1 (Nakagami 1960); m = 1 is Rayleigh."""
 
     model: Literal["nakagami"] = "nakagami"
@@ -169,7 +172,7 @@ class Nakagami(_Coherent):
         return here + (at - left) * (table_db.take(left + 1) - here)
 
 
-class Rician(_Coherent):
+class Rician(CoherentFading):
     """A direct path and many weak ones; K is the ratio of their powers (Rappaport, sec. 5.6.2).
 
     K may rise with elevation, linearly in dB between `k_db` at 0 and `k_overhead_db` at 90 degrees.

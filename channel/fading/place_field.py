@@ -7,8 +7,9 @@ the tracks of one run the correlation is that of its 48 waves: within 0.1 of the
 sum's excess kurtosis of -1.5 / 48 is taken out by the first term of Cornish and Fisher: what remains of the difference
 to the normal law is of the order of 1 / 48^2.
 
-The value depends on the places alone: not on who asked before, nor how often. A pair shares one field, so that the link
-is reciprocal; the fields of two pairs are independent.
+The value depends on the places alone: not on who asked before, nor how often; both directions of a pair have one.
+`SharedField` is one field for all pairs: whoever stands where another one stood finds what that one found, and two
+side by side find nearly the same. `PlaceField` is one for each pair, independent of the others.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from channel.fading.waves import (
     Phases,
     cosine_sum,
     multipliers,
+    product_sum,
     shifted_lattice,
     wave_numbers,
 )
@@ -32,6 +34,8 @@ from channel.fading.waves import (
 WAVES = 48
 MAX_FIELD = math.sqrt(2.0 * WAVES) * (1.0 + (2.0 * WAVES - 3.0) / (16.0 * WAVES))
 """Where all waves meet."""
+FARTHEST = 8.0
+"""Beyond it, one draw of 10^15, a field shared by all is cut off."""
 
 
 class PlaceField:
@@ -51,6 +55,38 @@ class PlaceField:
     def standard_normal(self, places: LinkPlaces) -> FloatArray:
         """Return the field of each link, shape (L,)."""
         return _normal(cosine_sum(places.rows[BY_PLACE], self._waves))
+
+
+class SharedField:
+    """One standard normal field over the places of both ends, the same for every pair and in both directions.
+
+    (f(a, b) + f(b, a)) / sqrt(1 + exp(-2 |a - b| / d_corr)): each wave with its mirror image is a product of two
+    cosines, of the sum and of the difference of the places.
+
+    Args:
+        draws: the run's draws.
+        decorrelation_m: distance of either end at which the correlation has fallen to 1/e.
+        purpose: another purpose has another field.
+    """
+
+    def __init__(self, draws: Draws, decorrelation_m: float, purpose: str) -> None:
+        points = shifted_lattice(draws, purpose, WAVES, 6)
+        first, second = (_cauchy(points[:, k : k + 3]) / decorrelation_m for k in (0, 3))
+        words = draws.words((purpose, "shared phases"), 0, WAVES)[:, :1] >> np.uint64(32)
+        self._sum = np.concatenate((wave_numbers(0.5 * (first + second)), words.astype(np.uint32)), axis=1)
+        self._difference = wave_numbers(0.5 * (first - second))
+        self._decorrelation_m = decorrelation_m
+
+    def standard_normal(self, places: LinkPlaces, distance_m: FloatArray) -> FloatArray:
+        """Return the field of each link, whose ends are `distance_m` apart, shape (L,)."""
+        one, other = places.rows[0:3], places.rows[3:6]
+        middle = np.concatenate((one + other, np.ones((1, one.shape[1]), dtype=np.uint32)))
+        near = np.exp(distance_m * (-2.0 / self._decorrelation_m))
+        z = product_sum(middle, self._sum, one - other, self._difference)
+        z *= (2.0 / math.sqrt(WAVES)) / np.sqrt(1.0 + near)
+        kurtosis = 3.0 - 0.75 * (3.0 + near) / (1.0 + near)  # what the normal law has more, times WAVES
+        z *= 1.0 + (z * z - 3.0) * (kurtosis / (24.0 * WAVES))
+        return np.clip(z, -FARTHEST, FARTHEST)
 
 
 class CommonField:

@@ -7,8 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from channel import special
 from channel.checks import FloatArray
+from channel.numbers import special
 
 LIMIT_SIGMA = 8.3
 """The normal law beyond +-8.3 sigma weighs 1e-16: left out."""

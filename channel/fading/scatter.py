@@ -1,4 +1,4 @@
-"""Time-correlated scatter: a sum of 15 sinusoids over the ways that both ends have moved.
+"""Time-correlated scatter: a sum of 31 sinusoids over the ways that both ends have moved.
 
 Clarke's model, by Jakes' sum of sinusoids: waves arrive from all around, each with a phase of its own. A wave's phase
 goes with the place of each end, as in the model of Akki and Haber for two ends that move (IEEE Trans. Veh. Technol. 35
@@ -10,8 +10,10 @@ surroundings adds the factor J0(2 pi f t), for ends that stand still.
 Directions are spread evenly (Zheng & Xiao, IEEE Trans. Commun. 51 (2003)) with a random turn, so that the time average
 of one link comes near the average over the seeds. A sum of N waves has a scatter power x whose law differs from the
 exponential by terms of the order of 1 / N; multiplying x by 1 - 1 / 2N + x / 4N takes these out (the expansion of its
-density in Laguerre polynomials has the coefficient -1 / 2N at L2). Levels are crossed 2 % more often than by a normal
-process: the speed at which the field changes is not quite independent of where it is.
+density in Laguerre polynomials has the coefficient -1 / 2N at L2). Levels are crossed up to 2 % more often than by a
+normal process: the speed at which the field changes is not quite independent of where it is. The waves are common
+to all links of a run: over long ways its autocorrelation is off by 1 / sqrt(N) (rms), that of the power by up to -1 / N
+in the mean.
 """
 
 from __future__ import annotations
@@ -32,12 +34,12 @@ from channel.fading.waves import (
     phasor_sum,
     wave_numbers,
 )
-from channel.units import SPEED_OF_LIGHT_MPS
+from channel.numbers.units import SPEED_OF_LIGHT_MPS
 
-WAVES = 15
-SECOND_END = 4
+WAVES = 31
+SECOND_END = 12
 SURROUNDINGS = 7
-"""Directions at the second end, and of the surroundings, take the waves in another order: n times this, modulo 15."""
+"""Directions at the second end, and of the surroundings, take the waves in another order: n times this, modulo 31."""
 GOLDEN_TURN = 0.6180339887498949
 
 Scattering = Literal["ring", "sphere"]

@@ -8,9 +8,9 @@ from typing import Literal, Protocol, Self
 import numpy as np
 from pydantic import Field
 
-from channel import special
 from channel.checks import ChannelInputError, FloatArray
-from channel.fading.place_field import MAX_FIELD
+from channel.fading.place_field import FARTHEST, MAX_FIELD
+from channel.numbers import special
 from channel.variant import Variant
 
 MAX_NORMAL = 8.209536151601387
@@ -55,8 +55,17 @@ class ShadowingModel(Protocol):
         ...
 
 
-class _PerPacket(Variant):
-    """Shadowing that is drawn anew for each packet, as the paper's is, whatever the line of sight."""
+class PerPacketShadowing(Variant):
+    """Shadowing that is drawn anew for each packet, as the paper's is, whatever the line of sight.
+
+    A law of one's own derives from it, and has a field `sigma_db`, `spread_db`, `loss_db` and `chance_below`. With a
+    `decorrelation_m` that is a number the draws are correlated over the way of the ends.
+    """
+
+    @property
+    def is_random(self) -> bool:
+        """Whether the spread is above zero."""
+        return self.spread_db > 0.0
 
     def in_sight(self, _seen: bool, /) -> float:
         """Return sigma."""
@@ -72,20 +81,15 @@ class _PerPacket(Variant):
         raise NotImplementedError
 
     @property
-    def decorrelation_m(self) -> None:
+    def decorrelation_m(self) -> float | None:
         """None."""
-        return
+        return None
 
 
-class NoShadowing(_PerPacket):
+class NoShadowing(PerPacketShadowing):
     """No shadowing."""
 
     model: Literal["none"] = "none"
-
-    @property
-    def is_random(self) -> bool:
-        """False: there is nothing to draw."""
-        return False
 
     @property
     def spread_db(self) -> float:
@@ -106,16 +110,11 @@ class NoShadowing(_PerPacket):
         return normal_below(loss_db, 0.0)
 
 
-class OneSidedNormalShadowing(_PerPacket):
+class OneSidedNormalShadowing(PerPacketShadowing):
     """|v| with v ~ N(0, sigma^2): shadowing can only cost (Moon et al. 2020, eq. 4)."""
 
     model: Literal["one-sided-normal"] = "one-sided-normal"
     sigma_db: float = Field(ge=0.0, le=60.0, description="standard deviation of v, not of |v|")
-
-    @property
-    def is_random(self) -> bool:
-        """Whether sigma is above zero."""
-        return self.sigma_db > 0.0
 
     @property
     def spread_db(self) -> float:
@@ -205,14 +204,22 @@ class NormalShadowing(_Normal):
 class CorrelatedShadowing(_Normal):
     """v ~ N(0, sigma^2), correlated over the way that either end has moved (Gudmundson 1991).
 
-    Reciprocal: both directions of a pair are shadowed alike. See `place_field`. With `shared_ends` = r the surroundings
-    of each end, common to all its links, have the share r of the variance, so that two links with an end in common are
-    correlated by r. r = 1/2 is the model of Viterbi et al. (IEEE J. Sel. Areas Commun. 12 (1994)), and what 3GPP
-    evaluates with (TR 36.814, annex A.2.1), for both ends alike.
+    Reciprocal: both directions of a pair are shadowed alike. See `place_field`. What stands in the way is there for
+    everybody: with `surroundings: shared` the shadowing is one field over the places of both ends (as in Agrawal &
+    Patwari, IEEE Trans. Wireless Commun. 8 (2009), links are correlated by where they are, not by whose they are), so
+    that UA side by side are shadowed alike. With `own` each pair has a field of its own.
+
+    With `shared_ends` = r the surroundings of each end, common to all its links, have the share r of the variance,
+    so that two links with an end in common are correlated by r. r = 1/2 is the model of Viterbi et al. (IEEE J.
+    Sel. Areas Commun. 12 (1994)), and what 3GPP evaluates with (TR 36.814, annex A.2.1), for both ends alike.
     """
 
     model: Literal["gudmundson"] = "gudmundson"
     decorrelation_m: float = Field(gt=0.0, description="distance at which the correlation is 1/e")
+    surroundings: Literal["shared", "own"] = Field(
+        default="shared",
+        description="one field over the places of both ends for all pairs; or one for each pair",
+    )
     shared_ends: float = Field(
         default=0.0, ge=0.0, le=0.5, description="correlation of two links that have one end in common"
     )
@@ -221,7 +228,8 @@ class CorrelatedShadowing(_Normal):
     def max_normal(self) -> float:
         """The field where all its waves meet; and those of the surroundings."""
         share = self.shared_ends
-        return MAX_FIELD * (2.0 * math.sqrt(share) + math.sqrt(1.0 - 2.0 * share))
+        of_both = FARTHEST if self.surroundings == "shared" else MAX_FIELD
+        return MAX_FIELD * 2.0 * math.sqrt(share) + of_both * math.sqrt(1.0 - 2.0 * share)
 
 
 def standard_normal_from_uniform(uniform: FloatArray) -> FloatArray:

@@ -11,11 +11,11 @@ from channel.checks import FloatArray
 from channel.draws import Draws
 from channel.fading.blocks import CLARKE, block_uniforms, coherence_time_s
 from channel.fading.laws import FadingModel, scatter_gain_db
-from channel.fading.place_field import CommonField, PlaceField
+from channel.fading.place_field import CommonField, PlaceField, SharedField
 from channel.fading.scatter import Scatter, Scattering
 from channel.fading.shadowing import ShadowingModel
 from channel.fading.waves import LinkPlaces, phasor
-from channel.units import SPEED_OF_LIGHT_MPS
+from channel.numbers.units import SPEED_OF_LIGHT_MPS
 
 ENDS = slice(0, 3), slice(3, 6)
 """Rows of `LinkPlaces` with the places of both ends."""
@@ -78,7 +78,9 @@ class LastingShadowing:
         assert spacing_m is not None
         self._spacing_m = spacing_m
         self._shared = float(getattr(model, "shared_ends", 0.0))
-        self._links = PlaceField(draws, spacing_m, "shadow field")
+        shared = getattr(model, "surroundings", "own") == "shared"
+        self._shared_field = SharedField(draws, spacing_m, "shadow field") if shared else None
+        self._own_field = PlaceField(draws, spacing_m, "shadow field")
         self._ends = CommonField(draws, spacing_m, "shadow of surroundings") if self._shared else None
 
     def standard_normal(self, places: LinkPlaces, distance_m: FloatArray) -> FloatArray:
@@ -89,17 +91,23 @@ class LastingShadowing:
             distance_m: between the ends, for surroundings that both have in common.
         """
         if self._ends is None:
-            return self._links.standard_normal(places)
+            return self._of_both(places, distance_m)
         first, second = (self._ends.standard_normal(places.rows[end]) for end in ENDS)
         z = math.sqrt(self._shared) * (first + second)
         if self._shared < MOST_SHARED:
-            z += math.sqrt(1.0 - 2.0 * self._shared) * self._links.standard_normal(places)
+            z += math.sqrt(1.0 - 2.0 * self._shared) * self._of_both(places, distance_m)
         variance = 1.0 + 2.0 * self._shared * np.exp(-distance_m / self._spacing_m)
         return np.asarray(z / np.sqrt(variance))
 
+    def _of_both(self, places: LinkPlaces, distance_m: FloatArray) -> FloatArray:
+        """Return the field over the places of both ends."""
+        if self._shared_field is not None:
+            return self._shared_field.standard_normal(places, distance_m)
+        return self._own_field.standard_normal(places)
+
 
 class LineOfSight:
-    """Which links have a line of sight: a state that lasts over some way, the same for both directions.
+    """Which links have a line of sight: a state of the places of both ends, whoever stands there.
 
     The normal field of a link is below the quantile of the probability where there is one: TR 38.901, sec. 7.6.3.3.
 
@@ -109,8 +117,8 @@ class LineOfSight:
     """
 
     def __init__(self, draws: Draws, decorrelation_m: float) -> None:
-        self._field = PlaceField(draws, decorrelation_m, "line of sight")
+        self._field = SharedField(draws, decorrelation_m, "line of sight")
 
-    def standard_normal(self, places: LinkPlaces) -> FloatArray:
-        """Return the field of each link, shape (L,)."""
-        return self._field.standard_normal(places)
+    def standard_normal(self, places: LinkPlaces, distance_m: FloatArray) -> FloatArray:
+        """Return the field of each link, whose ends are `distance_m` apart, shape (L,)."""
+        return self._field.standard_normal(places, distance_m)

@@ -30,6 +30,8 @@ _TABLE_SHIFT = np.uint32(32 - TABLE_BITS)
 _ANGLES = 2.0 * math.pi * np.arange(2**TABLE_BITS) / 2**TABLE_BITS
 COSINE: FloatArray = np.rint(np.cos(_ANGLES) * 2.0**24) / 2.0**24
 PHASOR: NDArray[np.complex128] = COSINE + 1j * np.rint(np.sin(_ANGLES) * 2.0**24) / 2.0**24
+COARSE: FloatArray = np.rint(np.cos(_ANGLES) * 2.0**22) / 2.0**22
+"""To 2^-22, so that sums of products of two are exact, too."""
 LINKS_AT_ONCE = 1280
 """Keeps the phases of many waves in the processor's cache; changes no result."""
 
@@ -109,17 +111,21 @@ def multipliers(draws: Draws, purpose: str, waves: int) -> Phases:
 
 
 def shifted_lattice(draws: Draws, purpose: str, points: int, dimensions: int) -> FloatArray:
-    """Return points spread evenly over the unit cube, each uniform over the seeds, shape (points, dimensions).
-
-    The R sequence (Roberts 2018: powers of the inverse of the root of x^(d+1) = x + 1) with a random shift (Cranley &
-    Patterson 1976).
-    """
+    """Return a `lattice` with a random shift (Cranley & Patterson 1976): each point is uniform over the seeds."""
     words = draws.words((purpose, "shift"), 0, (dimensions + 3) // 4).ravel()[:dimensions]
+    return lattice(points, dimensions, uniform_from_words(words))
+
+
+def lattice(points: int, dimensions: int, shift: FloatArray | float = 0.5) -> FloatArray:
+    """Return points spread evenly over the unit cube, shape (points, dimensions).
+
+    The R sequence (Roberts 2018): powers of the inverse of the root of x^(d+1) = x + 1.
+    """
     root = 2.0
     for _ in range(64):
         root = (1.0 + root) ** (1.0 / (dimensions + 1))
     ratios = np.power(root, -np.arange(1.0, dimensions + 1.0))
-    return np.asarray((uniform_from_words(words) + np.arange(points)[:, np.newaxis] * ratios) % 1.0)
+    return np.asarray((shift + np.arange(points)[:, np.newaxis] * ratios) % 1.0)
 
 
 def phases(rows: Phases, waves: Phases) -> Phases:
@@ -139,6 +145,19 @@ def cosine_sum(rows: Phases, waves: Phases) -> FloatArray:
         at = phases(rows[:, part], waves)
         at >>= _TABLE_SHIFT
         COSINE.take(at, mode="clip").sum(axis=0, out=out[part])
+    return out
+
+
+def product_sum(rows: Phases, waves: Phases, other_rows: Phases, other_waves: Phases) -> FloatArray:
+    """Return the sum over all waves of the product of two cosines at each link, shape (L,)."""
+    out = np.empty(rows.shape[1])
+    for part in _parts(rows.shape[1]):
+        one, other = phases(rows[:, part], waves), phases(other_rows[:, part], other_waves)
+        one >>= _TABLE_SHIFT
+        other >>= _TABLE_SHIFT
+        product = COARSE.take(one, mode="clip")
+        product *= COARSE.take(other, mode="clip")
+        product.sum(axis=0, out=out[part])
     return out
 
 

@@ -2,8 +2,9 @@
 
 What is fitted: the exponent of a log-distance law, an offset of the received power, the spread of the shadowing and the
 base loss; with received powers (RSSI) in the log also the noise floor and, if the residuals show that shadowing is
-correlated along the track, its decorrelation distance. The error model is the base radio's. With RSSI the receiver's
-own error of it is fitted along: it blurs at which power packets get lost, and the edge of one-sided shadowing.
+correlated along the track, its decorrelation distance, and K if packets fade. The error model is the base radio's. With
+RSSI the receiver's own error of it is fitted along: it blurs at which power packets get lost, and the edge of one-sided
+shadowing.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.fading.shadowing import OneSidedNormalShadowing
-from channel.fit.correlated.fit import DECORRELATION_NAME, CorrelatedFit
+from channel.fit.correlated.fit import DECORRELATION_NAME, K_NAME, CorrelatedFit
 from channel.fit.correlated.search import FLOOR as FLOOR_COORDINATE
 from channel.fit.flight_log import FlightLog
 from channel.fit.independent import free_parameters, highest, independent_fit
@@ -44,7 +45,7 @@ ONE_SIDED_NOTE = (
     "narrow; try --set shadowing.model=normal"
 )
 NO_RSSI_NOTE = (
-    "neighbouring packets depend on each other, and without RSSI it cannot be told how far: an interval would be too "
+    "neighbouring packets depend on each other, and without RSSI the extent is unknown: an interval would be too "
     "narrow; log RSSI"
 )
 PLACES_NOTE = (
@@ -100,6 +101,8 @@ def _correlated_fit(
         "shadowing": {"model": "gudmundson", **shadowing},
         "base_loss": values["base_loss"],
     }
+    if fit.faded:
+        overrides["fading"] = {"model": "rician", "k_db": values[K_NAME], "coherence": "doppler"}
     if found.free[FLOOR_COORDINATE]:
         overrides["noise"] = {"model": "fixed", "floor_dbm": values["noise.floor_dbm"]}
     left = fit.leftover
@@ -113,7 +116,7 @@ def _correlated_fit(
         level=fit.level(),
         correlations=fit.correlations(),
         correlated=True,
-        goodness=Goodness(left.independence, left.readings, None, independent),
+        goodness=Goodness(left.independence, None if fit.faded else left.readings, None, independent),
     )
     if left.independence is not None and left.independence < DEPENDENT:
         return _without_intervals(out, PLACES_NOTE)
@@ -198,9 +201,13 @@ def _check_base(base: RadioConfig) -> None:
     """Refuse a base with terms that a fit does not take into account."""
     for name, value, allowed in (
         ("propagation.model", getattr(base.propagation, "model", "own"), ("log-distance",)),
-        ("shadowing.model", base.shadowing.model, ("normal", "one-sided-normal", "gudmundson")),
+        (
+            "shadowing.model",
+            getattr(base.shadowing, "model", "own"),
+            ("normal", "one-sided-normal", "gudmundson"),
+        ),
         ("fading.model", getattr(base.fading, "model", "own"), ("none",)),
-        ("bursts.model", base.bursts.model, ("none",)),
+        ("bursts.model", getattr(base.bursts, "model", "own"), ("none",)),
         ("atmosphere.model", base.atmosphere.model, ("none",)),
     ):
         if value not in allowed:

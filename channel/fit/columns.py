@@ -13,6 +13,7 @@ from channel.config import RadioConfig
 from channel.fit.flight_log import (
     ALL_RECEIVERS,
     BEFORE_THE_RADIO,
+    NO_OUTCOME,
     FlightLog,
     FlightLogError,
     links_of,
@@ -66,8 +67,10 @@ def log_of_columns(columns: Mapping[str, NDArray[Any]], base: RadioConfig, place
     Raises:
         FlightLogError: a missing column, a value that is none, or no row.
     """
-    if "distance_m" not in columns or not {"fate", "delivered"} & columns.keys():
-        raise FlightLogError(f"{place}: needs distance_m, and delivered or fate")
+    if "distance_m" not in columns:
+        raise FlightLogError(f"{place}: has no column distance_m")
+    if not {"fate", "delivered"} & columns.keys():
+        raise FlightLogError(f"{place}: {NO_OUTCOME}")
     delivered = columns["fate"] == "delivered" if "fate" in columns else columns["delivered"]
     try:
         distance_m = columns["distance_m"].astype(float)

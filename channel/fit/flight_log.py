@@ -23,6 +23,7 @@ NOTHING = frozenset({"", "nan", "none", "null", "-"})
 MAX_LENGTH_BYTES = 1 << 24
 BEFORE_THE_RADIO = frozenset({"transport", "too_long", "no_position", "radio_off"})
 """Fates in a run's deliveries of packets that the radio never sent."""
+NO_OUTCOME = "has no column delivered (1 or 0), nor fate: which packets arrived has to be said"
 ALL_RECEIVERS = "all"
 """In the column `rx` of a run's deliveries: packets that were lost together, in one row."""
 
@@ -109,6 +110,8 @@ def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
             reader = csv.DictReader(lines, skipinitialspace=True)
             reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
             names = set(reader.fieldnames)
+            if not names & {"delivered", "fate"}:
+                raise FlightLogError(f"{file}: {NO_OUTCOME}")
             rows = [
                 _row(row, names, default_length_bytes, f"{file}:{reader.line_num}")
                 for row in reader

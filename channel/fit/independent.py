@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from channel.config import RadioConfig
-from channel.fit.correlated.fit import correlations_of
+from channel.fit.correlated.ends import correlations_of
 from channel.fit.flight_log import FlightLog
 from channel.fit.goodness import readings_and_deliveries
 from channel.fit.likelihood import (
@@ -171,7 +171,7 @@ def _estimate(
 ) -> Estimate:
     name = NAMES[index]
     if ends is None:
-        note = "as given" if name in held else f"without RSSI it cannot be told apart from {_twin(name)}"
+        note = "as given" if name in held else f"without RSSI it cannot be separated from {_twin(name)}"
         return Estimate(name, None, -math.inf, math.inf, f"{note}: the base radio's")
     low, high = ends
     if math.isinf(low) or math.isinf(high):

@@ -50,7 +50,7 @@ class Goodness:
     Attributes:
         independence: that what is left of the packets is as correlated from each to the next; where the shadowing is
             fitted as correlated, what is left after that; None with too few strong readings.
-        readings: that the scatter of the readings is as far from the law; None with too few.
+        readings: that the scatter of the readings is as far from the law; None with too few, and where packets fade.
         deliveries: that the deliveries by distance are as far from the curve; None where correlated shadowing leaves
             it open, or there are too few losses.
         independent_at_first: `independence` of a fit without correlation, which decides whether there is one.
@@ -72,7 +72,7 @@ class Fit:
         packets: in the log.
         delivered: of these.
         overrides: what to lay over the base radio: the fitted values, the base's where nothing was determined.
-        rssi_error_db: the receiver's own error of RSSI, a by-product; None without RSSI.
+        rssi_error_db: the receiver's own error of RSSI, a by-product; None without RSSI, and where packets fade.
         level: mean power at the log's mean distance; None where neither offset nor exponent was fitted.
         correlations: of the estimates, by name and name; of those that were fitted and determined.
         correlated: whether the shadowing was fitted as correlated along the track.

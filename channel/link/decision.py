@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from channel.checks import FloatArray
-from channel.link.lengths import Lengths
 from channel.link.radio import Radio
-from channel.link.steps import STEPS_PER_DB, STEPS_PER_M, in_steps
+from channel.link.tables.lengths import Lengths
+from channel.link.tables.steps import STEPS_PER_DB, STEPS_PER_M, in_steps
 
 
 class Signal(NamedTuple):

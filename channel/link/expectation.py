@@ -9,8 +9,8 @@ import numpy as np
 from channel.checks import FloatArray
 from channel.config import RadioConfig
 from channel.fading.quadrature import POINTS_PER_PANEL, split_normal_rule, standard_normal_rule
-from channel.link.curves import Curves
-from channel.link.lengths import Lengths
+from channel.link.tables.curves import Curves
+from channel.link.tables.lengths import Lengths
 from channel.phy.error_model import Band
 
 PANELS = 32

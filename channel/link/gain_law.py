@@ -20,7 +20,7 @@ def chance_of_less(radio: Radio, path: Path, gain_db: FloatArray) -> FloatArray:
 
     Args:
         radio: the radio.
-        path: the links, shape (L,).
+        path: the links, shape (L,) or (1,).
         gain_db: received power less that of the link budget, dB, shape (L,).
 
     Returns:

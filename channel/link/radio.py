@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,22 +13,24 @@ from channel import checks
 from channel.antenna import to_body
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
-from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, separation_m
+from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, path_at, separation_m
 from channel.link.budget import BudgetedLink, BudgetTerm, total
-from channel.link.disturbance import Disturbance, States
-from channel.link.emitter import Emitter
+from channel.link.emitters.disturbance import POINTS, Disturbance, Gains, States
+from channel.link.emitters.emitter import Emitter
 from channel.link.expectation import PANELS, Expectation
-from channel.link.lengths import Lengths
-from channel.link.per_table import PerTable
 from channel.link.rays import with_reflection
 from channel.link.sight import Sight
-from channel.link.steps import STEPS_PER_M, in_steps
+from channel.link.tables.lengths import Lengths
+from channel.link.tables.per_table import PerTable
+from channel.link.tables.steps import STEPS_PER_M, in_steps
 from channel.phy.error_model import Band
 from channel.propagation.atmosphere import ItuAtmosphere
-from channel.propagation.diffraction import bulge_loss_db
+from channel.propagation.path_loss import friis_db
+from channel.propagation.spherical_earth import bulge_of
 
 OF_RECEIVER = ("offset_db", "noise", "bandwidth_hz", "interference", "bursts", "base_loss")
 """What is the receiver's on a link between two radios, beside its antenna and cable."""
+FINE_POINTS = 4 * POINTS
 MAX_WAY_M = 1e12
 """Farther than any radio, and near enough that squares do not overflow."""
 MAX_FREQUENCY_HZ = 1e12
@@ -42,6 +45,20 @@ class Delivery:
     error_bound: FloatArray
 
 
+class Geometry(TypedDict, total=False):
+    """Arguments of `Radio.path` beside the distance."""
+
+    ground_distance_m: ArrayLike | None
+    position_tx_ned_m: ArrayLike | None
+    position_rx_ned_m: ArrayLike | None
+    attitude_tx_wxyz: ArrayLike | None
+    attitude_rx_wxyz: ArrayLike | None
+    height_tx_m: ArrayLike | None
+    height_rx_m: ArrayLike | None
+    frequency_hz: ArrayLike | None
+    base: Literal["tx", "rx"]
+
+
 class Radio:
     """The physics of one radio configuration; the same at both ends, unless made by `towards`.
 
@@ -50,7 +67,10 @@ class Radio:
         emitters: of the run; where they are comes with each path (`Path.emitters_ned_m`).
 
     Attributes:
-        emitters: those that it hears: no farther off in frequency than the last row of `interference.rejection`.
+        emitters: those that it hears: their spectrum comes as near as the last row of its filter.
+        sources: its interferers, then these.
+        terms_are_of_places: whether a term that lasts is the same for all pairs whose ends stand at the same places.
+        interference_varies: whether random terms change what arrives from them.
 
     Raises:
         ChannelInputError: more emitters and interferers with a duty between 0 and 1 than can be averaged over.
@@ -59,24 +79,27 @@ class Radio:
     def __init__(self, config: RadioConfig, emitters: Sequence[Emitter] = ()) -> None:
         self.config = config
         self._emitters_of_run = tuple(emitters)
+        self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
+        self.sight = Sight(config, self._band) if getattr(config.propagation, "draws_sight", False) else None
+        self.terms_are_of_places = (
+            self.sight is not None or getattr(config.shadowing, "surroundings", "own") == "shared"
+        )
         self._disturbance = Disturbance(config, emitters, self)
-        self.emitters = self._disturbance.emitters
-        self.noise_floor_dbm = config.noise.noise_floor_dbm(config.bandwidth_hz)
+        self.emitters, self.sources = self._disturbance.emitters, self._disturbance.sources
+        self.interference_varies = self._disturbance.varies
+        self.noise_floor_dbm = config.noise.noise_floor_dbm(config.bandwidth_hz, config.frequency_hz)
         self.max_range_m = np.inf if config.max_range_m is None else config.max_range_m
         self.needs_attitude = config.polarisation is not None or any(
             antenna.needs_direction for antenna in (config.antenna, config.receiving_antenna)
         )
         self.kept_share = (1.0 - config.base_loss) * (1.0 - config.bursts.mean_loss)
-        self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self._expectation = Expectation(config, self._band)
-        self.sight = Sight(config, self._band) if getattr(config.propagation, "draws_sight", False) else None
+        self.needs_roles = bool(getattr(config.propagation, "needs_roles", False))
         self._per_table = PerTable(self.per_unchecked)
         self._fixed_terms = self._make_fixed_terms()
         self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
         self.needs_places = (
-            self.needs_attitude
-            or bool(self._disturbance.sources)
-            or getattr(config.propagation, "needs_places", False)
+            self.needs_attitude or bool(self.sources) or getattr(config.propagation, "needs_places", False)
         )
 
     def towards(self, receiver: Radio) -> Radio:
@@ -117,7 +140,7 @@ class Radio:
 
     def path(
         self,
-        distance_m: ArrayLike | None = None,
+        slant_distance_m: ArrayLike | None = None,
         *,
         ground_distance_m: ArrayLike | None = None,
         position_tx_ned_m: ArrayLike | None = None,
@@ -127,14 +150,15 @@ class Radio:
         height_tx_m: ArrayLike | None = None,
         height_rx_m: ArrayLike | None = None,
         frequency_hz: ArrayLike | None = None,
+        base: Literal["tx", "rx"] = "tx",
     ) -> Path:
         """Return the checked geometry of links, from distances or from positions.
 
         With distances, tx stands above the origin of the frame and rx due north of it.
 
         Args:
-            distance_m: slant distances, any shape.
-            ground_distance_m: or horizontal distances, any shape.
+            slant_distance_m: between the antennas, any shape.
+            ground_distance_m: or over the ground, any shape.
             position_tx_ned_m: or positions, shape (..., 3), in a common frame whose origin is on the ground.
             position_rx_ned_m: likewise.
             attitude_tx_wxyz: body to north-east-down, shape (..., 4); level with the nose north if not given.
@@ -142,6 +166,7 @@ class Radio:
             height_tx_m: above ground, with distances; the radio's default height if not given.
             height_rx_m: likewise.
             frequency_hz: another carrier than the radio's.
+            base: which end is the base on the ground, and the other the aircraft: for `uma-av` and `rma-av`.
 
         Raises:
             ChannelInputError: a value out of range, a wrong shape, or not one of distances and positions.
@@ -150,14 +175,14 @@ class Radio:
         frequency = checks.finite("frequency_hz", carrier, 0.0, MAX_FREQUENCY_HZ, low_open=True)
         attitude_tx = _attitude("attitude_tx_wxyz", attitude_tx_wxyz)
         attitude_rx = _attitude("attitude_rx_wxyz", attitude_rx_wxyz)
-        _only_one(distance_m, ground_distance_m, position_tx_ned_m, position_rx_ned_m)
-        if distance_m is None and ground_distance_m is None:
+        _only_one(slant_distance_m, ground_distance_m, position_tx_ned_m, position_rx_ned_m)
+        if slant_distance_m is None and ground_distance_m is None:
             start = _place("position_tx_ned_m", position_tx_ned_m)
             end = _place("position_rx_ned_m", position_rx_ned_m)
             checks.broadcast(position_tx_ned_m=start, position_rx_ned_m=end)
         else:
             heights = self._heights(height_tx_m, height_rx_m)
-            start, end = self._places(distance_m, ground_distance_m, *heights, frequency)
+            start, end = self._places(slant_distance_m, ground_distance_m, *heights, frequency)
         checks.broadcast(
             position_tx_ned_m=start[..., 0],
             position_rx_ned_m=end[..., 0],
@@ -165,7 +190,10 @@ class Radio:
             attitude_rx_wxyz=LEVEL_WXYZ[0] if attitude_rx is None else attitude_rx[..., 0],
             frequency_hz=frequency,
         )
-        return self.path_of(start, end, separation_m(start, end), attitude_tx, attitude_rx, frequency)
+        if base not in ("tx", "rx"):
+            raise ChannelInputError("base", base, "tx or rx")
+        path = self.path_of(start, end, separation_m(start, end), attitude_tx, attitude_rx, frequency)
+        return path._replace(tx_is_base=base == "tx", rx_is_base=base == "rx")
 
     def _heights(
         self, height_tx_m: ArrayLike | None, height_rx_m: ArrayLike | None
@@ -191,13 +219,15 @@ class Radio:
         if slant_m is None:
             ground = checks.finite("ground_distance_m", np.asarray(ground_m), 0.0, MAX_WAY_M)
         else:
-            slant = checks.finite("distance_m", slant_m, 0.0, MAX_WAY_M)
-            checks.broadcast(distance_m=slant, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
+            slant = checks.finite("slant_distance_m", slant_m, 0.0, MAX_WAY_M)
+            checks.broadcast(
+                slant_distance_m=slant, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz
+            )
             spare = slant - np.abs(tx_m - rx_m)
             if np.any(spare < -1e-9):
                 worst = float(np.min(spare))
                 raise ChannelInputError(
-                    "distance_m - |height_tx_m - height_rx_m|", worst, ">= 0: the way is slant"
+                    "slant_distance_m - |height_tx_m - height_rx_m|", worst, ">= 0: the way is slant"
                 )
             ground = np.sqrt(np.maximum(np.square(slant) - np.square(tx_m - rx_m), 0.0))
         checks.broadcast(distance_m=ground, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
@@ -269,25 +299,31 @@ class Radio:
         if isinstance(air, ItuAtmosphere):
             terms.append(BudgetTerm("gas_db", -air.gas_loss_db(path.distance_m, path.frequency_hz)))
             terms.append(BudgetTerm("rain_db", -air.rain_loss_db(path.distance_m, path.frequency_hz)))
-        bulge_db = self._bulge_db(path)
+        loss_db = self.config.propagation.path_loss_db(path)
+        bulge_db = self._bulge_db(path, loss_db)
         if bulge_db is not None:
             terms.append(BudgetTerm("horizon_db", -bulge_db))
-        loss = BudgetTerm("path_loss_db", -self.config.propagation.path_loss_db(path))
-        return (*terms, loss)
+        return (*terms, BudgetTerm("path_loss_db", -loss_db))
 
-    def _bulge_db(self, path: Path) -> FloatArray | None:
-        """Return what the bulge of the Earth takes, dB; None: nothing."""
-        factor = self.config.earth_radius_factor
-        if factor is None or getattr(self.config.propagation, "has_earth", False):
+    def _bulge_db(self, path: Path, loss_db: FloatArray) -> FloatArray | None:
+        """Return what the bulge of the Earth takes beyond the law's loss, dB; None: nothing."""
+        factor, law = self.config.earth_radius_factor, self.config.propagation
+        if factor is None or getattr(law, "has_earth", False):
             return None
-        return bulge_loss_db(path, factor)
+        bulge = bulge_of(path, factor)
+        if bulge is None:
+            return None
+        if not getattr(law, "has_ground", False):
+            return bulge.share * bulge.loss_db
+        smooth_db = friis_db(path.distance_m, path.frequency_hz) + bulge.loss_db
+        return bulge.share * np.maximum(smooth_db - loss_db, 0.0)
 
     def loss_db(self, path: Path) -> FloatArray:
         """Return what the way takes, all terms together, dB."""
         if isinstance(self.config.atmosphere, ItuAtmosphere):
             return np.negative(total(self._terms_of_the_way(path)))
         loss_db = self.config.propagation.path_loss_db(path)
-        bulge_db = self._bulge_db(path)
+        bulge_db = self._bulge_db(path, loss_db)
         return loss_db if bulge_db is None else loss_db + bulge_db
 
     def mean_power_dbm(self, path: Path) -> FloatArray:
@@ -296,14 +332,21 @@ class Radio:
             return np.asarray(total(self.budget(path)))
         return self._fixed_dbm - self.loss_db(path)
 
-    def noise_dbm(self, path: Path, transmitting: States | None = None) -> FloatArray | float:
+    def noise_dbm(
+        self, path: Path, transmitting: States | None = None, gains_db: Gains | None = None
+    ) -> FloatArray | float:
         """Return noise floor and interference at the receivers, dBm.
 
         Args:
             path: the links.
-            transmitting: which interferers, then emitters, are on, for all links or by link; all if not given.
+            transmitting: which of `sources` are on, for all links or by link; all if not given.
+            gains_db: what random terms add to each; if not given none, and the mean in watt over the line of sight.
         """
-        return self._disturbance.noise_dbm(path, transmitting)
+        return self._disturbance.noise_dbm(path, transmitting, gains_db)
+
+    def way_of_source(self, number: int, path: Path) -> Path:
+        """Return the geometry from one of `sources` to the receivers of links."""
+        return self._disturbance.way(number, path)
 
     def per(self, snr_db: ArrayLike, length_bytes: ArrayLike) -> FloatArray:
         """Return the packet error rate at an SNR, range, bursts and `base_loss` aside.
@@ -332,22 +375,22 @@ class Radio:
 
     def link(
         self,
-        distance_m: ArrayLike | None = None,
+        slant_distance_m: ArrayLike | None = None,
         *,
         length_bytes: ArrayLike | None = None,
-        **geometry: ArrayLike,
+        **geometry: Unpack[Geometry],
     ) -> BudgetedLink:
         """Return the link budget and the error rates without shadowing and fading, all interferers on.
 
         Args:
-            distance_m: see `path`.
+            slant_distance_m: see `path`.
             length_bytes: payload length; the radio's nominal length if not given. Broadcasts.
             **geometry: positions, heights, attitudes, frequency: see `path`.
 
         Raises:
             ChannelInputError: see `path`; or a negative length.
         """
-        path = self.path(distance_m, **geometry)
+        path = self.path(slant_distance_m, **geometry)
         length = self._lengths(length_bytes)
         terms = self.budget(path)
         power = np.asarray(total(terms))
@@ -372,33 +415,35 @@ class Radio:
 
     def probability_of_delivery(
         self,
-        distance_m: ArrayLike | None = None,
+        slant_distance_m: ArrayLike | None = None,
         length_bytes: ArrayLike | None = None,
-        **geometry: ArrayLike,
+        **geometry: Unpack[Geometry],
     ) -> FloatArray:
         """Return the probability that a packet arrives, averaged over the random terms by quadrature."""
-        return self.delivery(distance_m, length_bytes, **geometry).probability
+        return self.delivery(slant_distance_m, length_bytes, **geometry).probability
 
     def delivery(
         self,
-        distance_m: ArrayLike | None = None,
+        slant_distance_m: ArrayLike | None = None,
         length_bytes: ArrayLike | None = None,
-        **geometry: ArrayLike,
+        **geometry: Unpack[Geometry],
     ) -> Delivery:
         """Return the probability of delivery with a bound of the quadrature's error.
 
         Averaged over shadowing, fading, interferers with a duty, bursts and `base_loss`. The bound is the
         difference to a rule of half the nodes, plus the weight of the tails left out. Arguments as of `link`.
         """
-        path = self.path(distance_m, **geometry)
+        path = self.path(slant_distance_m, **geometry)
         length = self._lengths(length_bytes)
         power = self.mean_power_dbm(path)
         shape = checks.broadcast(distance_m=power, length_bytes=length)
         fine, coarse = np.zeros(shape), np.zeros(shape)
-        for chance, states in self._disturbance.states:
-            snr = power - self.noise_dbm(path, states)
-            fine += chance * self._averaged(snr, length, path, PANELS)
-            coarse += chance * self._averaged(snr, length, path, PANELS // 2)
+        for chance, noises in self._disturbance.cases(path, FINE_POINTS):
+            for noise in noises:
+                fine += chance / len(noises) * self._averaged(power - noise, length, path, PANELS)
+        for chance, noises in self._disturbance.cases(path):
+            for noise in noises:
+                coarse += chance / len(noises) * self._averaged(power - noise, length, path, PANELS // 2)
         kept = np.where(self.in_range(_separation(path)), self.kept_share, 0.0)
         return Delivery(kept * fine, kept * (np.abs(fine - coarse) + 1e-14))
 
@@ -408,24 +453,69 @@ class Radio:
             return self.sight.averaged(snr_db, length, path, panels)
         return self._expectation.averaged(snr_db, length, path.elevation_deg, panels)
 
-    def expected_delivery(self, mean_power_dbm: FloatArray, path: Path, lengths: Lengths) -> FloatArray:
-        """Return the probability of delivery from a table: fast, within 1e-5 of `delivery`.
+    @property
+    def shares_draws(self) -> bool:
+        """Whether packets share what is drawn, by place or by time: their fates are not independent then."""
+        shadowing, fading = self.config.shadowing, self.config.fading
+        return (
+            (shadowing.is_random and shadowing.decorrelation_m is not None)
+            or (fading.is_random and fading.coherence != "packet")
+            or self.sight is not None
+            or self.config.bursts.mean_loss > 0.0
+            or len(self._disturbance.states) > 1
+        )
+
+    def expected_delivery(
+        self,
+        slant_distance_m: ArrayLike | None = None,
+        *,
+        length_bytes: int | None = None,
+        **geometry: Unpack[Geometry],
+    ) -> FloatArray:
+        """Return the probability of delivery from a table, which is made once: fast, within 1e-5 of `delivery`.
+
+        Args:
+            slant_distance_m: see `path`.
+            length_bytes: payload length of all packets; the radio's nominal length if not given.
+            **geometry: positions, heights, attitudes, frequency: see `path`.
+
+        Raises:
+            ChannelInputError: see `path`; or a length that no packet has.
+        """
+        path = self.path(slant_distance_m, **geometry)
+        payload_bytes = self.config.nominal_payload_bytes if length_bytes is None else length_bytes
+        checks.finite("length_bytes", payload_bytes, 0.0, MAX_LENGTH_BYTES)
+        lengths = Lengths.same(self.length_bytes(payload_bytes))
+        share = self.delivery_from_table(self.mean_power_dbm(path), path, lengths)
+        return np.where(self.in_range(_separation(path)), share, 0.0)
+
+    def delivery_from_table(self, mean_power_dbm: FloatArray, path: Path, lengths: Lengths) -> FloatArray:
+        """As `expected_delivery`, of links whose mean power is known.
 
         Args:
             mean_power_dbm: as `mean_power_dbm` gives it for `path`.
             path: the links, range aside.
             lengths: as the error model counts them.
         """
-        elevation = path.elevation_deg if self.config.fading.by_elevation else None
         success: FloatArray | float = 0.0
-        for chance, states in self._disturbance.states:
-            snr_db = mean_power_dbm - self.noise_dbm(path, states)
-            if self.sight is None:
-                part = self._expectation.from_table(snr_db, lengths, elevation)
+        for chance, noises in self._disturbance.cases(path):
+            if len(noises) == 1 or mean_power_dbm.ndim != 1:
+                parts = [self._from_table(mean_power_dbm - noise, lengths, path) for noise in noises]
+                part = parts[0] if len(parts) == 1 else np.mean(parts, axis=0)
             else:
-                part = self.sight.from_table(snr_db, lengths, path)
+                rows = np.tile(np.arange(mean_power_dbm.size), len(noises))
+                snr_db = (mean_power_dbm - np.asarray(noises)).ravel()
+                tiled = self._from_table(snr_db, lengths.at(rows), path_at(path, rows))
+                part = tiled.reshape(len(noises), -1).mean(axis=0)
             success = part if chance == 1.0 else success + chance * part
         return np.asarray(self.kept_share * success)
+
+    def _from_table(self, snr_db: FloatArray, lengths: Lengths, path: Path) -> FloatArray:
+        """Return E[1 - PER] over shadowing, fading and the line of sight from tables."""
+        if self.sight is not None:
+            return self.sight.from_table(snr_db, lengths, path)
+        elevation = path.elevation_deg if self.config.fading.by_elevation else None
+        return self._expectation.from_table(snr_db, lengths, elevation)
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:
         if length_bytes is None:
@@ -445,7 +535,7 @@ def _only_one(
     if (slant_m is not None) + (ground_m is not None) + positions != 1:
         given = None if slant_m is None else slant_m
         raise ChannelInputError(
-            "distance_m", given, "a distance, slant or over the ground, or both positions: one of them"
+            "slant_distance_m", given, "a distance, slant or over the ground, or both positions: one of them"
         )
 
 

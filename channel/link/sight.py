@@ -8,13 +8,14 @@ from typing import NamedTuple, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from channel import special
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.fading.shadowing import ShadowingModel
 from channel.geometry import Path
 from channel.link.expectation import Expectation
-from channel.link.lengths import Lengths
+from channel.link.tables.lengths import Lengths
+from channel.numbers import special
+from channel.numbers.units import db_from_ratio, ratio_from_db
 from channel.phy.error_model import Band
 from channel.propagation.air_to_ground import SightState
 
@@ -83,7 +84,9 @@ class Sight:
             return sigma_db
         if published_db is None:
             raise ChannelInputError(
-                "shadowing.sigma_db", None, f"a number: {self._config.propagation.model} has none of its own"
+                "shadowing.sigma_db",
+                None,
+                f"a number: {getattr(self._config.propagation, 'model', 'own propagation')} has none of its own",
             )
         return published_db
 
@@ -103,6 +106,11 @@ class Sight:
                 shadow_normal
             )
         return loss_db
+
+    def mean_gain_db(self, path: Path) -> FloatArray:
+        """Return what the mean in watt over both states is above that of the link budget, dB."""
+        shares = [state.chance * ratio_from_db(-state.excess_db) for state in self.states(path)]
+        return np.asarray(db_from_ratio(shares[0] + shares[1]))
 
     def averaged(self, snr_db: FloatArray, length_bytes: FloatArray, path: Path, panels: int) -> FloatArray:
         """Return E[1 - PER] by quadrature over states, shadowing and fading.

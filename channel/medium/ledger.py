@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import ChannelInputError, FloatArray
-from channel.intervals import binomial_interval
-from channel.link.steps import STEPS_PER_ONE
+from channel.link.tables.steps import STEPS_PER_ONE
 from channel.medium.bins import Bins
 from channel.medium.reception import DELIVERED, EVERYBODY, FATES, UNDECIDED_FROM, Packets, Receptions
+from channel.numbers.intervals import binomial_interval
 
 BIN_WIDTH_M = 20.0
 BINS_AT_ONCE = 4096
@@ -181,7 +181,7 @@ class Ledger:
         """Return the distance bins in order of the ends' names and distance, those with packets in them.
 
         Args:
-            progress: told which share is done, now and then: a large fleet has a hundred thousand bins.
+            progress: called now and then with the share that is done: a large fleet has a hundred thousand bins.
         """
         keys, counts = self._bins.rows()
         link, number = np.divmod(keys, MAX_BINS)

@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from channel.checks import ChannelInputError
 from channel.draws import MAX_SEQ, Draws, LinkDraws, check_seed
 from channel.link.radio import Radio
-from channel.medium.emitter_tracks import EmitterTracks
+from channel.medium.judge.judge import Judge
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
-from channel.medium.switches import Switches
-from channel.medium.tracks import FOREVER, Snapshot, Tracks, truth_rows
-from channel.medium.verdict import Judge
+from channel.medium.stations.emitter_tracks import EmitterTracks
+from channel.medium.stations.switches import Switches
+from channel.medium.stations.tracks import FOREVER, Snapshot, Tracks, truth_rows
 
 __all__ = ["EVERYBODY", "FATES", "Fate", "Medium", "Packets", "Receptions"]
 
@@ -45,6 +45,7 @@ class Medium:
         judge: takes in what is drawn, for a verdict in the end.
         emitters: names of the run's emitters, which radios may hear (`Radio.emitters`).
         switches: of the nodes' radios; each is on until it is switched off.
+        bases: names of the nodes that stand on the ground; the others are aircraft. For laws that distinguish them.
 
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
@@ -67,6 +68,7 @@ class Medium:
         judge: Judge | None = None,
         emitters: Iterable[str] = (),
         switches: Switches | None = None,
+        bases: Iterable[str] = (),
     ) -> None:
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
@@ -87,8 +89,14 @@ class Medium:
             judge=judge,
             emitters=self.emitters,
             switches=self._switches,
+            bases=self._on_the_ground(bases),
         )
         self._waiting: list[Packets] = []
+
+    def _on_the_ground(self, bases: Iterable[str]) -> NDArray[np.bool_]:
+        out = np.zeros(len(self.nodes), dtype=bool)
+        out[[self._index("bases", node) for node in bases]] = True
+        return out
 
     @staticmethod
     def _radio_of(node: str, radio: Radio | Mapping[str, Radio]) -> Radio:
@@ -100,7 +108,7 @@ class Medium:
 
     @property
     def in_flight(self) -> int:
-        """How many fates are still open: packets that wait for truth, times their receivers."""
+        """Number of fates that are still open, which is packets that wait for truth times their receivers."""
         others = len(self.nodes) - 1
         return sum(int(np.sum(np.where(part.to == EVERYBODY, others, 1))) for part in self._waiting)
 
@@ -213,7 +221,7 @@ class Medium:
         self._waiting.append(packets)
 
     def settle(self) -> Receptions:
-        """Return all fates that can be told by now: of packets up to which the truth of every node is known."""
+        """Return all fates that are certain by now: of packets up to which the truth of every node is known."""
         if not self._waiting:
             return self._settling.receptions(NO_PACKETS)
         waiting = Packets.joined(self._waiting)

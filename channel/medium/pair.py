@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 from channel.checks import FloatArray
 from channel.draws import LinkDraws, Purpose
 from channel.link.decision import signal_of
-from channel.link.lengths import Lengths
 from channel.link.radio import Radio
-from channel.link.steps import STEPS_PER_M, STEPS_PER_ONE, in_steps
+from channel.link.tables.lengths import Lengths
+from channel.link.tables.steps import STEPS_PER_M, STEPS_PER_ONE, in_steps
+from channel.medium.interferer_terms import InterfererTerms
+from channel.medium.judge.judge import Judge
 from channel.medium.links import Indices, LinksOfPass
 from channel.medium.random_terms import RandomTerms
 from channel.medium.reception import BASE_LOSS, BURST, ERASED, NO_POSITION, OUT_OF_RANGE
-from channel.medium.tracks import Tracks
-from channel.medium.verdict import Judge
+from channel.medium.stations.tracks import Tracks
 
 MARGIN_DB = 0.01
 """More than rounding to steps can add to an SNR."""
@@ -80,7 +81,8 @@ class Pair:
         self._judge = judge
         self._least_dbm = radio.noise_floor_dbm - self.terms.max_gain_db - MARGIN_DB
         self._has_range = math.isfinite(radio.max_range_m)
-        self._has_interferers = bool(radio.config.interference.interferers or radio.emitters)
+        self._has_interferers = bool(radio.sources)
+        self._interferers = InterfererTerms(radio, draws) if radio.interference_varies else None
         self._has_bursts = radio.config.bursts.mean_loss > 0.0
 
     def settled(self, links: LinksOfPass, lengths: Lengths) -> SettledLinks:
@@ -135,11 +137,12 @@ class Pair:
     def _heard(self, links: LinksOfPass, lengths: Lengths, mean_dbm: FloatArray) -> SettledLinks:
         """Return what the signal decides."""
         radio, terms, path = self.radio, self.terms, links.path
-        chance = in_steps(radio.expected_delivery(mean_dbm, path, lengths), STEPS_PER_ONE)
+        chance = in_steps(radio.delivery_from_table(mean_dbm, path, lengths), STEPS_PER_ONE)
         uniform = self._uniforms(links, *terms.purposes)
         power_dbm = mean_dbm + terms.gain_db(links, uniform)
         on = terms.interferers_on(links) if self._has_interferers else ()
-        noise_dbm = radio.noise_dbm(path, on)
+        gains_db = None if self._interferers is None else self._interferers.gains_db(links)
+        noise_dbm = radio.noise_dbm(path, on, gains_db)
         signal = signal_of(radio, links.distance_m, power_dbm, noise_dbm, lengths)
         fate = (uniform[Purpose.ERASURE] <= signal.per).astype(np.uint8)
         if self._judge is not None:

@@ -22,7 +22,7 @@ from channel.fading.shadowing import standard_normal_from_uniform
 from channel.fading.terms import LastingFading, LastingShadowing, LineOfSight
 from channel.fading.waves import link_places
 from channel.geometry import Path
-from channel.link.emitter import slot_uniform
+from channel.link.emitters.emitter import slot_uniform
 from channel.link.radio import Radio
 from channel.medium.links import Indices, LinksOfPass
 
@@ -46,20 +46,21 @@ class RandomTerms:
     Args:
         radio: the radio.
         draws: of the run's links.
+        fields: purpose of the words that keep the fields of links apart.
 
     Attributes:
         purposes: draws of each packet that `gain_db` wants, the decision about its erasure first.
         needs_velocity: whether `gain_db` asks for the velocities of the ends.
     """
 
-    def __init__(self, radio: Radio, draws: LinkDraws) -> None:
+    def __init__(self, radio: Radio, draws: LinkDraws, fields: str = "fields") -> None:
         config = radio.config
         self._config = config
         self._draws = draws
         self._emitters = radio.emitters
         self._sight = radio.sight
         run = draws.draws
-        self._fields = LinkWords(run.seed, draws.nodes, "fields")
+        self._fields = LinkWords(run.seed, draws.nodes, fields)
         self._bursts = LinkWords(run.seed, draws.nodes, "bursts")
         shadowing, fading = config.shadowing, config.fading
         lasting_fading = fading.is_random and fading.coherence != "packet"
@@ -78,7 +79,7 @@ class RandomTerms:
 
     @property
     def max_gain_db(self) -> float:
-        """The largest gain that any draw can give, dB; inf if a law does not tell, or the line of sight is drawn."""
+        """The largest gain that any draw can give, dB; inf if a law has no bound, or the line of sight is drawn."""
         if self._sight is not None:
             return inf
         shadowing, fading = self._config.shadowing, self._config.fading
@@ -120,7 +121,7 @@ class RandomTerms:
         ends = path.position_tx_ned_m, path.position_rx_ned_m
         places = link_places(self._fields, links.tx, links.rx, *ends, links.sim_time_ns)
         shadow = None if self._shadowing is None else self._shadowing.standard_normal(places, path.distance_m)
-        sight = None if self._states is None else self._states.standard_normal(places)
+        sight = None if self._states is None else self._states.standard_normal(places, path.distance_m)
         fading = None
         if self._fading is not None:
             speed_mps = _relative_speed_mps(links) if self.needs_velocity else LEVEL

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from channel.checks import FloatArray
 from channel.draws import LinkDraws
-from channel.link.lengths import Lengths
 from channel.link.radio import Radio
-from channel.medium.emitter_tracks import EmitterTracks
+from channel.link.tables.lengths import Lengths
+from channel.medium.judge.judge import Judge
 from channel.medium.links import Indices, LinksOfPass
 from channel.medium.pair import Pair, SettledLinks, blank, put
 from channel.medium.reception import EVERYBODY, RADIO_OFF, Packets, Receptions
-from channel.medium.switches import Switches
-from channel.medium.tracks import Snapshot, Tracks
-from channel.medium.verdict import Judge
+from channel.medium.stations.emitter_tracks import EmitterTracks
+from channel.medium.stations.switches import Switches
+from channel.medium.stations.tracks import Snapshot, Tracks
 
 LINKS_AT_ONCE = 8192
 """Links of one piece, so that its arrays stay in the processor's cache; changes no result."""
@@ -37,6 +37,7 @@ class Settling:
         judge: takes in what is drawn, for a verdict.
         emitters: where the run's emitters are.
         switches: of the nodes' radios; all stay on unless given.
+        bases: which nodes stand on the ground; none unless given.
 
     Raises:
         ChannelInputError: radios on several frequencies.
@@ -52,6 +53,7 @@ class Settling:
         judge: Judge | None = None,
         emitters: EmitterTracks | None = None,
         switches: Switches | None = None,
+        bases: NDArray[np.bool_] | None = None,
     ) -> None:
         self._draws = draws
         self._tracks = tracks
@@ -68,6 +70,8 @@ class Settling:
         self._velocity = any(pair.terms.needs_velocity for pair in self._pairs)
         count = len(draws.nodes)
         self._switches = switches or Switches(count)
+        self._bases = np.zeros(count, dtype=bool) if bases is None else bases
+        self._roles = any(pair.radio.needs_roles for pair in self._pairs)
         nodes = np.arange(max(count - 1, 0))
         self._others = nodes + (nodes >= np.arange(count)[:, np.newaxis])
 
@@ -189,6 +193,8 @@ class Settling:
         attitudes = _of_ends(nodes.attitude_wxyz, here, there)
         path = self._kinds[0].path_of(start.T, end.T, distance_m, *attitudes)
         packet, tx, rx = ends
+        if self._roles:
+            path = path._replace(tx_is_base=self._bases[tx], rx_is_base=self._bases[rx])
         return LinksOfPass(
             packets, packet, tx, rx, path, distance_m, *_of_ends(nodes.velocity_ned_mps, here, there)
         )

@@ -13,8 +13,8 @@ from channel.checks import ChannelInputError, FloatArray
 from channel.draws import Draws, Purpose, uniform_from_words
 from channel.fading.shadowing import standard_normal_from_uniform
 from channel.link.decision import signal_of
-from channel.link.lengths import Lengths
 from channel.link.radio import Radio
+from channel.link.tables.lengths import Lengths
 
 CHUNK_PACKETS = 16384
 """Packets worked on at once, so that they stay in the processor's cache; changes no result."""
@@ -122,7 +122,9 @@ def _gain_db(
 
 def _check(radio: Radio) -> None:
     config = radio.config
-    pulsed = any(0.0 < each.duty < 1.0 for each in config.interference.interferers)
+    pulsed = radio.interference_varies or any(
+        0.0 < each.duty < 1.0 for each in config.interference.interferers
+    )
     for name, by_time in (
         ("shadowing.model", config.shadowing.decorrelation_m is not None),
         ("fading.coherence", config.fading.is_random and config.fading.coherence != "packet"),

@@ -12,12 +12,12 @@ from pydantic import Field, model_validator
 
 from channel import checks
 from channel.checks import FloatArray
+from channel.numbers.units import ratio_from_db
 from channel.phy import modulation
-from channel.units import ratio_from_db
 from channel.variant import Variant
 
 MAX_BER = 1.0 - 2.0**-53
-"""The highest bit error rate that 1 - ber can tell from 1: keeps log(1 - ber) finite."""
+"""The highest bit error rate that 1 - ber can distinguish from 1: keeps log(1 - ber) finite."""
 BITS_PER_BYTE = 8
 MAX_SNR_DB = 3000.0
 

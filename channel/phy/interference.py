@@ -9,11 +9,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from channel.checks import ChannelInputError, FloatArray
-from channel.units import dbm_from_watt, watt_from_dbm
+from channel.numbers.units import dbm_from_watt, watt_from_dbm
+from channel.phy.spectrum import Rows, masked
 from channel.variant import Settings
 
 NS_PER_S = 1_000_000_000
 MAX_PULSED = 8
+MAX_REJECTION_DB = 300.0
 
 
 class Interferer(Settings):
@@ -26,6 +28,7 @@ class Interferer(Settings):
     position_ned_m: tuple[float, float, float] = Field(description="in the frame of the run")
     power_dbm: float = Field(ge=-200.0, le=200.0, description="radiated (EIRP)")
     frequency_hz: float | None = Field(default=None, gt=0.0, description="co-channel if not given")
+    bandwidth_hz: float = Field(default=1e3, gt=0.0, le=1e11, description="its power is flat within")
     duty: float = Field(default=1.0, ge=0.0, le=1.0, description="share of slots in which it transmits")
     slot_s: float = Field(default=0.01, gt=0.0)
 
@@ -39,28 +42,30 @@ class Interference(Settings):
     """All interferers, and how well the receiver rejects what is beside its channel."""
 
     interferers: tuple[Interferer, ...] = Field(default=())
-    rejection: tuple[tuple[float, float], ...] = Field(
-        default=((0.0, 0.0), (20e6, 16.0), (40e6, 32.0)),
-        description="rows of frequency offset in Hz and rejection in dB; linear between, constant beyond",
+    rejection: tuple[tuple[float, float], ...] | None = Field(
+        default=None,
+        description="of the receiver's filter: rows of frequency offset in Hz and rejection in dB, linear between, "
+        "constant beyond; if not given, by the radio's bandwidth",
     )
 
     @model_validator(mode="after")
     def _is_a_curve(self) -> Interference:
-        offsets = [row[0] for row in self.rejection]
-        if not offsets or any(b <= a for a, b in pairwise(offsets)):
-            raise ValueError("rejection: offsets have to rise from row to row")
+        offsets = None if self.rejection is None else [row[0] for row in self.rejection]
+        if offsets is not None and (
+            not offsets or offsets[0] < 0.0 or any(b <= a for a, b in pairwise(offsets))
+        ):
+            raise ValueError("rejection: offsets have to rise from row to row, from 0 on")
+        if any(not 0.0 <= rejection_db <= MAX_REJECTION_DB for _, rejection_db in self.rejection or ()):
+            raise ValueError(f"rejection: from 0 to {MAX_REJECTION_DB:g} dB")
         if sum(0.0 < each.duty < 1.0 for each in self.interferers) > MAX_PULSED:
             raise ValueError(f"at most {MAX_PULSED} interferers with a duty between 0 and 1")
         return self
 
-    def rejection_db(self, offset_hz: float) -> float:
-        """Return how much of a signal beside the channel is kept out, dB."""
-        offsets, rejections = np.asarray(self.rejection).T
-        return float(np.interp(abs(offset_hz), offsets, rejections))
-
-    def reaches(self, offset_hz: float) -> bool:
-        """Return whether an emitter so far off is heard at all: no farther than the last row of the rejection."""
-        return abs(offset_hz) <= self.rejection[-1][0]
+    def filter_rows(self, bandwidth_hz: float) -> Rows:
+        """Return the filter of a receiver of that bandwidth: offsets in Hz and levels in dB, at most 0."""
+        if self.rejection is None:
+            return masked(bandwidth_hz)
+        return tuple((offset_hz, -rejection_db) for offset_hz, rejection_db in self.rejection)
 
     def states(self, emitters: Sequence[float] = ()) -> list[tuple[float, tuple[bool, ...]]]:
         """Return every combination of transmitting interferers with its probability.

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from channel import special
 from channel.checks import ChannelInputError, FloatArray, finite
+from channel.numbers import special
 
 
 def erfc_of_root(ratio: FloatArray) -> FloatArray:

@@ -10,7 +10,8 @@ from pydantic import Field
 
 from channel import checks
 from channel.checks import FloatArray
-from channel.units import BOLTZMANN_J_PER_K, dbm_from_watt
+from channel.numbers.units import BOLTZMANN_J_PER_K, db_from_ratio, dbm_from_watt, ratio_from_db
+from channel.validity import RangedVariant
 from channel.variant import Variant
 
 STANDARD_TEMPERATURE_K = 290.0
@@ -20,8 +21,8 @@ STANDARD_TEMPERATURE_K = 290.0
 class NoiseModel(Protocol):
     """What a receiver hears when nobody transmits."""
 
-    def noise_floor_dbm(self, bandwidth_hz: float, /) -> float:
-        """Return the noise power in `bandwidth_hz`, dBm."""
+    def noise_floor_dbm(self, bandwidth_hz: float, frequency_hz: float, /) -> float:
+        """Return the noise power in `bandwidth_hz` about a carrier, dBm."""
         ...
 
 
@@ -47,7 +48,7 @@ class FixedNoise(Variant):
     model: Literal["fixed"] = "fixed"
     floor_dbm: float = Field(description="noise power at the receiver")
 
-    def noise_floor_dbm(self, _bandwidth_hz: float, /) -> float:
+    def noise_floor_dbm(self, _bandwidth_hz: float, _frequency_hz: float, /) -> float:
         """Return the floor as configured, dBm."""
         return self.floor_dbm
 
@@ -59,6 +60,37 @@ class ThermalNoise(Variant):
     noise_figure_db: float = Field(default=6.0, ge=0.0, le=60.0)
     temperature_k: float = Field(default=STANDARD_TEMPERATURE_K, gt=0.0)
 
-    def noise_floor_dbm(self, bandwidth_hz: float, /) -> float:
+    def noise_floor_dbm(self, bandwidth_hz: float, _frequency_hz: float, /) -> float:
         """Return 10 log10(k T B / 1 mW) + NF, dBm."""
         return float(thermal_noise_dbm(bandwidth_hz, self.noise_figure_db, self.temperature_k))
+
+
+MAN_MADE = {
+    "city": (76.8, 27.7, 0.3e6, 250e6),
+    "residential": (72.5, 27.7, 0.3e6, 250e6),
+    "rural": (67.2, 27.7, 0.3e6, 250e6),
+    "quiet-rural": (53.6, 28.6, 0.3e6, 250e6),
+    "business": (44.3, 12.3, 200e6, 900e6),
+}
+"""c and d of the median Fam = c - d log10(f / 1 MHz), and where it holds: ITU-R P.372, sec. on man-made noise.
+
+The first four are of all editions (table 1, 0.3 to 250 MHz), `business` is of P.372-8 (200 to 900 MHz).
+"""
+
+
+class ManMadeNoise(RangedVariant):
+    """Man-made noise at a receiver near the ground by ITU-R P.372, and the receiver's own: k T0 B (fa + fr - 1)."""
+
+    model: Literal["man-made"] = "man-made"
+    environment: Literal["city", "residential", "rural", "quiet-rural", "business"] = Field(
+        description="where the receiver is; above 250 MHz there is `business` only"
+    )
+    noise_figure_db: float = Field(default=6.0, ge=0.0, le=60.0, description="of the receiver")
+
+    def noise_floor_dbm(self, bandwidth_hz: float, frequency_hz: float, /) -> float:
+        """Return the median noise power, dBm."""
+        at_one_mhz_db, slope, low_hz, high_hz = MAN_MADE[self.environment]
+        counted_hz = self.within("frequency_hz", frequency_hz, low_hz, high_hz)
+        external_db = at_one_mhz_db - slope * np.log10(counted_hz / 1e6)
+        factor = ratio_from_db(external_db) + ratio_from_db(self.noise_figure_db) - 1.0
+        return float(thermal_noise_dbm(bandwidth_hz) + db_from_ratio(factor))

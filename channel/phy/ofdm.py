@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from channel import special
 from channel.checks import FloatArray
+from channel.numbers import special
 from channel.phy.error_model import BITS_PER_BYTE, Band, Smooth, linear_snr, packet_error
 
 CHANNEL_WIDTH_HZ = 20e6

@@ -6,6 +6,7 @@ import math
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from channel.checks import FloatArray
@@ -41,6 +42,7 @@ class SightState(NamedTuple):
 class _BySight(RangedVariant):
     """What models with and without line of sight share."""
 
+    has_ground: ClassVar[bool] = True
     line_of_sight: Literal["drawn", "expected", "always", "never"] = Field(
         default="drawn",
         description="the state is drawn, and lasts over some way; or the mean in dB over both; or one of them",
@@ -93,7 +95,12 @@ class AlHourani(_BySight):
 
 
 class _AerialVehicle(_BySight):
-    """What the aerial scenarios of TR 36.777 share: the higher end is the aircraft."""
+    """What the aerial scenarios of TR 36.777 share: one end is a base on the ground, the other an aircraft.
+
+    Between two of a kind, of which the tables know nothing, the lower end counts as the base if `outside` lets it.
+    """
+
+    needs_roles: ClassVar[bool] = True
 
     heights_m: ClassVar[tuple[float, float]]
     farthest_m: ClassVar[float]
@@ -128,6 +135,8 @@ class _AerialVehicle(_BySight):
 
     def _inside(self, path: Path) -> tuple[Path, FloatArray]:
         """Return the path and the aircraft's height to count with."""
+        if not np.all(_is_covered(path)):
+            self.say("ends of a link", "two of a kind", "a ground node, the base, and a UA")
         height_m = self.within("height of the aircraft", _aircraft_height(path), *self.heights_m)
         ground_m = self.within("ground distance", path.ground_distance_m, 0.0, self.farthest_m)
         if self.outside != "clamp":
@@ -189,8 +198,15 @@ class RmaAv(_AerialVehicle):
         return np.asarray(with_sight), np.asarray(without)
 
 
+def _is_covered(path: Path) -> NDArray[np.bool_]:
+    """Return whether one end is the base and the other the aircraft."""
+    return np.not_equal(path.tx_is_base, path.rx_is_base)
+
+
 def _aircraft_height(path: Path) -> FloatArray:
-    return np.asarray(np.maximum(path.height_tx_m, path.height_rx_m))
+    tx_m, rx_m = path.height_tx_m, path.height_rx_m
+    height_m = np.where(path.tx_is_base, rx_m, tx_m)
+    return np.where(_is_covered(path), height_m, np.maximum(tx_m, rx_m))
 
 
 def _sight(ground_m: FloatArray, near_m: FloatArray, far_m: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ Distances are slant distances between the antennas; the higher one is the base s
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -28,6 +28,7 @@ class OkumuraHata(RangedVariant):
     Over open land Hata prints 4.78 log10(f)^2; ns-3 has 4.70, which `coefficients: ns3` takes.
     """
 
+    has_ground: ClassVar[bool] = True
     model: Literal["okumura-hata"] = "okumura-hata"
     environment: Literal["urban", "suburban", "open"] = Field(default="urban")
     city: Literal["small", "large"] = Field(default="small", description="small stands for medium, too")
@@ -60,6 +61,7 @@ class Cost231Hata(RangedVariant):
     For a large city ns-3 leaves out the constant of 4.97 dB in the mobile's height correction: `coefficients: ns3`.
     """
 
+    has_ground: ClassVar[bool] = True
     model: Literal["cost231-hata"] = "cost231-hata"
     environment: Literal["urban", "suburban", "open"] = Field(default="urban", description="changes nothing")
     city: Literal["small", "large"] = Field(default="small")

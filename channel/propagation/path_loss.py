@@ -12,7 +12,7 @@ from pydantic import Field
 from channel import checks
 from channel.checks import FloatArray
 from channel.geometry import Path
-from channel.units import SPEED_OF_LIGHT_MPS
+from channel.numbers.units import SPEED_OF_LIGHT_MPS
 from channel.variant import Variant
 
 _FRIIS_CONSTANT_DB = 20.0 * math.log10(4.0 * math.pi / SPEED_OF_LIGHT_MPS)
@@ -22,8 +22,9 @@ class PathLossModel(Protocol):
     """A propagation law: geometry and frequency in, loss out.
 
     Class attributes, all False where a law has none: `needs_places`, if it asks where the ends are and not only how far
-    apart and how high; `by_rays`, if it wants `Path.reflected_gain_db`; `has_earth`, if it has the ground itself and so
-    needs no horizon.
+    apart and how high; `needs_roles`, if it asks which end is a base on the ground; `by_rays`, if it wants
+    `Path.reflected_gain_db`; `has_ground`, if the reflection or clutter of
+    flat ground is in it; `has_earth`, if the Earth is, and so needs no horizon.
     """
 
     def path_loss_db(self, path: Path) -> FloatArray:

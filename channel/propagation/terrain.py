@@ -12,10 +12,10 @@ from pydantic import Field, model_validator
 
 from channel.checks import ChannelInputError, FloatArray
 from channel.geometry import MIN_HEIGHT_M, Path
+from channel.numbers.units import wavelength_m
 from channel.propagation.diffraction import Profile, bulge_m, bullington_db, edge_db, worst_nu
 from channel.propagation.elevation import TerrainOrigin, interpolated, library, read_elevation
 from channel.propagation.path_loss import friis_db
-from channel.units import wavelength_m
 from channel.validity import OutsideValidityError
 from channel.variant import Variant
 
@@ -69,7 +69,7 @@ class Terrain(Variant):
         elif self._origin is None:
             library()
         else:
-            self._ground  # noqa: B018 (reads the file, so that a mistake is told now)
+            self._ground  # noqa: B018 (reads the file, so that a mistake is reported now)
         return self
 
     def at_origin(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Terrain:

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from channel.checks import FloatArray
 from channel.geometry import Path
+from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db, wavelength_m
 from channel.propagation.path_loss import friis_db
-from channel.units import SPEED_OF_LIGHT_MPS, ratio_from_db, wavelength_m
 from channel.variant import Variant
 
 TWO_PI_EPSILON_0 = 2.0 * math.pi * 8.8541878188e-12
@@ -54,6 +54,7 @@ class TwoRay(Variant):
     """
 
     by_rays: ClassVar[bool] = True
+    has_ground: ClassVar[bool] = True
     model: Literal["two-ray"] = "two-ray"
     polarisation: Literal["vertical", "horizontal"] = Field(default="vertical", description="of the antennas")
     ground_permittivity: float = Field(default=15.0, ge=1.0, le=100.0, description="relative; ITU-R P.527")
@@ -92,6 +93,7 @@ class TwoSlope(Variant):
     slant distance, as ns-3's two-ray ground model does. At the crossover itself the law steps by nothing.
     """
 
+    has_ground: ClassVar[bool] = True
     model: Literal["two-slope"] = "two-slope"
 
     def path_loss_db(self, path: Path) -> FloatArray:

@@ -12,7 +12,7 @@ from channel.checks import FloatArray
 
 
 class SensingOutcome(Enum):
-    """What became of a measurement: it was told to whoever has the sensor, or why not."""
+    """What became of a measurement: it was reported to the node, or why not."""
 
     MEASURED = "measured"
     BELOW_THRESHOLD = "below_threshold"
@@ -55,7 +55,7 @@ class Measured(NamedTuple):
         shadowing_db: what shadowing, and a drawn line of sight, add to it.
         fading_db: what fading adds.
         reading_dbm: with the receiver's noise, to 0.001 dB; NaN if there was no signal to read.
-        power_dbm: as told, in the sensor's steps; NaN if it was not told.
+        power_dbm: as reported, in the sensor's steps; NaN if it was not reported.
         outcome: index into OUTCOMES, uint8.
     """
 

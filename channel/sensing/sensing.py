@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from channel.checks import ChannelInputError, FloatArray
 from channel.draws import Draws, LinkDraws, check_seed
 from channel.geometry import separation_m
-from channel.link.emitter import Emitter
+from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
+from channel.phy.spectrum import captured_db, masked
 from channel.sensing.measured import (
     BELOW_THRESHOLD,
     MEASURED,
@@ -71,7 +72,9 @@ class Sensing:
         self._kind = self._kind_of_each(tuple(Sensor(config) for config in sensors.values()))
         self._period_ns = np.array([each.period_ns for each in sensors.values()], dtype=np.int64)
         self._next = np.zeros(len(self.sensors), dtype=np.int64)
-        self._power_dbm = np.array([each.power_dbm for each in self.emitters])
+        self._power_dbm = np.array(
+            [[_heard_dbm(config, each) for each in emitters] for config in sensors.values()]
+        )
         self._frequency_hz = np.array([each.frequency_hz for each in self.emitters])
 
     def _kind_of_each(self, sensors: Sequence[Sensor]) -> NDArray[np.intp]:
@@ -142,7 +145,7 @@ class Sensing:
     ) -> None:
         """Put in what is measured of ways of one kind."""
         gains = kind.terms.gains(ways, sim_time_ns)
-        mean_dbm = kind.radio.mean_power_dbm(ways.path) + self._power_dbm[out.emitter[rows]]
+        mean_dbm = kind.radio.mean_power_dbm(ways.path) + self._power_dbm[out.sensor[rows], out.emitter[rows]]
         signal_dbm = mean_dbm + gains.shadowing_db + gains.fading_db
         reading_dbm = kind.sensor.reading_dbm(signal_dbm, gains.noise_normal, gains.noise_uniform)
         in_range = kind.radio.in_range(out.distance_m[rows])
@@ -154,6 +157,11 @@ class Sensing:
         told_dbm = kind.sensor.told_dbm(reading_dbm)
         out.power_dbm[rows] = np.where(outcome == MEASURED, told_dbm, np.nan)
         out.outcome[rows] = outcome
+
+
+def _heard_dbm(config: SensorConfig, emitter: Emitter) -> float:
+    """Return the power of an emitter within the bandwidth of a sensor that is tuned to it."""
+    return emitter.power_dbm + captured_db(0.0, emitter.bandwidth_hz, masked(config.radio.bandwidth_hz))
 
 
 def _known(places: Places) -> NDArray[np.bool_]:

@@ -14,15 +14,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from channel import checks, special
+from channel import checks
 from channel.antenna import Isotropic
 from channel.checks import FloatArray
 from channel.config import Antenna, RadioConfig
 from channel.link.expectation import PANELS
 from channel.link.radio import Radio
-from channel.link.steps import STEPS_PER_DB, in_steps
+from channel.link.tables.steps import STEPS_PER_DB, in_steps
+from channel.numbers import special
+from channel.numbers.units import LN10_OVER_10, db_from_ratio, ratio_from_db
 from channel.sensing.settings import SensorSettings
-from channel.units import LN10_OVER_10, db_from_ratio, ratio_from_db
 
 ISOTROPIC = Isotropic()
 
@@ -47,7 +48,7 @@ class Sensor:
         period_ns: sim time between two measurements.
         band_hz: lowest and highest frequency that it measures.
         noise_floor_dbm: of its receiver.
-        threshold_dbm: readings below are not told.
+        threshold_dbm: readings below are not reported.
         shadowing_sigma_db: standard deviation of the shadowing (with line of sight, if that matters); 0: there is none.
         decorrelation_m: distance over which shadowing falls to 1/e; None: it is drawn anew for each measurement.
     """
@@ -58,7 +59,7 @@ class Sensor:
         half_hz = 0.5 * radio.bandwidth_hz
         self.period_ns = config.period_ns
         self.band_hz = config.band_hz or (radio.frequency_hz - half_hz, radio.frequency_hz + half_hz)
-        self.noise_floor_dbm = radio.noise.noise_floor_dbm(radio.bandwidth_hz)
+        self.noise_floor_dbm = radio.noise.noise_floor_dbm(radio.bandwidth_hz, radio.frequency_hz)
         self.threshold_dbm = float(
             in_steps(np.asarray(self.noise_floor_dbm + config.threshold_db), STEPS_PER_DB)
         )

@@ -13,7 +13,7 @@ Identifies = Literal["id", "frequency", "none"]
 
 
 class SensorSettings(Settings):
-    """How often a sensor measures what, and what it tells of it."""
+    """How often a sensor measures what, and what it reports of it."""
 
     rate_hz: float = Field(default=4.0, gt=0.0, le=1000.0, description="measurements per second of sim time")
     band_hz: tuple[float, float] | None = Field(
@@ -23,11 +23,14 @@ class SensorSettings(Settings):
         default=1000, ge=1, le=10**9, description="independent samples of signal and noise in a reading"
     )
     threshold_db: float = Field(
-        default=3.0, ge=-100.0, le=200.0, description="readings less than this over the noise are not told"
+        default=3.0,
+        ge=-100.0,
+        le=200.0,
+        description="readings less than this over the noise are not reported",
     )
     step_db: float = Field(default=0.5, ge=0.001, le=20.0, description="readings are rounded to whole steps")
     identifies: Identifies = Field(
-        default="id", description="what is told of whose power it is: its id, its frequency, or nothing"
+        default="id", description="what is reported of whose power it is: its id, its frequency, or nothing"
     )
 
     @model_validator(mode="after")

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from channel import special
 from channel.checks import FloatArray
 from channel.draws import LinkDraws, uniform_from_words
 from channel.fading.link_words import LinkWords
@@ -20,6 +19,7 @@ from channel.fading.terms import LastingFading, LastingShadowing, LineOfSight
 from channel.fading.waves import LinkPlaces, link_places
 from channel.geometry import Path
 from channel.link.radio import Radio
+from channel.numbers import special
 
 Indices = NDArray[np.intp]
 NOISE, NOISE_REST, FADING_I, FADING_Q = range(4)
@@ -101,7 +101,9 @@ class SensingTerms:
             words = self._draws.words(SHADOWING, ways.emitter, ways.sensor, ways.number)
             normal = standard_normal_from_uniform(uniform_from_words(words[0]))
         if self._sight is not None and self._states is not None:
-            return -self._sight.loss_db(ways.path, self._states.standard_normal(places), normal)
+            return -self._sight.loss_db(
+                ways.path, self._states.standard_normal(places, ways.path.distance_m), normal
+            )
         return np.zeros(len(ways.emitter)) if normal is None else -law.loss_db(normal)
 
     def _fading_db(self, ways: Ways, places: LinkPlaces, uniform: FloatArray, sim_time_ns: int) -> FloatArray:

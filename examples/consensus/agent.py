@@ -2,7 +2,7 @@
 
 lostlink run examples/consensus/consensus.yaml
 
-docs/consensus.md says what it does and what it needs.
+docs/tutorial/consensus.md says what it does and what it needs.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ CHANNEL = "consensus"
 
 
 class Meet(Agent):
-    """Options: see docs/consensus.md."""
+    """Options: see docs/tutorial/consensus.md."""
 
     message: struct.Struct | None = None
-    """What is broadcast: the number of the step, and what the scheme tells; None before the first."""
+    """What is broadcast: the number of the step, and the scheme's numbers; None before the first."""
 
     def transmit_package(self, sim_time_ns: int) -> None:
         """No data package: the mission's packets say all."""
@@ -32,7 +32,7 @@ class Meet(Agent):
         options = self.options
         await self.take_off(options["altitude_m"])
         await self.sleep_until(options["agree_s"])
-        place = self.place_m()
+        place = self.ua.place_ned_m[:2]
         self.log("proposal", place)
         self.averaging = SCHEMES[options.get("scheme", "running_sums")](place, options["nodes"])
         await self.agree()
@@ -52,12 +52,12 @@ class Meet(Agent):
 
     async def meet(self, north_m: float, east_m: float) -> None:
         """Fly to its place on the ring around the meeting point."""
-        options, home = self.options, self.config.home
+        options = self.options
         bearing_rad = math.radians(options["bearing_deg"])
         north_m += options["radius_m"] * math.cos(bearing_rad)
         east_m += options["radius_m"] * math.sin(bearing_rad)
         await self.ua.change_speed(options["speed_mps"])
-        await self.ua.goto_ned(north_m - home.north_m, east_m - home.east_m, -options["altitude_m"])
+        await self.ua.goto_ned(north_m, east_m, -options["altitude_m"], frame="fleet")
 
     def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
         super().on_packet(sender, channel, payload, reception)
@@ -67,8 +67,3 @@ class Meet(Agent):
             raise DecodeError(f"{len(payload)} bytes on {CHANNEL}: the mission's have {self.message.size}")
         number, *told = self.message.unpack(payload)
         self.averaging.hear(sender, number, tuple(told))
-
-    def place_m(self) -> tuple[float, float]:
-        """Where it is, north and east in the fleet's frame: its autopilot counts from home."""
-        local, home = self.ua.state.position_ned_m, self.config.home
-        return local.x + home.north_m, local.y + home.east_m

@@ -1,4 +1,4 @@
-"""Averages that UA find by telling each other, over links that lose packets; no I/O, no clock, no draws.
+"""Averages that UA find by exchanging numbers, over links that lose packets; no I/O, no clock, no draws.
 
 Numbers may be of any kind that adds and divides: floats in flight, fractions in tests.
 """

@@ -1,8 +1,8 @@
-"""Find RF emitters together: measure, tell the others over the radio, plan where to measure next.
+"""Find RF emitters together: measure, transmit the readings, plan where to measure next.
 
 lostlink run localise
 
-docs/localise.md says what it does and what it needs.
+docs/tutorial/localise.md says what it does and what it needs.
 """
 
 from __future__ import annotations
@@ -22,24 +22,22 @@ from bridge.agents import Measurement
 from bridge.bus.messages import DecodeError
 from bridge.bus.reception import Reception
 from channel.sensing.sensor import Sensor
-from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 from lostlink import Agent
 
 CHANNEL = "localise"
 LOOK_S = 1.0
-"""How often the UA estimates, tells the others and records."""
+"""How often the UA estimates, transmits and records."""
 
 
 class Localise(Agent):
-    """Options: see docs/localise.md."""
+    """Options: see docs/tutorial/localise.md."""
 
     async def fly(self) -> None:
         self.localiser = localiser_of(self.ua.node, self.ua.sensor, self.options)
         self.is_fixed_wing = bool(self.options.get("fixed_wing", False))
         self.share = bool(self.options.get("share", True))
         self.telling = asyncio.create_task(self.tell())
-        ground = await self.take_off(self.options["altitude_m"])
-        self.home = GeodeticPosition(ground.latitude_deg, ground.longitude_deg, ground.altitude_amsl_m)
+        await self.take_off(self.options["altitude_m"])
         if not self.is_fixed_wing:
             await self.ua.change_speed(self.options["speed_mps"])
         self.searching = asyncio.create_task(self.search())
@@ -50,7 +48,7 @@ class Localise(Agent):
     async def search(self) -> None:
         """Plan, and fly to the corner of the plan, until it is time to plan anew."""
         async for _ in self.every(self.options["replan_s"]):
-            north_m, east_m, _ = self.place_ned_m()
+            north_m, east_m, _ = self.ua.place_ned_m
             velocity = self.ua.state.velocity_ned_mps
             course_rad = math.atan2(velocity.y, velocity.x)
             way = self.localiser.plan(self.ua.sim_time_ns, np.array([north_m, east_m]), course_rad)
@@ -61,16 +59,16 @@ class Localise(Agent):
 
     async def fly_to(self, way: Way) -> None:
         """Towards the way's corner; a newer plan takes over. Fixed wing take positions on the globe only."""
-        north_m, east_m = (way.places_m[1] - self.home_m()).tolist()
+        north_m, east_m = way.places_m[1].tolist()
         altitude_m = self.options["altitude_m"]
         if self.is_fixed_wing:
-            place = geodetic_from_ned(self.home, (north_m, east_m, 0.0))
+            place = self.ua.frames.earth_from_fleet((north_m, east_m, 0.0))
             await self.ua.goto(place.lat_deg, place.lon_deg, altitude_m, speed_mps=self.options["speed_mps"])
         else:
-            await self.ua.goto_ned(north_m, east_m, -altitude_m)
+            await self.ua.goto_ned(north_m, east_m, -altitude_m, frame="fleet")
 
     async def tell(self) -> None:
-        """Estimate, record and tell the others, once a second."""
+        """Estimate, record and transmit, once a second."""
         async for _ in self.every(LOOK_S):
             for emitter, estimate in zip(self.localiser.emitters, self.localiser.estimates, strict=True):
                 self.log(f"estimate.{emitter}", told(estimate))
@@ -78,9 +76,9 @@ class Localise(Agent):
                 self.ua.transmit(CHANNEL, self.localiser.message())
 
     def on_measurement(self, measurement: Measurement) -> None:
-        if measurement.state is None or measurement.emitter is None or not self.is_flying():
+        place = measurement.place_ned_m
+        if place is None or measurement.emitter is None or not self.is_flying():
             return
-        place = self.place_ned_m(measurement.state)
         emitter, number, now_ns = measurement.emitter, measurement.number, measurement.sim_time_ns
         if self.localiser.measured(number, emitter, now_ns, place, measurement.power_dbm):
             self.log(
@@ -95,22 +93,12 @@ class Localise(Agent):
     def is_flying(self) -> bool:
         return self.ua.state is not None and self.ua.state.altitude_rel_m > 0.5 * self.options["altitude_m"]
 
-    def home_m(self) -> Floats:
-        """Where the autopilot's local frame begins in the fleet's, north and east."""
-        return np.array([self.config.home.north_m, self.config.home.east_m])
-
-    def place_ned_m(self, state: Any = None) -> tuple[float, float, float]:
-        """In the fleet's frame, now or as a state says."""
-        local = (state or self.ua.state).position_ned_m
-        north_m, east_m = self.home_m()
-        return local.x + north_m, local.y + east_m, local.z
-
 
 def localiser_of(node: str, sensor: Sensor | None, options: Mapping[str, Any]) -> Localiser:
     """What the options and the sensor's calibration ask for.
 
     Raises:
-        ValueError: the node has no sensor, or one that does not tell emitters apart by their ids.
+        ValueError: the node has no sensor, or one that does not identify emitters by their ids.
     """
     if sensor is None or sensor.config.identifies != "id":
         raise ValueError(f"UA {node}: needs a sensor that identifies emitters by id")

@@ -30,7 +30,7 @@ def errors(run: Run) -> dict[str, Any]:
     ``times_s``; ``error_<node>_m`` and ``error_m`` (mean over emitters; the worst UA's), ``bound_m`` (of readings of
     all UA, as if each was shared at once); ``nees_<node>`` (per emitter and axis: 1 if consistent); and the same at the
     end as ``final_...``. ``found_s``: when the worst error first was less than NEAR_M, NaN if it never was.
-    ``told``: share of what the UA told each other that arrived, NaN if they told nothing.
+    ``told``: share of the UA's messages that arrived, NaN if there were none.
     """
     emitters = {each.id: _place_ned_m(run, each.id) for each in run.scenario.emitters}
     found: dict[str, Any] = {"times_s": GRID_S}

@@ -2,7 +2,7 @@
 
 lostlink run examples/relay_placement/relay_placement.yaml
 
-docs/relay-placement.md says what it does and what it needs.
+docs/tutorial/relay-placement.md says what it does and what it needs.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Mover(End):
 
 
 class Relay(Agent):
-    """Passes on what it hears, from the best place that it knows. Options: see docs/relay-placement.md."""
+    """Passes on what it hears, from the best place that it knows. Options: see docs/tutorial/relay-placement.md."""
 
     def __init__(self, *args) -> None:
         super().__init__(*args)
@@ -152,14 +152,10 @@ def radio_of(options, who: str) -> Radio:
 
 
 def aircraft_ned_m(agent: Agent) -> tuple[float, float, float]:
-    """Where an agent's aircraft is, in the fleet's frame: its autopilot counts from home."""
-    if agent.ua.state is None:
-        return agent.config.home.north_m, agent.config.home.east_m, 0.0
-    local, home = agent.ua.state.position_ned_m, agent.config.home
-    return local.x + home.north_m, local.y + home.east_m, local.z
+    """Where an agent's aircraft is, in the fleet's frame; before its first fix it is at home."""
+    return agent.ua.place_ned_m or agent.ua.frames.home_ned_m
 
 
 async def go_to(agent: Agent, north_m: float, east_m: float) -> None:
     """Fly to a place in the fleet's frame, at the altitude of the options."""
-    home = agent.config.home
-    await agent.ua.goto_ned(north_m - home.north_m, east_m - home.east_m, -agent.options["altitude_m"])
+    await agent.ua.goto_ned(north_m, east_m, -agent.options["altitude_m"], frame="fleet")

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from channel import Radio
-from channel.link.lengths import Lengths
 
 Floats = NDArray[np.float64]
 Delivery = Callable[[Floats, Floats], Floats]
@@ -48,13 +47,11 @@ def links_of(ground: Radio, ua: Radio, payload_bytes: int) -> Links:
 def delivery_of(transmitter: Radio, receiver: Radio, payload_bytes: int) -> Delivery:
     """Probability of delivery from one radio to another, averaged over what is random; aircraft fly level."""
     radio = transmitter.towards(receiver)
-    length = Lengths.same(radio.length_bytes(payload_bytes))
 
     def delivery(tx_ned_m: Floats, rx_ned_m: Floats) -> Floats:
         tx, rx = np.broadcast_arrays(tx_ned_m, rx_ned_m)
-        path = radio.path(position_tx_ned_m=tx.reshape(-1, 3), position_rx_ned_m=rx.reshape(-1, 3))
-        chance = radio.expected_delivery(radio.mean_power_dbm(path), path, length)
-        return np.where(radio.in_range(path.distance_m), chance, 0.0).reshape(tx.shape[:-1])
+        places = {"position_tx_ned_m": tx.reshape(-1, 3), "position_rx_ned_m": rx.reshape(-1, 3)}
+        return radio.expected_delivery(length_bytes=payload_bytes, **places).reshape(tx.shape[:-1])
 
     return delivery
 

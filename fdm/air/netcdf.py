@@ -117,7 +117,7 @@ def _read_classic(path: Path) -> NetcdfFile:
 
 
 def _read_netcdf4(path: Path) -> NetcdfFile:
-    command = [sys.executable, "-m", "fdm.air.netcdf", str(path)]
+    command = [sys.executable, "-P", "-m", "fdm.air.netcdf", str(path)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=READ_TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:

@@ -289,7 +289,7 @@ class _Reader:
 
 
 def _role_of(variable: Variable) -> str | None:
-    """Which of AXES a coordinate variable is, told by axis, standard_name, units or name; or None."""
+    """Which of AXES a coordinate variable is, found by axis, standard_name, units or name; or None."""
     units = variable.text("units").strip()
     by_units = "y" if units in NORTH else "x" if units in EAST else "time" if " since " in units else None
     return (

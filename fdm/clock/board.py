@@ -48,7 +48,7 @@ class Board:
         return self._slowest_ns[index]
 
     def publish(self, slowest_ns: int, largest_step_ns: int) -> None:
-        """Tell this process's numbers, and wake who waits for them if they matter."""
+        """Publish this process's numbers, and wake who waits for them if they matter."""
         before = (min(self._slowest_ns), self._largest_step_ns[self._index])
         self._slowest_ns[self._index] = slowest_ns
         self._largest_step_ns[self._index] = largest_step_ns

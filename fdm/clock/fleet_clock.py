@@ -42,7 +42,7 @@ class Peers(Protocol):
         """The longest step of all processes, this one's as published."""
 
     def publish(self, slowest_ns: int, largest_step_ns: int) -> None:
-        """Tell this process's slowest live UA (NEVER_NS: none) and longest step to the others."""
+        """Publish this process's slowest live UA (NEVER_NS: none) and longest step."""
 
     def ask_for_wake(self) -> None:
         """Have this process woken when `slowest_ns` changes."""

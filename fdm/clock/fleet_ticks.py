@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from itertools import chain
 
 from fdm.clock.events import EventKind, UaEvent
 from fdm.clock.status import ClockStatus, RateMeter
@@ -23,16 +24,16 @@ class FleetTicks:
     """Joins what the processes of a fleet report.
 
     Args:
-        ua_ids: the whole fleet.
-        processes: how many there are; they are named by index.
+        shares: per process, the ids of its UA; processes are named by index.
         tick_period_ns: sim time between ticks.
     """
 
-    def __init__(self, ua_ids: Iterable[int], processes: int, tick_period_ns: int) -> None:
-        self._live = dict.fromkeys(sorted(ua_ids), False)
+    def __init__(self, shares: Sequence[Sequence[int]], tick_period_ns: int) -> None:
+        self._shares = shares
+        self._live = dict.fromkeys(sorted(chain(*shares)), True)  # until an event says that one is not
         self._ended: set[int] = set()
         self._restarts = dict.fromkeys(self._live, 0)
-        self._reports: list[deque[tuple[int, Sequence[TrueState]]]] = [deque() for _ in range(processes)]
+        self._reports: list[deque[tuple[int, Sequence[TrueState]]]] = [deque() for _ in shares]
         self._tick_period_ns = tick_period_ns
         self._next_tick_ns = 0
         self._rate: RateMeter | None = None
@@ -56,12 +57,14 @@ class FleetTicks:
         """The tick that is due, if one is, with all truths by UA id; the next is then the one after it.
 
         Args:
-            idle: per process, whether it has no live UA, so that nobody waits for it.
+            idle: per process, whether it has no live UA, so that nobody waits for it once its events have said so too:
+                else the tick's status would depend on which of the two comes first.
         """
         if not any(self._reports):
             return None
-        if not all(reports or is_idle for reports, is_idle in zip(self._reports, idle, strict=True)):
-            return None
+        for reports, share, is_idle in zip(self._reports, self._shares, idle, strict=True):
+            if not reports and (not is_idle or any(self._live[ua_id] for ua_id in share)):
+                return None
         tick_ns = self._next_tick_ns
         truths: list[TrueState] = []
         for reports in self._reports:

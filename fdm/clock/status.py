@@ -1,4 +1,4 @@
-"""What the fleet clock is asked to do, and what it tells at a tick."""
+"""What the fleet clock is asked to do, and what it reports at a tick."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.exchange.called import CalledAutopilot, CalledSeat
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
-from fdm.exchange.placement import Placer
+from fdm.exchange.placement.placement import Placer
 from fdm.exchange.poller import Poller
 from fdm.exchange.seat import BuildModel, Seat, bind
 from fdm.exchange.service import DATAGRAM_MAX_BYTES, Service

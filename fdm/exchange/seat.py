@@ -124,7 +124,7 @@ def bind(spec: AircraftSpec, host: str) -> socket.socket:
 
 
 def dropped_by_system(sock: socket.socket) -> int:
-    """Datagrams that came to `sock` while its buffer was full; 0 where the system does not tell (not Linux)."""
+    """Datagrams that came to `sock` while its buffer was full; 0 where the system does not count them (not Linux)."""
     if sys.platform != "linux" or sock.fileno() < 0:
         return 0
     try:

@@ -76,7 +76,7 @@ class Service:
         return clock.limits_version == self._seen_version
 
     def start_without_the_absent(self) -> None:
-        """Start if the start timeout has passed, and tell who has not come; all that is there was heard before."""
+        """Start if the start timeout has passed, and report who is absent; all that is there was heard before."""
         for member in self._clock.take_absent():
             self._tell(EventKind.ABSENT, member, "the fleet starts without it: its autopilot sent no packet")
 

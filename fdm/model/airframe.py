@@ -88,7 +88,7 @@ class InitialConditions(_Strict):
 
 
 class Airframe(_Strict):
-    """One airframe; see docs/fdm-airframes.md for a worked example.
+    """One airframe; see docs/reference/fdm-airframes.md for a worked example.
 
     Attributes:
         name: of the airframe.

@@ -1,4 +1,4 @@
-"""Whether a JSBSim model's landing gear is stable at a step size, told from its XML.
+"""Whether a JSBSim model's landing gear is stable at a step size, from its XML.
 
 JSBSim integrates the contact forces explicitly. A damper that takes more momentum in one step than the
 aircraft has throws it back harder than it came: with all contacts on the ground a step must be no longer than

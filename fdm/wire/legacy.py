@@ -13,7 +13,7 @@ For peers of one's own: current firmware no longer speaks it. Seen from the auto
                         uint32     magic, 0x4c56414f
 
 There is no frame count: each servo packet asks for one frame of a rate that both sides know. A repeated packet cannot
-be told from the next one, and a peer that boots anew goes on where the UA is.
+be distinguished from the next one, and a peer that boots anew goes on where the UA is.
 """
 
 from __future__ import annotations

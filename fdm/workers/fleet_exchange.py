@@ -33,13 +33,11 @@ from fdm.exchange.settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Worke
 from fdm.workers.worker_messages import RUN, Ended, Happened, Reached, WorkerPlan
 from fdm.workers.worker_process import WorkerProcess, end_all
 
-IDLE_CHECK_S = 0.1
-"""How often to look whether a worker has no live UA left, which it does not tell."""
 END_TIMEOUT_S = 1.0
 """For all workers together, then they are killed: whoever ends this process may kill it soon, which a worker that is
 stopped or stuck would outlive."""
 UA_PER_WORKER = 16
-"""What `auto` gives one process: at 800 Hz that is two thirds of a core (docs/performance.md)."""
+"""What `auto` gives one process: at 800 Hz that is two thirds of a core (docs/explanation/performance.md)."""
 
 _log = logging.getLogger(__name__)
 
@@ -71,7 +69,7 @@ class FleetExchange:
         self._on_event = options["on_event"]
         self._speed, self._hold_ticks, self._paused = options["speed"], options["hold_ticks"], False
         self._emitted_ns = self._told_ns = self._released_ns = -1
-        self._ticks = FleetTicks(ids, workers, options["tick_period_ns"])
+        self._ticks = FleetTicks([ids[index::workers] for index in range(workers)], options["tick_period_ns"])
         self._counters: dict[int, dict[str, int]] = {ua_id: {"frames": 0} for ua_id in ids}
         self._commands = CommandQueue()
         self._stopping = False
@@ -109,7 +107,7 @@ class FleetExchange:
         self._tell_all(*RUN)
         try:
             while not self._stopping:
-                for key, _ in self._selector.select(IDLE_CHECK_S):
+                for key, _ in self._selector.select():
                     key.data()
                 self._progress()
         finally:

@@ -2,7 +2,7 @@
 
 It gets a `WorkerPlan` over its control connection, then commands, and answers with messages
 (fdm.workers.worker_messages). It serves from the command RUN on: until then what autopilots send waits in their
-sockets, as in one process. Its ticks are held until the whole fleet has reached them. It ends when it is told to, or
+sockets, as in one process. Its ticks are held until the whole fleet has reached them. It ends when it is stopped, or
 when the other end of the connection is gone.
 """
 
@@ -80,7 +80,7 @@ def main() -> int:
         try:
             _Worker(control.recv(), control).serve()
         except (EOFError, BrokenPipeError, ConnectionResetError):
-            return 1  # nobody is there to be told
+            return 1  # nobody is there to report to
         except FdmError as error:
             control.send(Failed(error))
             return 1

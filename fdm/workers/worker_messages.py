@@ -63,7 +63,7 @@ class Happened:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """It has ended as told; its last counters."""
+    """It was stopped and has ended; its last counters."""
 
     counters: Mapping[int, Mapping[str, int]]
 

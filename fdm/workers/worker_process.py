@@ -12,9 +12,13 @@ import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
 
 from fdm.errors import WorkerError
 from fdm.workers.worker_messages import Ended, Failed, Message, WorkerPlan
+
+OURS = str(Path(__file__).resolve().parents[2])
+"""Where this package is: before what the program has on its path, as files there may have our names."""
 
 
 class WorkerProcess:
@@ -36,10 +40,10 @@ class WorkerProcess:
         with theirs:
             # A process of its own and no fork of this one, which may have threads.
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "fdm.workers.worker", str(theirs.fileno())],
+                [sys.executable, "-P", "-m", "fdm.workers.worker", str(theirs.fileno())],
                 pass_fds=(theirs.fileno(), *plan.socket_fds, plan.board_fd, plan.wake_fd, *plan.wake_fds),
                 stdin=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+                env={**os.environ, "PYTHONPATH": os.pathsep.join((OURS, *filter(None, sys.path)))},
             )
         self.control = Connection(ours.detach())
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # shows in `receive`
@@ -96,7 +100,7 @@ class WorkerProcess:
 
 
 def end_all(workers: Sequence[WorkerProcess], timeout_s: float) -> dict[int, dict[str, int]]:
-    """End all within `timeout_s` together; gives the last counters of those that told them, by UA id."""
+    """End all within `timeout_s` together; returns the last counters of those that sent them, by UA id."""
     until_s = time.monotonic() + timeout_s
     for worker in workers:
         worker.tell(("stop",))

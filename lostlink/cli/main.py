@@ -24,6 +24,7 @@ COMMANDS = {
     "token": "lostlink.cli.live.token",
     "study": "lostlink.cli.flying.study",
     "view": "lostlink.cli.live.view",
+    "air": "channel.cli.air_command",
     "link": "channel.cli.commands",
     "radios": "channel.cli.commands",
     "figures": "channel.cli.commands",
@@ -59,7 +60,7 @@ def lostlink() -> None:
     Examples:
       lostlink run                                 two copters, one radio: where does the link break?
       lostlink run my.yaml --speed 1               your scenario, in real time
-      lostlink link --radio moon2020 --distance 400
+      lostlink link --radio wifi-2.4 --ground-distance 400
       lostlink echo 'lostlink/**/node/*/rx/**'       what the radio delivers, during a run
       lostlink doctor                              what is installed, found and free
     """

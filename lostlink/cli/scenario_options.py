@@ -42,8 +42,8 @@ def setting_options(command: F) -> F:
         "settings",
         multiple=True,
         metavar="KEY=VALUE",
-        help="Any value of the scenario, as radio.noise.floor_dbm=-330 or nodes.1.home.north_m=100 (nodes by id, * for "
-        "all). Repeatable; later ones win, also over other options.",
+        help="Any value of the scenario, as radio.noise.noise_figure_db=6 or nodes.1.home.north_m=100 (nodes by id, * "
+        "for all). Repeatable; later ones win, also over other options.",
     )
     return radio(set_(command))
 
@@ -57,7 +57,7 @@ def scenario_with(scenario: str, changes: Mapping[str, Any], settings: tuple[str
         settings: texts of ``--set``.
 
     Raises:
-        ScenarioError: it cannot be used; mistakes of an option are told under its name.
+        ScenarioError: it cannot be used; mistakes of an option are reported under its name.
     """
     folder = Path.cwd()
     given = [

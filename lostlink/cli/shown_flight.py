@@ -28,7 +28,7 @@ class ShownFlight(Flight):
     def fly_and_tell(
         self, ardupilot_dir: Path | None = None, replay: Path | None = None
     ) -> dict[str, Any] | None:
-        """As `Flight.fly`; None if not even a summary could be written (the error was told)."""
+        """As `Flight.fly`; None if not even a summary could be written (the error was reported)."""
         if not self.quiet:
             self.console.print(f"run {self.directory.path}", highlight=False, soft_wrap=True)
         try:

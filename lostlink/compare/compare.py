@@ -1,6 +1,6 @@
 """The first difference between two runs, over all streams and tables in the order of sim time.
 
-Within a tick the order is that of cause: truth, what the autopilot said, what it was told, what the agent logged,
+Within a tick the order is that of cause: truth, MAVLink from the autopilot, MAVLink to it, what the agent logged,
 packets, states, measurements, deliveries. Files are read side by side and only as far as needed; of each, one tick or
 some rows are in memory.
 """
@@ -59,7 +59,7 @@ def examine(
     a_was_cut: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Comparison:
-    """As `compare`, and tell what was compared.
+    """As `compare`, and return what was compared.
 
     Args:
         run_a: the first run.

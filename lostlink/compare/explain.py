@@ -63,7 +63,7 @@ def _packet(a: bytes, b: bytes, _before: bytes) -> Explained:
         old, new = decode_packet(a), decode_packet(b)
     except ValueError:
         return first_byte(a, b)
-    for name in ("seq", "channel", "sim_time_ns"):
+    for name in ("seq", "address", "encoding", "sim_time_ns"):
         if getattr(old, name) != getattr(new, name):
             return Explained(name, str(getattr(old, name)), str(getattr(new, name)))
     what, left, right = first_byte(old.payload, new.payload)

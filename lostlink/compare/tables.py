@@ -29,7 +29,7 @@ def compare_table(
         table: which table.
         until_ns: pass over rows of later sim times.
         a_was_cut: the first run was killed: its table may end early.
-        on_equal: told the sim times of rows that are equal, some at a time.
+        on_equal: called with the sim times of rows that are equal, some at a time.
 
     Raises:
         TableError, OSError: a file is damaged or cannot be read.

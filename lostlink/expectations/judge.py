@@ -17,6 +17,8 @@ from bridge.scenario.expectations import (
     SeparationExpectation,
 )
 from bridge.scenario.model import Scenario
+from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
+from lostlink.expectations.measures import measured, share_within
 from lostlink.expectations.packets import PacketFinder
 from lostlink.expectations.places import PlaceFinder
 
@@ -32,7 +34,7 @@ class Judgement:
         found: what the record has; None if it has nothing of the kind.
         unit: of ``found``: m, s, packets, or "".
         passed: whether it is as wanted.
-        error: why it could not be judged, if a table could not be read.
+        error: why it could not be judged: a table that cannot be read, a function that raised.
     """
 
     name: str
@@ -66,18 +68,20 @@ def judge(
         scenario: what was flown.
         ending: how it ended, as in summary.json.
         expectations: what to judge; those of the scenario unless given.
-        as_far_as_possible: what needs a table that cannot be read is not met, and says why.
+        as_far_as_possible: what cannot be judged is not met, and says why.
 
     Raises:
-        TableError, OSError: a table cannot be read, unless ``as_far_as_possible``.
+        ValueError, OSError: a table cannot be read, or a measure not be judged, unless ``as_far_as_possible``.
     """
     wanted = scenario.expectations if expectations is None else expectations
-    judges = _Judge(PacketFinder(run, scenario), PlaceFinder(run, scenario), ending)
+    judges = _Judge(run, scenario, PacketFinder(run, scenario), PlaceFinder(run, scenario), ending)
     return [(judges.if_possible if as_far_as_possible else judges.judgement)(each) for each in wanted]
 
 
 @dataclass(frozen=True, slots=True)
 class _Judge:
+    run: Path
+    scenario: Scenario
     packets: PacketFinder
     places: PlaceFinder
     ending: str
@@ -90,7 +94,7 @@ class _Judge:
     def if_possible(self, wanted: Expectation) -> Judgement:
         try:
             return self.judgement(wanted)
-        except (OSError, TableError) as error:
+        except (OSError, ValueError) as error:
             return Judgement(
                 wanted.title, wanted.type, wanted.wanted, None, "", passed=False, error=str(error)
             )
@@ -106,8 +110,17 @@ class _Judge:
                 age_s = self.packets.age_s(wanted, self.places.end_s)
                 return age_s, "s", age_s is not None and age_s <= wanted.at_most_s
             case SeparationExpectation():
-                nearest_m = self.places.nearest_m(wanted)
-                return nearest_m, "m", nearest_m is not None and nearest_m >= wanted.at_least_m
+                return self._separation(wanted)
+            case LoggedExpectation():
+                share = share_within(self.run, self.scenario, wanted)
+                return share, "of the values", share is not None and share >= wanted.for_
+            case FunctionExpectation():
+                value = measured(self.run, wanted)
+                return (
+                    (value, "", wanted.holds(value))
+                    if wanted.has_bounds
+                    else ("yes" if value else "no", "", bool(value))
+                )
             case HostLossesExpectation():
                 lost = self.packets.lost_by_host()
                 return float(lost), "packets", lost <= wanted.at_most
@@ -123,3 +136,17 @@ class _Judge:
         low, high = wanted.at_least or 0.0, 1.0 if wanted.at_most is None else wanted.at_most
         worst = max(shares, key=lambda share: max(low - share, share - high))
         return worst, "", low <= worst <= high
+
+    def _separation(self, wanted: SeparationExpectation) -> tuple[float | None, str, bool]:
+        """Of the least and the greatest distance, the one that is farther beyond its bound."""
+        found = self.places.separation_m(wanted)
+        if found is None:
+            return None, "m", False
+        nearest_m, farthest_m = found
+        beyond = []
+        if wanted.at_least_m is not None:
+            beyond.append((wanted.at_least_m - nearest_m, nearest_m))
+        if wanted.at_most_m is not None:
+            beyond.append((farthest_m - wanted.at_most_m, farthest_m))
+        excess_m, worst_m = max(beyond)
+        return worst_m, "m", excess_m <= 0.0

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bridge.record.tables.deliveries import TRANSPORT
 from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
 from bridge.scenario.model import Scenario
-from lostlink.reading.ages import received_ns, sawtooth
-from lostlink.reading.rows import LinkRows, link_rows
+from lostlink.reading.ages import sawtooth
+from lostlink.reading.rows import DeliveryRows, link_rows
 
 DECIMALS_S = 9
 Mask = NDArray[np.bool_]
@@ -28,11 +28,10 @@ class PacketFinder:
 
     def __init__(self, run: Path, scenario: Scenario) -> None:
         self._run, self._nodes = run, scenario.transceiver_ids
-        self._tick_ns = scenario.tick_period_ns
 
     @cached_property
-    def _rows(self) -> LinkRows:
-        return link_rows(self._run, self._nodes, ("sim_time_ns", "distance_m"))
+    def _rows(self) -> DeliveryRows:
+        return link_rows(self._run, self._nodes, ("sim_time_ns", "received_ns", "distance_m"))
 
     def shares(self, wanted: DeliveryExpectation) -> list[float]:
         """Delivered per sent: of all packets that are meant together, or of each link; nothing if none was sent."""
@@ -72,13 +71,9 @@ class PacketFinder:
 
     def _greatest_age_s(self, tx: str, rx: str, begin_s: float, until_s: float) -> float:
         heard = self._of(tx, rx) & self._rows.is_delivered
-        generated_ns, came_ns = self._rows.columns["sim_time_ns"][heard], self._received_ns[heard]
+        generated_ns, came_ns = (self._rows.columns[name][heard] for name in ("sim_time_ns", "received_ns"))
         age = sawtooth(generated_ns, came_ns, round(begin_s * 1e9), round(until_s * 1e9)).age
         return round(age.peak_s, DECIMALS_S)
-
-    @cached_property
-    def _received_ns(self) -> NDArray[np.int64]:
-        return received_ns(self._rows.columns, self._tick_ns)
 
     def lost_by_host(self) -> int:
         """Packets that never got to the radio, once per receiver."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from bridge.scenario.expectations import PositionExpectation, SeparationExpectation
 from bridge.scenario.model import Scenario
-from lostlink.reading.places import Floats, nearest_m, places_of
+from lostlink.reading.places import Floats, places_of, separation_m
 
 
 class PlaceFinder:
@@ -52,11 +52,11 @@ class PlaceFinder:
         after = int(np.searchsorted(times_s, wanted.at - 1e-9))
         return float(distances[after]) if after < len(times_s) else None
 
-    def nearest_m(self, wanted: SeparationExpectation) -> float | None:
-        """The least distance between any two of the nodes; None if no two of them were anywhere then."""
+    def separation_m(self, wanted: SeparationExpectation) -> tuple[float, float] | None:
+        """The least and the greatest distance of any two of the nodes; None if no two of them were anywhere then."""
         times_s, tracks = self._tracks
         nodes: Sequence[str] = wanted.among or [ua.node for ua in self._scenario.ua]
         begin_s, until_s = wanted.between_s or (0.0, np.inf)
         when = (times_s >= begin_s) & (times_s <= until_s)
-        nearest = nearest_m(tracks[node][when] for node in nodes)
-        return None if np.isnan(nearest) else nearest
+        found = separation_m(tracks[node][when] for node in nodes)
+        return None if np.isnan(found[0]) else found

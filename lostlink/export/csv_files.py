@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,37 +12,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.record.tables.every import TABLES
+from bridge.record.tables.logged import LoggedRow, logged_rows
 from bridge.record.tables.reader import read_batches
 from bridge.record.tables.schema import Column, Table, TableError
 
 
 def export_csv(run: Path, folder: Path) -> list[Path]:
-    """Write `truth.csv`, `states.csv` and `deliveries.csv`, of those tables that the run has; returns the files.
+    """Write a CSV of each table that the run has, and `logged.csv` if agents logged anything; returns the files.
 
     Raises:
-        TableError: it has none, or one is damaged.
+        ValueError: it has no table, or one is damaged.
         OSError: a file cannot be read or written.
     """
     found = [table for table in TABLES if table.is_in(run)]
     if not found:
         raise TableError(f"{run}: it has neither {', nor '.join(table.name for table in TABLES)}")
-    return [_write(run, table, folder / f"{table.name}.csv") for table in found]
+    written = [
+        _write(folder / f"{table.name}.csv", [column.name for column in table.columns], _rows(run, table))
+        for table in found
+    ]
+    logged = logged_rows(run)
+    first = next(logged, None)
+    if first is not None:
+        written.append(_write(folder / "logged.csv", LoggedRow._fields, chain([first], logged)))
+    return written
 
 
-def _write(run: Path, table: Table, path: Path) -> Path:
+def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
     partial = path.with_suffix(".partial")
     with partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(column.name for column in table.columns)
-        for batch in read_batches(run, table):
-            texts = [_texts(column, batch[column.name]) for column in table.columns]
-            writer.writerows(zip(*texts, strict=True))
+        writer.writerow(names)
+        writer.writerows(rows)
     partial.replace(path)
     return path
 
 
+def _rows(run: Path, table: Table) -> Iterator[Sequence[Any]]:
+    for batch in read_batches(run, table):
+        yield from zip(*(_texts(column, batch[column.name]) for column in table.columns), strict=True)
+
+
 def _texts(column: Column, values: NDArray[Any]) -> Iterator[Any]:
-    """Numbers in steps with all decimals of a step, others with as many as tell them from their neighbours."""
+    """Numbers in steps with all decimals of a step, others with as many as distinguish them from their neighbours."""
     if not column.steps_per_unit:
         return iter(values.tolist())
     decimals = round(np.log10(column.steps_per_unit))

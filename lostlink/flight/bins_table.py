@@ -7,19 +7,31 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
-from channel.intervals import binomial_interval
-from lostlink.flight.summary import BIN_SENT_MIN, is_outside
+from channel.numbers.intervals import binomial_interval
+from lostlink.flight.summary import BIN_SENT_MIN, is_outside, shares_draws
+
+LINKS_MAX = 3
+"""Of a row, that are named."""
 
 
 def bins_table(summary: dict[str, Any]) -> Table:
     """The table for people: a row per distance bin, all directed links taken together.
 
-    A bin of a link that lies outside its own interval is marked in the last column.
+    A bin of a link that lies outside its own interval is marked in the last column. Where packets share their draws
+    there are no intervals.
     """
-    table = Table(
-        box=box.SIMPLE_HEAD, title="Probability of delivery by distance, all links", title_justify="left"
-    )
-    for name in ("distance, m", "sent", "delivered", "measured", "predicted", "99 % interval"):
+    shared = shares_draws(summary["bins"])
+    title = "Probability of delivery by distance, all links"
+    told = f"{title} (packets share shadowing or fading: no intervals)" if shared else title
+    table = Table(box=box.SIMPLE_HEAD, title=told, title_justify="left")
+    for name in (
+        "distance, m",
+        "sent",
+        "delivered",
+        "measured",
+        "predicted",
+        *([] if shared else ["99 % interval"]),
+    ):
         table.add_column(name, justify="right", no_wrap=True)
     if any(is_outside(row) for row in summary["bins"]):
         table.add_column("outside", overflow="fold")
@@ -36,8 +48,14 @@ def bins_table(summary: dict[str, Any]) -> Table:
             str(delivered),
             f"{delivered / sent:.3f}",
             f"{predicted:.3f}",
-            f"{low:.3f}-{high:.3f}",
-            *([", ".join(outside)] if outside else []),
+            *([] if shared else [f"{low:.3f}-{high:.3f}"]),
+            *([_some(outside)] if outside else []),
             style="red" if outside else ("" if sent >= BIN_SENT_MIN else "dim"),
         )
     return table
+
+
+def _some(links: list[str]) -> str:
+    """The first links; how many more there are."""
+    more = len(links) - LINKS_MAX
+    return ", ".join(links[:LINKS_MAX]) + (f" and {more} more" if more > 0 else "")

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from channel.intervals import proportion_interval
 from channel.link.radio import Radio
+from channel.numbers.intervals import proportion_interval
 from channel.validity import OutsideValidityError
+from lostlink.flight.summary import shares_draws
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,9 +59,8 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio | None, p
     if not isinstance(radio_name, str):
         radio_name = radio_name.get("preset", "own radio")
     name = Path(radio_name).stem
-    axes.set_title(
-        f"{summary['scenario']}: {name}, seed {summary['seed']} (measured with 99 % binomial intervals)"
-    )
+    how = "packets share shadowing or fading" if shares_draws(summary["bins"]) else "99 % binomial intervals"
+    axes.set_title(f"{summary['scenario']}: {name}, seed {summary['seed']} (measured; {how})")
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=120)
@@ -87,7 +87,7 @@ def _draw_points(
     axes.errorbar(
         np.array([_middle(row) for row in rows]) + aside_m,
         measured,
-        np.maximum([measured - low, high - measured], 0.0),
+        None if shares_draws(rows) else np.maximum([measured - low, high - measured], 0.0),
         fmt=marker,
         markersize=4,
         capsize=2,
@@ -110,7 +110,7 @@ def _together(bins: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows of all links, one for each distance."""
     found: dict[float, dict[str, Any]] = {}
     for row in bins:
-        edges = {name: row[name] for name in ("distance_min_m", "distance_max_m")}
+        edges = {name: row[name] for name in ("distance_min_m", "distance_max_m", "predicted", "ci99")}
         total = found.setdefault(row["distance_min_m"], {**edges, "sent": 0, "delivered": 0})
         total["sent"] += row["sent"]
         total["delivered"] += row["delivered"]

@@ -8,7 +8,6 @@ import sys
 import threading
 from pathlib import Path
 from time import monotonic
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 from bridge.bus.messages import Clock, Message
@@ -25,14 +24,13 @@ from bridge.scenario.resolve.radio import common_radio
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.flight.exits import status_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
+from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.flight.verdict import UNJUDGED
 
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
 
 class Watcher(Protocol):
-    """Who is told of a run while it goes on; entered when it begins to fly, left when its summary is there.
+    """Watches a run while it goes on; entered when it begins to fly, left when its summary is there.
 
     Attributes:
         glance: where states and link reports are to be kept; None: not wanted.
@@ -42,9 +40,7 @@ class Watcher(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, *_: object) -> None: ...
 
     def on_phase(self, phase: str) -> None:
         """What the supervisor does now, in words."""
@@ -67,9 +63,7 @@ class Silent:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         return None
 
     def on_phase(self, phase: str) -> None:
@@ -91,7 +85,7 @@ class Flight:
     Args:
         scenario: what to fly.
         directory: where to, already there.
-        watcher: who is told of it.
+        watcher: is called as it goes on.
         how: how the parts of the run are joined; None: as the scenario says.
     """
 
@@ -111,6 +105,8 @@ class Flight:
         self._last_tick = 0.0
         self._unfinished: list[str] = []
         self._error: str | None = None
+        self._doing = ""
+        """What is done once all processes are gone."""
 
     def fly(
         self, ardupilot_dir: Path | None = None, replay: Path | None = None, *, takes_signals: bool = True
@@ -120,8 +116,8 @@ class Flight:
         Args:
             ardupilot_dir: where real binaries are, if that was said.
             replay: directory of a run whose inputs from outside are repeated.
-            takes_signals: SIGINT and SIGTERM end the flight in order, and from then on the process; for the main
-                thread of a program of ours. Otherwise `interrupt` does it.
+            takes_signals: SIGINT, SIGTERM and SIGHUP end the flight in order, and the first two then the process; for
+                the main thread of a program of ours. Otherwise `interrupt` does it.
 
         Raises:
             OSError, ValueError: the record cannot be read or written.
@@ -129,17 +125,25 @@ class Flight:
         with self._watcher, self.directory.going_on():
             ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
             if takes_signals:
-                for number in ENDING_SIGNALS:
-                    signal.signal(number, lambda n, _: sys.exit(128 + n))
-            return self._report(ending, sim_time_ns)
+                for number in ending_signals():
+                    signal.signal(number, _interrupted_late)
+            try:
+                return self._report(ending, sim_time_ns)
+            except SystemExit:
+                self._watcher.on_error(
+                    f"interrupted while it {self._doing}; `lostlink export {self.directory.path} --parquet --mcap` "
+                    "writes the tables and run.mcap of what was flown"
+                )
+                raise
 
     def take_signals(self) -> None:
-        """SIGINT and SIGTERM end the flight from now on, before it has begun; in the main thread."""
-        for number in ENDING_SIGNALS:
+        """SIGINT, SIGTERM and SIGHUP end the flight from now on, before it has begun; in the main thread."""
+        for number in ending_signals():
             signal.signal(number, self._interrupted_early)
 
     def _interrupted_early(self, number: int, _: object) -> None:
         """A signal before the fleet is there: it is interrupted as soon as it is (`_take_charge`)."""
+        leave_terminal()
         self.signal, self._interrupted = signal.Signals(number), True
 
     def interrupt(self) -> None:
@@ -194,14 +198,15 @@ class Flight:
 
     def _pass_signals_to(self, fleet: Fleet) -> None:
         def interrupt(number: signal.Signals) -> None:
+            leave_terminal()
             self.signal = number
             fleet.interrupt()
 
-        for number in ENDING_SIGNALS:
+        for number in ending_signals():
             asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
 
     def _break_off(self, error: str) -> Ending:
-        """Tell what ended the run; the first such error is its cause."""
+        """Report what ended the run; the first such error is its cause."""
         self._watcher.on_error(error)
         self._error = self._error or error
         return Ending.FAILED
@@ -215,28 +220,32 @@ class Flight:
 
         finish_tables(self.directory.path, tell)
 
+    def _begin(self, doing: str) -> None:
+        self._doing = doing
+        self._watcher.on_phase(doing)
+
     def _report(self, ending: Ending, sim_time_ns: int) -> dict[str, Any]:
         wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
         timing = Timing(sim_time_ns / 1e9, wall_s)
-        self._watcher.on_phase("writes its tables")
+        self._begin("writes its tables")
         try:
             self._finish_tables()
         except (OSError, ValueError) as error:
             ending = self._break_off(f"its tables could not be written as Parquet: {error}")
-        self._watcher.on_phase("sums up")
+        self._begin("sums up")
         summary = summarise(
             self.scenario, self.directory, timing, ending.value, self._unfinished, error=self._error
         )
         write_summary(summary, self.directory)
         if self.scenario.figure and ending not in UNJUDGED:
-            self._watcher.on_phase("draws the figure")
+            self._begin("draws the figure")
             draw_probability_of_delivery(
                 summary, common_radio(self.scenario), self.directory.path / FIGURE_FILE
             )
         if self.scenario.mcap.write:
-            self._watcher.on_phase("writes run.mcap")
+            self._begin("writes run.mcap")
             self._write_mcap()
-        self._watcher.on_phase("packs its streams")
+        self._begin("packs its streams")
         self._pack_streams()
         return summary
 
@@ -261,3 +270,10 @@ class Flight:
             write_mcap(self.directory.path, self.directory.path / MCAP_FILE, self.scenario.mcap, tell)
         except (OSError, ValueError) as error:
             self._watcher.on_error(f"{MCAP_FILE} could not be written: {error}")
+
+
+def _interrupted_late(number: int, _: object) -> None:
+    """A signal while the run is summed up. That its terminal goes, which may be said twice, takes no summary away."""
+    leave_terminal()
+    if number != signal.SIGHUP:
+        sys.exit(128 + number)

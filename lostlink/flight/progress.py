@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from time import monotonic
-from types import TracebackType
 from typing import Self
 
 import click
@@ -15,11 +14,11 @@ from rich.text import Text
 
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Message
 from bridge.fleet.glance import Glance
-from bridge.timeouts import NEWS_PERIOD_S
+from bridge.timeouts import LOG_PERIOD_S
 from lostlink.flight.live_table import LinkNow, links_now, links_table, ua_table
 
 REFRESH_PER_S = 2
-LINE_PERIOD_S = 0.9 * NEWS_PERIOD_S
+LINE_PERIOD_S = LOG_PERIOD_S
 """How often a line is printed where the output is not a terminal: also if nothing is new."""
 LOOK_PERIOD_S = 0.2
 ROWS_MAX = 12
@@ -63,16 +62,14 @@ class Progress:
             self._pulse.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._live is not None:
             self._live.stop()
         if self._pulse is not None:
             self._over.set()
             self._pulse.join()
 
-    # What is told.
+    # What is reported.
 
     def on_phase(self, phase: str) -> None:
         """Show what is being done."""
@@ -99,9 +96,7 @@ class Progress:
 
     def on_news(self, text: str) -> None:
         """Show how far something long is."""
-        if self._live is not None:
-            self._phase = text
-        self._say(text)
+        self._phase = text
 
     def _begin(self, phase: str) -> None:
         self._phase, self._phase_s = phase, monotonic()
@@ -165,7 +160,12 @@ class Progress:
 
 
 def _ua_text(node: str, state: AircraftState) -> str:
-    return f"UA {node} {state.mode or 'unheard'} {state.altitude_rel_m:.0f} m {state.groundspeed_mps:.0f} m/s"
+    told = [
+        f"{value:.0f} {unit}"
+        for value, unit in ((state.altitude_rel_m, "m"), (state.groundspeed_mps, "m/s"))
+        if math.isfinite(value)
+    ]
+    return " ".join([f"UA {node}", state.mode or "unheard", *told])
 
 
 def _link_text(link: LinkNow) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import yaml
 from rich.console import Console
 
-from bridge.fleet.preflight import preflight
+from bridge.fleet.preflight.preflight import preflight
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario, with_changes
@@ -35,7 +35,7 @@ class RunResult:
 
     Attributes:
         path: its directory.
-        summary: the content of `summary.json` (docs/run-output.md).
+        summary: the content of `summary.json` (docs/reference/run-output.md).
     """
 
     path: Path
@@ -53,7 +53,7 @@ class RunResult:
 
     @property
     def verdict(self) -> str:
-        """The same in words: whether what was measured agrees with the model and the expectations."""
+        """The outcome in words, and whether what was measured agrees with the model and the expectations."""
         return str(self.summary["verdict"])
 
     @property
@@ -63,7 +63,7 @@ class RunResult:
 
     @property
     def ok(self) -> bool:
-        """Whether `lostlink run` would end with status 0: it came to an end, and agrees with model and expectations."""
+        """Whether the run came to its end and agrees with model and expectations: `lostlink run` ends with status 0."""
         return status_of(self.summary) == WELL
 
     @cached_property

@@ -10,10 +10,13 @@ from typing import Any
 from bridge.radio.ledger_file import LEDGER
 from bridge.record.digests import digest_line, digests
 from bridge.record.events import read_reports
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.verdict import UNJUDGED, verdict_of
+from lostlink.reading.links import link_counts
 
 SCHEMA = 3
 BIN_SENT_MIN = 50
@@ -42,7 +45,7 @@ def summarise(
     *,
     error: str | None = None,
 ) -> dict[str, Any]:
-    """The content of `summary.json`; docs/run-output.md describes it.
+    """The content of `summary.json`; docs/reference/run-output.md describes it.
 
     Raises:
         OSError, ValueError: if the router's ledger cannot be read.
@@ -52,7 +55,9 @@ def summarise(
     within = sum(not is_outside(row) for row in judged)
     found, reports = digests(run.path), read_reports(run.path)
     judgements = judge(run.path, scenario, ending, as_far_as_possible=True)
-    verdict = verdict_of(ledger["checks"], ledger["links"], ending, judgements, unfinished)
+    verdict = verdict_of(
+        ledger["checks"], ledger["links"], ending, judgements, unfinished, ledger["unjudged"]
+    )
     return {
         "schema": SCHEMA,
         "scenario": scenario.name,
@@ -77,6 +82,7 @@ def summarise(
         "bins_judged": len(judged),
         "bins_within": within,
         "checks": ledger["checks"],
+        "unjudged": ledger["unjudged"],
         "expectations": [asdict(judgement) for judgement in judgements],
         "outcome": verdict.outcome,
         "verdict": verdict.text,
@@ -89,12 +95,32 @@ def expectation_lines(summary: dict[str, Any]) -> list[str]:
 
 
 def _read_ledger(run: RunDirectory, ending: str) -> dict[str, Any]:
-    """What the router left; nothing if the run broke off before it could."""
+    """What the router left; if the run broke off before it could, the links that are in the tables."""
     file = run.path / LEDGER
     if ending in UNJUDGED and not file.exists():
-        return {"links": [], "bins": [], "refused": {}, "checks": []}
+        return {"links": _recorded_links(run), "bins": [], "refused": {}, "checks": [], "unjudged": []}
     ledger: dict[str, Any] = json.loads(file.read_text(encoding="ascii"))
     return ledger
+
+
+def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:
+    """What became of each link's packets by the table of deliveries; nothing if that cannot be read."""
+    if not DELIVERIES.is_in(run.path):
+        return []
+    try:
+        columns = link_counts(run.path, run.scenario.transceiver_ids)
+    except (OSError, TableError):
+        return []  # why it cannot be read is reported where it should have become Parquet
+    rows = [
+        dict(zip(columns, row, strict=True))
+        for row in zip(*(c.tolist() for c in columns.values()), strict=True)
+    ]
+    ends = ("tx", "rx", "sent", "delivered")
+    return [
+        {name: row[name] for name in ends}
+        | {"lost": {name: n for name, n in row.items() if name not in ends and n}}
+        for row in rows
+    ]
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:
@@ -103,8 +129,13 @@ def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:
 
 
 def is_judged(row: dict[str, Any]) -> bool:
-    """Whether a bin has packets enough to be held against its interval."""
-    return bool(row["sent"] >= BIN_SENT_MIN)
+    """Whether a bin has an interval, and packets enough to be held against it."""
+    return bool(row["sent"] >= BIN_SENT_MIN) and row["ci99"] is not None
+
+
+def shares_draws(bins: Sequence[dict[str, Any]]) -> bool:
+    """Whether packets shared what was drawn, so that no interval of independent ones holds for their ratios."""
+    return any(row["ci99"] is None and row["predicted"] is not None for row in bins)
 
 
 def is_outside(row: dict[str, Any]) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 from lostlink.expectations.judge import Judgement
@@ -50,6 +52,7 @@ def verdict_of(
     ending: str,
     judgements: Sequence[Judgement] = (),
     unfinished: Sequence[str] = (),
+    unjudged: Sequence[dict[str, Any]] = (),
 ) -> RunVerdict:
     """Whether packets are what the radio says, and the run what its scenario expects.
 
@@ -59,9 +62,10 @@ def verdict_of(
         ending: how the run ended.
         judgements: what came of each expectation.
         unfinished: nodes that had not finished.
+        unjudged: what the run says too little about, as in `summary.json`.
     """
     outcome = UNJUDGED.get(ending) or _judged(checks, judgements)
-    told = [*_of_expectations(judgements), *_of_checks(checks, outcome), _counts(links, outcome)]
+    told = [*_of_expectations(judgements), *_of_checks(checks, unjudged, outcome), _counts(links, outcome)]
     if unfinished:
         told.append(f"node{'s' * (len(unfinished) > 1)} {', '.join(unfinished)} had not finished")
     return RunVerdict(outcome, f"{outcome.word}: {'; '.join(told)}")
@@ -81,16 +85,30 @@ def _of_expectations(judgements: Sequence[Judgement]) -> Iterator[str]:
         yield f"{len(judgements)} expectations met"
 
 
-def _of_checks(checks: Sequence[dict[str, Any]], outcome: RunOutcome) -> Iterator[str]:
+def _of_checks(
+    checks: Sequence[dict[str, Any]], unjudged: Sequence[dict[str, Any]], outcome: RunOutcome
+) -> Iterator[str]:
     if outcome in UNJUDGED.values():
         return
     failed = [f"{check['name']} (chance {check['chance']:.2g})" for check in checks if not check["passed"]]
     if failed:
         yield f"{len(failed)} of {len(checks)} checks against the model: {', '.join(failed)}"
     elif checks:
-        yield f"{len(checks)} checks of draws and powers against the model"
+        what = "draws and powers" if any("powers" in check["name"] for check in checks) else "draws"
+        yield f"{len(checks)} checks of {what} against the model"
     else:
         yield "nothing was drawn"
+    blind = [f"{check['name']} ({check['wrong']})" for check in checks if not check["sees"]]
+    if blind:
+        yield f"too little to see: {', '.join(blind)}"
+    if unjudged:
+        yield f"not judged: {', '.join(_with_reasons(unjudged))}"
+
+
+def _with_reasons(unjudged: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Names with the same reason together."""
+    for why, each in groupby(unjudged, itemgetter("why")):
+        yield f"{', '.join(one['name'] for one in each)} ({why})"
 
 
 def _counts(links: Sequence[dict[str, Any]], outcome: RunOutcome) -> str:

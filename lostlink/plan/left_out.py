@@ -8,6 +8,7 @@ from bridge.scenario.agents import FreeAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.link.radio import Radio
+from channel.propagation.air_to_ground import RmaAv, UmaAv
 from fdm.air.wind import WindConfig
 from fdm.model.sensor_noise import SensorNoise
 
@@ -28,7 +29,13 @@ def left_out(scenario: Scenario, radio: Radio, wind: WindConfig) -> list[str]:
         radio: that of all nodes.
         wind: the wind that is flown in.
     """
-    return [*ALWAYS, *_of_radio(radio), *_of_others(scenario, radio), *_of_flight(scenario, wind)]
+    return [
+        *ALWAYS,
+        *_of_radio(radio),
+        *_of_roles(scenario, radio),
+        *_of_others(scenario, radio),
+        *_of_flight(scenario, wind),
+    ]
 
 
 def _of_radio(radio: Radio) -> Iterator[str]:
@@ -40,10 +47,24 @@ def _of_radio(radio: Radio) -> Iterator[str]:
     ):
         if getattr(getattr(config, name), "model", "") == "none":
             yield what
-    if config.propagation.model not in {"terrain", "gain-map"}:
+    if getattr(config.propagation, "model", "") not in {"terrain", "gain-map"}:
         yield "terrain and buildings: nothing stands between the nodes but the horizon"
     if getattr(config.length, "model", "") == "fixed":
         yield f"the packets' own lengths: all count as {int(radio.length_bytes(0))} bytes"
+
+
+def _of_roles(scenario: Scenario, radio: Radio) -> Iterator[str]:
+    """What a law for a base and a UA makes of other links, and of heights that it does not have."""
+    law = radio.config.propagation
+    if not isinstance(law, RmaAv | UmaAv):
+        return
+    for what, nodes in (("UA", scenario.ua), ("ground nodes", scenario.ground)):
+        if len(nodes) > 1:
+            yield f"links between {what}: {law.model} has none; the lower end of such a link counts as its base"
+    least_m, most_m = law.heights_m
+    meant = {"clamp": "count as at the nearest of these", "warn": "get what its formulas give"}
+    refused = "end the run, and UA take off from the ground; `outside: clamp` counts the nearest height"
+    yield f"UA below {least_m:g} or above {most_m:g} m: by {law.model} they {meant.get(law.outside, refused)}"
 
 
 def _of_others(scenario: Scenario, radio: Radio) -> Iterator[str]:
@@ -55,7 +76,7 @@ def _of_flight(scenario: Scenario, wind: WindConfig) -> Iterator[str]:
     if wind.model_dump(exclude_defaults=True, exclude={"description"}) == {}:
         yield "wind: the air is still"
     if scenario.autopilot == "standin":
-        yield "ArduPilot: a stand-in flies (docs/standin.md); --autopilot ardupilot flies the real one"
+        yield "ArduPilot: a stand-in flies (docs/reference/standin.md); --autopilot ardupilot flies the real one"
     noisy = any(ua.sensor_noise for ua in scenario.ua) or scenario.fdm.sensor_noise != SensorNoise()
     if not noisy:
         yield "errors of sensors beyond those of the autopilot's simulation"

@@ -18,7 +18,7 @@ IN_FLIGHT = (
 )
 """Mode and flags of a copter's state: the texts are as long as most of them are."""
 WAYPOINTS = 2
-"""That an out-and-back flight tells the others."""
+"""That an out-and-back flight transmits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from typing import Any
 from bridge.fleet.autopilots.ardupilot import BINARIES, ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.fleet.how import in_words
-from bridge.fleet.ports import conflicts, ports_of
+from bridge.fleet.preflight.ports import conflicts, ports_of
 from bridge.scenario.model import Scenario
 
 PACKAGES = (
@@ -28,7 +28,7 @@ PACKAGES = (
 
 
 def examine(scenario: Scenario, ardupilot_dir: Path | None) -> dict[str, Any]:
-    """What `doctor` tells, in plain types.
+    """What `doctor` reports, in plain types.
 
     Args:
         scenario: whose ports to look at.

@@ -8,7 +8,7 @@ from typing import Any
 
 from bridge.fleet.hosts import host_groups, standin_groups
 from bridge.fleet.how import how_joined, in_words
-from bridge.fleet.ports import ports_of
+from bridge.fleet.preflight.ports import ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft, EmitterNode, GroundNode, Transceiver
@@ -55,6 +55,7 @@ class RunPlan:
         joined: how its parts are joined, in words.
         processes: by name, the nodes that each has to do with; none named: all of them.
         ports: that the run listens on.
+        udp_outputs: by UA, where its MAVLink is sent.
         radio: of all nodes.
         load: what they offer to it.
         expectations: names and bounds.
@@ -74,6 +75,7 @@ class RunPlan:
     joined: str
     processes: dict[str, tuple[str, ...]]
     ports: tuple[str, ...]
+    udp_outputs: dict[str, tuple[str, ...]]
     radio: RadioPlan
     load: OfferedLoad
     expectations: tuple[str, ...]
@@ -100,6 +102,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
         in_words(scenario),
         _processes(scenario),
         tuple(str(use) for use in ports_of(scenario)),
+        {ua.node: places for ua in scenario.ua if (places := scenario.udp_outputs(ua))},
         RadioPlan(config.name, config.frequency_hz, config.bit_rate_bps, reach_of(common, payload)),
         load,
         tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),

@@ -23,6 +23,8 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     processes = [f"{name}: {', '.join(nodes)}" if nodes else name for name, nodes in plan.processes.items()]
     yield from _section(f"Processes ({plan.joined})", processes)
     yield from _section(f"Ports ({len(plan.ports)})", list(plan.ports))
+    outputs = [f"MAVLink of UA {node} to {', '.join(places)}" for node, places in plan.udp_outputs.items()]
+    yield from _section("UDP outputs", outputs)
     yield from _section("Radio", list(_radio(plan)))
     yield from _section("Offered load", list(_load(plan)))
     yield from _section("Expectations", list(plan.expectations))

@@ -15,14 +15,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.deliveries import settled_ns
 from bridge.record.tables.schema import Columns
-from lostlink.reading.rows import LinkRows
+from lostlink.reading.rows import DeliveryRows
 
 NS_PER_S: Final = 1e9
 SHARE: Final = 0.95
-NEEDED: Final = ("sim_time_ns",)
-"""Columns that `LinkRows` have to have for this."""
+NEEDED: Final = ("sim_time_ns", "received_ns")
+"""Columns that `DeliveryRows` have to have for this."""
 Times = NDArray[np.int64]
 
 
@@ -99,19 +98,11 @@ def _quantile(low: NDArray[np.float64], high: NDArray[np.float64], share: float)
     return float(np.interp(share * passed_s[-1], passed_s, at))
 
 
-def received_ns(columns: Columns, tick_period_ns: int) -> Times:
-    """When packets come to agents: the tick after the one that settled them.
-
-    Rows are in the order in which the radio settled them: none was settled before the row before it.
-    """
-    return np.maximum.accumulate(settled_ns(columns, tick_period_ns)) + tick_period_ns
-
-
 class LinkTimes(NamedTuple):
     """When packets of one link were generated and came.
 
     Attributes:
-        link: its number, as in `LinkRows`.
+        link: its number, as in `DeliveryRows`.
         first_ns: when its first packet was transmitted, whatever became of it.
         generated_ns: of those that were delivered, in the order in which they came.
         received_ns: when these came.
@@ -127,7 +118,7 @@ class LinkTimes(NamedTuple):
         return sawtooth(self.generated_ns, self.received_ns, self.first_ns, end_ns)
 
 
-def times_of(rows: LinkRows, tick_period_ns: int) -> list[LinkTimes]:
+def times_of(rows: DeliveryRows) -> list[LinkTimes]:
     """The times of each link that had a packet, by sender, then receiver. Rows have `NEEDED`."""
     sent_ns = rows.columns["sim_time_ns"]
     first = np.full(len(rows.links), np.iinfo(np.int64).max)
@@ -135,7 +126,7 @@ def times_of(rows: LinkRows, tick_period_ns: int) -> list[LinkTimes]:
     came = np.flatnonzero(rows.is_delivered)
     came = came[np.argsort(rows.place[came], kind="stable")]
     bounds = np.searchsorted(rows.place[came], np.arange(len(rows.links) + 1)).tolist()
-    generated, received = sent_ns[came], received_ns(rows.columns, tick_period_ns)[came]
+    generated, received = sent_ns[came], rows.columns["received_ns"][came]
     return [
         LinkTimes(link, first_ns, generated[begin:end], received[begin:end])
         for link, first_ns, (begin, end) in zip(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bridge.record.tables.deliveries import FIGURES
 from bridge.record.tables.schema import Columns
-from lostlink.reading.rows import LinkRows, link_rows
+from lostlink.reading.rows import DeliveryRows, link_rows
 
 
 def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
@@ -25,7 +25,7 @@ def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
     return counts_of(link_rows(run, nodes, ()))
 
 
-def counts_of(rows: LinkRows) -> Columns:
+def counts_of(rows: DeliveryRows) -> Columns:
     """As `link_counts`, of rows that were read."""
     tx, rx = rows.ends_of(rows.links)
     return {"tx": tx, "rx": rx, **rows.counts(rows.place, len(rows.links))}

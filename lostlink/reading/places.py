@@ -34,13 +34,15 @@ def places_of(run: Path, nodes: Sequence[str]) -> tuple[NDArray[np.int64], dict[
     return truth.ticks_ns, dict(zip(nodes, places, strict=True))
 
 
-def nearest_m(tracks: Iterable[Floats]) -> float:
-    """The least distance of two tracks at one tick, m; nan if no two of them were anywhere at once.
+def separation_m(tracks: Iterable[Floats]) -> tuple[float, float]:
+    """The least and the greatest distance of two tracks at one tick, m; nan if no two of them were anywhere at once.
 
     Args:
         tracks: as `places_of` gives them.
     """
-    nearest = float("nan")
+    nearest = farthest = float("nan")
     for a, b in combinations(tracks, 2):
-        nearest = float(np.fmin.reduce(np.linalg.norm(a - b, axis=1), initial=nearest))
-    return nearest
+        apart_m = np.linalg.norm(a - b, axis=1)
+        nearest = float(np.fmin.reduce(apart_m, initial=nearest))
+        farthest = float(np.fmax.reduce(apart_m, initial=farthest))
+    return nearest, farthest

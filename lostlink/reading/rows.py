@@ -1,30 +1,105 @@
-"""The table of deliveries with names as places: what counts, series and ages of links are computed from."""
+"""The table of deliveries with names as places: what all that looks at packets of a run is computed from."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.deliveries import DELIVERED, FATES, for_each_receiver, read_deliveries
+from bridge.record.tables.deliveries import (
+    DELIVERED,
+    DELIVERIES,
+    FATES,
+    GAPS_FROM,
+    WORDS,
+    for_each_receiver,
+    no_deliveries,
+    read_deliveries,
+)
 from bridge.record.tables.schema import Columns
+
+if TYPE_CHECKING:
+    from bridge.radio.picture import Picture
+    from channel.medium.ledger import Ledger
+
+LINK = ("tx", "rx", "packets", "fate")
+"""Columns that are there in any case."""
 
 
 @dataclass(frozen=True)
-class LinkRows:
-    """Rows of the table, in its order; those for everybody once per receiver.
+class DeliveryRows:
+    """Rows of `deliveries`, in its order. Links are computed from rows with one receiver each (`each`).
 
     Attributes:
-        nodes: ids of all nodes; ``tx`` and ``rx`` are places in it, ``fate`` is one in FATES.
+        nodes: ids of all nodes; ``tx`` and ``rx`` are places in it, ``rx`` of a row for everybody is their number, and
+            ``fate`` is a place in `bridge.record.tables.deliveries.FATES`.
         columns: by name, of one length.
     """
 
     nodes: tuple[str, ...]
     columns: Columns
+
+    @classmethod
+    def read(cls, run: Path, nodes: Sequence[str], names: Sequence[str] | None = None) -> DeliveryRows:
+        """All columns but channel and encoding, or `LINK` and some; no rows if its radio had not begun to write.
+
+        Raises:
+            TableError, OSError: its deliveries are damaged, or cannot be read.
+        """
+        known = [column.name for column in DELIVERIES.columns if column.name not in WORDS]
+        chosen = known if names is None else (*LINK, *names)
+        is_there = DELIVERIES.is_in(run)
+        return cls(tuple(nodes), read_deliveries(run, nodes, chosen) if is_there else no_deliveries(chosen))
+
+    def __len__(self) -> int:
+        return len(self.columns["tx"])
+
+    def at(self, rows: NDArray[Any] | slice) -> DeliveryRows:
+        """Some of the rows."""
+        return DeliveryRows(self.nodes, {name: values[rows] for name, values in self.columns.items()})
+
+    def each(self) -> DeliveryRows:
+        """The rows with one for each receiver in the place of one for everybody."""
+        return DeliveryRows(self.nodes, for_each_receiver(self.columns, len(self.nodes)))
+
+    def sorted(self) -> DeliveryRows:
+        """The rows in the order of their keys."""
+        return self.at(np.argsort(self.keys(), kind="stable"))
+
+    def in_order_of(self, record: DeliveryRows) -> DeliveryRows:
+        """The rows in the order of a record: the one of a run with the same rows, or that of a radio."""
+        keys, known = self.keys(), record.keys()
+        mine, theirs = np.argsort(keys, kind="stable"), np.argsort(known, kind="stable")
+        if np.array_equal(keys[mine], known[theirs]):
+            order = np.empty_like(mine)
+            order[theirs] = mine
+        else:
+            c = self.columns
+            order = np.lexsort((c["rx"], c["seq"], c["tx"], c["sim_time_ns"], self.is_gap, c["received_ns"]))
+        return self.at(order)
+
+    def keys(self) -> NDArray[np.int64]:
+        """A number of each row: that of its packet and its receiver."""
+        c, nodes = self.columns, len(self.nodes)
+        found: NDArray[np.int64] = (c["seq"] * nodes + c["tx"]) * (nodes + 1) + c["rx"]
+        return found
+
+    @property
+    def is_gap(self) -> NDArray[np.bool_]:
+        """Which rows stand for packets that were lost before the channel."""
+        return np.greater_equal(self.columns["fate"], GAPS_FROM)
+
+    @property
+    def is_delivered(self) -> NDArray[np.bool_]:
+        """Which rows are of packets that arrived."""
+        return np.equal(self.columns["fate"], DELIVERED)
+
+    # Links.
 
     @cached_property
     def link(self) -> NDArray[np.int64]:
@@ -43,18 +118,13 @@ class LinkRows:
         places[self.links] = np.arange(len(self.links))
         return places[self.link]
 
-    @property
-    def is_delivered(self) -> NDArray[np.bool_]:
-        """Which rows are of packets that arrived."""
-        return np.equal(self.columns["fate"], DELIVERED)
-
     def ends_of(self, links: NDArray[np.int64]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Ids of sender and receiver of links by their numbers."""
         names = np.array(self.nodes, dtype=object)
         return names[links // len(self.nodes)], names[links % len(self.nodes)]
 
-    def counts(self, place: NDArray[np.intp], groups: int) -> Columns:
-        """Packets of each group: ``sent``, ``delivered``, and by the causes of loss that occur anywhere, sorted.
+    def cells(self, place: NDArray[np.intp], groups: int) -> NDArray[np.int64]:
+        """How many packets of each group had each fate, shape (groups, FATES).
 
         Args:
             place: the group of each row.
@@ -62,22 +132,32 @@ class LinkRows:
         """
         cells = place * len(FATES) + self.columns["fate"]
         packets = np.bincount(cells, self.columns["packets"], groups * len(FATES))
-        counts = np.rint(packets).astype(np.int64).reshape(groups, len(FATES))
+        return np.rint(packets).astype(np.int64).reshape(groups, len(FATES))
+
+    def counts(self, place: NDArray[np.intp], groups: int) -> Columns:
+        """As `cells`, by name: ``sent``, ``delivered``, and the causes of loss that occur anywhere, sorted."""
+        counts = self.cells(place, groups)
         occur = np.bincount(self.columns["fate"], minlength=len(FATES)) > 0
         lost = {FATES[i]: counts[:, i] for i in np.flatnonzero(occur).tolist() if i != DELIVERED}
         return {"sent": counts.sum(axis=1), "delivered": counts[:, DELIVERED], **dict(sorted(lost.items()))}
 
 
-def link_rows(run: Path, nodes: tuple[str, ...], names: tuple[str, ...]) -> LinkRows:
-    """Some columns of the deliveries of a run, and ``tx``, ``rx``, ``packets`` and ``fate`` in any case.
-
-    Args:
-        run: the run directory.
-        nodes: ids of all its nodes.
-        names: of further columns.
+def link_rows(run: Path, nodes: tuple[str, ...], names: tuple[str, ...]) -> DeliveryRows:
+    """Rows with one receiver each, of a run that has to have some; `LINK` and the columns of these names.
 
     Raises:
-        TableError, OSError: the deliveries cannot be read.
+        TableError, OSError: the deliveries are missing or damaged, or cannot be read.
     """
-    found = read_deliveries(run, nodes, ("tx", "rx", "packets", "fate", *names))
-    return LinkRows(nodes, for_each_receiver(found, len(nodes)))
+    return DeliveryRows(nodes, read_deliveries(run, nodes, (*LINK, *names))).each()
+
+
+def take_rows(columns: Columns, picture: Picture, ledger: Ledger) -> None:
+    """Take rows, one per receiver, into the picture of all links and into their counts, as a run does.
+
+    What was lost before the channel counts, and is in no picture.
+    """
+    counted = columns["tx"], columns["rx"], columns["fate"]
+    np.add.at(ledger.sent, counted[:2], columns["packets"])
+    np.add.at(ledger.settled, counted, columns["packets"])
+    settled = columns["fate"] < GAPS_FROM
+    picture.take({name: values[settled] for name, values in columns.items()})

@@ -65,7 +65,7 @@ class Run:
     A run that was killed has all but its last second: its tables are read from journals, and what only the end of a
     run writes (``summary``) is empty. Frames are those of pandas (extra ``lostlink[pandas]``); `columns` and `table`
     do without.
-    Units are in the names of columns; docs/run-output.md has what each column means.
+    Units are in the names of columns; docs/reference/run-output.md has what each column means.
     """
 
     def __init__(self, path: Path) -> None:
@@ -135,17 +135,17 @@ class Run:
 
     @cached_property
     def truth(self) -> pd.DataFrame:
-        """True state: a row per tick and node."""
+        """True states, a row per tick and node."""
         return frame_of_table(self.table(TRUTH.name), TRUTH.tick)
 
     @cached_property
     def states(self) -> pd.DataFrame:
-        """What the autopilots say (Table I), 10 Hz: a row per tick and node."""
+        """What the autopilots say (Table I), a row per node at 10 Hz."""
         return frame_of_table(self.table(STATES.name), STATES.tick)
 
     @cached_property
     def agent_data(self) -> pd.DataFrame:
-        """What agents logged: ``tick_ns``, ``node``, ``name``, ``value`` (of any kind); by tick, then by node."""
+        """What agents logged, by tick and node, as columns ``tick_ns``, ``node``, ``name``, ``value`` (of any kind)."""
         rows = [
             {"tick_ns": tick_ns, "node": node, **item._asdict()}
             for tick_ns, node, item in self.logged()
@@ -164,7 +164,7 @@ class Run:
 
     @cached_property
     def activities(self) -> pd.DataFrame:
-        """What agents said of their work: ``tick_ns``, ``node``, ``activity``, ``done``, ``failed``."""
+        """What agents said of their work, as columns ``tick_ns``, ``node``, ``activity``, ``done``, ``failed``."""
         rows = [
             {"tick_ns": t, "node": node, "activity": r.activity, "done": r.done, "failed": r.failed}
             for t, node, r in self.logged()
@@ -174,12 +174,12 @@ class Run:
 
     @cached_property
     def packets(self) -> pd.DataFrame:
-        """What became of packets: a row per packet and intended receiver."""
+        """What became of packets, a row per packet and intended receiver."""
         return frame_of_table(self.table(DELIVERIES.name), DELIVERIES.tick)
 
     @cached_property
     def measurements(self) -> pd.DataFrame:
-        """What RF sensors measured: a row per sensor, emitter in its band and measurement.
+        """What RF sensors measured, a row per sensor, emitter in its band and measurement.
 
         Raises:
             ValueError: no node has a sensor.
@@ -188,7 +188,7 @@ class Run:
 
     @cached_property
     def links(self) -> pd.DataFrame:
-        """Counts of each directed link: ``tx``, ``rx``, ``sent``, ``delivered`` and the causes of loss."""
+        """Counts of each directed link, as columns ``tx``, ``rx``, ``sent``, ``delivered`` and the causes of loss."""
         return frame_of_columns(link_counts(self.path, self.scenario.transceiver_ids))
 
     def link_series(self, period_s: float = 1.0) -> pd.DataFrame:
@@ -230,13 +230,13 @@ class Run:
 
     @cached_property
     def inputs(self) -> pd.DataFrame:
-        """What came from outside: a row per input, in the order of ``tick_ns``, then of nodes."""
+        """What came from outside, a row per input, in the order of ``tick_ns``, then of nodes."""
         rows = [{"node": node, **to_fields(item)} for node, item in self._inputs()]
         return frame_of_rows(rows, ("tick_ns", "node", "kind", "link", "verb", "name"), "tick_ns")
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """What the run's processes reported: ``sim_time_ns``, ``node``, ``kind``, ``text``."""
+        """What the run's processes reported, as columns ``sim_time_ns``, ``node``, ``kind``, ``text``."""
         rows = [asdict(event) for event in self.reports.events]
         return frame_of_rows(rows, ("sim_time_ns", "node", "kind", "text"), "sim_time_ns")
 
@@ -288,7 +288,7 @@ class Run:
     def _timed(self, figures: Callable[[Sequence[LinkTimes]], dict[str, NDArray[Any]]]) -> pd.DataFrame:
         rows = link_rows(self.path, self.scenario.transceiver_ids, NEEDED)
         tx, rx = rows.ends_of(rows.links)
-        found = figures(times_of(rows, self.scenario.tick_period_ns))
+        found = figures(times_of(rows))
         return frame_of_columns({"tx": tx, "rx": rx, **found})
 
     def _inputs(self) -> list[tuple[str, RecordedInput]]:

@@ -37,6 +37,7 @@ class SentPackets:
         length_bytes: of the payloads, int64.
         to: place of the addressee, or EVERYBODY.
         channels: last part of each packet's key.
+        encodings: what each payload is said to be; "" if nothing.
 
     Raises:
         StreamError: the stream is damaged, or has what is no packet.
@@ -47,21 +48,23 @@ class SentPackets:
         self._path = names.packets(node).path(run)
         rows: list[tuple[int, int, int, int, int]] = []
         self.channels: list[str] = []
-        routes: dict[str, tuple[int, str]] = {}
+        self.encodings: list[str] = []
+        addressees: dict[str, int] = {}
         offset = START_BYTES
         for tick_ns, entry in entries_of(self._path):
             offset += ENTRY_HEAD_BYTES
             try:
                 packet = decode_packet(entry)
-                to, channel = routes.get(packet.channel) or routes.setdefault(
-                    packet.channel, _route(packet.channel, places)
-                )
+                if packet.address not in addressees:
+                    addressees[packet.address] = _addressee(packet.address, places)
             except ValueError as error:
                 raise StreamError(f"{self._path}: at {tick_ns} ns: {error}") from error
             offset += len(entry)
             length = len(packet.payload)
+            to = addressees[packet.address]
             rows.append((packet.seq, packet.sim_time_ns, length, to, offset - length))
-            self.channels.append(channel)
+            self.channels.append(packet.channel)
+            self.encodings.append(packet.encoding)
         table = np.array(rows, dtype=np.int64).reshape(-1, 5)
         self.seq, self.sim_time_ns, self.length_bytes, self.to, self._offset = np.ascontiguousarray(table.T)
         self._near_from, self._near = 0, b""
@@ -92,14 +95,14 @@ class SentPackets:
         return np.stack((self.seq, self.sim_time_ns, self.length_bytes, self.to))
 
 
-def _route(address: str, places: dict[str, int]) -> tuple[int, str]:
-    """Addressee and channel of ``radio/to/channel``."""
+def _addressee(address: str, places: dict[str, int]) -> int:
+    """The addressee of ``radio/to/channel``."""
     parts = address.split("/")
     if len(parts) != 3:
         raise ValueError(f"{address!r} is not radio/to/channel")
-    _, to, channel = parts
+    to = parts[1]
     if to == ALL:
-        return EVERYBODY, channel
+        return EVERYBODY
     if to not in places:
         raise ValueError(f"it is addressed to {to!r}, which is no node of this run")
-    return places[to], channel
+    return places[to]

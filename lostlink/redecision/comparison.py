@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bridge.record.tables.deliveries import FATES, FIGURES
 from channel.medium.ledger import BIN_WIDTH_M, BinSummary
 from channel.medium.reception import DELIVERED
-from lostlink.reading.decisions import Decisions
+from lostlink.reading.rows import DeliveryRows
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,9 @@ class DecisionComparison:
         return asdict(self)
 
 
-def compare_decisions(before: Decisions, after: Decisions, bins: Sequence[BinSummary]) -> DecisionComparison:
+def compare_decisions(
+    before: DeliveryRows, after: DeliveryRows, bins: Sequence[BinSummary]
+) -> DecisionComparison:
     """Compare what was with what is decided anew.
 
     Args:
@@ -117,11 +119,11 @@ def _same_bits(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return bool(np.array_equal(one, other))
 
 
-def _links(one: Decisions, other: Decisions) -> tuple[LinkChange, ...]:
-    counts = [side.counts() for side in (one, other)]
+def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
+    counts = [side.cells(side.link, len(one.nodes) ** 2) for side in (one, other)]
     found = []
-    for tx, rx in np.argwhere(counts[0].any(axis=-1)).tolist():
-        was, is_now = (each[tx, rx] for each in counts)
+    for link in np.flatnonzero(counts[0].any(axis=-1)).tolist():
+        (tx, rx), (was, is_now) = divmod(link, len(one.nodes)), (each[link] for each in counts)
         found.append(
             LinkChange(
                 one.nodes[tx],
@@ -142,7 +144,7 @@ def _lost(counts: NDArray[np.int64]) -> dict[str, int]:
     }
 
 
-def _bins(before: Decisions, after: Sequence[BinSummary]) -> tuple[BinChange, ...]:
+def _bins(before: DeliveryRows, after: Sequence[BinSummary]) -> tuple[BinChange, ...]:
     was = _measured(before)
     is_now = {(b.tx, b.rx, b.distance_min_m): b for b in after}
     found = []
@@ -163,7 +165,7 @@ def _bins(before: Decisions, after: Sequence[BinSummary]) -> tuple[BinChange, ..
     return tuple(found)
 
 
-def _measured(decided: Decisions) -> dict[tuple[str, str, float], tuple[int, int]]:
+def _measured(decided: DeliveryRows) -> dict[tuple[str, str, float], tuple[int, int]]:
     """Packets and delivered ones by link and distance."""
     c = decided.columns
     placed = np.flatnonzero(~np.isnan(c["distance_m"]))

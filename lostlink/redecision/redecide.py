@@ -12,7 +12,7 @@ radio takes is its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -29,6 +29,7 @@ from bridge.record.tables.deliveries import (
     TOO_LONG,
     TRANSPORT,
     Cause,
+    Vocabulary,
     columns_of,
     labels_of,
     tick_of,
@@ -43,13 +44,15 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.link.radio import Radio
+from channel.medium.judge.check import Verdict
+from channel.medium.judge.judge import Judge
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, Packets
-from channel.medium.verdict import Check, Judge
-from lostlink.reading.decisions import Decisions
+from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
+from lostlink.redecision.packet_facts import PacketFacts
 from lostlink.redecision.settling import last_whole_ns, settle, without_nonsense
 
 if TYPE_CHECKING:
@@ -67,16 +70,18 @@ class Redecision:
         scenario: as decided: with the radio and the seed asked for.
         before: what was recorded.
         after: what is decided anew.
+        facts: what is known of the packets.
         ledger: the books of ``after``.
-        checks: what the verdict rests on, as in a run.
+        verdict: of the channel's judge, as in a run.
     """
 
     run: Path
     scenario: Scenario
-    before: Decisions
-    after: Decisions
+    before: DeliveryRows
+    after: DeliveryRows
+    facts: PacketFacts
     ledger: Ledger
-    checks: tuple[Check, ...]
+    verdict: Verdict
 
     @cached_property
     def comparison(self) -> DecisionComparison:
@@ -85,10 +90,12 @@ class Redecision:
 
     @property
     def table(self) -> pa.Table:
-        """The rows of `deliveries.parquet` as this radio has them (docs/run-output.md)."""
+        """The rows of `deliveries.parquet` as this radio has them (docs/reference/run-output.md)."""
         import pyarrow as pa
 
-        names, columns = labels_of(self.after.nodes), self.after.columns
+        words = Vocabulary()
+        columns = self.after.columns | self.facts.words(self.after.columns, words)
+        names = labels_of(self.after.nodes) | words.names
         return pa.table(
             {c.name: array_of(c, columns[c.name].astype(c.dtype), names) for c in DELIVERIES.columns}
         )
@@ -108,7 +115,7 @@ def redecide(
         radio: a preset's name, a file or a mapping, as in a scenario; the run's own unless given. A node that has a
             radio of its own keeps it.
         seed: of all draws; the run's own unless given.
-        on_progress: told now and then which share is done.
+        on_progress: called now and then with the share that is done.
 
     Raises:
         ValueError: it is no run, its record is damaged or lacks what is needed, or there is no such radio.
@@ -135,43 +142,53 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     nodes, period_ns = scenario.transceiver_ids, scenario.tick_period_ns
     emitters = emitters_of(scenario)
     radios = radios_of(scenario, emitters)
-    before = Decisions.read(run, nodes, period_ns)
+    before = DeliveryRows.read(run, nodes)
     positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
     if not positions.ticks_ns.size:
         raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
-    packets = _transmitted(run, before)
+    places = {node: place for place, node in enumerate(nodes)}
+    sent = [SentPackets(run, node, places) for node in nodes]
+    facts, packets = PacketFacts(run, before, sent, period_ns), _transmitted(sent, before)
     if was_cut(run):
         packets = packets.at(packets.sim_time_ns <= last_whole_ns(positions))
     packets, too_long = _split(packets, [radios[node] for node in nodes])
-    judge = Judge(len(nodes))
+    judge = Judge(len(nodes), scenario.seed)
     names = [emitter.name for emitter in emitters]
-    switches = switches_of(scenario, run)
-    medium = Medium(radios, seed=scenario.seed, nodes=nodes, judge=judge, emitters=names, switches=switches)
+    medium = Medium(
+        radios,
+        seed=scenario.seed,
+        nodes=nodes,
+        judge=judge,
+        emitters=names,
+        switches=switches_of(scenario, run),
+        bases=[node.node for node in scenario.ground],
+    )
     ledger = Ledger(nodes, causes=tuple(Cause))
     ledger.send(packets)
-    done, parts = 0, [_too_long_rows(too_long, len(nodes)), _missed(before)]
+    done, parts = 0, [_too_long_rows(too_long, len(nodes), facts), _missed(before)]
     for part in parts:
         _book(ledger, part)
     for receptions in settle(medium, positions, packets, tick_of(packets.sim_time_ns, period_ns)):
         ledger.settle(receptions)
-        parts.append(columns_of(receptions, medium.counted_bytes(receptions.packets)))
+        settled = receptions.packets
+        came = {"received_ns": facts.received_ns(settled.seq, settled.tx)}
+        parts.append(columns_of(receptions, medium.counted_bytes(settled), came))
         done += receptions.packets.size
         on_progress(done / max(1, packets.size))
     ledger.check(in_flight=0)
-    after = Decisions.of(nodes, joined(parts), period_ns, order_of=before)
-    return Redecision(run, scenario, before, after, ledger, judge.verdict().checks)
+    after = DeliveryRows(nodes, joined(parts)).in_order_of(before)
+    return Redecision(run, scenario, before, after, facts, ledger, judge.verdict())
 
 
-def _transmitted(run: Path, before: Decisions) -> Packets:
+def _transmitted(nodes: Sequence[SentPackets], before: DeliveryRows) -> Packets:
     """All that the nodes transmitted and the router got, in the order in which a radio settles it.
 
     What was longer than the run's own radio takes is not in the streams; its row says how long it was.
     """
-    places = {node: place for place, node in enumerate(before.nodes)}
-    parts = []
-    for tx, node in enumerate(before.nodes):
-        sent = SentPackets(run, node, places)
-        parts.append(Packets(sent.sim_time_ns, np.full(len(sent), tx), sent.seq, sent.length_bytes, sent.to))
+    parts = [
+        Packets(sent.sim_time_ns, np.full(len(sent), tx), sent.seq, sent.length_bytes, sent.to)
+        for tx, sent in enumerate(nodes)
+    ]
     rows = before.at(before.columns["fate"] == TOO_LONG).columns
     to = np.where(rows["rx"] == len(before.nodes), EVERYBODY, rows["rx"])
     parts.append(
@@ -187,7 +204,7 @@ def _split(packets: Packets, radios: list[Radio]) -> tuple[Packets, Packets]:
     return packets.at(fits), packets.at(~fits)
 
 
-def _too_long_rows(packets: Packets, everybody: int) -> Columns:
+def _too_long_rows(packets: Packets, everybody: int, facts: PacketFacts) -> Columns:
     return {
         "sim_time_ns": packets.sim_time_ns,
         "tx": packets.tx,
@@ -197,10 +214,11 @@ def _too_long_rows(packets: Packets, everybody: int) -> Columns:
         "length_bytes": packets.length_bytes.astype(np.int32),
         **dict.fromkeys(FIGURES, np.full(packets.size, math.nan)),
         "fate": np.full(packets.size, TOO_LONG),
+        "received_ns": facts.received_ns(packets.seq, packets.tx),
     }
 
 
-def _missed(before: Decisions) -> Columns:
+def _missed(before: DeliveryRows) -> Columns:
     """What never came to the radio, as recorded."""
     return before.at(before.columns["fate"] == TRANSPORT).columns
 

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from bridge.radio.ledger_file import LEDGER, write_ledger
 from bridge.record.names import INPUT_FOLDER, PROVENANCE_FILE, REPORT_FOLDER, STREAM_FOLDER
-from bridge.record.tables.deliveries import DELIVERIES, DeliveryWriter
+from bridge.record.tables.deliveries import DELIVERIES, DeliveryWriter, Vocabulary
 from bridge.record.tables.every import TABLES, finish_tables
 from bridge.run.directory import RunDirectory
+from bridge.scenario.resolve.radio import radios_of
+from bridge.scenario.resolve.sensing import emitters_of
 from lostlink.redecision.redecide import Redecision
 
 ROWS_AT_ONCE = 1 << 13
@@ -26,7 +28,7 @@ def write_run(
     Args:
         result: what was decided.
         directory: not there yet, or empty.
-        on_progress: told now and then what is written and how far that is.
+        on_progress: called now and then with what is written and how far that is.
 
     Raises:
         OSError: it is there already, or cannot be written.
@@ -47,7 +49,10 @@ def write_run(
             copy = directory / path.relative_to(result.run)
             copy.parent.mkdir(exist_ok=True)
             shutil.copyfile(path, copy)
-    write_ledger(directory / LEDGER, result.ledger, {}, checks=result.checks)
+    shared = any(
+        radio.shares_draws for radio in radios_of(result.scenario, emitters_of(result.scenario)).values()
+    )
+    write_ledger(directory / LEDGER, result.ledger, {}, verdict=result.verdict, shares_draws=shared)
     write_deliveries(result, directory, on_progress)
     return made
 
@@ -62,11 +67,12 @@ def write_deliveries(
         ValueError: a journal that lies there cannot be read.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    writer = DeliveryWriter(directory, result.after.nodes)
+    words = Vocabulary()
+    writer = DeliveryWriter(directory, result.after.nodes, words)
     try:
         for begin in range(0, len(result.after), ROWS_AT_ONCE):
             part = result.after.at(slice(begin, begin + ROWS_AT_ONCE))
-            writer.append(len(part), **part.columns)
+            writer.append(len(part), **part.columns, **result.facts.words(part.columns, words))
     finally:
         writer.close()
     finish_tables(directory, on_progress)

@@ -41,7 +41,7 @@ def settle(
     """Yield what becomes of packets, at all their receivers.
 
     Args:
-        medium: of the same nodes, which nothing was told yet.
+        medium: of the same nodes, which got nothing yet.
         positions: where its nodes were and, behind them, its emitters.
         packets: what they transmitted.
         due_ns: the tick at which the radio had each packet, rising.
@@ -60,7 +60,7 @@ def settle(
 
 
 def _observe(medium: Medium, positions: TrueStates, tick: int) -> None:
-    """Tell the medium where all were at a tick: emitters, which exchange no packets, come behind the nodes."""
+    """Give the medium the places of all at a tick: emitters, which exchange no packets, come behind the nodes."""
     rows = slice(int(positions.first[tick]), int(positions.first[tick + 1]))
     ours = positions.node[rows] < len(medium.nodes)
     if ours.any():

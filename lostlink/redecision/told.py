@@ -21,19 +21,23 @@ def verdict_on(result: Redecision) -> RunVerdict:
     """Whether the new fates are what the radio says."""
     accounts = result.ledger.links.values()
     links = [{"sent": account.sent, "delivered": account.delivered} for account in accounts]
-    return verdict_of(_checks(result), links, "done")
+    judged = _judged(result)
+    return verdict_of(judged["checks"], links, "done", unjudged=judged["unjudged"])
 
 
 def plain_of(result: Redecision) -> dict[str, Any]:
-    """All of it in plain types; docs/replay.md has the keys."""
+    """All of it in plain types; docs/how-to/replay.md has the keys."""
     verdict, scenario = verdict_on(result), result.scenario
     what = {"schema": SCHEMA, "run": str(result.run), "radio": scenario.radio, "seed": scenario.seed}
-    worth = {"checks": _checks(result), "outcome": verdict.outcome, "verdict": verdict.text}
-    return what | result.comparison.as_plain() | worth
+    worth = {"outcome": verdict.outcome, "verdict": verdict.text}
+    return what | result.comparison.as_plain() | _judged(result) | worth
 
 
-def _checks(result: Redecision) -> list[dict[str, Any]]:
-    return [check._asdict() | {"passed": check.passed} for check in result.checks]
+def _judged(result: Redecision) -> dict[str, list[dict[str, Any]]]:
+    return {
+        "checks": [check.plain for check in result.verdict.checks],
+        "unjudged": [each._asdict() for each in result.verdict.unjudged],
+    }
 
 
 def print_tables(comparison: DecisionComparison) -> None:

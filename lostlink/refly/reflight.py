@@ -56,12 +56,14 @@ class ReflightPlan:
         scenario: what to fly.
         extent: how much of it there is.
         remarks: why it may come out differently, as far as that is known before.
+        ardupilot_dir: where the real binaries were that flew the record; None: none did.
     """
 
     run: Path
     scenario: Scenario
     extent: Extent
     remarks: tuple[str, ...]
+    ardupilot_dir: Path | None
 
     @property
     def extent_told(self) -> str:
@@ -123,7 +125,13 @@ def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
-    return ReflightPlan(run, scenario, extent_of(run), tuple(remarks))
+    return ReflightPlan(run, scenario, extent_of(run), tuple(remarks), _binaries_of(run))
+
+
+def _binaries_of(run: Path) -> Path | None:
+    made = read_provenance(run)
+    places = [origin.path for origin in made.autopilots.values() if origin.path] if made is not None else []
+    return Path(places[0]).parent if places else None
 
 
 def fly_again(
@@ -137,6 +145,8 @@ def fly_again(
 ) -> Reflight:
     """Fly the plan into ``directory`` and compare the two runs.
 
+    Real binaries are those that flew the record, unless ``ardupilot_dir`` has others.
+
     Raises:
         Interrupted: the new flight was.
         ValueError, OSError: it could not be flown, or a record cannot be read.
@@ -144,7 +154,7 @@ def fly_again(
     summary = fly(
         planned.scenario,
         directory,
-        ardupilot_dir=ardupilot_dir,
+        ardupilot_dir=ardupilot_dir or planned.ardupilot_dir,
         replay=planned.run,
         stop_ns=planned.extent.stop_ns,
         quiet=quiet,

@@ -28,7 +28,7 @@ from bridge.record.events import RunEvent
 from bridge.record.logged import LoggedValue
 from bridge.record.tables.deliveries import fates_message
 from channel.medium.reception import DELIVERED
-from lostlink.reading.decisions import Decisions
+from lostlink.reading.rows import DeliveryRows
 
 if TYPE_CHECKING:
     from lostlink.replay.player import Player
@@ -42,6 +42,7 @@ class Received:
         rx: id of the node that got it.
         tx: id of its sender.
         channel: last part of its key.
+        encoding: what its payload is said to be; "" if nothing.
         rssi_dbm: power in which it arrived.
         snr_db: the same over the noise.
     """
@@ -49,6 +50,7 @@ class Received:
     rx: str
     tx: str
     channel: str
+    encoding: str
     payload: bytes
     seq: int
     sim_time_ns: int
@@ -77,7 +79,7 @@ class Moment:
         links_are_due: whether the run published link reports at it.
     """
 
-    def __init__(self, player: Player, tick: int, decided: Decisions, changed: Sequence[Row]) -> None:
+    def __init__(self, player: Player, tick: int, decided: DeliveryRows, changed: Sequence[Row]) -> None:
         self._player = player
         self._tick = tick
         self._rows = player.truth.rows_of(tick)
@@ -153,8 +155,8 @@ class Moment:
         row = sent.row_of(seq)
         if row is None:  # the record of what was sent ends before that of what became of it: it was killed
             return None
-        sim_time_ns, payload = int(sent.sim_time_ns[row]), sent.payload(row)
-        return Received(nodes[rx], nodes[tx], sent.channels[row], payload, seq, sim_time_ns, *signal)
+        what = (sent.channels[row], sent.encodings[row], sent.payload(row))
+        return Received(nodes[rx], nodes[tx], *what, seq, int(sent.sim_time_ns[row]), *signal)
 
     def states(self, wanted: Sequence[str] | None = None) -> dict[str, AircraftState]:
         """The newest state that each node published by now, under its own stamp; without those that have none yet.

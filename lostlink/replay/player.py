@@ -23,7 +23,7 @@ from bridge.record.tables.states import States
 from bridge.record.tables.truth import TRUTH, TrueStates
 from bridge.run.directory import RunDirectory
 from channel.medium.ledger import Ledger
-from lostlink.reading.decisions import Decisions, take_rows
+from lostlink.reading.rows import DeliveryRows, take_rows
 from lostlink.reading.sent import SentPackets
 from lostlink.replay.logged import NodeLogged
 from lostlink.replay.moment import Moment
@@ -59,7 +59,7 @@ class Player:
         self.ticks_ns = self.truth.ticks_ns
         if not self.ticks_ns.size:
             raise ValueError(f"{run}: nothing to play: the run ended before its first tick was written down")
-        self.decisions = Decisions.read(run, self.nodes, self.scenario.tick_period_ns)
+        self.decisions = DeliveryRows.read(run, self.nodes)
         self.radios = switches_of(self.scenario, run)
         self.now: Moment | None = None
         self._next = 0
@@ -89,7 +89,9 @@ class Player:
     @cached_property
     def _rows_until(self) -> NDArray[np.intp]:
         """How many rows of the decisions were settled by each tick; the last tick has what came after it, too."""
-        until = np.searchsorted(self.decisions.settled_ns, self.ticks_ns, side="right")
+        until = np.searchsorted(
+            self.decisions.columns["received_ns"] - self.scenario.tick_period_ns, self.ticks_ns, side="right"
+        )
         until[-1] = len(self.decisions)
         return until
 

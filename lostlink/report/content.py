@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bridge.record.tables.deliveries import DELIVERIES, TRANSPORT, no_deliveries
+from bridge.record.tables.deliveries import TRANSPORT
 from bridge.record.tables.truth import TRUTH
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
@@ -17,8 +17,8 @@ from channel.checks import ChannelInputError
 from channel.validity import OutsideValidityError
 from lostlink.flight.figure import model_curve
 from lostlink.reading.ages import times_of
-from lostlink.reading.places import nearest_m, places_of
-from lostlink.reading.rows import LinkRows, link_rows
+from lostlink.reading.places import places_of, separation_m
+from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.run import Run
 from lostlink.report import packets
 from lostlink.report.scales import plain
@@ -26,7 +26,7 @@ from lostlink.report.tracks import tracks_of
 
 SCHEMA = 1
 Content = dict[str, Any]
-"""In JSON's types; docs/report.md has the keys."""
+"""In JSON's types; docs/how-to/report.md has the keys."""
 Tell = Callable[[str], object]
 KILLED = "killed"
 """The ending of a run that has none."""
@@ -37,7 +37,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
 
     Args:
         run: the run.
-        tell: is told what is done next.
+        tell: called with what is done next.
 
     Raises:
         TableError, OSError, ValueError: a file of the run is damaged, or cannot be read.
@@ -45,7 +45,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     tell("reads the deliveries")
     rows, end_ns = rows_of_packets(run), run.end_ns
     tell("counts packets")
-    times = times_of(rows, run.scenario.tick_period_ns)
+    times = times_of(rows)
     links = packets.links_of(rows, times, end_ns)
     found = {
         "schema": SCHEMA,
@@ -70,14 +70,12 @@ def least_separation_m(run: Run) -> float | None:
     if not TRUTH.is_in(run.path):
         return None
     _, places = places_of(run.path, run.nodes)
-    return nearest_m(places[ua.node] for ua in run.scenario.ua)
+    return separation_m(places[ua.node] for ua in run.scenario.ua)[0]
 
 
-def rows_of_packets(run: Run) -> LinkRows:
+def rows_of_packets(run: Run) -> DeliveryRows:
     """The deliveries of a run; no rows if it broke off before there were any."""
-    nodes = run.scenario.transceiver_ids
-    is_there = DELIVERIES.is_in(run.path)
-    return link_rows(run.path, nodes, packets.COLUMNS) if is_there else LinkRows(nodes, no_deliveries())
+    return DeliveryRows.read(run.path, run.scenario.transceiver_ids, packets.COLUMNS).each()
 
 
 def _run(run: Run) -> Content:
@@ -123,7 +121,7 @@ def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
     return None
 
 
-def _host(run: Run, rows: LinkRows) -> Content:
+def _host(run: Run, rows: DeliveryRows) -> Content:
     """What the machine did to the run: packets it lost, by sender, and what was not accepted."""
     mine = rows.columns["fate"] == TRANSPORT
     counts = np.bincount(rows.columns["tx"][mine], rows.columns["packets"][mine], len(rows.nodes))
@@ -145,4 +143,4 @@ def _not_zero(counts: Mapping[str, int]) -> dict[str, int]:
 
 
 def _judgements(run: Run) -> Content:
-    return {name: run.summary.get(name) or [] for name in ("checks", "expectations")}
+    return {name: run.summary.get(name) or [] for name in ("checks", "unjudged", "expectations")}

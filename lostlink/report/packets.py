@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.medium.ledger import BIN_WIDTH_M
-from lostlink.reading.ages import LinkTimes, link_ages, link_latencies
+from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies
 from lostlink.reading.links import counts_of
-from lostlink.reading.rows import LinkRows
+from lostlink.reading.rows import DeliveryRows
 from lostlink.report.scales import nice_step, rows_of
 
-COLUMNS = ("sim_time_ns", "distance_m", "received_power_dbm")
+COLUMNS = (*NEEDED, "distance_m", "received_power_dbm")
 """Of the deliveries, that all this is made of."""
 PERIODS_MAX = 150
 BOXES_MAX = 12
@@ -22,10 +22,10 @@ BOX_LEAST_M = 10.0
 WHISKER = 1.5
 """Whiskers end at the last value within so many interquartile ranges of the box (Tukey)."""
 LINKS_APART_MAX = 8
-"""Of more links than this the ages over time are told together."""
+"""Of more links than this the ages over time are shown together."""
 
 
-def links_of(rows: LinkRows, times: Sequence[LinkTimes], end_ns: int) -> list[dict[str, Any]]:
+def links_of(rows: DeliveryRows, times: Sequence[LinkTimes], end_ns: int) -> list[dict[str, Any]]:
     """A row per directed link: counts, ``delivery``, ``lost`` by cause, latency and age of information in s.
 
     Args:
@@ -76,7 +76,7 @@ def _most(links: list[dict[str, Any]], name: str) -> float | None:
     return max((link[name] for link in links if np.isfinite(link[name])), default=None)
 
 
-def losses_of(rows: LinkRows, end_ns: int) -> dict[str, Any]:
+def losses_of(rows: DeliveryRows, end_ns: int) -> dict[str, Any]:
     """Packets by fate in each period: ``period_s``, ``sim_time_s`` (begins), ``delivered``, ``lost`` by cause."""
     period_ns = period_of(end_ns)
     periods = int(max(end_ns, rows.columns["sim_time_ns"].max(initial=0)) // period_ns) + 1
@@ -129,7 +129,7 @@ def _across(series: NDArray[np.float64], figure: Callable[..., Any]) -> NDArray[
     return found
 
 
-def powers_of(rows: LinkRows) -> dict[str, Any]:
+def powers_of(rows: DeliveryRows) -> dict[str, Any]:
     """Received power by distance: ``width_m``, ``boxes[]``, and ``beyond``: packets farther off than any with a power.
 
     A box has ``distance_min_m`` (inside), ``distance_max_m``, ``packets``, ``without_power`` of them (no draw could
@@ -167,7 +167,7 @@ def _box(power_dbm: NDArray[np.float64]) -> dict[str, Any]:
     return counts | {"low": low, "q1": q1, "median": median, "q3": q3, "high": high}
 
 
-def bins_of(rows: LinkRows) -> list[dict[str, Any]]:
+def bins_of(rows: DeliveryRows) -> list[dict[str, Any]]:
     """Delivery by link and distance, as the ledger has it, but without what the model predicts."""
     known = np.isfinite(rows.columns["distance_m"])
     number = (rows.columns["distance_m"][known] // BIN_WIDTH_M).astype(np.int64)

@@ -15,7 +15,7 @@ from lostlink.report.pictures.radio import draw_comparison
 from lostlink.report.scales import plain
 
 SCHEMA = 1
-NOT_SETTINGS = ("ports", "hosts", "description", "name")
+NOT_SETTINGS = ("ports", "hosts", "processes", "zenoh", "figure", "description", "name")
 """Keys of a scenario that say nothing of what is flown."""
 SETTINGS_MAX = 30
 LINKS_MAX = 20
@@ -37,11 +37,11 @@ Row = tuple[str, list[str], bool]
 
 
 def side_by_side(runs: Sequence[Run], tell: Callable[[str], object] = lambda _step: None) -> Content:
-    """The numbers of several runs: docs/report.md has the keys.
+    """The numbers of several runs: docs/how-to/report.md has the keys.
 
     Args:
         runs: finished or killed.
-        tell: is told what is read next.
+        tell: called with what is read next.
 
     Raises:
         TableError, OSError, ValueError: a file of a run is damaged, or cannot be read.
@@ -55,7 +55,7 @@ def side_by_side(runs: Sequence[Run], tell: Callable[[str], object] = lambda _st
     for column in columns:
         same = (other["name"] for other in columns if other["digest"] == column["digest"])
         column["same_as"] = next(same, None) if column["digest"] else None
-    result: Content = plain({"schema": SCHEMA, "runs": columns, "settings": _settings(runs)})
+    result: Content = plain({"schema": SCHEMA, "runs": columns, "settings": settings_of(runs)})
     return result
 
 
@@ -66,7 +66,7 @@ def _names(runs: Sequence[Run]) -> list[str]:
 
 def _column(run: Run) -> Content:
     rows, end_ns, summary = rows_of_packets(run), run.end_ns, run.summary
-    links = packets.links_of(rows, times_of(rows, run.scenario.tick_period_ns), end_ns)
+    links = packets.links_of(rows, times_of(rows), end_ns)
     return {
         "name": "",
         "scenario": run.scenario.name,
@@ -95,7 +95,7 @@ def _by_distance(bins: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [found[each] for each in sorted(found)]
 
 
-def _settings(runs: Sequence[Run]) -> dict[str, list[Any]]:
+def settings_of(runs: Sequence[Run]) -> dict[str, list[Any]]:
     """Keys of the scenarios, dotted, with a value per run: those that are not the same in all.
 
     Of nodes that are not in all runs there is one row: how many nodes each run has.

@@ -5,7 +5,8 @@ imported is imported once, and nothing that a case leaves behind, such as an age
 the next. It answers each line with one: the directory again.
 
 A case's directory has `plan.json` (`CasePlan`). What came of it goes to `result.json`, written as a whole when the run
-is over and measured, so that whoever finds one need not fly again. An interrupted run leaves none.
+is over and measured, so that whoever finds one need not fly again, or with what ended its process. An interrupted run
+leaves none.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from bridge.fleet.children.leash import end_with_parent
 from bridge.fleet.course import Ending
 from bridge.fleet.how import How, how_joined
-from bridge.fleet.leash import end_with_parent
-from bridge.fleet.preflight import preflight
-from bridge.fleet.slots import at_free_ports
+from bridge.fleet.preflight.preflight import preflight
+from bridge.fleet.preflight.slots import at_free_ports
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
@@ -214,7 +215,12 @@ def fly_forked(directory: Path) -> None:
     if child == 0:
         _be_a_case(directory, worker)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
-    os.waitpid(child, 0)
+    _, status = os.waitpid(child, 0)
+    if os.WIFSIGNALED(status) and os.WTERMSIG(status) not in ENDING:
+        text = (
+            f"its process was ended by {signal.Signals(os.WTERMSIG(status)).name}; see {directory / LOG_FILE}"
+        )
+        write_whole(directory / RESULT_FILE, _result(CasePlan.read(directory), {}, {}, text))
     for number, handler in kept.items():
         signal.signal(number, handler)
 

@@ -31,6 +31,7 @@ UNKEPT = {"mcap.write": False, "mavlink.tlog": False}
 
 Digest = Callable[[Path], str]
 """What gives the digest of a file."""
+Labels = dict[str, str | float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +41,12 @@ class Case:
     Attributes:
         id: of its directory: the same for the same scenario, seed, contents of all files that these name, and version
             of lostlink, whatever else the study has.
-        labels: what it is in the table: ``scenario``, ``case``, the keys that vary, ``seed``.
+        labels: what it is in the table: ``scenario`` (its name), ``case``, the keys that vary, ``seed``.
         scenario: as resolved.
     """
 
     id: str
-    labels: dict[str, str | int]
+    labels: Labels
     scenario: Scenario
 
 
@@ -57,10 +58,16 @@ def cases_of(study: StudyFile, folder: Path) -> list[Case]:
         folder: what files that it names are seen from: its file's.
 
     Raises:
-        StudyError: a scenario cannot be used, there are two runs that are the same, or too many.
+        StudyError: a scenario cannot be used, two have the same name, two runs are the same, or there are too many.
     """
     cases: dict[str, Case] = {}
-    for case in _cases(study, folder):
+    files: dict[str | float, str] = {}
+    for place, case in _cases(study, folder):
+        name = case.labels["scenario"]
+        if files.setdefault(name, place) != place:
+            raise StudyError(
+                f"scenario: {files[name]} and {place} are both called {name}: give one another name"
+            )
         if case.id in cases:
             raise StudyError(
                 f"{_told(cases[case.id].labels)} and {_told(case.labels)} are the same run: {case.id}"
@@ -71,12 +78,13 @@ def cases_of(study: StudyFile, folder: Path) -> list[Case]:
     return list(cases.values())
 
 
-def _cases(study: StudyFile, folder: Path) -> Iterator[Case]:
+def _cases(study: StudyFile, folder: Path) -> Iterator[tuple[str, Case]]:
     digest_of = cache(file_digest)  # many cases name the same files
     together: Mapping[str, Mapping[str, Any]] = study.cases or {"": {}}
+    vary = {key: _labelled(choices) for key, choices in study.vary.items()}
     for place, (label, changes) in product(study.scenario, together.items()):
-        for choice in product(*(choices.items() for choices in study.vary.values())):
-            varied = dict(zip(study.vary, choice, strict=True))
+        for choice in product(*vary.values()):
+            varied = dict(zip(vary, choice, strict=True))
             values = {
                 **UNASKED,
                 **(UNKEPT if study.keep != "all" else {}),
@@ -85,21 +93,28 @@ def _cases(study: StudyFile, folder: Path) -> Iterator[Case]:
                 **{key: value for key, (_, value) in varied.items()},
             }
             for seed in study.seeds:
-                labels: dict[str, str | int] = {"scenario": Path(place).stem}
-                labels |= {"case": label} if study.cases else {}
+                labels: Labels = {"case": label} if study.cases else {}
                 labels |= {key: text for key, (text, _) in varied.items()} | {"seed": seed}
-                yield _case(_scenario_at(place, folder), labels, {**values, "seed": seed}, folder, digest_of)
+                at = _scenario_at(place, folder)
+                yield place, _case(at, labels, {**values, "seed": seed}, folder, digest_of)
 
 
-def _case(
-    place: str, labels: dict[str, str | int], values: dict[str, Any], folder: Path, digest_of: Digest
-) -> Case:
-    settings = [Setting(key, value, _told(labels), folder) for key, value in values.items()]
+def _labelled(choices: Mapping[str, Any]) -> list[tuple[str | float, Any]]:
+    """The label of each value: of numbers that nobody gave labels, or truth values, these themselves."""
+    for kinds in (bool, (int, float)):
+        if all(isinstance(value, kinds) and str(value) == text for text, value in choices.items()):
+            return [(value, value) for value in choices.values()]
+    return list(choices.items())
+
+
+def _case(place: str, labels: Labels, values: dict[str, Any], folder: Path, digest_of: Digest) -> Case:
+    told = _told({"scenario": Path(place).stem, **labels})
+    settings = [Setting(key, value, told, folder) for key, value in values.items()]
     try:
         scenario = read_scenario(place, settings)
     except ScenarioError as error:
         raise StudyError(str(error)) from error
-    return Case(_id(scenario, digest_of), labels, scenario)
+    return Case(_id(scenario, digest_of), {"scenario": scenario.name, **labels}, scenario)
 
 
 def _scenario_at(place: str, folder: Path) -> str:
@@ -117,5 +132,5 @@ def _id(scenario: Scenario, digest_of: Digest) -> str:
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _told(labels: Mapping[str, str | int]) -> str:
+def _told(labels: Mapping[str, str | float]) -> str:
     return ", ".join(f"{key} {value}" for key, value in labels.items())

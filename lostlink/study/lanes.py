@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Protocol, Self
 
-from bridge.fleet.child import on_a_leash
-from bridge.fleet.environment import environment_of
+from bridge.fleet.children.child import start_process
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.study.model import StudyError
 
@@ -25,9 +21,7 @@ class Lanes(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, *_: object) -> None: ...
 
     def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
         """Fly the cases of these directories; gives each when it is over, and None now and then in between."""
@@ -37,13 +31,7 @@ class _Worker:
     """A process that flies cases one after the other, each forked from it (`lostlink.study.case_process`)."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            on_a_leash([sys.executable, "-m", "lostlink.study.case_process"]),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment_of(os.environ),
-            start_new_session=True,  # Ctrl-C reaches the study only, which ends the others in order
-        )
+        self._process = start_process([sys.executable, "-P", "-m", "lostlink.study.case_process"])
 
     def fly(self, case: Path) -> bool:
         """Fly a case, and wait for it; returns whether the worker is of further use."""
@@ -67,7 +55,7 @@ class _Worker:
 
 
 class _Flights:
-    """Flies cases in workers, as many as are asked for at a time, until it is told to end them."""
+    """Flies cases in workers, as many as are asked for at a time, until it is asked to end them."""
 
     def __init__(self) -> None:
         self._flying: set[_Worker] = set()
@@ -120,9 +108,7 @@ class LocalLanes:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._flights.end()
         self._pool.shutdown(cancel_futures=True)
         self._flights.close()
@@ -156,9 +142,7 @@ class DaskLanes:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with suppress(
             OSError, TimeoutError
         ):  # the scheduler may be gone; a worker that ends takes its flights along

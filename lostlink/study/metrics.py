@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lostlink.flight.verdict import RunOutcome
 from lostlink.reading.ages import NEEDED, link_ages, times_of
 from lostlink.reading.links import counts_of
-from lostlink.reading.places import nearest_m, places_of
+from lostlink.reading.places import places_of, separation_m
 from lostlink.reading.rows import link_rows
 from lostlink.reading.run import Run
 from lostlink.study.model import Function, StudyError
@@ -31,7 +31,7 @@ def of_summary(run: Run) -> Metrics:
     """What the summary says and the machine does not change; there of a run that failed, too.
 
     ``ending``, ``outcome``, ``verdict``, ``error``, ``passed`` (it came to its end, and neither model nor expectations
-    disagree), ``digest``, ``sim_duration_s``.
+    disagree), ``digest``, ``sim_duration_s``; ``<expectation>: found`` and ``<expectation>: passed`` of each.
     """
     summary = run.summary
     return {
@@ -42,6 +42,11 @@ def of_summary(run: Run) -> Metrics:
         "passed": summary["outcome"] in (RunOutcome.PASS, RunOutcome.NONE),
         "digest": summary["digest"],
         "sim_duration_s": summary["sim_duration_s"],
+        **{
+            f"{each['name']}: {part}": each[part]
+            for each in summary["expectations"]
+            for part in ("found", "passed")
+        },
     }
 
 
@@ -57,7 +62,7 @@ def of_tables(run: Run) -> Metrics:
         TableError, OSError: a table is not there, or damaged.
     """
     rows = link_rows(run.path, run.scenario.transceiver_ids, NEEDED)
-    links, ages = counts_of(rows), link_ages(times_of(rows, run.scenario.tick_period_ns), run.end_ns)
+    links, ages = counts_of(rows), link_ages(times_of(rows), run.end_ns)
     sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
     return {
         "sent": sent,
@@ -69,7 +74,7 @@ def of_tables(run: Run) -> Metrics:
         },
         "age_mean_s": _mean(ages["mean_s"]),
         "age_peak_s": float(np.nanmax(ages["peak_s"], initial=0.0)) if len(ages["peak_s"]) else float("nan"),
-        "separation_min_m": nearest_m(places_of(run.path, run.nodes)[1].values()),
+        "separation_min_m": separation_m(places_of(run.path, run.nodes)[1].values())[0],
     }
 
 

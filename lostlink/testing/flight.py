@@ -10,8 +10,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from bridge.fleet.preflight import preflight
-from bridge.fleet.slots import at_free_ports
+from bridge.fleet.preflight.preflight import preflight
+from bridge.fleet.preflight.slots import at_free_ports
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.schema import Table
 from bridge.record.tables.truth import TRUTH
@@ -112,7 +112,7 @@ class FleetFlight:
         """Sim time up to which there is a whole record, s; below 0 before the first tick.
 
         While it flies, that is where the packets of all its nodes are recorded, too: of a flight without any, nothing
-        is told before its end.
+        is known before its end.
         """
         tables = (TRUTH,) if self.is_over else (TRUTH, DELIVERIES)
         return min(self._last_s(table) for table in tables)

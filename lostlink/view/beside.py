@@ -7,12 +7,11 @@ import subprocess
 import sys
 from contextlib import suppress
 from importlib.util import find_spec
-from types import TracebackType
 from typing import Self
 
 from bridge.bus.session import free_port
-from bridge.fleet.child import on_a_leash
-from bridge.fleet.ports import HOST, PortUse, conflicts
+from bridge.fleet.children.child import start_process
+from bridge.fleet.preflight.ports import HOST, PortUse, conflicts
 from bridge.run.directory import RunDirectory
 
 PORT = 8080
@@ -55,6 +54,7 @@ class ViewProcess:
         """Serve the view of a run that is about to start; its output goes to a log of the run."""
         command = [
             sys.executable,
+            "-P",
             "-m",
             "lostlink.cli.main",
             "view",
@@ -67,13 +67,7 @@ class ViewProcess:
         ]
         command += ["--control"] if self._control else []
         with run.log_path(VIEW_LOG).open("wb") as log:
-            self._process = subprocess.Popen(
-                on_a_leash(command),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+            self._process = start_process(command, log)
 
     @property
     def is_open(self) -> bool:
@@ -93,9 +87,7 @@ class ViewProcess:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._process is None or not self.is_open:
             return
         self._process.send_signal(signal.SIGTERM)

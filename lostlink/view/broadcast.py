@@ -1,4 +1,4 @@
-"""Frames to all viewers at a steady pace, by wall time: made once, and a slow viewer gets fewer."""
+"""PictureFrames to all viewers at a steady pace, by wall time: made once, and a slow viewer gets fewer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from starlette.websockets import WebSocket
 
 from aps.api.serving import serve_client
-from lostlink.view.picture.frames import Frames
+from lostlink.view.picture.frames import PictureFrames
 
 FRAME_PERIOD_S = 0.1
 VIEWERS_MAX = 16
@@ -23,7 +23,7 @@ class Viewer:
         self._waiting: str | None = None
         self._news = asyncio.Event()
         self.missed = 0
-        """Frames that came too fast: then a snapshot has to follow."""
+        """PictureFrames that came too fast: then a snapshot has to follow."""
 
     def put(self, frame: str) -> bool:
         """Have a frame sent; False if the one before still waits, and both are dropped."""
@@ -49,10 +49,10 @@ class Broadcast:
 
     Args:
         frames: makes the frames.
-        on_viewers: told how many there are when that changes.
+        on_viewers: called with their number when it changes.
     """
 
-    def __init__(self, frames: Frames, on_viewers: Callable[[int], object]) -> None:
+    def __init__(self, frames: PictureFrames, on_viewers: Callable[[int], object]) -> None:
         self._frames = frames
         self._on_viewers = on_viewers
         self._viewers: list[Viewer] = []

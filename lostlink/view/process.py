@@ -26,7 +26,7 @@ from lostlink.view.broadcast import Broadcast
 from lostlink.view.page.charts import ModelCurve
 from lostlink.view.page.page import Shown
 from lostlink.view.picture.fleet_view import view_of
-from lostlink.view.picture.frames import Frames
+from lostlink.view.picture.frames import PictureFrames
 from lostlink.view.server import ViewServer
 from lostlink.view.sources.live import LiveSource
 from lostlink.view.sources.operator import Operator
@@ -47,7 +47,7 @@ class ViewSettings:
     Attributes:
         server: where, and who may come.
         control: whether viewers may command.
-        announce: told the address when it is served.
+        announce: called with the address when it is served.
     """
 
     server: ApiConfig
@@ -87,7 +87,7 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
     source = LiveSource(Access(run.info.run, run.info.endpoint, OBSERVERS), view)
     operator = Operator(access_of(run.path, OPERATOR), view.tell) if settings.control else None
     viewers = _Viewers(source, partial(view.tell, ""))
-    broadcast = Broadcast(Frames(view), viewers.changed)
+    broadcast = Broadcast(PictureFrames(view), viewers.changed)
     shown = Shown(run.info.run, view, Model(run.scenario).curve, operator, operator)
     try:
         await source.open()
@@ -115,7 +115,7 @@ async def view_record(run: RunDirectory, settings: ViewSettings, stop: asyncio.E
     view = view_of(player.scenario)
     view.duration_s = player.end_ns / 1e9
     source = RecordSource(player, view, monotonic)
-    broadcast = Broadcast(Frames(view), lambda _: None)
+    broadcast = Broadcast(PictureFrames(view), lambda _: None)
     shown = Shown(run.path.name, view, Model(player.scenario).curve, source)
     async with ViewServer(shown, broadcast, settings.server) as server:
         server.background.start(source.run(), "the record")

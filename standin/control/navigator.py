@@ -38,12 +38,14 @@ class Navigator:
         self.yaw_rate_radps = 0.0
         self.point_m: tuple[float, float] | None = None
         """North and east of the target, or None when a velocity is flown."""
+        self.point_mps = (0.0, 0.0)
+        """Velocity of that target, north and east."""
         self.depth_m: float | None = None
         """Down of the target, or None when a climb rate is flown."""
         self.velocity_mps = (0.0, 0.0)
         """North and east wanted."""
         self.sink_mps = 0.0
-        self._yaw_target_rad = 0.0
+        self._yaw_target_rad = self._turn_radps = 0.0
         self._look_ahead = False
 
     def start(self, frame: SensedFrame) -> None:
@@ -72,9 +74,9 @@ class Navigator:
         self.fly_velocity((0.0, 0.0))
         self.fly_sink_rate(0.0)
 
-    def go_to(self, north_m: float, east_m: float) -> None:
-        """Fly to a point, horizontally."""
-        self.point_m = (north_m, east_m)
+    def go_to(self, north_m: float, east_m: float, point_mps: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Fly to a point, horizontally, and with it if it moves."""
+        self.point_m, self.point_mps = (north_m, east_m), point_mps
 
     def go_to_depth(self, down_m: float) -> None:
         """Climb or sink to a height, given as metres down from the origin."""
@@ -90,20 +92,39 @@ class Navigator:
         self.depth_m = None
         self.sink_mps = sink_mps
 
+    def halt_point(self) -> None:
+        """Let the target point stand where it is now."""
+        self.point_mps = (0.0, 0.0)
+
     def hold_yaw(self) -> None:
         """Stop turning."""
-        self._yaw_target_rad, self._look_ahead = self.yaw_rad, False
+        self.turn_to(self.yaw_rad)
+
+    def turn_to(self, yaw_rad: float) -> None:
+        """Turn to a yaw and keep it."""
+        self._yaw_target_rad, self._turn_radps, self._look_ahead = yaw_rad, 0.0, False
+
+    def turn_at(self, turn_radps: float) -> None:
+        """Turn on and on."""
+        self._turn_radps, self._look_ahead = turn_radps, False
+
+    def end_turn(self) -> None:
+        """Stop turning on, if that is what it does."""
+        if self._turn_radps:
+            self.hold_yaw()
 
     def look_ahead(self) -> None:
         """Turn towards the target point whenever it is far enough away."""
-        self._yaw_target_rad, self._look_ahead = self.yaw_rad, True
+        self._yaw_target_rad, self._turn_radps, self._look_ahead = self.yaw_rad, 0.0, True
 
     def step(self, frame: SensedFrame, limits: FlightLimits, step_s: float) -> None:
         """Move the references on by ``step_s``."""
         if self.point_m is None:
             self.horizontal.step_to_velocity(self.velocity_mps, limits.horizontal, step_s)
         else:
-            self.horizontal.step_to_position(self.point_m, limits.horizontal, step_s)
+            (north_m, east_m), (north_mps, east_mps) = self.point_m, self.point_mps
+            self.point_m = (north_m + north_mps * step_s, east_m + east_mps * step_s)
+            self.horizontal.step_to_position(self.point_m, limits.horizontal, step_s, self.point_mps)
         if self.depth_m is None:
             self.vertical.step_to_velocity(self.sink_mps, limits.vertical, step_s)
         else:
@@ -143,6 +164,8 @@ class Navigator:
     def _step_yaw(self, frame: SensedFrame, step_s: float) -> None:
         if self._look_ahead and self.point_m is not None and self.distance_m(frame) > LOOK_AHEAD_MIN_M:
             self._yaw_target_rad = self.bearing_rad(frame)
+        if self._turn_radps:
+            self._yaw_target_rad = self.yaw_rad + self._turn_radps / YAW_GAIN_PER_S
         wanted = YAW_GAIN_PER_S * wrapped(self._yaw_target_rad - self.yaw_rad)
         wanted = max(-YAW_RATE_MAX_RADPS, min(YAW_RATE_MAX_RADPS, wanted))
         most = YAW_ACCEL_MAX_RADPS2 * step_s

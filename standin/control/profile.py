@@ -53,16 +53,22 @@ class HorizontalProfile:
         self.north_mps, self.east_mps = north_mps, east_mps
         self.north_mps2 = self.east_mps2 = 0.0
 
-    def step_to_position(self, target_m: tuple[float, float], limits: Limits, step_s: float) -> None:
-        """Move on for ``step_s`` towards a point."""
+    def step_to_position(
+        self,
+        target_m: tuple[float, float],
+        limits: Limits,
+        step_s: float,
+        target_mps: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Move on for ``step_s`` towards a point, which itself moves at ``target_mps``."""
         to_north_m, to_east_m = target_m[0] - self.north_m, target_m[1] - self.east_m
         distance_m = hypot(to_north_m, to_east_m)
-        wanted = (0.0, 0.0)
+        wanted = target_mps
         if distance_m > 1e-9:
             gain = POSITION_GAIN_SHARE * limits.jerk_mps3 / limits.accel_mps2
             speed_mps = approach_speed_mps(distance_m, gain, BRAKING_SHARE * limits.accel_mps2)
             share = min(speed_mps, limits.speed_mps) / distance_m
-            wanted = (share * to_north_m, share * to_east_m)
+            wanted = (share * to_north_m + target_mps[0], share * to_east_m + target_mps[1])
         self.step_to_velocity(wanted, limits, step_s)
 
     def step_to_velocity(self, target_mps: tuple[float, float], limits: Limits, step_s: float) -> None:

@@ -11,7 +11,7 @@ from standin.wire.mavlink_codec import Message
 
 ACK, NAK = 128, 129
 UNKNOWN_COMMAND = 7
-"""Of MAVLink's file transfer protocol: the opcodes of answers, and the error that a NAK tells."""
+"""Of MAVLink's file transfer protocol: the opcodes of answers, and the error in a NAK."""
 _HEAD = struct.Struct("<HBBBBBxI")
 """Sequence number, session, opcode, size, opcode that is answered, burst complete, offset."""
 FILE_PAYLOAD_BYTES = 251

@@ -12,7 +12,7 @@ from standin.protocols.commands import CommandProtocol, request_from
 from standin.protocols.mission_protocol import MissionProtocol
 from standin.protocols.parameter_protocol import ParameterProtocol
 from standin.protocols.streams import Streams
-from standin.protocols.targets import fly_global_target, fly_local_target
+from standin.protocols.targets import fly_global_target, fly_local_target, hold_sticks
 from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.events import Event, HomeChanged, ItemReached, ModeChanged, TextEvent
 from standin.vehicle.vehicle import StandinVehicle
@@ -42,6 +42,8 @@ class MavlinkEndpoint:
             "SET_MODE": self._set_mode,
             "SET_POSITION_TARGET_LOCAL_NED": lambda message: fly_local_target(vehicle, message),
             "SET_POSITION_TARGET_GLOBAL_INT": lambda message: fly_global_target(vehicle, message),
+            "RC_CHANNELS_OVERRIDE": lambda message: hold_sticks(vehicle, message),
+            "MANUAL_CONTROL": lambda message: hold_sticks(vehicle, message),
             "REQUEST_DATA_STREAM": self._stream_group,
             "TIMESYNC": self._answer_timesync,
         }
@@ -77,7 +79,7 @@ class MavlinkEndpoint:
             self._flush_events()
 
     def report(self) -> None:
-        """Tell what is due at the vehicle's time: events, streams, lists under way."""
+        """Send what is due at the vehicle's time: events, streams, lists under way."""
         now_ns = self._vehicle.sim_time_ns
         if self._vehicle.has_events:
             self._flush_events()

@@ -48,7 +48,7 @@ class ParameterProtocol:
             self._send_value(message.param_id, NOT_IN_LIST)
 
     def _set(self, message: Message) -> None:
-        """Set a value and tell what is stored."""
+        """Set a value and send what is stored."""
         try:
             self._parameters.set(message.param_id, message.param_value)
         except (UnknownParameterError, ValueError):

@@ -1,25 +1,31 @@
-"""SET_POSITION_TARGET_*: a point or a velocity in LOCAL_NED, or a point on the earth, for GUIDED.
+"""What a client would have the vehicle fly: SET_POSITION_TARGET_* for GUIDED, and where the throttle stick is.
 
-As in ArduCopter, what cannot be flown as asked stops the vehicle where it is. Yaw is not taken.
+A target is a point, a velocity or a point that moves, in LOCAL_NED or on the earth. As in ArduCopter, what cannot be
+flown as asked stops the vehicle where it is. Accelerations are not taken.
 """
 
 from __future__ import annotations
 
-from math import isfinite
+from math import cos, isfinite, sin
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from standin.control.quaternion import Vector
 from standin.vehicle.location import ALT_MAX_M, Location
 from standin.vehicle.mission import RELATIVE_FRAMES, MissionFrame
-from standin.vehicle.modes import Guided
+from standin.vehicle.modes import ZERO, Guided, Nose
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
 IGNORE_POSITION = 0b111
 IGNORE_VELOCITY = 0b111 << 3
+BODY_FRAMES = (dialect.MAV_FRAME_BODY_NED, dialect.MAV_FRAME_BODY_OFFSET_NED)
+"""Of velocities."""
 SPEED_SANE_MAX_MPS = 1000.0
 POSITION_SANE_MAX_M = 1e6
+GCS_SYSID = 255
+"""MAV_GCS_SYSID: whose sticks are obeyed."""
+UNCHANGED_US = 65535
 
 
 def fly_local_target(vehicle: StandinVehicle, message: Message) -> None:
@@ -27,19 +33,12 @@ def fly_local_target(vehicle: StandinVehicle, message: Message) -> None:
     mode, mask = vehicle.mode, message.type_mask
     if not isinstance(mode, Guided):
         return
-    position, velocity = (message.x, message.y, message.z), (message.vx, message.vy, message.vz)
-    known = message.coordinate_frame == dialect.MAV_FRAME_LOCAL_NED
-    if known and not mask & IGNORE_POSITION and _sane(position, POSITION_SANE_MAX_M):
-        mode.fly_to(vehicle, position)
-    elif (
-        known
-        and mask & IGNORE_POSITION
-        and not mask & IGNORE_VELOCITY
-        and _sane(velocity, SPEED_SANE_MAX_MPS)
-    ):
-        mode.fly_velocity(vehicle, velocity)
-    else:
+    position = None if mask & IGNORE_POSITION else (message.x, message.y, message.z)
+    frames = (dialect.MAV_FRAME_LOCAL_NED, *(BODY_FRAMES if position is None else ()))
+    if message.coordinate_frame not in frames or not _sane(position or ZERO, POSITION_SANE_MAX_M):
         mode.stop(vehicle)
+    else:
+        _fly(vehicle, mode, position, message)
 
 
 def fly_global_target(vehicle: StandinVehicle, message: Message) -> None:
@@ -49,10 +48,47 @@ def fly_global_target(vehicle: StandinVehicle, message: Message) -> None:
         return
     place = (message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt)
     location = location_from(vehicle, *place, message.coordinate_frame)
-    if location is None or message.type_mask & IGNORE_POSITION:
+    if message.type_mask & IGNORE_POSITION:
+        _fly(vehicle, mode, None, message)
+    elif location is None:
         mode.stop(vehicle)
     else:
-        mode.fly_to(vehicle, vehicle.origin.ned_to(location))
+        _fly(vehicle, mode, vehicle.origin.ned_to(location), message)
+
+
+def _fly(vehicle: StandinVehicle, mode: Guided, position: Vector | None, message: Message) -> None:
+    """Fly the point, the velocity or both that a message has."""
+    mask = message.type_mask
+    velocity = None if mask & IGNORE_VELOCITY else (message.vx, message.vy, message.vz)
+    nose = Nose(
+        None if mask & dialect.POSITION_TARGET_TYPEMASK_YAW_IGNORE else message.yaw,
+        None if mask & dialect.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE else message.yaw_rate,
+    )
+    if velocity is not None and message.coordinate_frame in BODY_FRAMES:
+        cos_yaw, sin_yaw = cos(vehicle.attitude_rad[2]), sin(vehicle.attitude_rad[2])
+        ahead, right, down = velocity
+        velocity = (cos_yaw * ahead - sin_yaw * right, sin_yaw * ahead + cos_yaw * right, down)
+    if velocity is not None and not _sane(velocity, SPEED_SANE_MAX_MPS):
+        mode.stop(vehicle)
+    elif position is not None:
+        mode.fly_to(vehicle, position, velocity, nose)
+    elif velocity is not None:
+        mode.fly_velocity(vehicle, velocity, nose)
+    else:
+        mode.stop(vehicle)
+
+
+def hold_sticks(vehicle: StandinVehicle, message: Message) -> None:
+    """Take the throttle of RC_CHANNELS_OVERRIDE or MANUAL_CONTROL, from the ground station alone, as ArduPilot."""
+    if message.get_srcSystem() != GCS_SYSID:
+        return
+    if message.get_type() == "MANUAL_CONTROL":
+        if 0 <= message.z <= 1000 and message.target == vehicle.parameters["MAV_SYSID"]:
+            vehicle.sticks.hold(message.z / 1000.0, vehicle.sim_time_ns)
+    elif message.chan3_raw == 0:
+        vehicle.sticks.release()
+    elif message.chan3_raw != UNCHANGED_US:
+        vehicle.sticks.hold((message.chan3_raw - 1000.0) / 1000.0, vehicle.sim_time_ns)
 
 
 def location_from(

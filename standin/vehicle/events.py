@@ -1,4 +1,4 @@
-"""What the vehicle tells the ground of its own accord; the MAVLink side turns these into messages."""
+"""What the vehicle reports to the ground unasked; the MAVLink side turns these into messages."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Takeoff:
         return done
 
     def _rises(self, vehicle: StandinVehicle, step_s: float) -> bool:
-        """Tell from the smoothed velocity alone, so that a noisy position is no lift-off and hides none."""
+        """Judge by the smoothed velocity alone, so that a noisy position is no lift-off and hides none."""
         share = min(1.0, step_s / LIFT_OFF_SMOOTHING_S)
         self._climb_mps += share * (-vehicle.velocity_ned_mps[2] - self._climb_mps)
         self._rise_m = max(0.0, self._rise_m + step_s * self._climb_mps)

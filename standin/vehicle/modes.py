@@ -6,13 +6,25 @@ A mode is made anew each time it is entered. ``update`` runs at 100 Hz while the
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from standin.control.quaternion import Vector
 from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
 
 if TYPE_CHECKING:
     from standin.vehicle.vehicle import StandinVehicle
+
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class Nose(NamedTuple):
+    """Where the nose is to point: a yaw or a rate of turn, or neither."""
+
+    yaw_rad: float | None = None
+    turn_radps: float | None = None
+
+
+AS_IT_LIKES = Nose()
 
 
 class ModeNumber(IntEnum):
@@ -48,7 +60,7 @@ class FlightMode:
         return vehicle.position_failure()
 
     def enter(self, vehicle: StandinVehicle) -> None:
-        """Begin: the navigator has just been told to stop where the vehicle is."""
+        """Begin: the navigator has just been commanded to stop where the vehicle is."""
 
     def update(self, vehicle: StandinVehicle, step_s: float) -> None:
         """Decide the drive and the target; ``step_s`` since the last call."""
@@ -73,21 +85,27 @@ class Stabilize(FlightMode):
         vehicle.drive = Drive.IDLE
 
 
-class Loiter(FlightMode):
-    """Hold position and height."""
-
-    number = ModeNumber.LOITER
-
-    def update(self, vehicle: StandinVehicle, _step_s: float) -> None:
-        """Hold what the navigator was told when the mode began."""
-        vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
-
-
-class Brake(Loiter):
+class Brake(FlightMode):
     """Stop, and hold where that ends."""
 
     number = ModeNumber.BRAKE
     armable = False
+
+    def update(self, vehicle: StandinVehicle, _step_s: float) -> None:
+        """Hold what the navigator was given when the mode began."""
+        vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
+
+
+class Loiter(Brake):
+    """Hold position; climb and sink by the throttle stick, which lies at zero unless a client holds it elsewhere."""
+
+    number = ModeNumber.LOITER
+    armable = True
+
+    def update(self, vehicle: StandinVehicle, step_s: float) -> None:
+        """Hold the position, and follow the stick."""
+        super().update(vehicle, step_s)
+        vehicle.navigator.fly_sink_rate(-vehicle.sticks.climb_mps(vehicle.sim_time_ns))
 
 
 class Land(FlightMode):
@@ -155,24 +173,35 @@ class Guided(FlightMode):
         self._takeoff = Takeoff(vehicle, down_m)
         return True
 
-    def fly_to(self, vehicle: StandinVehicle, position_ned_m: Vector) -> None:
-        """Fly to a point and hold there; ignored on the ground."""
+    def fly_to(
+        self,
+        vehicle: StandinVehicle,
+        position_ned_m: Vector,
+        velocity_ned_mps: Vector | None = None,
+        nose: Nose = AS_IT_LIKES,
+    ) -> None:
+        """Fly to a point and hold there, or, for GUID_TIMEOUT, with one that moves; ignored on the ground."""
         if not self._leave_takeoff(vehicle):
             return
-        vehicle.navigator.go_to(*position_ned_m[:2])
+        vehicle.navigator.go_to(*position_ned_m[:2], (velocity_ned_mps or ZERO)[:2])
         vehicle.navigator.go_to_depth(position_ned_m[2])
-        if vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
+        if velocity_ned_mps is not None:
+            self._velocity_until_ns = self._timeout_ns(vehicle)
+        if not self._point(vehicle, nose) and vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
             vehicle.navigator.look_ahead()
 
-    def fly_velocity(self, vehicle: StandinVehicle, velocity_ned_mps: Vector) -> None:
+    def fly_velocity(
+        self, vehicle: StandinVehicle, velocity_ned_mps: Vector, nose: Nose = AS_IT_LIKES
+    ) -> None:
         """Fly a velocity for GUID_TIMEOUT; ignored on the ground."""
         if not self._leave_takeoff(vehicle):
             return
         limits = vehicle.limits()
         vehicle.navigator.fly_velocity(velocity_ned_mps[:2])
         vehicle.navigator.fly_sink_rate(max(-limits.climb_mps, min(limits.sink_mps, velocity_ned_mps[2])))
-        vehicle.navigator.hold_yaw()
-        self._velocity_until_ns = vehicle.sim_time_ns + round(vehicle.parameters["GUID_TIMEOUT"] * 1e9)
+        if not self._point(vehicle, nose):
+            vehicle.navigator.hold_yaw()
+        self._velocity_until_ns = self._timeout_ns(vehicle)
 
     def stop(self, vehicle: StandinVehicle) -> None:
         """Brake and hold."""
@@ -188,7 +217,24 @@ class Guided(FlightMode):
             vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
         if self._velocity_until_ns is not None and vehicle.sim_time_ns > self._velocity_until_ns:
             self._velocity_until_ns = None
-            vehicle.navigator.stop()
+            vehicle.navigator.end_turn()
+            if vehicle.navigator.point_m is None:
+                vehicle.navigator.stop()
+            else:
+                vehicle.navigator.halt_point()
+
+    @staticmethod
+    def _point(vehicle: StandinVehicle, nose: Nose) -> bool:
+        """Point the nose as asked; False if nothing was asked."""
+        if nose.yaw_rad is not None:
+            vehicle.navigator.turn_to(nose.yaw_rad)
+        elif nose.turn_radps is not None:
+            vehicle.navigator.turn_at(nose.turn_radps)
+        return nose != AS_IT_LIKES
+
+    @staticmethod
+    def _timeout_ns(vehicle: StandinVehicle) -> int:
+        return vehicle.sim_time_ns + round(vehicle.parameters["GUID_TIMEOUT"] * 1e9)
 
     def _leave_takeoff(self, vehicle: StandinVehicle) -> bool:
         """Make room for another target; False while the vehicle stands."""

@@ -18,6 +18,7 @@ from standin.vehicle.maneuvers import Drive
 from standin.vehicle.mission import Mission
 from standin.vehicle.modes import Brake, FlightMode, Guided, Land, Loiter, ReturnToLaunch, Stabilize
 from standin.vehicle.parameters import StandinParameters
+from standin.vehicle.sticks import Sticks
 from standin.wire.sensors import AT_REST, SensedFrame
 
 MODES: dict[int, type[FlightMode]] = {
@@ -48,6 +49,7 @@ class StandinVehicle:
         self.home: Location | None = None
         self.mission = Mission()
         self.navigator = Navigator()
+        self.sticks = Sticks()
         self.battery = Battery()
         self.wind = WindEstimate()
         self.frame: SensedFrame = AT_REST

@@ -1,4 +1,4 @@
-"""The commands of docs/clients.md, as they stand there, on a run of the scenario that the page starts."""
+"""The commands of docs/how-to/clients.md, as they stand there, on a run of the scenario that the page starts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TYPED = {
     "param": "RTL_ALT",
 }
 """What MAVProxy says to a command of the page."""
-PAGE = (ROOT / "docs" / "clients.md").read_text()
+PAGE = (ROOT / "docs" / "how-to" / "clients.md").read_text()
 COMMANDS = re.findall(r"^    ((?:python|mavproxy\.py) .*)$", PAGE, re.MULTILINE)
 LAST_LINE = {
     "mavsdk_watch.py": "Position",

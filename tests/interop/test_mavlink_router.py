@@ -36,7 +36,7 @@ LINK_LOCAL = "link-local"
 FORGED = "autopilot's ids"
 UNKNOWN = "unknown message"
 DIFFERENCES = {
-    # Case -> (the difference as docs/aps.md names it, where mavlink-router sends the frame).
+    # Case -> (the difference as docs/reference/aps.md names it, where mavlink-router sends the frame).
     "to a component that nobody has seen": (UNSEEN, set()),
     "to a component behind the same link": (UNSEEN, set()),
     "to another component of the ground station": (UNSEEN, set()),
@@ -109,7 +109,7 @@ async def test_after_a_forgery_a_link_still_gets_the_autopilots_telemetry(router
 
 
 def test_docs_name_each_difference():
-    text = (Path(__file__).parents[2] / "docs" / "aps.md").read_text()
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "aps.md").read_text()
     section = text[text.index("### Beside mavlink-router") :]
     for name in {name for name, _ in DIFFERENCES.values()} | {row[0] for row in MORE}:
         assert f"| {name} |" in section

@@ -16,7 +16,7 @@ import pytest
 
 pytest.importorskip("playwright")
 
-from playwright.sync_api import Browser, Error, expect
+from playwright.sync_api import Browser, Error, Locator, expect
 
 from benchmarks.browser import chromium
 from bridge.bus.keys import Keys
@@ -75,8 +75,27 @@ def test_a_record_is_seen_as_it_was(browser: Browser, record: Path) -> None:
         page.keyboard.press("m")
         assert seen.words()["elevation"] == pytest.approx(math.pi / 2)
         assert page.get_by_role("button", name="Return to launch").count() == 0
+        header = page.get_by_role("columnheader", name="heard by")
+        panel = page.get_by_role("region", name="Details")
+        assert right_of(header) <= right_of(panel)
+        expect(panel).to_contain_text("UA 1: armed; battery")
+        number = (seen.canvas.get_attribute("id") or "")[1:]
+        feet = f"""() => {{
+            const scene = getElement({number});
+            for (const down of [2, 5, 8]) scene.now.position[down] = -30000;
+            scene.trail = []; scene.before = scene.now; scene.look("3d");
+            return scene.project([...scene.at(0).slice(0, 2), 0])[1] < scene.height;
+        }}"""
+        assert page.evaluate(feet)
         assert seen.hosts == {"127.0.0.1"}
         assert not seen.errors
+
+
+def right_of(place: Locator) -> float:
+    """Where it ends, in pixels of the page."""
+    box = place.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"]
 
 
 def is_on_rails(words: dict[str, Any]) -> bool:
@@ -130,9 +149,9 @@ def test_a_mission_is_seen(browser: Browser, tmp_path: Path) -> None:
         label = "Logged number over sim time"
         points = [[second, 20 * second] for second in range(10)]
         seen.wait("the chart", lambda: seen.chart(label).get("UA 1") == points)
-        assert seen.pixels() > 100
+        drawn = seen.pixels()
         page.get_by_role("checkbox", name="estimates, plans").click()
-        seen.wait("no shapes", lambda: seen.pixels() == 0)
+        seen.wait("no shapes, but UA 1 itself", lambda: 0 < seen.pixels() < drawn / 2)
         assert seen.hosts == {"127.0.0.1"}
         assert not seen.errors
 
@@ -247,9 +266,8 @@ def test_a_command_is_asked_about_given_and_recorded(browser: Browser, start_run
     page, said = seen.page, seen.page.get_by_role("log")
     expect(said).to_contain_text("UA 0: is done", timeout=120_000)
     page.get_by_role("button", name="UA 0").click()
-    page.get_by_role("combobox", name="command").click()
-    page.get_by_role("option", name="UA 0").click()
     page.get_by_role("button", name="Return to launch").click()
+    expect(page.get_by_role("dialog")).to_contain_text("interrupts what the node's agent does")
     page.get_by_role("button", name="Cancel").click()
     expect(page.get_by_role("dialog")).to_have_count(0)
     page.get_by_role("button", name="Return to launch").click()
@@ -278,12 +296,38 @@ def test_a_command_is_asked_about_given_and_recorded(browser: Browser, start_run
     seen.wait("a tick", lambda: seen.words()["time"] == pytest.approx(held_s + 0.05))
     page.get_by_role("button", name="Go on").click()
     seen.wait("it goes on", lambda: seen.words()["time"] > held_s + 1.0)
+    run.process.send_signal(2)
+    expect(page.get_by_role("status")).to_have_text("over")
+    for name in ("Pause", "One tick further", "Return to launch", "Take off", "Arm"):
+        expect(page.get_by_role("button", name=name, exact=True)).to_be_disabled()
     assert not seen.errors
     page.close()
-    run.process.send_signal(2)
     assert run.finish(30.0) == 130
     inputs = [json.loads(line) for line in (run.directory / "inputs" / "0.jsonl").read_text().splitlines()]
     assert [item["verb"] for item in inputs] == ["rtl", "radio"]
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_ua_that_is_chosen_is_armed_and_takes_off(browser: Browser, start_run: StartRun) -> None:  # noqa: F811
+    run = start_run("--view", "--view-port", "0", "--control", speed="4", duration_s=3600.0)
+    seen = opened(browser, run)
+    run.wait_for("sim time")
+    seen.wait("the fleet", lambda: all(node["place"] for node in seen.words()["nodes"]))
+    page, said = seen.page, seen.page.get_by_role("log")
+    page.get_by_role("button", name="UA 1").click()
+    expect(page.get_by_role("region", name="Details")).to_contain_text("UA 1: ready to arm; battery")
+    page.get_by_role("combobox", name="mode").click()
+    page.get_by_role("option", name="GUIDED").click()
+    for button, verb in (("Set mode", "mode"), ("Arm", "arm"), ("Take off", "takeoff")):
+        page.get_by_role("button", name=button, exact=True).click()
+        page.get_by_role("button", name="Do it").click()
+        expect(said).to_contain_text(f"UA 1: {verb}: done")
+        expect(page.get_by_role("dialog")).to_have_count(0)
+    height = page.get_by_role("row", name="UA 1").get_by_role("cell").nth(4)
+    assert float(height.inner_text()) == pytest.approx(20.0, abs=2.0)
+    assert not seen.errors
 
 
 @pytest.mark.long

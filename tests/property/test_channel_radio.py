@@ -50,7 +50,7 @@ def test_per_falls_with_snr_and_grows_with_length(name, snr_db, more_db, length,
 def test_links_are_reciprocal(name, tx, rx):
     radio = RADIOS[name]
     there = radio.link(position_tx_ned_m=tx, position_rx_ned_m=rx)
-    back = radio.link(position_tx_ned_m=rx, position_rx_ned_m=tx)
+    back = radio.link(position_tx_ned_m=rx, position_rx_ned_m=tx, base="rx")
     assert there.received_power_dbm == pytest.approx(back.received_power_dbm, abs=1e-9)
 
 
@@ -70,19 +70,25 @@ def test_shapes_that_do_not_fit_raise_with_the_names():
 @pytest.mark.parametrize(
     ("geometry", "words"),
     [
-        ({"distance_m": 100.0, "ground_distance_m": 50.0}, "distance_m = 100.0: allowed is .*one of them"),
         (
-            {"distance_m": 9.0, "position_tx_ned_m": [0, 0, -1], "position_rx_ned_m": [1, 0, -1]},
+            {"slant_distance_m": 100.0, "ground_distance_m": 50.0},
+            "distance_m = 100.0: allowed is .*one of them",
+        ),
+        (
+            {"slant_distance_m": 9.0, "position_tx_ned_m": [0, 0, -1], "position_rx_ned_m": [1, 0, -1]},
             "one of them",
         ),
         ({"position_tx_ned_m": [0, 0, -1]}, "position_rx_ned_m = None"),
-        ({"distance_m": [1.0, 2.0], "attitude_tx_wxyz": [[1, 0, 0, 0]] * 3}, r"attitude_tx_wxyz.*\(3,\)"),
-        ({"distance_m": 9.0, "attitude_rx_wxyz": [0, 0, 0, 0]}, "attitude_rx_wxyz = .*length about 1"),
-        ({"distance_m": 1e300}, r"distance_m = 1e\+300: .*<= 1e\+12"),
+        (
+            {"slant_distance_m": [1.0, 2.0], "attitude_tx_wxyz": [[1, 0, 0, 0]] * 3},
+            r"attitude_tx_wxyz.*\(3,\)",
+        ),
+        ({"slant_distance_m": 9.0, "attitude_rx_wxyz": [0, 0, 0, 0]}, "attitude_rx_wxyz = .*length about 1"),
+        ({"slant_distance_m": 1e300}, r"distance_m = 1e\+300: .*<= 1e\+12"),
         ({"ground_distance_m": 9.0, "height_tx_m": 1e200}, r"height_tx_m = 1e\+200"),
         ({"position_tx_ned_m": [0, 0, -1e200], "position_rx_ned_m": [1, 0, -1]}, "position_tx_ned_m = -1e"),
-        ({"distance_m": 9.0, "frequency_hz": 1e300}, r"frequency_hz = 1e\+300"),
-        ({"distance_m": 9.0, "length_bytes": 1.7e308}, r"length_bytes = 1.7e\+308"),
+        ({"slant_distance_m": 9.0, "frequency_hz": 1e300}, r"frequency_hz = 1e\+300"),
+        ({"slant_distance_m": 9.0, "length_bytes": 1.7e308}, r"length_bytes = 1.7e\+308"),
     ],
 )
 def test_geometry_that_cannot_be_raises_with_the_name(geometry, words):
@@ -101,3 +107,8 @@ def test_arrays_broadcast_and_scalars_work():
     table = radio.probability_of_delivery(np.array([[300.0], [400.0]]), [40, 100, 200])
     assert table.shape == (2, 3)
     assert float(radio.probability_of_delivery(400.0)) == pytest.approx(float(table[1, 0]))
+
+
+def test_an_argument_that_is_not_there_is_named():
+    with pytest.raises(TypeError, match="'foo'"):
+        RADIOS["corrected"].link(500.0, foo=1)

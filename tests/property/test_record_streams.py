@@ -95,11 +95,14 @@ def test_arbitrary_bytes_are_entries_or_damage(raw: bytes) -> None:
         assert sum(12 + len(entry.payload) for entry in entries) <= max(0, len(raw) - 12)
 
 
-@given(
-    st.integers(-(2**63), 2**63 - 1), TICKS, st.text(st.characters(codec="utf-8"), max_size=40), st.binary()
-)
-def test_any_packet_round_trips(seq: int, sim_time_ns: int, channel: str, payload: bytes) -> None:
-    packet = SentPacket(seq, sim_time_ns, channel, payload)
+UTF8 = st.text(st.characters(codec="utf-8"), max_size=40)
+
+
+@given(st.integers(-(2**63), 2**63 - 1), TICKS, UTF8, st.binary(), UTF8)
+def test_any_packet_round_trips(
+    seq: int, sim_time_ns: int, address: str, payload: bytes, encoding: str
+) -> None:
+    packet = SentPacket(seq, sim_time_ns, address, payload, encoding)
     assert decode_packet(encode_packet(packet)) == packet
 
 

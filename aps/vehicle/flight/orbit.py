@@ -80,7 +80,7 @@ def orbit(
     turns: float = 1.0,
     clockwise: bool = True,
 ) -> CommandPlan:
-    """Circle a point, and go on at the end (a copter stops; a plane circles until it is told otherwise).
+    """Circle a point, and go on at the end (a copter stops; a plane circles until it gets another command).
 
     A copter flies setpoints on the circle with its nose to the centre; a plane's own GUIDED circle is used, at its own
     speed.

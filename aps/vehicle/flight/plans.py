@@ -13,7 +13,7 @@ from aps.timeouts import LANDING_TIMEOUT_S, MODE_TIMEOUT_S, REBOOT_TIMEOUT_S
 from aps.vehicle.commands import ARMING, CommandPlan, Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.telemetry import VehicleState
-from aps.wire.dialect import ARDUPILOT, AUTOPILOT_COMPID, PX4, is_plane, mavlink, mode_numbers
+from aps.wire.dialect import ARDUPILOT, AUTOPILOT_COMPID, PX4, is_copter, is_plane, mavlink, mode_numbers
 
 __all__ = ["arm", "change_speed", "disarm", "land", "reboot", "rtl", "set_mode", "takeoff"]
 
@@ -24,6 +24,8 @@ while it turns in: within this of it counts as there."""
 SLOWEST_MPS: Final = 0.5
 """For time-outs: a leg that is flown slower than this has failed."""
 FORCE_DISARM: Final = 21196.0
+STICK_MODES: Final = frozenset({"ALT_HOLD", "CIRCLE", "FLOWHOLD", "LOITER", "POSHOLD", "SPORT", "ZIGZAG"})
+"""ArduCopter's modes in which the throttle stick gives the climb rate: none in the middle, full sinking at zero."""
 
 
 def command_long(state: VehicleState, command: int, *params: float) -> Step:
@@ -77,7 +79,7 @@ def checked(name: str, value: float, low: float, high: float) -> float:
 
 
 def horizontal_distance_m(state: VehicleState, lat_deg: float, lon_deg: float) -> float:
-    """Distance over ground, m, flat around the point: for telling that it is reached, not for navigation."""
+    """Distance over ground, m, flat around the point: to find out that it is reached, not for navigation."""
     north_rad = math.radians(state.lat_deg - lat_deg)
     east_rad = math.radians((state.lon_deg - lon_deg + 180.0) % 360.0 - 180.0) * math.cos(
         math.radians(lat_deg)
@@ -116,7 +118,13 @@ def set_mode(state: VehicleState, mode: str) -> CommandPlan:
     if not isinstance(mode, str):
         raise ValueError(f"mode must be a name, not {mode!r}")
     name = mode.upper()
-    return CommandPlan("mode", (mode_step(state, name),), lambda now: now.mode == name, MODE_TIMEOUT_S)
+    return CommandPlan(
+        "mode",
+        (mode_step(state, name),),
+        lambda now: now.mode == name,
+        MODE_TIMEOUT_S,
+        stick_mode=name if name in STICK_MODES and is_copter(state.vehicle_type) else "",
+    )
 
 
 def takeoff(state: VehicleState, alt_rel_m: float) -> CommandPlan:
@@ -145,8 +153,14 @@ def takeoff(state: VehicleState, alt_rel_m: float) -> CommandPlan:
         remaining_m=lambda now: max(0.0, height_m - now.alt_rel_m),
         mode=mode,
         needs_armed=True,
-        refusal_hint="" if state.armed else "the UA is not armed",
+        refusal_hint=_why_no_takeoff(state),
     )
+
+
+def _why_no_takeoff(state: VehicleState) -> str:
+    if not state.armed:
+        return "the UA is not armed"
+    return "it flies already" if state.landed_state in ("takeoff", "in_air", "landing") else ""
 
 
 def _parameter_step(state: VehicleState, name: str, value: float) -> Step:

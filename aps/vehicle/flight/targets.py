@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+from aps.timeouts import MODE_TIMEOUT_S
 from aps.vehicle.commands import CommandPlan, Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.plans import (
@@ -22,6 +23,7 @@ from aps.vehicle.flight.plans import (
     speed_step,
 )
 from aps.vehicle.flight.setpoints import (
+    ZERO,
     Yaw,
     global_setpoint,
     guided,
@@ -34,13 +36,14 @@ from aps.vehicle.flight.setpoints import (
     stop,
 )
 from aps.vehicle.telemetry import Vector3, VehicleState
-from aps.wire.dialect import is_ground, is_plane, mavlink
+from aps.wire.dialect import PX4, is_ground, is_plane, mavlink
 
-__all__ = ["follow", "goto", "goto_ned", "velocity"]
+__all__ = ["follow", "goto", "goto_ned", "hold", "velocity"]
 
 COPTER_RADIUS_M: Final = 2.0
 COPTER_HEIGHT_M: Final = 1.0
 PLANE_HEIGHT_M: Final = 15.0
+STILL_MPS: Final = 0.3
 LEAST_RATE_HZ: Final = 1.0
 """Of setpoints: ArduCopter's time-out is 3 s."""
 MOST_RATE_HZ: Final = 50.0
@@ -75,6 +78,7 @@ def goto(
     speed_mps: float | None = None,
     yaw_deg: float | None = None,
     frame: str = "relative",
+    within_m: float | None = None,
 ) -> CommandPlan:
     """Fly to a point in GUIDED and hold (a fixed wing: circle) there.
 
@@ -86,6 +90,8 @@ def goto(
         speed_mps: ground speed (fixed wing: airspeed); ``None`` leaves the autopilot's own.
         yaw_deg: heading of the nose from north, clockwise; ``None`` as the autopilot likes. Not for planes.
         frame: what the height counts from: ``relative`` home, ``amsl`` mean sea level, ``terrain`` the ground below.
+        within_m: how near to the point, over ground, counts as there; ``None``: 2, of a plane 200. (The height
+            has to be right within 1 m, of a plane 15.)
     """
     ardupilot_only(state, "goto")
     lat, lon, height_m = place_of(lat_deg, lon_deg, alt_rel_m)
@@ -94,6 +100,7 @@ def goto(
     if yaw_deg is not None and plane:
         raise ValueError("yaw_deg: a plane points where it flies")
     radius_m, tolerance_m = (PLANE_RADIUS_M, PLANE_HEIGHT_M) if plane else (COPTER_RADIUS_M, COPTER_HEIGHT_M)
+    radius_m = radius_m if within_m is None else _near_m(within_m)
 
     def climb_m(now: VehicleState) -> float:
         if frame == "terrain" or is_ground(now.vehicle_type):
@@ -120,13 +127,51 @@ def goto(
         remaining_m=lambda now: finite_or_none(remaining_m(now)),
         mode="GUIDED",
         needs_armed=True,
+        refusal_hint="no position yet, a point beyond its fence, or a height over terrain that it has no data of",
         target=True,
     )
+
+
+def _near_m(within_m: float) -> float:
+    return checked("within_m", within_m, 0.1, 10_000.0)
 
 
 def _yaw_step(state: VehicleState, yaw_deg: float) -> Step:
     step = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), yaw_deg % 360.0)
     return Step(step.message, command=step.command, optional=True)
+
+
+def hold(state: VehicleState) -> CommandPlan:
+    """Stay here: a copter stops in GUIDED and keeps its place and height without a pilot, a plane circles (LOITER).
+
+    Done when a copter stands still, a plane flies in LOITER.
+    """
+    if state.autopilot == PX4 or is_plane(state.vehicle_type):
+        mode = "AUTO.LOITER" if state.autopilot == PX4 else "LOITER"
+        return CommandPlan(
+            "hold",
+            (mode_step(state, mode),),
+            lambda now: now.mode == mode,
+            MODE_TIMEOUT_S,
+            needs_armed=True,
+            target=True,
+        )
+
+    def reached(now: VehicleState) -> bool:
+        return now.mode == "GUIDED" and math.dist(now.velocity_ned_mps, ZERO) <= STILL_MPS
+
+    return CommandPlan(
+        "hold",
+        guided(state),
+        reached,
+        timeout_s=leg_s(0.0),
+        mode="GUIDED",
+        needs_armed=True,
+        target=True,
+        setpoint=lambda now, _: stop(now)[0],
+        setpoint_period_s=POINT_PERIOD_S,
+        farewell=stop,
+    )
 
 
 def goto_ned(
@@ -137,6 +182,7 @@ def goto_ned(
     frame: str = "origin",
     yaw_deg: float | None = None,
     yaw_rate_dps: float | None = None,
+    within_m: float | None = None,
 ) -> CommandPlan:
     """Fly to a point in local metres in GUIDED, and hold there. Not for planes.
 
@@ -149,6 +195,7 @@ def goto_ned(
             there and along its heading of now.
         yaw_deg: heading of the nose; ``None`` as the autopilot likes.
         yaw_rate_dps: rate of turn, instead of a heading.
+        within_m: how near to the point counts as there; ``None``: 2.
 
     Raises:
         Refusal: ``offset`` and ``body`` without a position yet; a plane.
@@ -161,6 +208,7 @@ def goto_ned(
         for name, value in (("north_m", north_m), ("east_m", east_m), ("down_m", down_m))
     ]
     goal = _from_origin(state, (asked[0], asked[1], asked[2]), frame)
+    radius_m = COPTER_RADIUS_M if within_m is None else _near_m(within_m)
 
     def remaining_m(now: VehicleState) -> float:
         return math.dist(now.position_ned_m, goal)
@@ -168,7 +216,7 @@ def goto_ned(
     return CommandPlan(
         "goto_ned",
         guided(state),
-        lambda now: remaining_m(now) <= COPTER_RADIUS_M,
+        lambda now: remaining_m(now) <= radius_m,
         timeout_s=leg_s(remaining_m(state)),
         remaining_m=lambda now: finite_or_none(remaining_m(now)),
         mode="GUIDED",

@@ -76,9 +76,13 @@ class _Transfer(Execution):
             if self._tries >= len(TRANSFER_TIMEOUTS_S):
                 self.end(Outcome.TIMED_OUT, f"no answer after {self._tries} tries ({self._progress()})")
                 return self._parting()
-            self._say(self._said[0], now_ns, tries=self._tries)
+            self._say(self._repeated(), now_ns, tries=self._tries)
         messages, self._now = self._now, []
         return messages
+
+    def _repeated(self) -> Any:
+        """What is said when no answer came in time."""
+        return self._said[0]
 
     def _due_ns(self) -> int | None:
         return self._due_at_ns
@@ -127,14 +131,22 @@ class UploadExecution(_Transfer):
         super().__init__("mission_upload", state.sysid, kind)
         self._first = first_seq(self._kind, state.autopilot)
         self._items = [_home(state)] * self._first + list(items)
+        self._count = mavlink.MAVLink_mission_count_message(
+            self._sysid, AUTOPILOT_COMPID, len(self._items), self._kind
+        )
+        self._counted_again = False
         self._sent = 0
         """Items that the autopilot has asked for."""
 
     def _begin(self, state: VehicleState, now_ns: int) -> None:  # noqa: ARG002
-        count = mavlink.MAVLink_mission_count_message(
-            self._sysid, AUTOPILOT_COMPID, len(self._items), self._kind
-        )
-        self._say(count, now_ns)
+        self._say(self._count, now_ns)
+
+    def _repeated(self) -> Any:
+        """A late request, of a transfer before, may have asked for the first item: the count, once more."""
+        if self._sent != 1 or self._counted_again:
+            return super()._repeated()
+        self._counted_again = True
+        return self._count
 
     def _on_answer(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
         if name not in ("MISSION_REQUEST_INT", "MISSION_REQUEST"):

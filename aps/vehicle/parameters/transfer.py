@@ -146,7 +146,7 @@ class SetExecution(_Asking):
         self._kind: int | None = None
         """Type of the one that is being set, once it is known."""
         self._kept: float | None = None
-        """What the autopilot told instead of the value that it was to take."""
+        """What the autopilot reported instead of the value that it was to take."""
 
     def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:  # noqa: ARG002
         if self._at == len(self._wanted):
@@ -275,7 +275,7 @@ def _value(name: str, value: Any) -> float:
 
 
 def set_one(state: VehicleState, name: str, value: float) -> SetExecution:
-    """Set a parameter; done when the autopilot tells the new value.
+    """Set a parameter; done when the autopilot reports the new value.
 
     Args:
         state: the UA now.

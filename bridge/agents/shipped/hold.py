@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from bridge.agents.agent import Agent
+from bridge.agents.shipped.yielding import Yielding
 from bridge.scenario.agents import HoldAgent
 
 
-class Hold(Agent):
+class Hold(Yielding):
     """Climbs to the configured altitude and stays there; others decide when the run is over."""
 
-    async def fly(self) -> None:
+    async def mission(self) -> None:
         """Take off; GUIDED then holds by itself."""
         config = self.config.agent
         assert isinstance(config, HoldAgent)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 
-from bridge.agents.agent import Agent
+from bridge.agents.shipped.yielding import Yielding
 from bridge.bus.messages import AircraftState, Waypoint
 from bridge.scenario.agents import OutAndBackAgent
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
 
-class OutAndBack(Agent):
+class OutAndBack(Yielding):
     """Climbs, flies ``distance_m`` along ``bearing_deg`` from home, turns and comes back."""
 
-    async def fly(self) -> None:
+    async def mission(self) -> None:
         """Take off, fly out, fly back."""
         config = self.config.agent
         assert isinstance(config, OutAndBackAgent)

@@ -1,9 +1,9 @@
 """Passwords of one run, made when it starts and gone when it ends.
 
-They lie in files that only their owner can read, in a directory that only its owner can enter: a process is told
-where, not what. The directory is in that of the run, so that whoever has the run finds it, and a run that was killed
-leaves nothing elsewhere (what it leaves opens nothing: its router is gone). On a file system without permissions it
-is in the system's directory for temporary files instead.
+They lie in files that only their owner can read, in a directory that only its owner can enter: a process gets
+their place, not them. The directory is in that of the run, so that whoever has the run finds it, and a run that was
+killed leaves nothing elsewhere (what it leaves opens nothing: its router is gone). On a file system without permissions
+it is in the system's directory for temporary files instead.
 """
 
 from __future__ import annotations

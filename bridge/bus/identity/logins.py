@@ -1,6 +1,6 @@
 """What Zenoh lets its router see of those whom it refuses: the logins, in its log.
 
-Zenoh (1.10) tells refused logins in its log only, without the user, and refused messages only at its level `trace`,
+Zenoh (1.10) reports refused logins in its log only, without the user, and refused messages only at its level `trace`,
 beside each message that it lets pass. So the log is read for logins here, and
 ``RUST_LOG=zenoh::net::routing::interceptor::access_control=trace`` writes everything else to the router's own log.
 """
@@ -12,7 +12,6 @@ import re
 import threading
 from collections import Counter
 from collections.abc import Callable
-from types import TracebackType
 from typing import Final, Self
 
 import zenoh
@@ -43,7 +42,7 @@ _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
 def why_refused(line: str) -> str | None:
-    """The reason, if a line of Zenoh's log tells of a refused login."""
+    """The reason, if a line of Zenoh's log reports a refused login."""
     return next((reason for text, reason in _SAYINGS.items() if text in line), None)
 
 
@@ -69,9 +68,7 @@ class LoginWatch:
         zenoh.init_log_from_env_or(DEFAULT)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         os.dup2(self._stdout, STDOUT)  # closes the pipe's only other end, so that the thread comes to its end
         self._thread.join()
         self._pipe.close()

@@ -3,8 +3,8 @@
 Zenoh filters messages between the router and each client, by type, direction (ingress: from the client) and key. So
 every right takes two or more rules: to read is to declare a subscription (ingress) and to be sent samples (egress).
 
-A client that declares a publisher or a querier sends nothing unless it has been told that somebody listens, with the
-listener's own key expression: so everybody may be told of all subscriptions, and who asks of all queryables. They say
+A client that declares a publisher or a querier sends nothing unless it knows of a listener, with the
+listener's own key expression: so everybody may learn of all subscriptions, and who asks of all queryables. They say
 which keys exist, not what is on them.
 """
 

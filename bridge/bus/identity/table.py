@@ -1,6 +1,6 @@
 """The table of rights: which role may do what with which key. Everything else is refused.
 
-It has a row per kind of key, as the key space of the design has (docs/identities.md). A key is given below
+It has a row per kind of key, as the key space of the design has (docs/reference/identities.md). A key is given below
 `lostlink/<run>/`. For a role that stands for nodes, ``{node}`` is each of its own nodes; for the others it is every
 node. ``{self}`` is the identity's own name, ``{host}`` that of a host; for a role that has many to deal with (the
 radio, observers, physics with its hosts) it is any.

@@ -1,4 +1,4 @@
-"""Which fields of an AircraftState are told together, and so are of one age (`msg/AircraftState.msg`)."""
+"""Which fields of an AircraftState are sent together, and so are of one age (`msg/AircraftState.msg`)."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _PLACES: Final = {name: place for place, names in GROUPS.items() for name in nam
 
 
 def age_s(state: AircraftState, field: str) -> float:
-    """How old a field is, s: since the autopilot told it; inf if it never did, nan if the state does not say.
+    """How old a field is, s: since the autopilot sent it; inf if it never did, nan if the state does not say.
 
     Raises:
-        ValueError: there is no such field, or it is nothing that the autopilot tells.
+        ValueError: there is no such field, or it is none that the autopilot sends.
     """
     if field not in _PLACES:
         raise ValueError(f"{field!r} is no field with an age: {', '.join(_PLACES)}")

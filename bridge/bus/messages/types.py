@@ -259,7 +259,7 @@ class CommunicationMatrix(Message):
 
 @dataclass(frozen=True, slots=True)
 class Measurements(Message):
-    """What RF sensors tell of one tick, as columns: a row per emitter that a sensor measured."""
+    """What RF sensors report of one tick, as columns: a row per emitter that a sensor measured."""
 
     TYPE = f"{PACKAGE}/msg/Measurements"
     header: Header = field(default_factory=Header)
@@ -345,6 +345,7 @@ class Packet(Message):
     header: Header = field(default_factory=Header)
     seq: int = 0
     address: str = ""
+    encoding: str = ""
     length_bytes: int = 0
     payload: bytes = b""
 

@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
-from bridge.fleet.child import ProcessSpec
+from bridge.fleet.children.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, ardupilot_origin
 from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
@@ -68,7 +68,7 @@ class ArduPilot(Launcher):
         raise AutopilotError(
             f"no ArduPilot binary {name!r} was found. Looked at:{looked}\n  {name} on PATH\n"
             f"Build it by ArduPilot's documentation (./waf configure --board sitl && ./waf copter), then point to it "
-            f"with --ardupilot-dir DIR or {HOME_VARIABLE}=DIR; or fly the stand-in with --autopilot standin."
+            f"with --ardupilot-dir DIR or {HOME_VARIABLE}=DIR; or fly the stand-in (autopilot: standin)."
         )
 
     def _places(self, name: str) -> Iterator[Path]:

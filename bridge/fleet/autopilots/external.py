@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from bridge.fleet.autopilots.launcher import Launcher, LaunchPlan
-from bridge.fleet.child import ProcessSpec
+from bridge.fleet.children.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin
 from bridge.scenario.nodes import Aircraft
 

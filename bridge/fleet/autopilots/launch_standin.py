@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, Sequence
 
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
-from bridge.fleet.child import ProcessSpec
+from bridge.fleet.children.child import ProcessSpec
 from bridge.fleet.hosts import standin_groups
 from bridge.program.standins import frame_parameters, standin_options
 from bridge.record.provenance import AutopilotOrigin, standin_origin
@@ -50,7 +50,7 @@ class StandIn(Launcher):
             group = [by_node[node] for node in nodes]
             alone = len(group) == 1
             name = group[0].name if alone else f"autopilots-{index}"
-            command = [sys.executable, "-m", "standin", *_options(group[0], has_log=not alone)]
+            command = [sys.executable, "-P", "-m", "standin", *_options(group[0], has_log=not alone)]
             for plan in group[1:]:
                 command += ["+", *_options(plan, has_log=True)]
             yield ProcessSpec(name, command, run.log_path(name))

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bridge.fleet.child import ProcessSpec
+from bridge.fleet.children.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario

@@ -13,12 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from bridge.bus.keys import ALL
 from bridge.bus.messages import Fates, Header
-from bridge.record.tables.journal import TableWriter
+from bridge.record.packets import SentPacket
+from bridge.record.tables.journal import LABELS_MAX, TableWriter
 from bridge.record.tables.reader import no_rows, read_columns
 from bridge.record.tables.schema import COUNT, LABEL, NUMBER, TICK, Column, Columns, Table
 from channel.medium import reception
 from channel.medium.reception import EVERYBODY, Receptions
 
+WORDS: Final = ("channel", "encoding")
+"""Columns with what senders say of their packets."""
 DELIVERIES: Final = Table(
     "deliveries",
     (
@@ -33,6 +36,8 @@ DELIVERIES: Final = Table(
         Column("snr_db", NUMBER, 1e3),
         Column("per", NUMBER, 1e7),
         Column("fate", LABEL),
+        *(Column(name, LABEL) for name in WORDS),
+        Column("received_ns", TICK),
     ),
     keys=("sim_time_ns", "tx", "rx", "seq"),
     tick="sim_time_ns",
@@ -61,7 +66,10 @@ GAPS_FROM: Final = len(reception.FATES)
 
 
 class Gap(NamedTuple):
-    """Packets of one sender that are lost before the channel: from ``first_seq`` on."""
+    """Packets of one sender that are lost before the channel: from ``first_seq`` on.
+
+    Of those that never came to the radio nobody knows channel and encoding.
+    """
 
     sim_time_ns: int
     tx: int
@@ -70,6 +78,33 @@ class Gap(NamedTuple):
     packets: int
     length_bytes: int
     cause: Cause
+    channel: str = ""
+    encoding: str = ""
+
+
+class Vocabulary:
+    """Channels and encodings, in the order in which rows first have them; "" comes first.
+
+    Attributes:
+        names: by column.
+    """
+
+    def __init__(self) -> None:
+        self.names: dict[str, list[str]] = {column: [""] for column in WORDS}
+        self._places: dict[str, dict[str, int]] = {column: {"": 0} for column in WORDS}
+
+    def places(self, column: str, words: Sequence[str]) -> NDArray[np.int16]:
+        """Where in `names` each word is; a new one that there is no room for is as ""."""
+        names, known = self.names[column], self._places[column]
+        for word in words:
+            if word not in known and len(names) < LABELS_MAX:
+                known[word] = len(names)
+                names.append(word)
+        return np.array([known.get(word, 0) for word in words], dtype=np.int16)
+
+    def of(self, packets: Sequence[SentPacket | Gap]) -> Columns:
+        """What is said of each of some packets."""
+        return {column: self.places(column, [getattr(p, column) for p in packets]) for column in WORDS}
 
 
 class DeliveryWriter:
@@ -78,19 +113,31 @@ class DeliveryWriter:
     Args:
         run: the run directory.
         nodes: ids of all nodes.
+        words: that rows have places in.
     """
 
-    def __init__(self, run: Path, nodes: Sequence[str]) -> None:
+    def __init__(self, run: Path, nodes: Sequence[str], words: Vocabulary | None = None) -> None:
         self.everybody = len(nodes)
-        self._writer = TableWriter(run, DELIVERIES, labels_of(nodes))
+        self._words = words or Vocabulary()
+        self._writer = TableWriter(run, DELIVERIES, labels_of(nodes) | self._words.names)
         self.flush, self.close = self._writer.flush, self._writer.close
 
-    def append(self, rows: int, *, packets: ArrayLike = 1, **columns: ArrayLike) -> None:
+    def append(
+        self,
+        rows: int,
+        *,
+        packets: ArrayLike = 1,
+        channel: ArrayLike = 0,
+        encoding: ArrayLike = 0,
+        **columns: ArrayLike,
+    ) -> None:
         """Append rows: arrays of that length, or one value for all of them.
 
         Args:
             rows: how many.
             packets: how many a row stands for: those that were lost together have one.
+            channel: places in the words; of "" unless given.
+            encoding: likewise.
             columns: the other columns. ``tx`` has places in ``nodes``, ``rx`` too or ``everybody``, ``fate`` places in
                 FATES; ``length_bytes`` is as the error model counts it.
 
@@ -98,20 +145,21 @@ class DeliveryWriter:
             ValueError: a column is missing or unknown, or an array has another length.
             TypeError: an array has numbers of another kind.
         """
-        self._writer.append(rows, packets=packets, **columns)
+        self._writer.append(rows, packets=packets, channel=channel, encoding=encoding, **columns)
 
-    def write(self, columns: Columns, gaps: Iterable[Gap] = ()) -> None:
+    def write(self, columns: Columns, gaps: Iterable[Gap], received_ns: int) -> None:
         """Append a row for each reception, and one for packets that were lost together.
 
         Args:
             columns: as of `columns_of`.
             gaps: what was lost before the channel.
+            received_ns: the tick at which they would have come.
         """
         self.append(len(columns["tx"]), **columns)
         for gap in gaps:
-            self._write_gap(gap)
+            self._write_gap(gap, received_ns)
 
-    def _write_gap(self, gap: Gap) -> None:
+    def _write_gap(self, gap: Gap, received_ns: int) -> None:
         self.append(
             1,
             sim_time_ns=gap.sim_time_ns,
@@ -121,6 +169,8 @@ class DeliveryWriter:
             packets=gap.packets,
             length_bytes=gap.length_bytes,
             fate=FATES.index(gap.cause),
+            received_ns=received_ns,
+            **self._words.of([gap]),
             **dict.fromkeys(FIGURES, math.nan),
         )
 
@@ -130,8 +180,14 @@ def labels_of(nodes: Sequence[str]) -> dict[str, Sequence[str]]:
     return {"tx": tuple(nodes), "rx": (*nodes, ALL), "fate": FATES}
 
 
-def columns_of(receptions: Receptions, counted_bytes: NDArray[np.int64]) -> Columns:
-    """A row per reception; ``counted_bytes``: lengths of its packets as the error model counts them."""
+def columns_of(receptions: Receptions, counted_bytes: NDArray[np.int64], said: Columns) -> Columns:
+    """A row per reception.
+
+    Args:
+        receptions: of some packets.
+        counted_bytes: lengths of these packets as the error model counts them.
+        said: of these packets: ``received_ns``, and what `Vocabulary` says.
+    """
     r, p = receptions, receptions.packets
     return {
         "sim_time_ns": p.sim_time_ns[r.packet],
@@ -145,6 +201,7 @@ def columns_of(receptions: Receptions, counted_bytes: NDArray[np.int64]) -> Colu
         "snr_db": r.snr_db,
         "per": r.per,
         "fate": r.fate,
+        **{name: values[r.packet] for name, values in said.items()},
     }
 
 
@@ -178,16 +235,6 @@ def for_each_receiver(columns: Columns, nodes: int) -> Columns:
 def tick_of(sim_time_ns: NDArray[np.int64], tick_period_ns: int) -> NDArray[np.int64]:
     """The first tick at or after each instant."""
     return -(-sim_time_ns // tick_period_ns) * tick_period_ns
-
-
-def settled_ns(columns: Columns, tick_period_ns: int) -> NDArray[np.int64]:
-    """The tick that settled each row, as far as its time tells: the first at or after the packet.
-
-    What was missed (`transport`) is stamped within the tick at which it was missed.
-    """
-    times_ns: NDArray[np.int64] = columns["sim_time_ns"]
-    begun_ns = times_ns // tick_period_ns * tick_period_ns
-    return np.where(columns["fate"] == TRANSPORT, begun_ns, tick_of(times_ns, tick_period_ns))
 
 
 def fates_message(sim_time_ns: int, nodes: Sequence[str], columns: Columns) -> Fates:

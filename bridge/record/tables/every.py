@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Final
 
 from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.journal import names_path
+from bridge.record.tables.logged import write_logged
 from bridge.record.tables.measurements import MEASUREMENTS
 from bridge.record.tables.parquet import OnProgress, write_parquet
 from bridge.record.tables.states import STATES
@@ -16,14 +18,14 @@ TABLES: Final = (TRUTH, STATES, MEASUREMENTS, DELIVERIES)
 
 
 def finish_tables(run: Path, on_progress: OnProgress = lambda _name, _rows: None) -> None:
-    """Turn what the run in ``run`` left of journals into Parquet; its processes have to be gone.
+    """Turn journals of the run in ``run``, and what agents logged, into Parquet; its processes have to be gone.
 
     Args:
         run: the run directory.
-        on_progress: told now and then the table's name and how many rows are done.
+        on_progress: called now and then with the table's name and how many rows are done.
 
     Raises:
-        TableError: a journal cannot be read.
+        ValueError: a journal, or what an agent logged, cannot be read.
         OSError: a file cannot be read or written.
     """
     for table in TABLES:
@@ -32,5 +34,7 @@ def finish_tables(run: Path, on_progress: OnProgress = lambda _name, _rows: None
             write_parquet(run, table, on_progress)
         for journal in journals:
             journal.unlink()
+            names_path(journal).unlink(missing_ok=True)
         if journals and table.by_node:
             journals[0].parent.rmdir()
+    write_logged(run)

@@ -3,6 +3,9 @@
 A file begins with ``LLTABLE``, a zero, a uint32 length, and so many bytes of JSON: ``table``, ``columns`` (name and
 numpy type of each) and ``labels`` (the names that a column of type ``<i2`` counts from 0). The rows follow, packed, in
 the columns' order. All numbers are little-endian.
+
+Names that came after the header was written are in a file beside it, ``<journal>.names``: a line of JSON each, column
+and name. A name is there before the first row that has it.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from bridge.record.tables.schema import Table, TableError
 
 MAGIC: Final = b"LLTABLE\0"
+NAMES: Final = ".names"
+"""Added to the name of a journal."""
 BUFFER_ROWS: Final = 8192
 HEADER_MAX_BYTES: Final = 1 << 24
 READ_ROWS: Final = 1 << 16
@@ -34,7 +39,7 @@ class TableWriter:
     Args:
         run: the run directory.
         table: which table.
-        labels: for each column of names, all names that there can be; rows have their places in it.
+        labels: for each column of names, the names that rows have places in; more may be added at the end.
         node: whose journal it is, if each node has one.
         buffer_rows: rows that are kept before they are written.
 
@@ -63,9 +68,11 @@ class TableWriter:
             (column.name, column.steps_per_unit) for column in table.columns if column.steps_per_unit
         ]
         self._filled = 0
-        path = table.journal_path(run, node)
-        path.parent.mkdir(exist_ok=True)
-        self._file: BinaryIO = path.open("wb", buffering=0)
+        self._labels = labels
+        self._told = {name: len(names) for name, names in labels.items()}
+        self._path = table.journal_path(run, node)
+        self._path.parent.mkdir(exist_ok=True)
+        self._file: BinaryIO = self._path.open("wb", buffering=0)
         header = {
             "table": table.name,
             "columns": [[column.name, column.dtype] for column in table.columns],
@@ -122,8 +129,19 @@ class TableWriter:
         for name, steps_per_unit in self._steps:
             column = self._columns[name][: self._filled]
             column[:] = np.rint(column * steps_per_unit) / steps_per_unit + 0.0  # a zero has no sign
+        self._tell_names()
         _write_all(self._file, self._rows[: self._filled].tobytes())
         self._filled = 0
+
+    def _tell_names(self) -> None:
+        """Write down the names that were added since."""
+        new = [
+            [column, name] for column, names in self._labels.items() for name in names[self._told[column] :]
+        ]
+        if new:
+            self._told = {column: len(names) for column, names in self._labels.items()}
+            with names_path(self._path).open("a", encoding="utf-8") as file:
+                file.writelines(json.dumps(each) + "\n" for each in new)
 
     def close(self) -> None:
         """Flush and close; a second call does nothing."""
@@ -138,10 +156,15 @@ def _write_all(file: BinaryIO, data: bytes) -> None:
         view = view[file.write(view) :]
 
 
+def names_path(journal: Path) -> Path:
+    """The file of the names that came after a journal's header."""
+    return journal.with_name(journal.name + NAMES)
+
+
 def read_rows(path: Path, table: Table, rows: int = READ_ROWS) -> tuple[Labels, Iterator[NDArray[np.void]]]:
     """The names of a journal, and its rows in arrays of up to ``rows``. A tail that was cut off ends it quietly.
 
-    Rows are those that are whole when the first is read: what a writer adds meanwhile is for the next reader.
+    Rows are those that are whole now: what a writer adds meanwhile is for the next reader.
 
     Raises:
         TableError: it is not the journal of such a table.
@@ -150,14 +173,18 @@ def read_rows(path: Path, table: Table, rows: int = READ_ROWS) -> tuple[Labels, 
     with path.open("rb") as file:
         labels = _labels(path, file, table)
         begin = file.tell()
+        left = (file.seek(0, os.SEEK_END) - begin) // table.dtype.itemsize
     if labels is None:
         return dict.fromkeys(table.labels, ()), iter(())
-    return labels, _rows(path, begin, table.dtype, rows)
+    for column, name in _added(path):  # read after the rows were counted: it has all of theirs
+        labels[column] = (*labels[column], name)
+    return labels, _rows(path, begin, left, table.dtype, rows)
 
 
-def _rows(path: Path, begin: int, dtype: np.dtype[np.void], rows: int) -> Iterator[NDArray[np.void]]:
+def _rows(
+    path: Path, begin: int, left: int, dtype: np.dtype[np.void], rows: int
+) -> Iterator[NDArray[np.void]]:
     with path.open("rb") as file:
-        left = (file.seek(0, os.SEEK_END) - begin) // dtype.itemsize
         file.seek(begin)
         while left and len(found := np.fromfile(file, dtype=dtype, count=min(rows, left))):
             left -= len(found)
@@ -186,6 +213,20 @@ def _labels(path: Path, file: BinaryIO, table: Table) -> Labels | None:
     if columns != [(c.name, c.dtype) for c in table.columns] or set(labels) != set(table.labels):
         raise TableError(f"{path}: not the columns of {table.name} as this lostlink has them")
     return labels
+
+
+def _added(path: Path) -> Iterator[tuple[str, str]]:
+    """Columns and names that came after the header; a line that was cut off ends them quietly."""
+    added = names_path(path)
+    if not added.exists():
+        return
+    for line in added.read_text(encoding="utf-8").splitlines(keepends=True):
+        if line.endswith("\n"):
+            try:
+                column, name = json.loads(line)
+            except ValueError as error:
+                raise TableError(f"{added}: cannot be read: {error}") from error
+            yield column, name
 
 
 def checked_places(path: Path, names: Sequence[str], places: NDArray[Any]) -> NDArray[Any]:

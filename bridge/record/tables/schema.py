@@ -59,7 +59,7 @@ class Table:
     Attributes:
         name: of its files, and among the streams of a comparison.
         columns: in their order.
-        keys: columns that tell which row it is.
+        keys: columns that identify a row.
         tick: the column with the sim time that a row belongs to.
         node: the column with the node that a row belongs to.
         by_node: each node has a journal of its own, written by whoever has the node.

@@ -33,7 +33,7 @@ AGES: Final = (
     *("heartbeat", "status", "attitude", "position", "local_position", "velocity"),
     *("speed", "airspeed", "wind", "current", "clock"),
 )
-"""Groups of fields of a state that an autopilot tells together, in the order of AircraftState.msg."""
+"""Groups of fields of a state that an autopilot sends together, in the order of AircraftState.msg."""
 STATES: Final = Table(
     "states",
     (

@@ -38,6 +38,8 @@ def _placer(path: Path_) -> Callable[[str, Path], str] | None:
         return _in_a_preset(str(last))
     if len(path) == 3 and path[0] == "nodes" and last == "airframe":
         return _yaml_file
+    if len(path) == 3 and path[0] == "expectations" and last == "function":
+        return _class
     return _class if len(path) == 4 and path[0] == "nodes" and path[2:] == ("agent", "class") else None
 
 

@@ -49,7 +49,7 @@ Overrides = Mapping[str, Any] | Sequence[Setting]
 
 
 def settings_of(overrides: Overrides) -> list[Setting]:
-    """Overrides as settings; those given by key are told as that."""
+    """Overrides as settings; mistakes in those given by key are reported as such."""
     if not isinstance(overrides, Mapping):
         return list(overrides)
     return [Setting(key, value, f"override {key}={value!r}") for key, value in overrides.items()]
@@ -64,7 +64,7 @@ def parse_setting(text: str, option: str = "--set", folder: Path = Path()) -> Se
     key, equals, value = text.partition("=")
     told_as = f"{option} {text}"
     if not equals or not all(key.split(".")):
-        raise ScenarioError(f"{told_as}: has to be KEY=VALUE, as in radio.noise.floor_dbm=-330")
+        raise ScenarioError(f"{told_as}: has to be KEY=VALUE, as in radio.noise.noise_figure_db=6")
     try:
         plain = yaml.safe_load(value)
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from bridge.scenario.parts import Finite, Metres, Part, Positive
 from channel.draws import stream_key, uniform_from_words
-from channel.philox import philox_words
+from channel.numbers.philox import philox_words
 
 TRIES = 1000
 """Places that are drawn for a node before it is said that there is no room for it."""
@@ -33,7 +33,7 @@ class PlaceDraws:
 
     Attributes:
         seed: of the run.
-        group: what tells the group from others: the id of its first node.
+        group: what distinguishes the group from others: the id of its first node.
     """
 
     seed: int

@@ -34,7 +34,7 @@ EXAMPLES = {
     "name": "name: my_flight",
     "duration_s": "duration_s: 300",
     "origin": "origin: {lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690}",
-    "radio": "radio: moon2020",
+    "radio": "radio: hata-qpsk",
     "nodes": "nodes: [{id: 0, agent: {type: hold, altitude_m: 40}}]",
     "agent": "agent: {type: hold, altitude_m: 40}",
     "type": "type: hold",

@@ -15,11 +15,15 @@ from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.mistakes.near import near_miss
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft, EmitterNode, NodeConfig
-from bridge.scenario.own_class import clash_of, mistake_in
+from bridge.scenario.own_class import clash_of, is_plain, mistake_in, options_read, unread_options
+from bridge.scenario.own_measures import FunctionExpectation
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_from
 from bridge.scenario.resolve.sensing import check_antenna
+from channel.config import RadioConfig
 from channel.presets import PresetError, seen_from
+from channel.propagation.air_to_ground import RmaAv, UmaAv
+from channel.validity import OUTSIDE_KEY
 from fdm.air.wind import WindConfig
 from fdm.errors import AirframeError, WindError
 
@@ -67,11 +71,12 @@ class _Radios:
     def __init__(self, root: Written, scenario: Scenario) -> None:
         self._root, self._scenario = root, scenario
         self.mistakes: list[str] = []
-        self._built: dict[str, tuple[Any, float | None]] = {}
+        self._built: dict[str, tuple[Any, RadioConfig | None]] = {}
 
     def scenario(self) -> Scenario:
         """The scenario with the tables of its radios read in."""
-        common, frequency_hz = self._read(self._scenario.radio, ("radio",))
+        common, config = self._read(self._scenario.radio, ("radio",))
+        self._see_roles(("radio",), config, [n.node for n in self._scenario.transceivers if n.radio is None])
         nodes: list[NodeConfig] = []
         for index, node in enumerate(self._scenario.nodes):
             if isinstance(node, EmitterNode):
@@ -82,13 +87,28 @@ class _Radios:
                 node = node.model_copy(update={"sensor": node.sensor.model_copy(update={"radio": radio})})
             if node.radio is not None:
                 path = ("nodes", index, "radio")
-                radio, own_hz = self._read(node.radio, path)
+                radio, own = self._read(node.radio, path)
+                self._see_roles(path, own, [node.node])
                 node = node.model_copy(update={"radio": radio})
-                if own_hz is not None and frequency_hz is not None and own_hz != frequency_hz:
-                    text = f"its frequency is {own_hz:g} Hz, that of the run's radio {frequency_hz:g} Hz"
+                if own is not None and config is not None and own.frequency_hz != config.frequency_hz:
+                    run_hz = config.frequency_hz
+                    text = f"its frequency is {own.frequency_hz:g} Hz, that of the run's radio {run_hz:g} Hz"
                     self.mistakes.append(_told(self._root, path, f"{text}: all have to be on one"))
             nodes.append(node)
         return self._scenario.model_copy(update={"radio": common, "nodes": tuple(nodes)})
+
+    def _see_roles(self, path: Path_, config: RadioConfig | None, senders: list[str]) -> None:
+        """Refuse links of a radio that its propagation law knows nothing of."""
+        if config is None or not isinstance(config.propagation, RmaAv | UmaAv):
+            return
+        law = config.propagation
+        if law.outside != "refuse":
+            return
+        uas, grounds = self._scenario.ua, self._scenario.ground
+        for what, ids in (("UA", [n.node for n in uas]), ("ground nodes", [n.node for n in grounds])):
+            if len(ids) > 1 and not set(ids).isdisjoint(senders):
+                text = f"{law.model} has a base on the ground and a UA, and no links between {what}: {', '.join(ids)}"
+                self.mistakes.append(_told(self._root, path, f"{text}; {OUTSIDE_KEY}"))
 
     def _with_antenna(self, emitter: EmitterNode, path: Path_) -> EmitterNode:
         """An emitter with the tables of its antenna read in."""
@@ -105,18 +125,20 @@ class _Radios:
             return emitter.model_copy(update={"antenna": antenna})
         return emitter
 
-    def _read(self, setting: str | dict[str, Any], path: Path_) -> tuple[str | dict[str, Any], float | None]:
-        """A radio with its tables, and its frequency; None if it is wrong."""
+    def _read(
+        self, setting: str | dict[str, Any], path: Path_
+    ) -> tuple[str | dict[str, Any], RadioConfig | None]:
+        """A radio with its tables, as the scenario has it and built; None if it is wrong."""
         key = repr(setting)
         if key not in self._built:
             self._built[key] = self._build(setting, path)
-        found: tuple[str | dict[str, Any], float | None] = self._built[key]
+        found: tuple[str | dict[str, Any], RadioConfig | None] = self._built[key]
         return found
 
-    def _build(self, setting: str | dict[str, Any], path: Path_) -> tuple[Any, float | None]:
+    def _build(self, setting: str | dict[str, Any], path: Path_) -> tuple[Any, RadioConfig | None]:
         try:
             seen = setting if isinstance(setting, str) else seen_from(Path(), setting)
-            return seen, radio_from(seen, self._scenario.origin).config.frequency_hz
+            return seen, radio_from(seen, self._scenario.origin).config
         except PresetError as error:
             self.mistakes.append(self._mistake(path, error))
             return setting, None
@@ -167,8 +189,18 @@ def _classes(root: Written, scenario: Scenario) -> Iterator[str]:
     for index, agent in own:
         if mistake := mistake_in(agent.place, agent.class_name):
             yield _told(root, ("nodes", index, "agent", "class"), mistake)
+        else:
+            yield from _unread_options(root, index, agent)
     if clash := clash_of([agent.place for _, agent in own]):
         yield _told(root, ("nodes",), clash)
+
+
+def _unread_options(root: Written, index: int, agent: OwnAgent) -> Iterator[str]:
+    for option in unread_options(agent.place, agent.options):
+        near = near_miss(option, options_read(agent.place))
+        if near or is_plain(agent.place, agent.class_name):
+            problem = f"{Path(agent.place).name} does not read it{near}"
+            yield _told(root, ("nodes", index, "agent", "options", option), problem)
 
 
 def _expected(root: Written, scenario: Scenario) -> Iterator[str]:
@@ -179,3 +211,7 @@ def _expected(root: Written, scenario: Scenario) -> Iterator[str]:
                 if node_id not in known:
                     text = f"no node has the id {node_id}{near_miss(node_id, known)}; there are: {', '.join(known)}"
                     yield _told(root, ("expectations", index, key), text)
+        if isinstance(expectation, FunctionExpectation):
+            mistake = mistake_in(expectation.place, expectation.function_name, "function")
+            if mistake:
+                yield _told(root, ("expectations", index, "function"), mistake)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bridge.scenario.model import Origin, Scenario
-from channel.link.emitter import Emitter
+from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
 from channel.presets import at_origin, load_radio, radio_from_mapping
 

@@ -14,8 +14,8 @@ from bridge.scenario.model import Origin, Scenario
 from bridge.scenario.resolve.radio import radio_from
 from bridge.scenario.sensor import RfSensor
 from channel.config import Antenna
-from channel.link.emission import Emission
-from channel.link.emitter import Emitter
+from channel.link.emitters.emission import Emission
+from channel.link.emitters.emitter import Emitter
 from channel.sensing.sensor import SensorConfig
 from channel.sensing.settings import SensorSettings
 

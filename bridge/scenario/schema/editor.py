@@ -1,7 +1,7 @@
 """The schema of a scenario file: what `Scenario` takes, and what a file may say besides.
 
 A file may extend another and give parts only, write nodes as groups, and lay a radio or wind over a preset. An editor
-is told less than `lostlink check` sees: a schema cannot know what else a file is laid over.
+finds less than `lostlink check`: a schema cannot know what else a file is laid over.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class Leftover(NamedTuple):
 
 
 def leftover(
-    log: Log, found: Found, places: PlacesOnLinks, rssi_dbm: FloatArray, sure_dbm: float
+    log: Log, found: Found, places: PlacesOnLinks, rssi_dbm: FloatArray, sure_dbm: float, gain_db: float
 ) -> Leftover:
     """Return how well readings fit.
 
@@ -51,8 +51,9 @@ def leftover(
         places: of its packets, which are in order of time.
         rssi_dbm: reading of each packet, NaN where there is none.
         sure_dbm: power above which nothing is lost.
+        gain_db: mean of what scatters readings.
     """
-    mean_dbm = log.fixed_dbm + log.design @ found.at_mode.line
+    mean_dbm = log.fixed_dbm + log.design @ found.at_mode.line + gain_db
     none = np.zeros(mean_dbm.size)
     innovation, foretold_dbm, deviation = _innovations(log, found, mean_dbm, none, places)
     read = log.readings.count > 0.0
@@ -97,7 +98,7 @@ def _innovations(
     count = log.readings.count.tolist()
     readings = (log.readings.mean_dbm + spread_db - mean_dbm).tolist()
     more = log.readings.step_variance if np.any(spread_db) else 0.0
-    variance, errors = law.sigma_db**2, (log.readings.variance(law.error_db) + more).tolist()
+    variance, errors = law.sigma_db**2, (log.readings.variance(law.scatter_db) + more).tolist()
     state, spread = 0.0, variance
     out = np.zeros((3, len(count)))
     for k, (many, reading, error) in enumerate(zip(count, readings, errors, strict=True)):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from channel.checks import FloatArray
 from channel.fit.correlated.field import PlacesOnLinks, Precision
+from channel.fit.correlated.law import Law
 from channel.fit.correlated.outcomes import Outcomes
 
 MAX_ROUNDS = 40
@@ -28,24 +29,6 @@ SETTLED = 0.01
 DAMPING = 0.5
 """Of the step from round to round: packets near each other say the same, and would be heard twice."""
 MOST_OF_VARIANCE = 0.999
-
-
-class Law(NamedTuple):
-    """What the integral is conditional on.
-
-    Attributes:
-        sigma_db: of the shadowing.
-        decorrelation_m: of the shadowing.
-        error_db: standard deviation of a reading about the power.
-        floor_dbm: noise floor.
-        base_loss: losses that do not depend on the power.
-    """
-
-    sigma_db: float
-    decorrelation_m: float
-    error_db: float
-    floor_dbm: float
-    base_loss: float
 
 
 class Integral(NamedTuple):
@@ -85,8 +68,9 @@ class Readings:
 
     def log_likelihood_within(self, error_db: float) -> float:
         """Return that of readings of one place about their mean."""
-        more = float(np.sum(np.maximum(self.count - 1.0, 0.0)))
-        return -more * math.log(error_db) - 0.5 * self.within / error_db**2
+        many = self.count[self.count > 1.0]
+        apart = float(np.sum(many - 1.0)) * math.log(error_db) + 0.5 * float(np.sum(np.log(many)))
+        return -apart - 0.5 * self.within / error_db**2
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +111,8 @@ class CorrelatedLikelihood:
 
     def __init__(self, log: Log) -> None:
         self._log = log
-        self._start = np.zeros(log.place.size), np.zeros(log.place.size)
-        self._last = self._start
+        self._start: tuple[FloatArray, FloatArray] | None = None
+        self._last: tuple[FloatArray, FloatArray] | None = None
 
     def keep(self) -> None:
         """Let later calls start from where the last one ended."""
@@ -138,15 +122,15 @@ class CorrelatedLikelihood:
         """Return the log-likelihood given a law, and what is known of level and exponent."""
         log = self._log
         precision = Precision.of(log.places, law.sigma_db, law.decorrelation_m)
-        weight, pull = self._start
         last = math.inf
         floor_dbm = law.floor_dbm - log.fixed_dbm[log.place]
+        weight, pull = self._first(law, floor_dbm) if self._start is None else self._start
         for _ in range(MAX_ROUNDS):
             normal = self._normal(law, precision, weight, pull)
             here, variance = normal.mean_dbm[log.place], normal.variance[log.place]
             left = variance / np.maximum(1.0 - weight * variance, 1.0 - MOST_OF_VARIANCE)
             mean = left * (here / variance - pull)
-            said = log.outcomes.said(mean - floor_dbm, left, law.base_loss)
+            said = log.outcomes.said(mean - floor_dbm, left, law)
             value = normal.value + float(np.sum(said.log - _factor(mean, left, weight, pull)))
             if abs(value - last) < SETTLED:
                 break
@@ -162,11 +146,15 @@ class CorrelatedLikelihood:
         value += log.certain * math.log(max(1.0 - law.base_loss, 1e-9))
         return Integral(value, normal.line, normal.covariance)
 
+    def _first(self, law: Law, floor_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        weight, snr_db = self._log.outcomes.first(law)
+        return weight, weight * (snr_db + floor_dbm)
+
     def _normal(self, law: Law, precision: Precision, weight: FloatArray, pull: FloatArray) -> _Normal:
         """Return the normal law of the power (less what is fixed) with the readings and the factors."""
         log, design = self._log, self._log.design
         places = log.fixed_dbm.size
-        seen = 1.0 / log.readings.variance(law.error_db)
+        seen = 1.0 / log.readings.variance(law.scatter_db)
         all_weight = seen + np.bincount(log.place, weight, places)
         by_factor = np.bincount(log.place, pull, places)
         all_pull = seen * (log.readings.mean_dbm - log.fixed_dbm) + by_factor
@@ -187,7 +175,7 @@ class CorrelatedLikelihood:
         value = (
             float(by_factor @ power - 0.5 * ((all_weight - seen) @ (power * power)))
             - 0.5 * squares
-            + log.readings.log_likelihood_within(law.error_db)
+            + log.readings.log_likelihood_within(law.scatter_db)
             - 0.5 * float(shadowing @ precision.times(shadowing))
             + 0.5 * (precision.log_determinant - joined.log_determinant - float(np.linalg.slogdet(bend)[1]))
         )

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
+from channel.fit.correlated.law import Law
 from channel.fit.correlated.posterior import Mode, WeightedSample, climbed, sample
-from channel.fit.correlated.propagation import CorrelatedLikelihood, Integral, Law
+from channel.fit.correlated.propagation import CorrelatedLikelihood, Integral
 
-SIGMA, DECORRELATION, ERROR, FLOOR, BASE = range(5)
+SIGMA, DECORRELATION, SCATTER, FLOOR, BASE = range(5)
 STEP = np.array([0.1, 0.3, 0.15, 0.3, 0.05])
 WIDEST = np.array([0.7, 1.0, 2.0, 5.0, 0.3])
 LOW = np.array([math.log(0.05), math.log(0.05), -10.0, -500.0, -0.99])
 HIGH = np.array([math.log(60.0), math.log(1e6), 10.0, 100.0, 0.99])
-LEAST_ERROR_DB = 0.05
+LEAST_SCATTER_DB = 0.05
 DECORRELATIONS = (150.0, 60.0, 25.0, 10.0, 4.0)
 """Of the extent of a log, from which to start."""
+SCATTERS_DB = (0.3, 3.0)
 UNKNOWN_FLOOR_DB = 12.0
 UNDETERMINED = 1.92
 
@@ -61,8 +64,9 @@ class Search:
 
     Args:
         likelihood: of the log.
-        extent_m: of its places: a prior falls off for decorrelation distances above it, which no log can tell.
+        extent_m: of its places: a prior falls off for decorrelation distances above it, which no log can show.
         step_variance: of what rounding does to readings, dB squared.
+        most_scatter_db: of readings; a prior falls off above it.
         known: values in coordinates of what is not free.
         free: what is.
     """
@@ -72,12 +76,14 @@ class Search:
         likelihood: CorrelatedLikelihood,
         extent_m: float,
         step_variance: float,
+        most_scatter_db: float,
         known: Law,
         free: NDArray[np.bool_],
     ) -> None:
         self._likelihood = likelihood
         self._extent_m = extent_m
         self._least_variance = step_variance
+        self._most_scatter_db = most_scatter_db
         self._known = coordinates(known)
         self.free = free
         self._seen: list[Integral] = []
@@ -90,7 +96,7 @@ class Search:
         return Law(
             math.exp(full[SIGMA]),
             math.exp(full[DECORRELATION]),
-            math.sqrt(self._least_variance + full[ERROR] ** 2),
+            math.sqrt(self._least_variance + full[SCATTER] ** 2),
             float(full[FLOOR]),
             float(full[BASE] ** 2),
         )
@@ -100,7 +106,8 @@ class Search:
         law = self.law(at)
         found = self._likelihood.integral(law)
         self._seen.append(found)
-        return found.value - math.log1p(law.decorrelation_m / self._extent_m)
+        beyond = max(law.scatter_db - self._most_scatter_db, 0.0) / STEP[SCATTER]
+        return float(found.value - math.log1p(law.decorrelation_m / self._extent_m) - beyond**2)
 
     def run(self) -> Found:
         """Return what the log says."""
@@ -132,13 +139,13 @@ class Search:
         )
 
     def _start(self) -> FloatArray:
-        """Return the best of several decorrelation distances."""
+        """Return the best of several decorrelation distances, with readings that scatter little or much."""
         starts = []
-        for share in DECORRELATIONS if self.free[DECORRELATION] else (1.0,):
+        for share, scatter_db in product(DECORRELATIONS, SCATTERS_DB):
             full = self._known.copy()
-            if self.free[DECORRELATION]:
-                full[DECORRELATION] = math.log(self._extent_m / share)
-            starts.append(full[self.free])
+            full[DECORRELATION] = math.log(self._extent_m / share)
+            full[SCATTER] = scatter_db
+            starts.append(np.where(self.free, full, self._known)[self.free])
         return max(starts, key=self.density)
 
     def _place(self, index: int) -> int:
@@ -171,12 +178,12 @@ class Search:
 
 
 def coordinates(law: Law) -> FloatArray:
-    """Return the coordinates of a law whose error is the receiver's alone."""
+    """Return the coordinates of a law whose scatter is without that of steps."""
     return np.array(
         [
             math.log(law.sigma_db),
             math.log(law.decorrelation_m),
-            law.error_db,
+            law.scatter_db,
             law.floor_dbm,
             math.sqrt(law.base_loss),
         ]

@@ -193,7 +193,7 @@ def bound_m2(
 ) -> Floats:
     """The Cramer-Rao bound of north and east, m^2, shape (2, 2): of any unbiased estimate from these readings.
 
-    From the full covariance of each sensor's readings, with no neighbours left out; inf if they do not tell.
+    From the full covariance of each sensor's readings, with no neighbours left out; inf if they do not determine it.
 
     Args:
         mean_power: the law.

@@ -22,8 +22,8 @@ class Settings:
         area: where they can be.
         planner: where and how this UA flies.
         reading_spacing_m: a reading counts once the UA is so far from where the one before was taken; fading and
-            shadowing of readings in one place would tell nothing new.
-        repeats: in how many messages after the first a reading is told again.
+            shadowing of readings in one place would bring nothing new.
+        repeats: in how many messages after the first a reading is repeated.
     """
 
     emitters: Mapping[str, float]
@@ -45,7 +45,7 @@ class Localiser:
     Attributes:
         emitters: ids, sorted: their order is that of the numbers in messages.
         told: newest estimates of each companion, for whoever looks; they are not fused, as they rest on the readings
-            that are told beside them.
+            that are sent beside them.
         malformed: messages that could not be read.
     """
 
@@ -106,7 +106,7 @@ class Localiser:
             self._estimates = None
 
     def _down_m(self, node: str) -> float:
-        """How high a companion measured last; as high as this UA if it has told nothing yet."""
+        """How high a companion measured last; as high as this UA if it has sent nothing yet."""
         places = [each.places_ned_m(node) for each in self._estimators]
         known = [float(each[-1, 2]) for each in places if len(each)]
         return known[0] if known else -self.settings.planner.altitude_m
@@ -125,7 +125,7 @@ class Localiser:
         return sum(len(each.has(node)) for each in self._estimators)
 
     def message(self) -> bytes:
-        """What to tell the others now: new readings, those of the last messages again, estimates and the plan."""
+        """What to transmit now: new readings, those of the last messages again, estimates and the plan."""
         readings = [each for batch in self._outbox for each in batch][-PART_MAX:]
         self._outbox = [*self._outbox, []][-(self.settings.repeats + 1) :]
         estimates = tuple(
@@ -135,7 +135,7 @@ class Localiser:
         return pack(Shared(tuple(readings), estimates[:PART_MAX], self._plan))
 
     def plan(self, sim_time_ns: int, place_m: Floats, course_rad: float) -> Way:
-        """Choose a way from here, and tell it with the messages to come."""
+        """Choose a way from here, and send it with the messages to come."""
         ways = [
             (way_of(sim_time_ns, points), down_m) for _, (_, points, down_m) in sorted(self._plans.items())
         ]

@@ -88,7 +88,7 @@ class Situation(NamedTuple):
         course_rad: own, from north over east.
         estimates: of emitters.
         own_ned_m: where readings were taken, shape (n, 3); the same place may come more than once.
-        companions: their ways, as they told, from now.
+        companions: their announced ways, from now.
         companion_down_m: heights of the companions' ways.
     """
 
@@ -195,7 +195,7 @@ class Planner:
 
 
 def way_of(now_ns: int, points: Sequence[tuple[int, float, float]]) -> Way | None:
-    """A told plan as seen from now; None if it is over."""
+    """An announced plan as seen from now; None if it is over."""
     if not points or points[-1][0] <= now_ns:
         return None
     table = np.array([((ns - now_ns) / 1e9, north, east) for ns, north, east in points])

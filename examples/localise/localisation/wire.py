@@ -1,4 +1,4 @@
-"""What UA tell each other: readings, estimates and the plan, as bytes."""
+"""What UA send each other: readings, estimates and the plan, as bytes."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from bridge.fleet.course import FleetError
-from bridge.fleet.preflight import preflight
+from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.flying.run import SpeedOption
@@ -34,7 +34,7 @@ EXIT_INTERRUPTED = 130
 @click.option(
     "--ardupilot-dir",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
-    help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
+    help="Where real ArduPilot binaries are; else where RUN's were, else ARDUPILOT_HOME, else PATH.",
 )
 @click.option(
     "--speed",
@@ -87,7 +87,7 @@ def refly(
     silent = quiet or as_json
     try:
         planned = plan(run, {k: v for k, v in changes.items() if v is not None})
-        preflight(planned.scenario, ardupilot_dir)
+        preflight(planned.scenario, ardupilot_dir or planned.ardupilot_dir)
         directory = RunDirectory.create(out, planned.scenario.name)
     except (ValueError, OSError, FleetError) as error:
         fail(error)

@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from bridge.fleet.course import FleetError
-from bridge.fleet.preflight import preflight
+from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from fdm.exchange.settings import Coupling

@@ -7,7 +7,7 @@ import click
 
 @click.command(short_help="Print the JSON Schema of scenario files, for editors.")
 def schema() -> None:
-    """Print the JSON Schema of scenario files; docs/scenario.md says how an editor takes it.
+    """Print the JSON Schema of scenario files; docs/reference/scenario.md says how an editor takes it.
 
     \b
     Example:

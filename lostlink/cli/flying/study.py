@@ -15,8 +15,11 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bridge.fleet.slots import NoSlot
+from bridge.fleet.preflight.slots import NoSlot
+from bridge.run.every import Every
+from bridge.timeouts import LOG_PERIOD_S
 from lostlink.cli.exits import tell
+from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
 from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
 from lostlink.study.model import StudyError
@@ -67,8 +70,8 @@ def study(
       lostlink study range.yaml --scheduler tcp://10.0.0.1:8786
     """
     console = Console(stderr=as_json)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in ending_signals():
+        signal.signal(number, _interrupt)
     try:
         console.print(f"{file}: reads the scenario of each run", highlight=False, soft_wrap=True)
         ours = Study(file, out, ardupilot_dir)
@@ -110,6 +113,7 @@ def _tell_not_passed(ours: Study, console: Console) -> None:
 
 
 def _interrupt(number: int, _: Any) -> None:
+    leave_terminal()
     raise KeyboardInterrupt(number)
 
 
@@ -133,7 +137,7 @@ def _tell_plan(ours: Study, console: Console) -> None:
 def _show(news: Iterator[Standing], console: Console) -> int:
     """Show how far the study is; gives how many runs failed."""
     begin = monotonic()
-    flown, failed, ready_at = 0, 0, 0.0
+    flown, failed, ready_at, line = 0, 0, 0.0, Every(LOG_PERIOD_S)
     columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None)
@@ -146,7 +150,7 @@ def _show(news: Iterator[Standing], console: Console) -> int:
             if standing.failure and standing.case is not None:
                 labels = ", ".join(f"{key} {value}" for key, value in standing.case.labels.items())
                 console.print(f"failed: {labels}: {standing.failure}", highlight=False, soft_wrap=True)
-            elif not console.is_terminal:
+            elif not console.is_terminal and line.is_due():
                 console.print(_line(standing, ready_at), highlight=False, soft_wrap=True)
     return failed
 

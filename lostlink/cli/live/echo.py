@@ -37,7 +37,7 @@ def echo(key: str, connect: str | None, out: Path, count: int | None, as_json: b
     """Print the samples that match KEY (a Zenoh key expression), decoded where they are messages of ours.
 
     It looks as an observer, who sees everything but what nodes give to their radios (tx), commands, and what the
-    radio tells the hosts.
+    radio sends the hosts.
 
     \b
     Examples:

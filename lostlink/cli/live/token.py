@@ -23,7 +23,7 @@ from lostlink.cli.exits import fail
 def token(run: Path, node: str | None, operator: bool, observer: bool, as_json: bool) -> None:
     """Print endpoint, user and password for RUN (its directory, or its name in runs/), which must still go on.
 
-    The password is good for this run only. Whoever has it can do what docs/identities.md says: keep it to yourself.
+    The password is valid for this run only. It gives the rights in docs/reference/identities.md: keep it to yourself.
 
     \b
     Examples:

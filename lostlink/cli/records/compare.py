@@ -32,8 +32,8 @@ def compare(runs: tuple[Path, ...], metrics: bool, html: Path | None, as_json: b
     """Compare the runs in the directories RUNS.
 
     Of two runs: true states, MAVLink, packets and deliveries. Prints `identical` and what was compared, or the first
-    difference in sim time with both values. Ends with status 0 if the runs are identical, 1 if not, 2 if one cannot be
-    read.
+    difference in sim time with both values, and of runs of other scenarios the table below. Ends with status 0 if the
+    runs are identical, 1 if not, 2 if one cannot be read.
 
     Of three or more, or with --metrics or --html: a table of settings that differ, verdict, delivery per link, ages
     of information, least distance of two UA, and which digests are equal. Ends with status 0, or 2 if a run cannot be
@@ -46,21 +46,42 @@ def compare(runs: tuple[Path, ...], metrics: bool, html: Path | None, as_json: b
       lostlink compare runs/A runs/B runs/C --html compared.html
     """
     if len(runs) == 2 and not metrics and html is None:
-        _identity(runs[0], runs[1], as_json=as_json)
+        _identity(runs, as_json=as_json)
     if len(runs) == 1 and not metrics and html is None:
         raise click.UsageError("one run alone: give another one to compare it with, or --metrics")
     _table(runs, html, as_json=as_json)
 
 
-def _identity(run_a: Path, run_b: Path, *, as_json: bool) -> None:
+def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
     from lostlink.compare.compare import examine
 
     try:
+        run_a, run_b = runs
         comparison = examine(run_a, run_b, on_progress=CompareProgress())
+        settings = {} if comparison.difference is None else _settings(runs)
     except (OSError, ValueError) as error:
         fail(error)
-    click.echo(json.dumps(as_plain(comparison)) if as_json else as_text(comparison, run_a, run_b))
+    if as_json:
+        click.echo(json.dumps(as_plain(comparison) | {"settings": settings}, allow_nan=False))
+    else:
+        click.echo(as_text(comparison, run_a, run_b))
+    if settings and not as_json:
+        click.echo("The scenarios differ. What came of each run:")
+        _table(runs, None, as_json=False)
     sys.exit(0 if comparison.difference is None else EXIT_DIFFERENT)
+
+
+def _settings(runs: tuple[Path, ...]) -> dict[str, Any]:
+    """In which settings runs differ; none if one has no scenario that can be read."""
+    from lostlink.reading.run import load_run
+    from lostlink.report.scales import plain
+    from lostlink.report.side_by_side import settings_of
+
+    try:
+        found: dict[str, Any] = plain(settings_of([load_run(run) for run in runs]))
+    except (OSError, ValueError):
+        return {}
+    return found
 
 
 def _table(runs: tuple[Path, ...], html: Path | None, *, as_json: bool) -> None:

@@ -14,7 +14,7 @@ from lostlink.cli.records.mcap_options import changed, mcap_options
 
 @click.command(short_help="Write a run as MCAP or CSV, or the tables of a killed run as Parquet.")
 @click.argument("run", type=click.Path(path_type=Path, exists=True, file_okay=False))
-@click.option("--csv", "as_csv", is_flag=True, help="Write truth.csv, states.csv and deliveries.csv.")
+@click.option("--csv", "as_csv", is_flag=True, help="Write a CSV of each table, and logged.csv.")
 @click.option(
     "--parquet",
     "as_parquet",

@@ -37,7 +37,7 @@ def write_mcap(
         run: the run directory.
         path: of the file.
         settings: what is to be in it.
-        on_progress: told now and then which share of sim time is done.
+        on_progress: called now and then with the share of sim time that is done.
 
     Raises:
         ValueError: a part of the record is damaged.

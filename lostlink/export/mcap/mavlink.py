@@ -23,7 +23,7 @@ _SIGNED: Final = 0x01
 
 
 def mavlink_sources(run: Path, file: McapFile, node: str, prefix: str) -> Iterator[Feed]:
-    """What the autopilot of a node said and was told, as far as that is wanted and there."""
+    """MAVLink from and to the autopilot of a node, as far as that is wanted and there."""
     if not file.settings.has("mavlink"):
         return
     items = _frames if file.settings.mavlink == "frames" else _messages

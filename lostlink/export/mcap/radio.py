@@ -21,7 +21,6 @@ from bridge.record.tables.deliveries import (
     fates_message,
     for_each_receiver,
     labels_of,
-    settled_ns,
 )
 from bridge.record.tables.schema import Columns
 from bridge.scenario.model import Scenario
@@ -29,7 +28,7 @@ from channel.medium.ledger import Ledger
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.rounding import rounded
 from lostlink.export.mcap.source import Feed, Item, Slices
-from lostlink.reading.decisions import take_rows
+from lostlink.reading.rows import take_rows
 
 
 class RadioSource:
@@ -46,7 +45,6 @@ class RadioSource:
         self._radios = switches_of(scenario, run)
         self._slices = Slices(run, DELIVERIES, labels_of(self._nodes))
         self._picture, self._ledger = Picture(self._nodes), Ledger(self._nodes, causes=tuple(Cause))
-        self._now_ns = 0
         settings = file.settings
         self._channels = {
             kind: file.channel(f"/{kind}", cls.TYPE, kind) if settings.has(kind) else None
@@ -66,10 +64,7 @@ class RadioSource:
 
     def _in_ticks(self, columns: Columns) -> Columns:
         """With a tick for each row, and rows for everybody once for each receiver."""
-        ticks_ns = settled_ns(columns, self._tick_ns)
-        ticks_ns[0] = max(ticks_ns[0], self._now_ns)
-        ticks_ns = np.maximum.accumulate(ticks_ns)
-        self._now_ns = int(ticks_ns[-1])
+        ticks_ns = columns["received_ns"] - self._tick_ns
         figures = {name: rounded(name, columns[name]) for name in FIGURES}
         return for_each_receiver(columns | figures | {"tick_ns": ticks_ns}, len(self._nodes))
 
@@ -97,7 +92,9 @@ def packets_source(run: Path, file: McapFile, node: str, prefix: str) -> Feed | 
         for tick_ns, packet in packets_of(run, node):
             payload = packet.payload if file.settings.payloads else b""
             header = Header.at(packet.sim_time_ns, node)
-            message = Packet(header, packet.seq, packet.channel, len(packet.payload), payload)
+            message = Packet(
+                header, packet.seq, packet.address, packet.encoding, len(packet.payload), payload
+            )
             yield tick_ns, channel, encode(message)
 
     return Feed(items())

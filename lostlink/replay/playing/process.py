@@ -32,7 +32,7 @@ class ReplayProcess:
         keys: under which prefix.
         controls: what is played.
         loop: begin anew at the end, for ever.
-        on_moment: told of each moment that was played.
+        on_moment: called with each moment that was played.
     """
 
     def __init__(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bridge.bus.keys import Keys
-from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Header, Message, decode, encoding_of
+from bridge.bus.messages import AgentStatus, Header, Message
 from bridge.bus.session import Session, Stamp
 from bridge.record.logged import as_json
 from bridge.scenario.model import Scenario
-from lostlink.replay.moment import Moment, Received
+from lostlink.replay.moment import Moment
 from lostlink.replay.playing.pace import Pace
 
 
@@ -25,7 +25,6 @@ class MomentPublisher:
     def __init__(self, session: Session, keys: Keys, scenario: Scenario) -> None:
         self._session = session
         self._keys = keys
-        self._channel = scenario.transmit.channel
         self._waits = False
         nodes, stations = scenario.stations, scenario.transceiver_ids
         self._wants_truth = self._interests(nodes, keys.truth)
@@ -96,20 +95,10 @@ class MomentPublisher:
             self._session.put_bytes(
                 self._keys.rx(packet.rx, packet.tx, packet.channel),
                 packet.payload,
-                encoding=self._encoding(packet),
+                encoding=packet.encoding,
                 attachment=packet.attachment,
                 must_arrive=True,
             )
-
-    def _encoding(self, packet: Received) -> str | None:
-        """What a packet is was not recorded: on the agents' own channel a data package is known when it is one."""
-        if packet.channel != self._channel:
-            return None
-        try:
-            decode(packet.payload, DataPackage)
-        except DecodeError:
-            return None
-        return encoding_of(DataPackage)
 
     def _statuses(self, moment: Moment) -> None:
         if not any(wants() for wants in self._wants_status.values()):

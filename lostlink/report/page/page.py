@@ -69,7 +69,7 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         versions=_versions(content["provenance"]),
         expectations=[_expectation(each) for each in content["expectations"]],
         checks=[
-            [c["name"], count(c["size"]), num(c["found"]), num(c["chance"]), _passed(c["passed"])]
+            [c["name"], count(c["size"]), num(c["found"]), num(c["chance"]), _sees(c), _passed(c["passed"])]
             for c in content["checks"]
         ],
         nodes=[_node(node) for node in content["nodes"]],
@@ -90,6 +90,10 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         ],
         events_caption=_events_caption(len(content["events"])),
     )
+
+
+def _sees(check: dict[str, Any]) -> str:
+    return f"{check['wrong']}: {check['power']:.0%}" if "power" in check else ""
 
 
 def _facts(run: dict[str, Any]) -> list[Row]:

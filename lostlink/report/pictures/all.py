@@ -16,7 +16,7 @@ def draw_all(content: dict[str, Any], tell: Callable[[str], object] = lambda _st
 
     Args:
         content: of the report.
-        tell: is told what is drawn next.
+        tell: called with what is drawn next.
     """
     has_packets = bool(content["links"])
     wanted: list[tuple[str, bool, Callable[[], str]]] = [

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from channel.intervals import proportion_interval
+from channel.numbers.intervals import proportion_interval
 from lostlink.view.picture.link_history import DistanceBins, LinkSeries
 
 POINTS_MAX = 400
@@ -202,7 +202,7 @@ STEPS = [
     *("#c62828", "#cf4a1f", "#d66616", "#db800f", "#dd9810", "#c7a329"),
     *("#9aa14f", "#6f9b72", "#488f92", "#2f80ac", "#2069b8"),
 ]
-"""From nothing arrives to everything does: red, amber, blue, told apart by the colour-blind, too."""
+"""From nothing arrives to everything does: red, amber, blue, which the colour-blind distinguish, too."""
 
 
 def frame(look: Look, *, legend: bool = True) -> Options:

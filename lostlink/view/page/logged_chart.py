@@ -9,7 +9,7 @@ from lostlink.view.picture.logged import Series
 
 LINES_MAX = 12
 SYMBOLS = ("circle", "rect", "triangle", "diamond")
-"""Nodes are told apart by these, too."""
+"""Nodes are distinguished by these, too."""
 FEW = 60
 """Points of a line of which each has its symbol."""
 

@@ -33,6 +33,7 @@ from lostlink.view.page.tables import (
     fleet_rows,
     link_words,
     loss_rows,
+    node_words,
 )
 from lostlink.view.page.timeline import Timeline
 from lostlink.view.picture.fleet_view import FleetView
@@ -168,6 +169,7 @@ class Page:
                 self._fleet = table("Fleet", FLEET_COLUMNS, "id")
                 self._fleet.add_slot("body-cell-node", _NODE_BUTTON)
                 self._fleet.on("choose", lambda e: self._choose_node(int(e.args)))
+                self._chosen = ui.label().classes("ll-words")
                 self._emitters = (
                     table("Emitters", EMITTER_COLUMNS, "emitter") if self._view.emitters else None
                 )
@@ -248,6 +250,7 @@ class Page:
         match self._tabs.value:
             case "Fleet":
                 set_rows(self._fleet, fleet_rows(view, self._node))
+                self._chosen.set_text(node_words(view, self._node))
                 if self._controls is not None:
                     self._controls.refresh()
                 if self._emitters is not None:

@@ -17,7 +17,7 @@ def button(text: str, on_click: Callable[[], object], label: str) -> ui.button:
 
 
 def table(title: str, columns: Rows, key: str) -> ui.table:
-    """An empty table; ``key`` is the field by which its rows are told apart."""
+    """An empty table; ``key`` is the field by which its rows are distinguished."""
     with ui.element("section").props(f'aria-label="{title}"'):
         made = ui.table(columns=columns, rows=[], row_key=key)
     return made.props('dense flat hide-bottom :rows-per-page-options="[0]"')

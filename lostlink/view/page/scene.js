@@ -68,7 +68,8 @@ export default {
       if (!places.length) return;
       const c = this.camera, size = this.$refs.canvas, box = [Infinity, Infinity, -Infinity, -Infinity];
       const flat = { ...c, scale: 1, north: 0, east: 0, up: 0 };
-      for (const place of places) {
+      const feet = places.map(([north, east]) => [north, east, 0]);
+      for (const place of [...places, ...feet]) {
         const [x, y] = this.project(place, flat, 0, 0);
         box[0] = Math.min(box[0], x); box[1] = Math.min(box[1], y);
         box[2] = Math.max(box[2], x); box[3] = Math.max(box[3], y);
@@ -267,8 +268,7 @@ export default {
         const place = this.at(i);
         if (!place) return;
         const [x, y] = this.project(place), chosen = i === this.selected;
-        const others = chosen ? this.accent : this.ink;
-        g.strokeStyle = this.ink; g.fillStyle = this.shown.shapes && this.marks.isDrawnOf(i) ? this.marks.colour(this, i) : others;
+        g.strokeStyle = this.ink; g.fillStyle = this.marks.colour(this, i);
         if (aslant && place[2] > 1) {
           g.globalAlpha = 0.35; g.beginPath(); this.line([x, y], this.project([place[0], place[1], 0])); g.stroke(); g.globalAlpha = 1;
         }

@@ -21,7 +21,7 @@ class Scene(Element, component="scene.js", esm={"lostlink-marks": "marks"}):
     """Map and 3-D view.
 
     Args:
-        on_pick: told which node was chosen, by its place among the nodes; -1: none.
+        on_pick: called with the chosen node's place among the nodes; -1: none.
     """
 
     def __init__(self, on_pick: Callable[[int], object]) -> None:

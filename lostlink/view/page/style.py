@@ -45,6 +45,8 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
 .q-table__container {{ background:transparent; color:inherit; }}
 .q-table tbody td {{ font-variant-numeric:tabular-nums; }}
 .q-table--dense th, .q-table--dense td {{ padding:2px 5px !important; }}
+.ll-tab .q-table th, .ll-tab .q-table td {{ white-space:normal; }}
+.ll-tab .q-table th:not(.sorted) .q-table__sort-icon {{ display:none; }} /* it takes room that columns need */
 .ll-tab .nicegui-table {{ width:100%; max-height:100%; }}
 .ll-words {{ font-size:.9rem; }}
 *:focus-visible {{ outline:2px solid var(--ll-accent); outline-offset:1px; }}

@@ -83,6 +83,21 @@ def _mode_words(state: AircraftState | None, *, is_off: bool) -> str:
     return ", ".join(words) or "-"
 
 
+def node_words(view: FleetView, number: int) -> str:
+    """What the autopilot of the node that is chosen says of battery and GPS; "" if none is, or has one."""
+    state = view.news[view.nodes[number].id].state if number >= 0 else None
+    if state is None or not state.mav_id:
+        return ""
+    place = (
+        f"{state.latitude_deg:.6f}, {state.longitude_deg:.6f}" if np.isfinite(state.latitude_deg) else "none"
+    )
+    ready = "armed" if state.armed else "ready to arm" if state.ready_to_arm else "not ready to arm"
+    return (
+        f"{view.nodes[number].title}: {ready}; battery {_number(state.voltage_v)} V, {_number(state.current_a)} A; "
+        f"GPS {place}, {_number(state.altitude_rel_m)} m above home"
+    )
+
+
 def emitter_rows(view: FleetView) -> Rows:
     """A row per RF emitter: what it radiates, and where it is."""
     rows: Rows = []

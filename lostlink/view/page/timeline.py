@@ -57,13 +57,14 @@ class Timeline:
                 time_control.pause()
 
         self._toggle = ui.button("Pause", on_click=toggle).props("dense no-caps flat")
-        ui.button("Step", on_click=time_control.step).props(
+        step = ui.button("Step", on_click=time_control.step).props(
             'dense no-caps flat aria-label="One tick further"'
         )
         now = self._view.clock.speed
-        ui.select(
+        speed = ui.select(
             SPEEDS, value=now if now in SPEEDS else None, on_change=lambda e: time_control.speed(e.value)
         ).props('dense options-dense borderless aria-label="Speed"')
+        self._controls = (self._toggle, step, speed)
 
     def _dragged(self) -> None:
         self._is_dragged = True
@@ -81,3 +82,5 @@ class Timeline:
         self._words.set_text(f"{seconds:.1f} / {self._view.duration_s:.0f} s")
         if self._time_control is not None:
             self._toggle.set_text("Go on" if self._view.clock.paused else "Pause")
+            for control in self._controls:
+                control.set_enabled(self._time_control.can_seek or not self._view.is_over)

@@ -50,7 +50,7 @@ class EmitterInfo:
 
 @dataclass(slots=True)
 class NodeNews:
-    """What a node told last.
+    """What a node reported last.
 
     Attributes:
         state: of its autopilot; None before the first.

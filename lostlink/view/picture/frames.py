@@ -17,7 +17,7 @@ from lostlink.view.picture.marks import Marks
 from lostlink.view.picture.whole import whole
 
 
-class Frames:
+class PictureFrames:
     """Makes the frames of one picture; each is for all viewers.
 
     Args:

@@ -28,7 +28,7 @@ class Operator:
 
     Args:
         access: as operator.
-        tell: told what became of each command: node, text.
+        tell: called with the result of each command: node, text.
     """
 
     can_seek = False
@@ -48,7 +48,7 @@ class Operator:
         self._session = await asyncio.to_thread(self._access.open)
 
     def command(self, node: str, verb: str, goal: CommandGoal | None = None) -> None:
-        """Ask for a command; what becomes of it is told."""
+        """Ask for a command; its result is reported."""
         assert self._session is not None, "an operator commands after it has joined"
         inbox: Inbox[CommandEvent] = Inbox(self._loop, lambda event: self._on_event(node, verb, event))
         self._tell(node, f"{verb}: asked")

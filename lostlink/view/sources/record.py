@@ -21,7 +21,7 @@ REST_S = 0.02
 STATES_PERIOD_S = 0.25
 """How often the states of autopilots are looked up."""
 CLOCK_PERIOD_S = 0.25
-"""How often the clock is told while it stands."""
+"""How often the clock is repeated while it stands."""
 
 
 class RecordSource:
@@ -82,7 +82,7 @@ class RecordSource:
 
     async def run(self) -> None:
         """Play until cancelled."""
-        with suppress(OSError, ValueError):  # is told when they are looked up
+        with suppress(OSError, ValueError):  # is reported when they are looked up
             await asyncio.to_thread(lambda: self._player.states)
         told_s = self._clock()
         while True:

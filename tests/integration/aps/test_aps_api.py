@@ -182,6 +182,12 @@ async def test_wrong_arguments_are_named(call):
         assert says in json.dumps(reply)
 
 
+async def test_a_command_that_there_is_not_is_answered_with_those_that_there_are(call):
+    status, reply = await call("POST", "/commands/fly", {})
+    assert status == 404
+    assert "no command 'fly'; there are arm, " in reply["detail"]
+
+
 PLAN = {
     "fileType": "Plan",
     "mission": {

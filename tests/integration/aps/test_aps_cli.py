@@ -68,8 +68,9 @@ async def test_an_api_that_is_open_to_others_without_a_token_is_refused(autopilo
     process = await start(
         "--autopilot", f"tcp:127.0.0.1:{autopilot.port}", "--listen=127.0.0.1:0", "--api", place
     )
-    _, stderr = await asyncio.wait_for(process.communicate(), 20)
+    stdout, stderr = await asyncio.wait_for(process.communicate(), 20)
     assert process.returncode == 2
+    assert stdout == b""
     assert says in stderr.decode()
     assert b"Traceback" not in stderr
 

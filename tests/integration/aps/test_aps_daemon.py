@@ -284,7 +284,7 @@ async def test_started_commands_tell_their_end_once_and_may_start_others(daemon,
 @pytest.mark.parametrize(
     ("verb", "arguments", "message"),
     [
-        ("fly", (), "command 'fly' is none of arm, disarm, mode, takeoff, goto, "),
+        ("fly", (), "command 'fly' is none of arm, disarm, mode, takeoff, hold, goto, "),
         ("takeoff", (), "wrong arguments of takeoff"),
         ("takeoff", ("high",), "alt_rel_m must be a number in"),
         ("takeoff", (1e9,), "alt_rel_m must be in"),

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from aps.inputs import PENDING_LIMIT_BYTES, Input
-from aps.links.held import MAX_WRITE_BYTES
+from aps.links.kinds.held import MAX_WRITE_BYTES
 
 TICK_NS = 50_000_000
 ATTITUDE_EVERY_20_MS = mavlink.MAVLink_command_long_message(2, 1, 511, 0, 30, 20_000, 0, 0, 0, 0, 0)
@@ -220,6 +220,20 @@ async def test_what_is_too_much_for_one_exchange_waits_for_the_next(fly, connect
         values = [m.param_value for m in flight.autopilot.heard if m.get_type() == "PARAM_SET"]
         assert values == list(range(frames))
         assert flight.wall_time == []
+
+
+async def test_what_the_autopilot_answers_from_a_thread_is_told_once(fly, connect, eventually):
+    to_another = mavlink.MAVLink_file_transfer_protocol_message(0, 9, 1, [0] * 251)
+    files = mavlink.MAVLink_file_transfer_protocol_message(0, 2, 1, [0] * 251)
+    log = mavlink.MAVLink_log_request_data_message(2, 1, 1, 0, 90)
+    async with fly() as flight:
+        client = await connect(flight.daemon.listen_port)
+        for message, told in [(to_another, []), (files, ["FTP"]), (files, ["FTP"]), (log, ["FTP", "a log"])]:
+            client.send(message)
+            await eventually(lambda: flight.daemon.statistics()["inputs_pending"])
+            flight.exchange()
+            assert len(flight.wall_time) == len(told)
+            assert all(word in reason for word, reason in zip(told, flight.wall_time, strict=True))
 
 
 async def test_autopilot_that_does_not_read_is_told_and_loses_nothing(fly):

@@ -40,6 +40,10 @@ async def test_daemons_are_shown_by_their_apis(autopilot, eventually, capsys, mo
         assert second["error"] == "it wants its token"
         assert "refused" in third["error"]
         assert "STABILIZE" in shown([first, second, third])
+        assert await asyncio.to_thread(main, ["status", "--once", "--url", urls[1]]) == 1
+        assert "it wants its token" in capsys.readouterr().out
+        assert await asyncio.to_thread(main, ["status", "--once", "--url", urls[0]]) == 0
+        assert "heartbeat" in capsys.readouterr().out  # in one piece, though this is no terminal
         monkeypatch.setenv("LOSTLINK_API_TOKEN", TOKEN)
         arguments = ["status", "--once", "--json", "--url", urls[1]]
         assert await asyncio.to_thread(main, arguments) == 0

@@ -39,10 +39,10 @@ def test_what_comes_over_the_api_is_an_input_that_can_be_flown_again(
         status, result = call(run, "POST", f"/commands/{verb}", arguments)
         assert (status, result["outcome"]) == (200, "reached"), result
     assert call(run, "GET", "/messages/ATTITUDE")[0] == 200
-    assert call(run, "POST", "/commands/goto", {"lat_deg": 100, "lon_deg": 0, "alt_rel_m": 1})[0] == 409
+    assert call(run, "POST", "/commands/goto", {"lat_deg": 100, "lon_deg": 0, "alt_rel_m": 1})[0] == 422
     assert run.finish() == 0, run.output.decode()
     inputs = [json.loads(line) for line in (run.directory / "inputs" / "0.jsonl").read_text().splitlines()]
-    assert [item["verb"] for item in inputs] == ["mode", "arm", "takeoff", "goto"]
+    assert [item["verb"] for item in inputs] == ["mode", "arm", "takeoff"]
     assert inputs[2]["arguments"] == {"alt_rel_m": 3.0}
     assert run.summary["may_not_repeat"] == []
     command = [*LOSTLINK, "refly", str(run.directory), "--out", str(tmp_path / "again"), "--speed", "max"]

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import (
     bench_access,
+    bench_fleet,
     bench_messages,
     bench_record,
     bench_recording,
@@ -79,3 +80,17 @@ def test_what_recording_costs_is_measured(
     sizes = json.loads(capsys.readouterr().out)
     assert sizes["receptions"] >= 2 * 21  # at least every third of 61 ticks
     assert 0.05 < sizes["all"] < 5.0
+
+
+@pytest.mark.slow
+def test_the_speed_of_a_fleet_is_measured_beside_that_of_its_parts(
+    capsys: pytest.CaptureFixture[str], free_slot: Callable[[int], int]
+) -> None:
+    short = ["--sizes", "1", "--modes", "one", "one+1", "--rounds", "1", "--duration", "3", "--seconds", "1"]
+    assert bench_fleet.main([*short, "--first-slot", str(free_slot(1))]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert list(row) == ["ua", "alone", "one", "one+1"]
+    assert row["alone"] > 0
+    for mode in ("one", "one+1"):
+        assert row[mode]["ratio"] == pytest.approx(row[mode]["factor"] / row["alone"], rel=0.05)
+        assert row[mode]["cpu"] > 0

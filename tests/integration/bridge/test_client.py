@@ -134,7 +134,7 @@ async def test_a_program_is_not_let_in_as_a_sender_where_no_radio_answers(
     router: Guarded, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bridge.agents.beside.RADIO_ANSWER_S", 0.5)
-    with pytest.raises(SessionError, match="the radio does not tell with which packet node 1 goes on"):
+    with pytest.raises(SessionError, match="the radio does not answer with the next packet of node 1"):
         async with connect_ua(RUN, "1", is_sender=True, access=access_to(router)):
             pass
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import resource
 import signal
 import socket
@@ -20,7 +22,7 @@ import pytest
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
-from tests.integration.bridge.conftest import STILL, Run, StartRun
+from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
 LONG_S = 36_000.0
 """Sim time that no run of these reaches."""
@@ -118,6 +120,41 @@ def test_a_signal_just_before_the_flight_ends_it_with_a_summary(
     assert json.loads((run / "summary.json").read_text())["ending"] == "interrupted"
 
 
+LATE = """\
+import os, signal
+from lostlink.cli import entry
+from lostlink.flight.flight import Flight
+
+late = Flight.{step}
+
+def interrupted(self):
+    os.kill(os.getpid(), signal.SIGINT)
+    return late(self)
+
+Flight.{step} = interrupted
+entry.main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("step", "doing"), [("_finish_tables", "writes its tables"), slow("_write_mcap", "writes run.mcap")]
+)
+def test_a_signal_while_the_record_is_written_is_told_with_what_to_do(
+    tmp_path: Path, free_slot: Callable[[int], int], step: str, doing: str
+) -> None:
+    command = [sys.executable, "-c", LATE.format(step=step), "run", "--duration", "0.5", "--no-figure"]
+    command += ["--out", str(tmp_path), "--first-slot", str(free_slot(2))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    (run,) = tmp_path.iterdir()
+    assert done.returncode == 128 + signal.SIGINT
+    export = f"lostlink export {run} --parquet --mcap"
+    assert done.stderr.startswith(f"lostlink: interrupted while it {doing}; `{export}` writes "), done.stderr
+    assert "Traceback" not in done.stderr
+    subprocess.run([*LOSTLINK, *export.split()[1:]], check=True, timeout=60)
+    assert DELIVERIES.parquet_path(run).exists()
+    assert (run / "run.mcap").exists()
+
+
 def wait_until_it_is_heard(run: Run, number: signal.Signals) -> None:
     """Wait until the command's own first line has run: before that, Python has its way."""
     status = Path(f"/proc/{run.process.pid}/status")
@@ -140,6 +177,31 @@ def test_a_signal_ends_everything_at_any_stage(start_run: StartRun, processes: s
     assert run.summary["ending"] == "interrupted"
     assert_tables_are_whole(run)
     assert_nothing_is_left(run, children)
+
+
+ON_A_TERMINAL = """\
+import fcntl, os, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+
+def test_a_closed_terminal_ends_a_run_in_order(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    options = ["--out", str(tmp_path), "--first-slot", str(free_slot(2)), "--duration", str(LONG_S)]
+    command = [LOSTLINK[0], "-c", ON_A_TERMINAL, *LOSTLINK[1:], "run", *options]
+    ours, its = pty.openpty()
+    with subprocess.Popen(command, stdin=its, stdout=its, stderr=its, start_new_session=True) as run:
+        os.close(its)
+        said = b""
+        while b"flies" not in said:
+            said += os.read(ours, 65536)
+        children = psutil.Process(run.pid).children(recursive=True)
+        os.close(ours)
+        assert run.wait(20.0) == 128 + signal.SIGHUP
+    assert children
+    assert not [child for child in children if child.is_running()]
+    (directory,) = tmp_path.iterdir()
+    assert json.loads((directory / "summary.json").read_text())["ending"] == "interrupted"
 
 
 OWN = """\
@@ -238,6 +300,96 @@ def host_of(processes: str) -> str:
     return "fleet" if processes == "one" else "host-1"
 
 
+FAULTS = """\
+import os, sys
+
+if {{"bridge.program.process", "bridge.physics.process", "standin"}} & set(sys.orig_argv):
+    import itertools, math
+    from fdm.model.jsbsim_model import JsbsimModel
+    from standin.autopilot import Autopilot
+
+    init, built, step, steps = JsbsimModel.__init__, [], Autopilot.step, itertools.count()
+
+    def faulty_init(self, *arguments):
+        init(self, *arguments)
+        built.append(self)
+        if len(built) == 2:  # that of UA 1
+            frames, exact = itertools.count(), self.sense
+            self.sense = lambda: exact() if next(frames) < 1200 else faulty(exact())
+
+    def faulty(exact):
+        if "{fault}" == "raises":
+            raise ArithmeticError("a mistake of the model")
+        return (math.nan, *exact[1:])
+
+    def faulty_step(self):
+        if next(steps) == 3000:
+            raise ArithmeticError("a mistake of its own")
+        return step(self)
+
+    if "{fault}" == "stand-in":
+        Autopilot.step = faulty_step
+    else:
+        JsbsimModel.__init__ = faulty_init
+"""
+"""In a `sitecustomize.py`, which every Python process that finds it imports at its start."""
+
+
+@pytest.mark.parametrize(
+    ("processes", "fault", "error"),
+    [
+        slow("one", "stand-in", "the stand-in of UA 0 cannot go on: ArithmeticError: a mistake of its own"),
+        # Each has it at the same step of its own: which of the two is sooner there is a matter of wall time.
+        slow("many", "stand-in", " cannot go on: ArithmeticError: a mistake of its own"),
+        slow("one", "raises", "ArithmeticError: a mistake of the model"),
+        slow("many", "raises", "ArithmeticError: a mistake of the model"),
+        ("one", "diverges", "the flight model of UA 1 diverged; its last state is in {logs}/fleet.log"),
+        slow(
+            "many", "diverges", "the flight model of UA 1 diverged; its last state is in {logs}/physics.log"
+        ),
+    ],
+)
+def test_what_flies_and_fails_ends_the_run_with_a_whole_record(
+    start_run: StartRun,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    processes: str,
+    fault: str,
+    error: str,
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(FAULTS.format(fault=fault))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    with_tasks = STILL.replace("type: still", "type: out_and_back, altitude_m: 5, distance_m: 50")
+    run = start_run("--no-mcap", scenario=with_tasks, processes=processes, duration_s=60.0)
+    run.wait_for("sim time")
+    children = run.children()
+    assert run.finish() == 1
+    said = run.output.decode()
+    assert error.format(logs=run.directory / "logs") in run.summary["error"]
+    assert "Traceback" not in said
+    assert run.summary["ending"] == "failed"
+    assert 1.0 < run.summary["sim_duration_s"] < 10.0
+    assert assert_tables_are_whole(run) > 20
+    assert_nothing_is_left(run, children)
+
+
+@pytest.mark.slow
+def test_one_whose_flight_model_diverges_is_told_and_the_others_fly_on(
+    start_run: StartRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has no task, so that the run can go on without it."""
+    (tmp_path / "sitecustomize.py").write_text(FAULTS.format(fault="diverges"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    run = start_run("--no-mcap", processes="one", duration_s=4.0)
+    assert run.finish() == 0
+    told = f"the flight model of UA 1 diverged; its last state is in {run.directory}/logs/fleet.log"
+    assert told in run.output.decode()
+    assert "diverged" in (run.directory / "logs" / "fleet.log").read_text()
+    assert [event["node"] for event in run.summary["events"] if event["kind"] == "diverged"] == ["1"]
+    assert (run.summary["ending"], run.summary["sim_duration_s"]) == ("duration", 4.0)
+    assert assert_tables_are_whole(run) == 81
+
+
 @pytest.mark.slow
 @both
 def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, processes: str) -> None:
@@ -273,6 +425,13 @@ def test_a_full_disk_ends_the_run_and_says_so(start_run: StartRun, processes: st
     assert_nothing_is_left(run, children)
 
 
+def counted(run: Run) -> str:
+    """What a verdict says of the packets that are in the table."""
+    rows = read_columns(run.directory, DELIVERIES, ("fate", "packets"))
+    sent, delivered = rows["packets"].sum(), rows["packets"][rows["fate"] == "delivered"].sum()
+    return f"{delivered} of {sent} packets delivered" if sent else "no link was recorded"
+
+
 @pytest.mark.parametrize(
     ("processes", "victim", "name", "hosts"),
     [
@@ -302,8 +461,7 @@ def test_a_killed_process_ends_the_run_by_name_and_log(
         killed
     ]
     assert any(f"{killed} at" in reason for reason in run.summary["may_not_repeat"])
-    if name in ("router", "fleet"):
-        assert run.summary["verdict"].startswith("broke off: no link was recorded")
+    assert run.summary["verdict"].startswith(f"broke off: {counted(run)}")
     assert_tables_are_whole(run)
     assert_nothing_is_left(run, children)
 

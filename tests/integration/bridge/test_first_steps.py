@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-PAGE = ROOT / "docs" / "first-steps.md"
+PAGE = ROOT / "docs" / "tutorial" / "first-steps.md"
 BLOCK = re.compile(r"^```(\w+) ?(\S*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 SHOWN = {
     "lostlink run --duration 20 --seed 7 --out runs": "pass",

@@ -1,8 +1,12 @@
-"""kill -9 of any process of a run: what it recorded can be read and has no holes, and nothing is left running."""
+"""kill -9 of any process of a run: what it recorded can be read and has no holes, and nothing is left running.
+
+One that is only frozen flies on when it thaws.
+"""
 
 from __future__ import annotations
 
 import os
+import queue
 import signal
 import time
 from typing import Any
@@ -21,10 +25,12 @@ from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.conftest import STILL, Run, StartRun
 
 SPEED = 4.0
+FREEZE_S = 12.0
+"""Wall time: Zenoh cuts off whom it has not heard for 10 s, unless it is told otherwise."""
 LOST_MAX_S = 2.0
 """Wall time: tables are flushed each second; a busy machine takes its time."""
 KILLS = int(os.environ.get("LOSTLINK_KILLS", "1"))
-"""Of each process; the figure in docs/performance.md is from 10."""
+"""Of each process; the figure in docs/explanation/performance.md is from 10."""
 PROCESSES = {
     "router": ("many", "bridge.radio.process"),
     "host": ("many", "bridge.host.process"),
@@ -72,3 +78,23 @@ def test_kill_at_a_random_moment(start_run: StartRun, process: str, number: int)
     ticks = column(run, TRUTH, "tick_ns")
     assert (np.unique(ticks) == np.arange(len(np.unique(ticks))) * 50_000_000).all()
     assert ticks.max(initial=0) >= newest_ns
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frozen", ["bridge.radio.process", "bridge.host.process"])
+def test_a_run_flies_on_after_its_processes_were_frozen(start_run: StartRun, frozen: str) -> None:
+    run = start_run(speed=str(SPEED), processes="many")
+    run.wait_for("sim time")
+    victims = [child for child in run.children() if frozen in " ".join(child.cmdline())]
+    for victim in victims:
+        victim.suspend()
+    time.sleep(FREEZE_S)  # the length of the freeze, not a wait for something
+    ticks: queue.SimpleQueue[object] = queue.SimpleQueue()
+    for victim in victims:
+        victim.resume()
+    with run.join("observer") as session:
+        session.subscribe(Keys(run.directory.name).clock, ticks.put)
+        for _ in range(100):
+            ticks.get(timeout=20.0)
+    run.stop(signal.SIGINT)
+    assert run.summary["ending"] == "interrupted"

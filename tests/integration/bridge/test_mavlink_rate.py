@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import queue
+import signal
 import time
 from collections import Counter
 
@@ -10,6 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 from pymavlink import mavutil
 
+from bridge.bus.keys import Keys
+from bridge.bus.messages import Header, decode
+from bridge.bus.session import Sample
 from bridge.record import names
 from bridge.record.streams import read_stream
 from tests.integration.bridge.conftest import STILL, StartRun
@@ -45,3 +50,27 @@ def test_ticks_are_those_of_the_tick_rate_at_any_mavlink_rate(start_run: StartRu
     )
     assert set(exchanges) == {0}
     assert run.summary["links"][0]["sent"] == 61
+
+
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+def test_observers_are_told_of_the_release_of_each_instant(start_run: StartRun, processes: str) -> None:
+    run = start_run(scenario=QUICK, speed="4", duration_s=36000.0, processes=processes)
+    run.wait_for("sim time")
+    keys = Keys(run.directory.name)
+    came: queue.SimpleQueue[tuple[str, int]] = queue.SimpleQueue()
+
+    def keep(sample: Sample) -> None:
+        came.put((str(sample.key_expr), decode(sample.payload.to_bytes(), Header).stamp.ns))
+
+    with run.join("observer") as session:
+        for key in (keys.clock_exchange, keys.clock_release):
+            session.subscribe(key, keep)
+        said = [came.get(timeout=20.0) for _ in range(300)]
+    exchanges, releases = (
+        {at_ns for key, at_ns in said[50:-50] if key == one}
+        for one in (keys.clock_exchange, keys.clock_release)
+    )
+    assert len(exchanges) > 50
+    assert exchanges <= {at_ns for key, at_ns in said if key == keys.clock_release}
+    assert releases - exchanges
+    run.stop(signal.SIGTERM)

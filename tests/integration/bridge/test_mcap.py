@@ -122,7 +122,7 @@ def _radio(read: Read, result: RunResult) -> None:
     for node, topic in (("0", "/ua_0"), ("1", "/ua_1"), ("gcs-1", "/ground_gcs_1")):
         packets = read.messages[f"{topic}/packets"]
         assert [(p.seq, p.address, p.length_bytes) for p in packets] == [
-            (p.seq, p.channel, len(p.payload)) for p in sent[node]
+            (p.seq, p.address, len(p.payload)) for p in sent[node]
         ]
         assert all(len(packet.payload) == 0 for packet in packets)
 

@@ -11,8 +11,12 @@ from typing import Any
 
 import pytest
 
+from bridge.bus.messages import DataPackage, encoding_of
 from bridge.record import names
+from bridge.record.packets import packets_of
 from bridge.record.streams import entries_of
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.reader import read_columns
 from tests.integration.bridge.conftest import LOSTLINK
 
 ROOT = Path(__file__).parents[3]
@@ -24,7 +28,7 @@ FLOWN = {
     "turbulence, noise, exchanges": ("separation", *NOISY, "--set", "mavlink_rate_hz=100"),
     "parallel coupling": ("separation", "--set", "fdm.coupling=parallel"),
     "outages": ("separation", "--radio", "wifi-2.4", "--set", "nodes.1.radio_off=[{from_s: 2, to_s: 4}]"),
-    "localise": ("localise",),
+    "localise": (str(EXAMPLES / "localise" / "localise.yaml"),),
     "wander": (str(EXAMPLES / "wander.yaml"),),
     "turn back": (str(EXAMPLES / "turn_back.yaml"),),
     "relay placement": (str(EXAMPLES / "relay_placement" / "relay_placement.yaml"),),
@@ -62,6 +66,21 @@ def test_the_digests_are_equal(name: str, tmp_path: Path, free_slot: Callable[[i
     assert one["sim_duration_s"] == many["sim_duration_s"]
     assert (one["may_not_repeat"], many["may_not_repeat"]) == ([], [])
     assert one["refused"] == many["refused"]
+
+
+@pytest.mark.parametrize("processes", ["one", "many"])
+def test_what_is_said_of_a_payload_is_recorded(
+    processes: str, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    """Of a message its type, of bytes nothing, however they came to the radio."""
+    wander = str(EXAMPLES / "wander.yaml")
+    fly(tmp_path, free_slot(4), processes, wander, "--set", "fdm.standin_rate_hz=100", duration_s=1.0)
+    (run,) = (tmp_path / processes).iterdir()
+    said = {(packet.channel, packet.encoding) for _, packet in packets_of(run, "0")}
+    assert said == {("team", encoding_of(DataPackage)), ("beacon", ""), ("heard", "")}
+    rows = read_columns(run, DELIVERIES, ("channel", "encoding", "sim_time_ns", "received_ns"))
+    assert set(zip(rows["channel"], rows["encoding"], strict=True)) == said
+    assert set((rows["received_ns"] - rows["sim_time_ns"]).tolist()) == {50_000_000}
 
 
 def test_what_is_decided_ahead_takes_effect_a_tick_later(
@@ -103,7 +122,9 @@ def test_what_asks_for_processes_gets_them_or_is_told(setting: str, tmp_path: Pa
 @pytest.mark.ardupilot
 @pytest.mark.slow
 @pytest.mark.parametrize("ahead", [(), AHEAD], ids=["at once", "lookahead"])
-@pytest.mark.parametrize("scenario", ["separation", "mixed", "localise_wings"])
+@pytest.mark.parametrize(
+    "scenario", ["separation", "mixed", str(EXAMPLES / "localise" / "localise_wings.yaml")]
+)
 def test_real_autopilots_fly_the_same(
     scenario: str, ahead: tuple[str, ...], tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

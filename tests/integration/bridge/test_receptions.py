@@ -53,9 +53,12 @@ def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: 
             one.on_packet(
                 lambda sender, _channel, _payload, told: like_agent.append((one.sim_time_ns, sender, told))
             )
-            one.on_tick(
-                lambda now_ns: states.append((now_ns, one.state.header.stamp.ns if one.state else -1))
-            )
+
+            def ticked(now_ns: int) -> None:
+                if one.state is not None:  # it knows where it is
+                    states.append((now_ns, one.state.header.stamp.ns))
+
+            one.on_tick(ticked)
             await asyncio.wait_for(enough.wait(), 30.0)
 
     asyncio.run(listen())

@@ -14,7 +14,8 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from bridge.agents import connect_ua
-from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+from lostlink import load_run
+from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 from tests.integration.bridge.mission import mission_items, upload
 
 ITEMS = 12
@@ -129,6 +130,47 @@ def test_a_record_of_another_version_says_so(
     assert "identical" in done.stdout
 
 
+def test_the_binaries_of_the_record_are_flown_again(
+    start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = start_run(duration_s=1.0)
+    assert run.finish() == 0, run.output.decode()
+    scenario, made = run.directory / "scenario.yaml", run.directory / "provenance.json"
+    scenario.write_text(scenario.read_text().replace("autopilot: standin", "autopilot: ardupilot"))
+    binary = tmp_path / "arducopter"
+    binary.write_text("#!/bin/sh\nexit 7\n")
+    binary.chmod(0o755)
+    origin = {"source": "ardupilot", "sha256": "ab" * 32, "path": str(binary)}
+    content = json.loads(made.read_text())
+    made.write_text(json.dumps(content | {"autopilots": {"0": origin, "1": origin}}))
+    monkeypatch.delenv("ARDUPILOT_HOME", raising=False)
+    done = refly(run.directory, tmp_path, free_slot(2))
+    assert "ended with status 7" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_shipped_agent_yields_to_an_operator(
+    start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    out = "{{type: out_and_back, altitude_m: 20, distance_m: 900, speed_mps: 10}}"
+    scenario = STILL.replace("agent: {{type: still}}}}\n  - {{id: 1", f"agent: {out}}}}}\n  - {{{{id: 1")
+    run = start_run(scenario=scenario, duration_s=1.0)
+    assert run.finish() == 0, run.output.decode()
+    file = run.directory / "scenario.yaml"
+    file.write_text(file.read_text().replace("duration_s: 1.0", "duration_s: 300.0"))
+    (run.directory / "inputs").mkdir()
+    rtl = {"tick_ns": 30_000_000_000, "kind": "command", "verb": "rtl"}
+    (run.directory / "inputs" / "0.jsonl").write_text(json.dumps(rtl) + "\n")
+    done = refly(run.directory, tmp_path, free_slot(2), "--json")
+    summary = json.loads(done.stdout)["summary"]
+    assert (summary["ending"], summary["error"], summary["unfinished"]) == ("done", None, [])
+    assert summary["sim_duration_s"] > 40.0
+    (again,) = (tmp_path / "again").iterdir()
+    north_m = load_run(again).truth.query("node == '0'").position_north_m
+    assert north_m.max() > 50.0
+    assert abs(north_m.iloc[-1]) < 5.0
+
+
 @pytest.mark.slow
 async def test_an_operators_command_is_repeated(
     start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
@@ -155,7 +197,7 @@ def test_an_interrupted_run_is_flown_again_to_its_last_whole_tick(
 ) -> None:
     run = start_run(speed="5")
     run.wait_for("sim time")
-    run.wait_for("sim time   1")
+    run.wait_for("in the last second")  # the second line of progress, after ten seconds
     run.stop(signal.SIGINT)
     done = refly(run.directory, tmp_path, free_slot(2))
     assert done.returncode == 0, done.stdout + done.stderr

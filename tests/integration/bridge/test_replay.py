@@ -20,6 +20,7 @@ from lostlink.redecision.rewrite import write_deliveries
 from lostlink.replay.player import Player
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 
+LOCALISE = Path(__file__).parents[3] / "examples" / "localise" / "localise.yaml"
 FLYING = STILL.replace(
     "home: {{north_m: 410}}, agent: {{type: still}}",
     "home: {{north_m: 330}}, agent: {{type: out_and_back, altitude_m: 20, distance_m: 120, speed_mps: 12}}",
@@ -80,7 +81,7 @@ def test_emitters_that_disturb_packets_do_so_again(start_run: StartRun, tmp_path
 
 @pytest.mark.long
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["separation", "localise"])
+@pytest.mark.parametrize("scenario", ["separation", str(LOCALISE)])
 def test_every_scenario_that_ships_is_decided_the_same_again(
     scenario: str, tmp_path: Path, free_slot: Any
 ) -> None:
@@ -118,7 +119,7 @@ def is_the_same_again(scenario: str, tmp_path: Path, slot: int) -> None:
 @pytest.mark.slow
 def test_a_killed_run_is_decided_and_played_as_far_as_it_goes(start_run: StartRun) -> None:
     run = start_run(speed="4")
-    run.wait_for("sim time   1")
+    run.wait_for("in the last second")  # the second line of progress, after ten seconds
     processes = run.children()
     run.process.kill()
     run.process.wait(10.0)

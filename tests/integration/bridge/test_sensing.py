@@ -60,7 +60,7 @@ class Keeper(Agent):
 
     def on_packet(self, sender, channel, payload, reception):
         super().on_packet(sender, channel, payload, reception)
-        powers = list(self.latest[sender].received_power_dbm)
+        powers = list(self.latest[sender].received_power_dbm) if sender in self.latest else []
         if powers:
             self.record("told", sender=sender, powers=powers)
 
@@ -182,7 +182,7 @@ def zigzag() -> list[dict[str, float]]:
     """Legs in directions that are spread evenly over the sphere, one after the other in random order, as a track.
 
     All waves of a run's one field then count alike, as they do over the seeds: along a straight way the correlation is
-    that of the 48 waves, which is farther from the law (docs/channel-models.md).
+    that of the 48 waves, which is farther from the law (docs/reference/channel-models.md).
     """
     n = np.arange(LEGS)
     up, azimuth = 1.0 - 2.0 * (n + 0.5) / LEGS, n * np.pi * (3.0 - np.sqrt(5.0))
@@ -292,7 +292,7 @@ def van(agent: dict[str, object] = STILL_AGENT) -> dict[str, object]:
 def small_and_large(start_run: StartRun, tmp_path: Path) -> tuple[Run, Run]:
     """Runs of a UA, a van and a mover: alone, and among others."""
     (tmp_path / "keeper.py").write_text(KEEPER)
-    page = (Path(__file__).parents[3] / "docs" / "sensing.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "sensing.md").read_text()
     (tmp_path / "seeker.py").write_text(page.split("```python\n")[1].split("```")[0])
     agent = {"type": "own", "class": f"{tmp_path}/keeper.py:Keeper"}
     mover = {
@@ -343,12 +343,17 @@ def test_agents_get_what_their_sensor_tells_and_others_change_none_of_it(
     assert [(r["number"], r["taken_ns"], r["power_dbm"]) for r in seen] == arrived
     assert len(seen) > 20
     assert {(r["emitter"], r["frequency_hz"]) for r in seen} == {("mover", 433.9e6)}
-    assert all(r["now_ns"] - r["taken_ns"] == 50_000_000 == r["now_ns"] - r["state_ns"] for r in seen)
+    assert all(r["now_ns"] - r["taken_ns"] == 50_000_000 for r in seen)
+    fixed = [r for r in seen if r["state_ns"] is not None]  # it knows where it is
+    assert len(fixed) > 5
+    assert all(r["now_ns"] - r["state_ns"] == 50_000_000 for r in fixed)
     assert {(r["emitter"], r["frequency_hz"]) for r in seen_by(large, "0", "seen")} == {(None, None)}
     of_1 = [power for r in seen_by(large, "0", "told") if r["sender"] == "1" for power in r["powers"]]
     of_1_itself = [r["power_dbm"] for r in seen_by(large, "1", "seen")]
-    assert len(of_1) > 20
-    assert of_1 == of_1_itself[: len(of_1)]
+    assert len(of_1) > 5  # from its first fix on: before that it is not in `latest`
+    assert any(
+        of_1 == of_1_itself[first : first + len(of_1)] for first in range(len(of_1_itself) - len(of_1) + 1)
+    )
     assert len(seen_by(small, "van", "power")) > 10  # the page's agent
     read = load_run(large.directory)
     assert set(read.measurements["emitter"]) == {"e0", "e1", "e2", "mover"}

@@ -53,6 +53,9 @@ def test_auto_outputs_are_for_real_time_only() -> None:
     assert real_time.udp_outputs(second) == ("127.0.0.1:14550", "127.0.0.1:14541")
     moved = with_changes(real_time, {"ports.first_slot": 10, "ports.gcs": 0})
     assert moved.udp_outputs(first) == ("127.0.0.1:14610",)
+    for port in ("gcs", "mavsdk"):
+        none = with_changes(scenario, {"speed": 1.0, f"ports.{port}": 0})
+        assert len(none.udp_outputs(second)) == 1
     for speed in ("max", 2.0):
         assert with_changes(scenario, {"speed": speed}).udp_outputs(first) == ()
 

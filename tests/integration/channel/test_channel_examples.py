@@ -40,8 +40,8 @@ def test_every_command_has_examples():
 @pytest.mark.parametrize("line", [line for line in examples() if ".tlog" not in line])
 def test_examples_run(line, flight, monkeypatch):
     monkeypatch.chdir(flight)
-    if "mine.yaml --distance" in line:
-        fit = CliRunner().invoke(lostlink, ["fit", "flight.csv", "--out", "mine.yaml"])
+    if "mine.yaml --ground-distance" in line:
+        fit = CliRunner().invoke(lostlink, ["fit", "flight.csv", "--radio", "moon2020", "--out", "mine.yaml"])
         assert fit.exit_code == 0, fit.output
     result = CliRunner().invoke(lostlink, shlex.split(line))
     assert result.exit_code == 0, result.output

@@ -99,7 +99,7 @@ def test_a_pair_of_tlogs_gives_the_radio_back_and_a_scenario_takes_it(logs):
 )
 def test_mistakes_are_one_line_and_status_2(logs, monkeypatch, arguments, says):
     monkeypatch.chdir(logs)
-    result = CliRunner().invoke(lostlink, ["fit", *arguments])
+    result = CliRunner().invoke(lostlink, ["fit", *arguments, "--radio", "corrected"])
     assert result.exit_code == 2
     assert says in result.output
     assert "Traceback" not in result.output
@@ -112,4 +112,4 @@ def test_a_scenario_refuses_a_radio_file_that_is_none(tmp_path):
     with pytest.raises(
         ScenarioError, match=r"bad\.yaml:2: propagation\.exponent.*named at mission\.yaml:16: radio"
     ):
-        parse_scenario(text.replace("radio: moon2020", f"radio: {bad}"), "mission.yaml")
+        parse_scenario(text.replace("radio: hata-qpsk", f"radio: {bad}"), "mission.yaml")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from channel import presets
-from channel.intervals import binomial_interval
 from channel.link.radio import Radio
 from channel.medium.medium import FATES, Fate, Medium
+from channel.numbers.intervals import binomial_interval
 
 SEEDS = range(12)
 LINKS = 12

@@ -1,5 +1,7 @@
 """How often the verdict is wrong of right runs, and right of wrong ones, with 20 000 receptions each.
 
+Then the same of powers that the channel did not draw (`worlds`), a hundred times each.
+
 ``LOSTLINK_VERDICTS=200`` judges so many right runs of each preset (15 minutes).
 """
 
@@ -9,8 +11,9 @@ import pytest
 
 from channel import presets
 from channel.link.radio import Radio
-from channel.medium.verdict import Judge
+from channel.medium.judge.judge import Judge
 from tests.unit.channel.medium.flights import NODES, Other, reach_m, verdict_of
+from tests.unit.channel.medium.worlds import RIGHT, WRONG, chances, failures, verdicts
 
 RECEPTIONS = 20_000
 RUNS = int(os.environ.get("LOSTLINK_VERDICTS", "50"))
@@ -56,3 +59,31 @@ def test_at_least_nine_wrong_runs_in_ten_fail(name, wrong):
         not verdict_of(drawn, Other(said), seed, RECEPTIONS, reach).passed for seed in range(WRONG_RUNS)
     )
     assert failed >= 0.9 * WRONG_RUNS
+
+
+WORLDS = 100
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("name", RIGHT)
+def test_right_worlds_pass_as_often_as_said(name):
+    """One alarm in 600 is promised; and no check finds one in ten, or one in a hundred, much more often than that."""
+    judged = verdicts(RIGHT[name], WORLDS)
+    failed = failures(judged)
+    assert len(failed) <= 1, failed
+    for check, found in chances(judged).items():
+        for share, most in ((0.1, 22), (0.01, 5)):  # of 100: exceeded by one in ten thousand, or a thousand
+            assert sum(chance < share for chance in found) <= most, (check, share)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("name", WRONG)
+def test_nine_wrong_worlds_in_ten_fail_by_what_is_wrong(name):
+    failed = failures(verdicts(WRONG[name], WORLDS))
+    assert (
+        sum(WRONG[name][3] in [check.name for check in checks] for checks in failed.values()) >= 0.9 * WORLDS
+    )

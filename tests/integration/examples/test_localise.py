@@ -13,7 +13,7 @@ import yaml
 from lostlink.reading.run import Run, load_run
 
 ROOT = Path(__file__).parents[3]
-SCENARIO = ROOT / "sitl_configs" / "scenarios" / "localise.yaml"
+SCENARIO = ROOT / "examples" / "localise" / "localise.yaml"
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 

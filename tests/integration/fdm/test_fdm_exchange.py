@@ -488,7 +488,7 @@ def test_an_autopilot_that_boots_anew_starts_from_zero_at_home(start_any):
 
 
 def test_a_mute_autopilot_is_let_go_and_taken_back(start_any):
-    running = start_any(ids=(0, 1), stall_timeout_s=0.2)
+    running = start_any(ids=(0, 1), stall_timeout_s=1.0)
     fly_together(running, 10)
     for _ in range(30):
         running.clients[0].exchange()

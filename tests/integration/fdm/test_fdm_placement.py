@@ -9,7 +9,7 @@ import pytest
 
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.exchange import Exchange
-from fdm.exchange.shared_core import can_place
+from fdm.exchange.placement.shared_core import can_place
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.workers.fleet_exchange import open_exchange

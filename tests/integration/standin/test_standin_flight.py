@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridge.program.standins import frame_parameters
 from fdm.air.wind import load_wind
 from fdm.exchange.exchange import AircraftSpec, Exchange
 from fdm.exchange.hosted_aircraft import Disturb
@@ -252,8 +253,10 @@ def test_guided_flight_from_refusal_to_disarm() -> None:
         assert math.hypot(*leg[-1].velocity_ned_mps) < 0.1, "a velocity target ends after GUID_TIMEOUT"
 
         assert client.command(176, 1, LOITER) == 0
+        client.send(dialect.MAVLink_manual_control_message(SYSID, 0, 0, 500, 0, 0))
         held = flight.truth[-1].position_ned_m
-        assert spread_m(flight.run_for(3.0), held) < 0.3
+        assert spread_m(flight.run_for(2.5), held) < 0.3
+        assert flight.run_for(3.0)[-1].velocity_ned_mps[2] > 1.0, "without a stick it sinks"
 
         assert client.command(400, 0) == 4, "no disarming in flight"
         assert client.command(176, 1, RTL) == 0
@@ -275,7 +278,7 @@ def test_a_square_is_flown_as_arducopter_flies_it(
     airframe_name: str, wind_name: str, hover_limit_m: float
 ) -> None:
     brisk = {"WPNAV_ACCEL": 500.0, "RTL_ALT": 1000.0, "LAND_SPEED": 100.0}
-    settings = load_airframe(airframe_name).ardupilot_parameters | brisk
+    settings = frame_parameters(load_airframe(airframe_name)) | brisk
     given = [word for name, value in settings.items() for word in ("--parameter", f"{name}={value:g}")]
     wind = load_wind(wind_name).build(seed=1, ua_id=0)
     with flying(*given, airframe_name=airframe_name, wind=wind) as flight:

@@ -3,7 +3,7 @@ import pytest
 
 from channel.checks import ChannelInputError
 from channel.draws import AHEAD_MAX_NODES, Draws, LinkDraws, Purpose, stream_key, uniform_from_words
-from channel.philox import FEW, philox_words
+from channel.numbers.philox import FEW, philox_words
 
 NAMES = ["gcs", "0", "10", "9"]
 

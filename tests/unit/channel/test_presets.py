@@ -118,3 +118,11 @@ def test_tables_can_be_set_and_given_in_a_mapping(tmp_path):
     )
     assert set_radio.error == spelled.error
     assert set_radio.error.table == ((0.0, 1.0), (5.0, 0.5), (10.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("preset", "mtu_bytes"),
+    [("wifi-2.4", 1472), ("wifi-5.8", 1472), ("lte-like", 1472), ("telemetry-915", 1850), ("perfect", 65535)],
+)
+def test_the_longest_payload_is_that_of_the_radio(preset, mtu_bytes):
+    assert presets.load_radio(preset).mtu_bytes == mtu_bytes

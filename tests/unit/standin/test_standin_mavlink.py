@@ -279,6 +279,59 @@ def test_position_targets_are_taken_in_guided_flight_only(ready: Bench) -> None:
     assert target(0x0DF8, north_m=99.0) != (99.0, 5.0)
 
 
+def test_a_point_that_moves_a_velocity_ahead_and_the_nose(ready: Bench) -> None:
+    vehicle = ready.autopilot.vehicle
+    ready.command(400, 1)
+    vehicle.leave_ground()
+
+    def orbits(mask: int, *, yaw_rad: float = 0.0, turn_radps: float = 0.0) -> None:
+        place = (450_010_000, 100_000_000, 20.0)
+        rest = (0, 5.0, 0, 0, 0, 0, yaw_rad, turn_radps)
+        ready.say(dialect.MAVLink_set_position_target_global_int_message(0, 7, 1, 6, mask, *place, *rest))
+
+    orbits(0x09C0, yaw_rad=1.0)
+    assert vehicle.navigator.point_mps == (0.0, 5.0)
+    ready.run(2.0)
+    assert vehicle.navigator.point_m == pytest.approx((111.3, 10.0), abs=0.1), "it goes with its target"
+    assert vehicle.navigator.yaw_rad == pytest.approx(1.0, abs=0.2)
+    ready.run(2.0)
+    assert vehicle.navigator.point_m == pytest.approx((111.3, 15.0), abs=0.2), "GUID_TIMEOUT"
+
+    ready.pose = {"quaternion": [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]}  # its nose is in the east
+    ready.turn()
+    rest = (4.0, 0.0, 0.0, 0, 0, 0, 0, 0.3)
+    ready.say(dialect.MAVLink_set_position_target_local_ned_message(0, 7, 1, 8, 0x05C7, 0, 0, 0, *rest))
+    assert vehicle.navigator.velocity_mps == pytest.approx((0.0, 4.0), abs=1e-3)
+    ready.run(2.5)
+    assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.3, abs=0.02)
+    ready.run(4.0)
+    assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.0, abs=0.02)
+
+
+def test_loiter_sinks_unless_the_ground_station_holds_the_stick(ready: Bench) -> None:
+    vehicle = ready.autopilot.vehicle
+    ready.command(400, 1)
+    vehicle.leave_ground()
+    ready.pose = {"position": [0.0, 0.0, -50.0]}
+    ready.command(176, 1, 5)
+
+    def sinks_mps() -> float:
+        ready.run(0.1)
+        return vehicle.navigator.sink_mps
+
+    assert sinks_mps() == 2.5
+    ready.say(dialect.MAVLink_manual_control_message(7, 0, 0, 500, 0, 0))
+    assert sinks_mps() == 0.0
+    override = [65535, 65535, 2000, *[65535] * 5]
+    ready.say(dialect.MAVLink_rc_channels_override_message(7, 1, *override))
+    assert sinks_mps() == -2.5
+    ready.run(3.0)
+    assert sinks_mps() == 2.5, "what is not repeated is forgotten"
+    ready.client.srcSystem = 3
+    ready.say(dialect.MAVLink_rc_channels_override_message(7, 1, *override))
+    assert sinks_mps() == 2.5, "nobody else holds sticks"
+
+
 def test_a_single_mission_item_is_a_target_in_guided_flight(ready: Bench) -> None:
     """As dronekit's simple_goto sends it."""
     vehicle = ready.autopilot.vehicle

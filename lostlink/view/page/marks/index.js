@@ -2,7 +2,7 @@
 const UNKNOWN = -(2 ** 31), CORNERS = 48, DM = 10, LABEL_MAX = 28, LABELS_MAX = 24, LINE_HEIGHT = 14, TRIES = 8;
 
 export class Marks {
-  constructor() { this.emitters = []; this.places = []; this.shapes = new Map(); this.drawnNodes = new Set(); }
+  constructor() { this.emitters = []; this.places = []; this.shapes = new Map(); }
 
   take(frame) {
     if (frame.type === "snapshot") { this.emitters = frame.emitters ?? []; this.shapes.clear(); }
@@ -11,13 +11,11 @@ export class Marks {
       const key = `${shape.node} ${shape.name}`;
       if (shape.ellipse || shape.line) this.shapes.set(key, { ...shape, points: this.points(shape) }); else this.shapes.delete(key);
     }
-    if (frame.shapes) this.drawnNodes = new Set([...this.shapes.values()].map((shape) => shape.node));
   }
 
-  colour(scene, node) { // of what a node logs, and of the node while there is any
+  colour(scene, node) { // of a node, and of what it logs
     return scene.nodeColours[node % scene.nodeColours.length];
   }
-  isDrawnOf(node) { return this.drawnNodes.has(node); }
 
   emitterPlace(i) {
     const [north, east, down] = this.places.slice(3 * i, 3 * i + 3);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections.abc import Callable
 from typing import Any
 
@@ -31,9 +32,9 @@ class Client:
         self.sent.append(dict(message))
 
     async def accepted(self) -> WebSocket:
-        socket = WebSocket({"type": "websocket"}, self.receive, self.send)
-        await socket.accept()
-        return socket
+        client = WebSocket({"type": "websocket"}, self.receive, self.send)
+        await client.accept()
+        return client
 
 
 async def lives() -> None:
@@ -73,6 +74,24 @@ async def test_a_server_that_ends_of_itself_is_told_of(
         error = await asyncio.wait_for(died, 5.0)
     assert ("speed" in str(error)) if raises else ("the view ended of itself" in str(error))
     assert "nothing is served at port" in caplog.text
+
+
+async def test_what_is_sent_on_a_connection_does_not_wait_for_more() -> None:
+    no_delay: list[bool] = []
+
+    async def app(_scope: Any, _receive: Any, send: Any) -> None:
+        connections = serving._server.server_state.connections
+        sockets = [connection.transport.get_extra_info("socket") for connection in connections]
+        no_delay.extend(bool(s.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)) for s in sockets)
+        await send({"type": "http.response.start", "status": 204, "headers": []})
+        await send({"type": "http.response.body"})
+
+    async with Serving(app, "127.0.0.1", 0, "api", lifespan="off") as serving:
+        reader, writer = await asyncio.open_connection("127.0.0.1", serving.port)
+        writer.write(b"GET / HTTP/1.1\r\nHost: here\r\n\r\n")
+        assert b"204" in await asyncio.wait_for(reader.readline(), 5.0)
+        writer.close()
+    assert no_delay == [True]
 
 
 async def test_a_server_that_is_told_to_end_does_not_die() -> None:

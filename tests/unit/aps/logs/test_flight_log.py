@@ -192,7 +192,7 @@ def test_what_is_missing_is_said(tmp_path):
         read_link(ground, other, receiver_at=HOME)
     with pytest.raises(AutopilotLogError, match=r"cannot read .*nothing\.tlog"):
         read_link(ground, tmp_path / "nothing.tlog")
-    with pytest.raises(AutopilotLogError, match="does not tell what arrived"):
+    with pytest.raises(AutopilotLogError, match="does not show what arrived"):
         read_link(tmp_path / "ground.bin", sent)
     (tmp_path / "ua.bin").write_bytes(b"nothing")
     with pytest.raises(AutopilotLogError, match=r"ua\.bin: no format messages"):

@@ -10,7 +10,7 @@ import pytest
 
 from bridge.agents.beside import _TicksOnBus
 from bridge.agents.client import UaClient
-from bridge.agents.feed import Arrivals
+from bridge.agents.running.feed import Arrivals
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header, Message, encode
 from bridge.bus.reception import attachment

@@ -9,7 +9,7 @@ from bridge.bus.messages import AircraftState, DataPackage, Header, decode
 from bridge.scenario.model import Transmit
 from channel.presets import load_radio
 from channel.sensing.sensor import Sensor, SensorConfig
-from tests.unit.bridge.agents.test_runner import AIRCRAFT, TICK_NS, Heard
+from tests.unit.bridge.agents.running.test_runner import AIRCRAFT, TICK_NS, Heard
 
 SENSOR = Sensor(SensorConfig(radio=load_radio("rf-sensor")))
 

@@ -151,3 +151,29 @@ def test_modules_of_one_name_beside_agents_of_two_folders_are_refused(tmp_path: 
         parse_scenario(text, "my.yaml")
     (tmp_path / "b" / "util.py").rename(tmp_path / "b" / "other.py")
     assert len(parse_scenario(text, "my.yaml").ua) == 2
+
+
+@pytest.mark.parametrize(
+    ("base", "option", "says"),
+    [
+        ("Agent", "altitude_m", ""),
+        ("Agent", "altitud_m", "does not read it; did you mean altitude_m?"),
+        ("Agent", "colour", "does not read it$"),
+        ("Agent", "beside_m", ""),
+        ("somewhere.Patrol", "colour", ""),
+        ("somewhere.Patrol", "altitud_m", "did you mean altitude_m?"),
+    ],
+)
+def test_an_option_that_nobody_reads_is_a_mistake(tmp_path: Path, base: str, option: str, says: str) -> None:
+    (tmp_path / "util.py").write_text("def height(beside_m): ...\n")
+    code = f"import util\nclass Own({base}):\n    async def fly(self): self.options['altitude_m']\n"
+    (tmp_path / "mine.py").write_text(code)
+    agent = f"{{type: own, class: {tmp_path}/mine.py:Own, options: {{{option}: 4}}}}"
+    text = TEXT.replace("{type: hold, altitude_m: 40}", agent)
+    if not says:
+        assert len(parse_scenario(text, "my.yaml").ua) == 2
+        return
+    with pytest.raises(
+        ScenarioError, match=rf"my.yaml:\d+: nodes.0.agent.options.{option}: mine.py .*{says}"
+    ):
+        parse_scenario(text, "my.yaml")

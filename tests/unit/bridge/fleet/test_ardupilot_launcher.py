@@ -8,14 +8,14 @@ import pytest
 
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.launcher import LaunchPlan
-from bridge.fleet.child import ProcessSpec
+from bridge.fleet.children.child import ProcessSpec
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
 from bridge.scenario.resolve.flight import airframe_of, home_of
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
 WITH_PARAMETERS = TEXT.replace(
-    "radio: moon2020", "radio: moon2020\nparameters: {SIM_RATE_HZ: 400, FRAME_TYPE: 0}"
+    "radio: hata-qpsk", "radio: moon2020\nparameters: {SIM_RATE_HZ: 400, FRAME_TYPE: 0}"
 ).replace(
     "home: {north_m: 5, east_m: 0}",
     "home: {north_m: 5, east_m: 0}\n    parameters: {SIM_RATE_HZ: 1000, WPNAV_SPEED: 0.125}",

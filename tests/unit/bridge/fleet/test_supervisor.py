@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from bridge.bus.messages import Clock, Header, encode
+from bridge.bus.messages import Clock, Header
 from bridge.fleet import many
-from bridge.fleet.child import ProcessSpec
+from bridge.fleet.children.child import ProcessSpec
 from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.many import ManyProcesses
 from bridge.fleet.supervisor import Fleet, Observer, patience_of
@@ -50,10 +50,10 @@ class OneProcess(Fleet):
         log = self._run.log_path(self.name)
         self._write_run()
         self._parts = ManyProcesses(self._run, self._crew, self, self._observer.on_phase)
-        child = await self._crew.start(ProcessSpec(self.name, [sys.executable, "-c", self.script], log))
+        child = self._crew.start(ProcessSpec(self.name, [sys.executable, "-c", self.script], log))
         while "up" not in log.read_text() and not child.ended.done():  # noqa: ASYNC110 - a file has no event
             await asyncio.sleep(0.01)
-        self.clock(encode(Clock(Header.at(12_500_000_000, ""))))
+        self.clock(Clock(Header.at(12_500_000_000, "")))
         if self.script is STUBBORN:
             return Ending.DONE
         await asyncio.wait_for(self._outcome, 20.0)

@@ -15,9 +15,9 @@ from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from bridge.agents.agent import Agent
 from bridge.agents.client import LookAtStatus, UaClient
-from bridge.agents.feed import DeliveredPacket
 from bridge.agents.outlet import HeldOutlet
-from bridge.agents.runner import AgentRunner
+from bridge.agents.running.feed import DeliveredPacket
+from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.aircraft_bridge import AircraftBridge, OnEvent
 from bridge.bus.messages import (
     AgentStatus,
@@ -111,7 +111,7 @@ class Host:
 
     # The node's outlets.
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str | None, stamp: Stamp) -> None:
+    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:
         self.happened.append(f"agent transmits {channel}")
 
     def report(self, status: AgentStatus) -> None:

@@ -18,9 +18,9 @@ def test_receptions_and_gaps_become_rows(tmp_path: Path) -> None:
     place(core, 7, n0=0.0, n1=30.0, ngcs=1e6)
     send(core, "0", 5, 7, b"four")
     send(core, "1", 0, 7, bytes(MTU_BYTES + 1), to="gcs")
-    writer = DeliveryWriter(tmp_path, NODES)
+    writer = DeliveryWriter(tmp_path, NODES, core.words)
     for settled in (core.settle(), core.settle()):
-        writer.write(settled.columns, settled.gaps)
+        writer.write(settled.columns, settled.gaps, settled.received_ns)
     writer.close()
     found = read(tmp_path)
     rows = list(zip(*(found[n] for n in ("tx", "rx", "seq", "packets", "fate")), strict=True))

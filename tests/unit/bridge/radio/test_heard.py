@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bridge.agents.client import LookAtStatus
-from bridge.agents.feed import DeliveredPacket
+from bridge.agents.running.feed import DeliveredPacket
 from bridge.bus.messages import CommunicationStatus, Header, Heard, decode, encode
 from bridge.host.arrivals import hand_out
 from bridge.radio.heard import Hosts

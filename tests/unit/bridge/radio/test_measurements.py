@@ -20,7 +20,7 @@ from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.measurements import MEASUREMENTS, MeasurementWriter
 from bridge.record.tables.reader import read_columns
-from channel.link.emitter import Emitter
+from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import load_radio

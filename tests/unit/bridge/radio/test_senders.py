@@ -10,7 +10,7 @@ MTU_BYTES = 1000
 
 
 def packet(seq: int, sim_time_ns: int = 5, tx: int = 0, length: int = 10) -> TxPacket:
-    return TxPacket(tx, EVERYBODY, "main/all/team", seq, sim_time_ns, bytes(length))
+    return TxPacket(seq, sim_time_ns, "main/all/team", bytes(length), tx=tx, to=EVERYBODY)
 
 
 def senders(gaps: list[Gap] | None = None) -> Senders:
@@ -54,7 +54,7 @@ def test_a_packet_beyond_the_mtu_is_lost_before_the_channel() -> None:
     it = senders(gaps)
     assert it.take(packet(0, length=MTU_BYTES))
     assert it.take(packet(1, length=MTU_BYTES + 1))
-    assert gaps == [Gap(5, 0, EVERYBODY, 1, 1, MTU_BYTES + 1, Cause.TOO_LONG)]
+    assert gaps == [Gap(5, 0, EVERYBODY, 1, 1, MTU_BYTES + 1, Cause.TOO_LONG, "team")]
     assert [each.seq for each in it.taken()] == [0]
 
 
@@ -70,7 +70,7 @@ def test_one_node_cannot_fill_the_memory_nor_stop_another() -> None:
     gaps: list[Gap] = []
     it = Senders([TAKEN_MAX_BYTES, TAKEN_MAX_BYTES], gaps.append)
     big = bytes(TAKEN_MAX_BYTES // 2)
-    taken = [it.take(TxPacket(0, EVERYBODY, "main/all/team", seq, 0, big)) for seq in range(4)]
+    taken = [it.take(TxPacket(seq, 0, "main/all/team", big, tx=0, to=EVERYBODY)) for seq in range(4)]
     assert taken == [True, True, False, False]
     assert it.refused == {Refused.OVERLOAD: 2}
     assert it.take(packet(0, tx=1))

@@ -7,7 +7,7 @@ import pytest
 from bridge.bus.keys import Address
 from bridge.bus.session import Stamp
 from bridge.radio.senders import Refused
-from bridge.radio.virtual_radio import VirtualRadio
+from bridge.radio.virtual_radio import ENCODING_MAX, VirtualRadio
 from bridge.record.tables.deliveries import Cause
 from tests.unit.bridge.radio.core import MTU_BYTES, TICK_NS, fates, place, send, virtual_radio
 
@@ -26,6 +26,14 @@ def test_packet_arrives_with_its_bytes_encoding_and_number() -> None:
     assert (packet.payload, packet.encoding, packet.seq) == (b"\x00payload", "text/plain", 0)
     assert packet.channel == "team"
     assert fates(core, settled) == [("0", "1", 0, "delivered")]
+
+
+def test_what_is_said_of_a_payload_is_bounded() -> None:
+    core = virtual_radio()
+    address, stamp = Address("0", "main", "all", "team"), Stamp(0, 0)
+    assert not core.on_packet(address, b"", "x" * (ENCODING_MAX + 1), stamp)
+    assert core.refused == {Refused.MALFORMED: 1}
+    assert core.on_packet(address, b"", "x" * ENCODING_MAX, stamp)
 
 
 def test_packet_waits_for_the_truth_of_its_instant() -> None:
@@ -142,6 +150,15 @@ def test_impossible_count_of_a_sender_books_nothing(sent: int) -> None:
     core.on_sent_total("0", sent)
     assert core.refused == {Refused.MALFORMED: 1}
     assert core.settle().gaps == []
+
+
+def test_an_impossible_number_of_a_packet_that_was_dropped_books_nothing() -> None:
+    core = virtual_radio()
+    core.on_dropped("0", 2**62)
+    assert core.refused == {Refused.MALFORMED: 1}
+    assert core.settle().gaps == []
+    core.on_dropped("0", 4)
+    assert [gap.packets for gap in core.settle().gaps] == [5]
 
 
 def test_books_balance_when_the_run_ends_with_packets_that_wait() -> None:

@@ -16,7 +16,7 @@ from bridge.record.names import Stream, from_autopilot, packets, to_autopilot
 from bridge.record.pack import pack_streams
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry, StreamWriter
-from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.record.tables.deliveries import DeliveryWriter, Vocabulary
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.schema import Table
 from bridge.record.tables.truth import TRUTH, TruthWriter
@@ -36,7 +36,9 @@ def heartbeat(encoder: Encoder, custom_mode: int = 4) -> bytes:
 
 
 def row_at(tick_ns: int, tx: str, rx: str) -> DeliveryRow:
-    return DeliveryRow(tick_ns, tx, rx, tick_ns // TICK_NS, 40, 100.0, -70.0, 20.0, 0.01, "delivered")
+    figures = (100.0, -70.0, 20.0, 0.01)
+    came_ns = tick_ns + TICK_NS
+    return DeliveryRow(tick_ns, tx, rx, tick_ns // TICK_NS, 40, *figures, "delivered", received_ns=came_ns)
 
 
 @dataclass
@@ -66,8 +68,8 @@ class RunContent:
         for state in self.truths:
             truth.append(state.header.stamp.ns, [state])
         truth.close()
-        deliveries = DeliveryWriter(path, NODES)
-        append_rows(deliveries, NODES, self.rows)
+        deliveries = DeliveryWriter(path, NODES, words := Vocabulary())
+        append_rows(deliveries, NODES, self.rows, words)
         deliveries.close()
         if is_finished:
             finish_tables(path)

@@ -27,7 +27,7 @@ def test_entries_come_back_and_folders_are_made(tmp_path: Path) -> None:
 
 def test_bytes_are_as_documented(tmp_path: Path) -> None:
     path = written(tmp_path / "s.bin", [Entry(7, b"xy")])
-    assert path.read_bytes() == b"LLSTREAM" + struct.pack("<IqI", 1, 7, 2) + b"xy"
+    assert path.read_bytes() == b"LLSTREAM" + struct.pack("<IqI", 2, 7, 2) + b"xy"
 
 
 def test_flushed_entries_are_on_disk_before_close(tmp_path: Path) -> None:
@@ -49,10 +49,10 @@ def test_any_cut_leaves_the_whole_entries_before_it(tmp_path: Path) -> None:
 
 
 def test_damage_is_told_with_file_and_offset(tmp_path: Path) -> None:
-    path, start = tmp_path / "s.bin", b"LLSTREAM" + struct.pack("<I", 1)
+    path, start = tmp_path / "s.bin", b"LLSTREAM" + struct.pack("<I", 2)
     for raw, message in (
         (b"sim_time_ns,tx", r"s\.bin: offset 0: not a stream file"),
-        (b"LLSTREAM" + struct.pack("<I", 2), r"s\.bin: offset 8: version 2; this lostlink reads version 1"),
+        (b"LLSTREAM" + struct.pack("<I", 1), r"s\.bin: offset 8: version 1; this lostlink reads version 2"),
         (start + struct.pack("<qIqI", 9, 0, 8, 0), r"s\.bin: offset 24: tick 8 ns comes after 9 ns"),
         (start + struct.pack("<qI", -1, 0), r"s\.bin: offset 12: tick -1 ns"),
         (
@@ -83,7 +83,10 @@ def test_reading_holds_one_entry_at_a_time(tmp_path: Path) -> None:
     assert peak < 2_000_000
 
 
-@pytest.mark.parametrize("packet", [SentPacket(0, 0, "", b""), SentPacket(7, 1 << 62, "tëam", b"\0\xff" * 9)])
+@pytest.mark.parametrize(
+    "packet",
+    [SentPacket(0, 0, "", b""), SentPacket(7, 1 << 62, "tëam", b"\0\xff" * 9, "text/plain")],
+)
 def test_packet_round_trips(packet: SentPacket) -> None:
     assert decode_packet(encode_packet(packet)) == packet
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.file import (
+    DEFAULT_SCENARIO,
     SCENARIOS,
     ScenarioError,
     parse_scenario,
@@ -17,6 +19,7 @@ from bridge.scenario.file import (
 )
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of
+from channel.medium.medium import Medium
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
 
@@ -53,15 +56,15 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
             "allowed here: isolated, type, altitude_m",
         ),
         ("north_m: 5", "nort_m: 5", "nodes.1.home.nort_m", "allowed here: north_m, east_m, heading_deg"),
-        ("radio: moon2020", "radio: moon2021", "radio", "did you mean moon2020?"),
+        ("radio: hata-qpsk", "radio: moon2021", "radio", "did you mean moon2020?"),
         (
-            "radio: moon2020",
+            "radio: hata-qpsk",
             "radio: {preset: moon2020, nose: {}}",
             "radio.nose",
             "unknown key; did you mean noise?",
         ),
-        ("radio: moon2020", "radio: 5", "radio", "name of a radio preset"),
-        ("radio: moon2020", "radio: moon2020\nwind: storm", "wind", "no wind 'storm': known are"),
+        ("radio: hata-qpsk", "radio: 5", "radio", "name of a radio preset"),
+        ("radio: hata-qpsk", "radio: hata-qpsk\nwind: storm", "wind", "no wind 'storm': known are"),
         ("seed: 1", "wind: {preset: gutsy}", "wind.preset", "no wind 'gutsy'; did you mean gusty?"),
         ("seed: 1", "wind: {constant: {sped_mps: 3}}", "wind.constant.sped_mps", "did you mean speed_mps?"),
         ("seed: 1", "wind: {gusts: [{speed_mps: 3}]}", "wind.gusts.0.start_s", "is required"),
@@ -160,6 +163,23 @@ def test_unknown_name_lists_the_known(tmp_path: Path) -> None:
         read_scenario(str(tmp_path / "nothing.yaml"))
 
 
+def test_the_default_run_has_the_powers_of_a_receiver_and_its_link_breaks_on_the_way_out() -> None:
+    radio = radio_of(read_scenario(DEFAULT_SCENARIO))
+    link = radio.link([40.0, 400.0, 600.0])
+    assert link.received_power_dbm == pytest.approx([-72.6, -107.0, -113.1], abs=0.1)
+    assert link.noise_dbm == pytest.approx(-112.0, abs=0.1)  # k T B in 250 kHz, and 8 dB
+    near, half_way, far = radio.probability_of_delivery([100.0, 350.0, 600.0], radio.length_bytes(340))
+    assert (near > 0.999, 0.4 < half_way < 0.6, far < 0.1) == (True, True, True)
+
+
+def test_in_the_default_run_a_packet_sent_again_from_the_same_place_meets_the_same_shadowing() -> None:
+    medium = Medium(radio_of(read_scenario(DEFAULT_SCENARIO)), seed=1, nodes=("0", "1"))
+    medium.place("0", (0, 0, -40))
+    medium.place("1", (350, 0, -40))
+    medium.send(medium.packets(tx="0", seq=range(20), length_bytes=40))
+    assert np.ptp(medium.settle().received_power_dbm) == 0.0
+
+
 def test_changes_of_the_command_line_are_checked_too() -> None:
     scenario = read_scenario("separation")
     changed = with_changes(scenario, {"seed": 7, "ports.first_slot": 3})
@@ -186,7 +206,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def write_beside(folder: Path, radio: str) -> str:
-    text = TEXT.replace("radio: moon2020", f"radio: {radio}\nwind: air.yaml")
+    text = TEXT.replace("radio: hata-qpsk", f"radio: {radio}\nwind: air.yaml")
     text = text.replace("airframe: f450", "airframe: quad.yaml", 1)
     text = text.replace("{type: hold, altitude_m: 40}", "{type: own, class: own.py:Mine}")
     (folder / "mission.yaml").write_text(text)

@@ -30,7 +30,7 @@ def scenario(*nodes: str, sensor: str = "{}", folder: Path = Path()) -> Scenario
 
 
 def test_the_scenario_of_the_page_is_one() -> None:
-    page = (Path(__file__).parents[4] / "docs" / "sensing.md").read_text()
+    page = (Path(__file__).parents[4] / "docs" / "reference" / "sensing.md").read_text()
     it = parse_scenario(page.split("```yaml\n")[1].split("```")[0], "sensing.md")
     assert [each.name for each in emitters_of(it)] == ["beacon", "truck"]
     assert set(sensors_of(it)) == {"0", "1"}

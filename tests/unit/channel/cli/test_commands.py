@@ -1,4 +1,5 @@
 import json
+import math
 
 import pytest
 from click.testing import CliRunner
@@ -11,7 +12,7 @@ def run(*arguments):
 
 
 def test_link_as_json_has_the_budget_and_what_follows():
-    report = json.loads(run("link", "--radio", "moon2020", "--distance", "400", "--json").output)
+    report = json.loads(run("link", "--radio", "moon2020", "--ground-distance", "400", "--json").output)
     assert report["received_power_dbm"] == pytest.approx(-329.7425, abs=1e-3)
     assert sum(term["contribution"] for term in report["terms"]) == pytest.approx(
         report["received_power_dbm"]
@@ -23,30 +24,41 @@ def test_link_as_json_has_the_budget_and_what_follows():
 
 
 def test_link_for_people_names_every_term():
-    text = run("link", "--distance", "400").output
-    for word in ("transmit_power_dbm", "path_loss_db", "received_power_dbm", "snr_db", "ber", "per", "0.642"):
+    text = run("link", "--ground-distance", "400").output
+    for word in ("transmit_power_dbm", "path_loss_db", "-107.0062", "snr_db", "ber", "per", "0.376"):
         assert word in text
 
 
 def test_any_key_can_be_set():
     report = json.loads(
         run(
-            "link", "--distance", "400", "--json", "--set", "propagation.exponent=9", "--set", "offset_db=-90"
+            "link",
+            "--radio",
+            "moon2020",
+            "--ground-distance",
+            "400",
+            "--json",
+            "--set",
+            "propagation.exponent=9",
+            "--set",
+            "offset_db=-90",
         ).output
     )
-    table3 = json.loads(run("link", "--radio", "moon2020-table3", "--distance", "400", "--json").output)
+    table3 = json.loads(
+        run("link", "--radio", "moon2020-table3", "--ground-distance", "400", "--json").output
+    )
     assert report["received_power_dbm"] == table3["received_power_dbm"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--distance", "-4"), ("ground_distance_m", "-4", ">= 0")),
-        (("--distance", "nan"), ("distance_m", "nan")),
-        (("--distance", "4", "--radio", "moon"), ("moon", "moon2020")),
-        (("--distance", "4", "--set", "propagation.exponent=x"), ("propagation.exponent", "'x'")),
-        (("--distance", "4", "--frequency-hz", "-1"), ("frequency_hz", "-1")),
-        (("--distance", "4", "--height-tx", "-9"), ("height_tx_m", "-9")),
+        (("--ground-distance", "-4"), ("ground_distance_m", "-4", ">= 0")),
+        (("--ground-distance", "nan"), ("distance_m", "nan")),
+        (("--ground-distance", "4", "--radio", "moon"), ("moon", "moon2020")),
+        (("--ground-distance", "4", "--set", "propagation.exponent=x"), ("propagation.exponent", "'x'")),
+        (("--ground-distance", "4", "--frequency-hz", "-1"), ("frequency_hz", "-1")),
+        (("--ground-distance", "4", "--height-tx", "-9"), ("height_tx_m", "-9")),
     ],
 )
 def test_mistakes_are_one_line_and_exit_code_two(arguments, words):
@@ -67,9 +79,8 @@ def test_sweep_is_a_csv_and_a_plot(tmp_path):
 
 
 def test_sweep_of_a_key_of_the_radio():
-    rows = json.loads(
-        run("link", "--distance", "400", "--sweep", "propagation.exponent", "9:12:1", "--json").output
-    )
+    base = ("link", "--radio", "moon2020", "--ground-distance", "400", "--json")
+    rows = json.loads(run(*base, "--sweep", "propagation.exponent", "9:12:1").output)
     assert [row["propagation.exponent"] for row in rows] == [9.0, 10.0, 11.0, 12.0]
     assert rows[-1]["path_loss_db"] == pytest.approx(352.3425, abs=1e-3)
 
@@ -98,16 +109,18 @@ def test_radios_are_listed_with_their_ranges():
 def test_reference_row_through_the_command_line():
     """One row of the reference data: the way is slant, the distance over the ground."""
     base = ("link", "--radio", "perfect", "--json", "--frequency-hz", "900e6", "--height-rx", "1.5")
-    two_ray = run(*base, "--distance", "30", "--height-tx", "50", "--set", "propagation.model=two-slope")
+    two_ray = run(
+        *base, "--ground-distance", "30", "--height-tx", "50", "--set", "propagation.model=two-slope"
+    )
     assert json.loads(two_ray.output)["path_loss_db"] == pytest.approx(66.654473, abs=1e-4)
     hata = ["propagation.model=okumura-hata", "propagation.environment=open", "propagation.coefficients=ns3"]
     options = [part for setting in hata for part in ("--set", setting)]
-    row = run(*base, "--distance", "2000", "--height-tx", "30", *options)
+    row = run(*base, "--ground-distance", "2000", "--height-tx", "30", *options)
     assert json.loads(row.stdout)["path_loss_db"] == pytest.approx(109.200364, abs=1e-4)
 
 
 def test_validity_is_an_error_of_one_line_or_a_warning_on_stderr():
-    outside = ("link", "--distance", "400", "--set", "propagation.model=okumura-hata")
+    outside = ("link", "--ground-distance", "400", "--set", "propagation.model=okumura-hata")
     refused = run(*outside)
     assert refused.exit_code == 2
     assert "frequency_hz = 2412000000.0: allowed is 1.5e+08 to 1.5e+09" in refused.stderr
@@ -121,9 +134,9 @@ def test_validity_is_an_error_of_one_line_or_a_warning_on_stderr():
     [
         (("link", "--sweep", "distance", "50:60:10", "--plot", "no/x.png"), "cannot write"),
         (("link", "--sweep", "distance", "50:60:10", "--plot", "x.foo"), "x.foo: Format 'foo'"),
-        (("link", "--distance", "50", "--plot", "x.png"), "needs --sweep"),
+        (("link", "--ground-distance", "50", "--plot", "x.png"), "needs --sweep"),
         (("figures", "--out", "file.csv/figures"), "cannot write file.csv"),
-        (("fit", "file.csv", "--plot", "x.foo"), "x.foo: Format 'foo'"),
+        (("fit", "file.csv", "--radio", "moon2020", "--plot", "x.foo"), "x.foo: Format 'foo'"),
     ],
 )
 def test_files_that_cannot_be_written_are_one_line(tmp_path, monkeypatch, arguments, words):
@@ -135,3 +148,14 @@ def test_files_that_cannot_be_written_are_one_line(tmp_path, monkeypatch, argume
     result = run(*arguments)
     assert result.exit_code == 2
     assert words in result.output
+
+
+def test_the_distance_says_which_and_its_old_name_goes_on_unsaid():
+    with_heights = ("--height-tx", "300", "--json")
+    said, old = (
+        json.loads(run("link", name, "400", *with_heights).output)
+        for name in ("--ground-distance", "--distance")
+    )
+    assert said == old
+    assert said["slant_distance_m"] == pytest.approx(math.hypot(400.0, 260.0))
+    assert "--distance" not in run("link", "--help").output.replace("--ground-distance", "")

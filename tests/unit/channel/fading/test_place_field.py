@@ -1,12 +1,14 @@
 """Fields over places: their law, their correlation, and that they have no memory."""
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 from scipy.stats import kstest
 
 from channel.draws import Draws
 from channel.fading.link_words import LinkWords
-from channel.fading.place_field import PlaceField
+from channel.fading.place_field import PlaceField, SharedField
 from channel.fading.shadowing import CorrelatedShadowing
 from channel.fading.terms import LastingShadowing, LineOfSight
 from channel.fading.waves import link_places
@@ -21,6 +23,26 @@ SEEDS = range(100)
 def places(seed, tx_ned_m=HERE, rx_ned_m=THERE, tx=TX, rx=RX):
     words = LinkWords(seed, NODES, "fields")
     return link_places(words, np.asarray(tx), np.asarray(rx), tx_ned_m, rx_ned_m, NOW)
+
+
+def way_m(tx_ned_m, rx_ned_m):
+    """Distances for all links."""
+    return np.linalg.norm(np.subtract(rx_ned_m, tx_ned_m)) * np.ones(TX.size)
+
+
+THREE = LinkWords(1, ("a", "b", "c"), "fields")
+
+
+@lru_cache
+def shared_fields():
+    return [SharedField(Draws(seed), 50.0, "test") for seed in range(300)]
+
+
+def shared_field(tx_ned_m, rx_ned_m, tx=0, rx=1):
+    """Values of the field that all pairs share, by seed."""
+    here = link_places(THREE, np.array([tx]), np.array([rx]), np.asarray(tx_ned_m), np.asarray(rx_ned_m), NOW)
+    way = way_m(tx_ned_m, rx_ned_m)[:1]
+    return np.array([field.standard_normal(here, way)[0] for field in shared_fields()])
 
 
 def fields(tx_move_m, rx_move_m):
@@ -81,6 +103,34 @@ def test_a_field_is_reciprocal_and_has_no_memory():
     assert alone == out[[7, 0, 300]].tolist()
 
 
+def test_two_pairs_at_the_same_places_share_one_field_in_both_directions():
+    here = shared_field(HERE, THERE)
+    assert np.array_equal(here, shared_field(HERE, THERE, 0, 2))
+    back = shared_field(THERE, HERE, 1, 0)
+    assert np.array_equal(here, back)
+    assert np.all(
+        np.abs(here - shared_field(THERE, HERE)) < 0.02
+    )  # but for the steps of the table of cosines
+
+
+@pytest.mark.parametrize("apart_m", [1.0, 10.0, 50.0, 150.0])
+def test_ends_side_by_side_find_the_same_and_farther_ones_less(apart_m):
+    """Gudmundson's law over both ends: exp(-(s1 + s2) / 50 m); one metre apart it is 0.98."""
+    beside = THERE + np.array([0.6, -0.8, 0.0]) * apart_m
+    products = (shared_field(HERE, THERE) * shared_field(HERE, beside))[np.newaxis]
+    assert within(products, np.exp(-apart_m / 50.0))
+    both = (shared_field(HERE, THERE) * shared_field(np.add(HERE, (0.0, 0.0, 7.0)), beside))[np.newaxis]
+    assert within(both, np.exp(-(apart_m + 7.0) / 50.0))
+
+
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (20.0, 10.0, 0.0), (900.0, 300.0, 20.0)])
+def test_the_shared_field_is_normal_near_and_far(way):
+    z = shared_field(HERE, np.add(HERE, way))
+    assert kstest(z, "norm").pvalue > 1e-3
+    assert within((z**2)[np.newaxis], 1.0)
+    assert within((z**4)[np.newaxis], 3.0)
+
+
 def test_far_places_and_small_steps_count():
     """At 100 km from the origin a step of 1 mm still moves the field by as much as near it."""
     field = PlaceField(Draws(1), 1.0, "test")
@@ -131,7 +181,8 @@ def test_the_line_of_sight_lasts_over_its_way():
     moved_m = np.array([30.0, 0.0, 0.0])
     seen = [
         [
-            LineOfSight(Draws(seed), 60.0).standard_normal(places(seed, HERE, there)) < 0.0
+            LineOfSight(Draws(seed), 60.0).standard_normal(places(seed, HERE, there), way_m(HERE, there))
+            < 0.0
             for seed in range(100)
         ]
         for there in (THERE, THERE + moved_m)

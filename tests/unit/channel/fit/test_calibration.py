@@ -280,7 +280,7 @@ def test_command_reads_a_log_and_writes_a_radio(tmp_path):
     rows = [f"{d:.3f},{int(ok)}" for d, ok in zip(data.distance_m, data.delivered, strict=True)]
     log.write_text("\n".join(["distance_m,delivered", *rows]))
     hold = ["--hold", "shadowing.sigma_db", "--hold", "propagation.exponent"]
-    options = [*hold, "--out", str(radio), "--plot", str(plot), "--json"]
+    options = [*hold, "--radio", "moon2020", "--out", str(radio), "--plot", str(plot), "--json"]
     report = json.loads(CliRunner().invoke(main, ["fit", str(log), *options], catch_exceptions=False).output)
     by_name = {each["name"]: each for each in report["estimates"]}
     assert by_name["base_loss"]["low"] <= 0.1 <= by_name["base_loss"]["high"]

@@ -46,8 +46,8 @@ def test_names_may_be_a_dictionary_and_delivered_a_boolean(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        ({"fate": ["delivered"]}, "needs distance_m"),
-        ({"distance_m": [1.0]}, "needs distance_m, and delivered or fate"),
+        ({"fate": ["delivered"]}, "has no column distance_m"),
+        ({"distance_m": [1.0]}, "has no column delivered"),
         ({"distance_m": [-1.0], "delivered": [1]}, r"distance_m = -1\.0"),
         ({"distance_m": [float("nan")], "delivered": [0]}, "distance_m = nan"),
         ({"distance_m": [float("nan")], "fate": ["delivered"]}, "distance_m = nan"),

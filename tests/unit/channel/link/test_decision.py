@@ -8,7 +8,7 @@ import pytest
 from channel import presets
 from channel.draws import Draws, Purpose
 from channel.link.radio import Radio
-from channel.link.steps import STEPS_PER_DB, STEPS_PER_M, STEPS_PER_ONE, in_steps
+from channel.link.tables.steps import STEPS_PER_DB, STEPS_PER_M, STEPS_PER_ONE, in_steps
 from channel.medium.medium import Fate, Medium
 from channel.medium.simulate import simulate
 from tests.unit.channel.medium.one_by_one import transmitted

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from channel import presets
-from channel.link.lengths import Lengths
+from channel.checks import ChannelInputError
 from channel.link.radio import Radio
 
 DISTANCES_M = [100, 200, 300, 320, 340, 360, 380, 400, 420, 450, 480, 500]
@@ -76,10 +76,12 @@ def test_quadrature_bound_is_honest_and_small():
 
 
 def test_expected_delivery_table_agrees_with_the_quadrature():
-    for name in ("moon2020", "corrected", "moon2020-table3"):
+    for name in ("moon2020", "corrected", "moon2020-table3", "disk"):
         model = radio(name)
         distance = np.geomspace(50, 5000, 200)
-        path = model.path(distance)
         exact = model.probability_of_delivery(distance)
-        share = model.expected_delivery(model.mean_power_dbm(path), path, Lengths.same(40))
-        assert share == pytest.approx(exact, abs=1e-5)
+        assert model.expected_delivery(distance) == pytest.approx(exact, abs=1e-5)
+        exact = model.probability_of_delivery(distance, length_bytes=400)
+        assert model.expected_delivery(distance, length_bytes=400) == pytest.approx(exact, abs=1e-5)
+    with pytest.raises(ChannelInputError, match="length_bytes"):
+        model.expected_delivery(distance, length_bytes=-1)

@@ -6,7 +6,6 @@ from scipy.stats import norm
 
 from channel import presets
 from channel.fading.shadowing import NormalShadowing
-from channel.link.lengths import Lengths
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import PresetError
@@ -73,8 +72,7 @@ def test_the_table_of_a_medium_is_as_good_as_the_quadrature(shadowing):
     each = radio(shadowing=shadowing)
     heights = np.linspace(24.0, 99.0, 12)
     where = {"ground_distance_m": np.full(12, 1800.0), "height_tx_m": 25.0, "height_rx_m": heights}
-    path = each.path(**where)
-    found = each.expected_delivery(each.mean_power_dbm(path), path, Lengths.same(40))
+    found = each.expected_delivery(**where, length_bytes=40)
     assert found == pytest.approx(each.probability_of_delivery(**where, length_bytes=40), abs=3e-5)
 
 
@@ -88,7 +86,7 @@ def test_a_sigma_of_its_own_needs_a_table():
 
 def powers_dbm(tx_ned_m, rx_ned_m, swap=False):
     """Received powers along a track of the aircraft, without shadowing."""
-    medium = Medium(radio(shadowing={"model": "none"}), seed=8, nodes=["base", "ua"])
+    medium = Medium(radio(shadowing={"model": "none"}), seed=8, nodes=["base", "ua"], bases=["base"])
     medium.place("base", tx_ned_m)
     medium.place("ua", rx_ned_m[0])
     sender = "ua" if swap else "base"

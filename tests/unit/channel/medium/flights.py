@@ -3,9 +3,9 @@
 import numpy as np
 
 from channel.link.decision import signal_of
-from channel.link.lengths import Lengths
+from channel.link.tables.lengths import Lengths
+from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
-from channel.medium.verdict import Judge
 
 NODES = 5
 STEP_NS = 500_000_000

@@ -7,7 +7,7 @@ import pytest
 
 from channel import presets
 from channel.checks import ChannelInputError
-from channel.link.emitter import Emitter
+from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
 from channel.medium.medium import Medium, Receptions
 from channel.medium.reception import Fate
@@ -54,7 +54,7 @@ def test_a_moving_emitter_raises_the_noise_by_its_power_from_where_it_is() -> No
     assert found.snr_db == pytest.approx(expected_db, abs=6e-4)
 
 
-@pytest.mark.parametrize(("offset_hz", "heard"), [(40e6, True), (-40e6, True), (41e6, False), (1e9, False)])
+@pytest.mark.parametrize(("offset_hz", "heard"), [(50e6, True), (-50e6, True), (51e6, False), (1e9, False)])
 def test_it_is_heard_as_far_off_as_the_receiver_says(offset_hz: float, heard: bool) -> None:
     medium = medium_of(emitter(frequency_hz=CARRIER_HZ + offset_hz, power_dbm=60.0))
     medium.emitters.observe(["beacon"], 0, [(60.0, 10.0, -40.0)])

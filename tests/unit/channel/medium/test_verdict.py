@@ -6,7 +6,8 @@ import pytest
 from channel import presets
 from channel.link.gain_law import chance_of_less
 from channel.link.radio import Radio
-from channel.medium.verdict import Judge, Verdict
+from channel.medium.judge.check import Verdict
+from channel.medium.judge.judge import Judge
 from tests.unit.channel.medium.flights import NODES, Other, reach_m, verdict_of
 
 RECEPTIONS = 20_000

@@ -57,7 +57,7 @@ def test_adjacent_channel_is_rejected():
     beside, on = radio(1.0, 2.432e9, 90.0), radio(1.0, 2.412e9, 90.0)
     drop_db = beside.noise_dbm(beside.path(100.0)) - on.noise_dbm(on.path(100.0))
     friis_db = 20 * np.log10(2.432 / 2.412)
-    assert float(drop_db) == pytest.approx(-16.0 - friis_db, abs=0.02)
+    assert float(drop_db) == pytest.approx(-28.0 - friis_db, abs=0.02)
 
 
 @pytest.mark.parametrize("duty", [0.0, 0.3, 1.0])
@@ -71,7 +71,7 @@ def test_pulsed_jammer_monte_carlo_agrees_with_the_closed_probability(duty):
     medium.send(medium.packets(tx="0", seq=np.arange(n), sim_time_ns=times_ns, length_bytes=100))
     fates = settled(medium)
     p = float(model.probability_of_delivery(60.0, 100))
-    assert fates[0].probability_of_delivery == pytest.approx(p, abs=1e-4)
+    assert fates[0].probability_of_delivery == pytest.approx(p, abs=5e-3)
     delivered = sum(each.fate is Fate.DELIVERED for each in fates)
     assert abs(delivered / n - p) < 3.29 * np.sqrt(p * (1 - p) / n) + 1 / n
 
@@ -79,3 +79,9 @@ def test_pulsed_jammer_monte_carlo_agrees_with_the_closed_probability(duty):
 def test_bad_rejection_curve_names_its_key():
     with pytest.raises(PresetError, match=r"interference: .*offsets have to rise"):
         presets.load_radio("corrected", {"interference": {"rejection": [[0, 0], [0, 3]]}})
+
+
+@pytest.mark.parametrize("rejection_db", [-20.0, 4000.0])
+def test_a_rejection_neither_amplifies_nor_is_beyond_numbers(rejection_db):
+    with pytest.raises(PresetError, match="rejection: from 0 to 300 dB"):
+        presets.load_radio("corrected", {"interference": {"rejection": [[0, rejection_db]]}})

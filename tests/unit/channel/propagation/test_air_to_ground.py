@@ -5,6 +5,7 @@ import pytest
 
 from channel.geometry import Path
 from channel.link.radio import Radio
+from channel.medium.medium import Medium
 from channel.presets import load_radio, preset_names
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.hata import OkumuraHata
@@ -43,13 +44,72 @@ def test_rma_av_by_hand_and_clear_above_40_m():
     where = path(3000.0, 35.0, 30.0, 8e8)
     constant = 20 * np.log10(40 * np.pi * 0.8 / 3)
     slant = np.log10(np.hypot(3000, 5))
-    clear = max(23.9 - 1.8 * np.log10(35), 20) * slant + constant
+    clear = max(23.9 - 1.8 * np.log10(30), 20) * slant + constant
     assert float(RmaAv(line_of_sight="always").path_loss_db(where)) == pytest.approx(clear)
     high = path(3000.0, 35.0, 50.0, 8e8)
     assert float(RmaAv().line_of_sight_probability(high)) == 1.0
     assert float(RmaAv().path_loss_db(high)) == pytest.approx(
         float(RmaAv(line_of_sight="always").path_loss_db(high))
     )
+
+
+def sight_by_table(ground_m, height_m):
+    """TR 36.777, table B-1, RMa-AV, up to 40 m: d1 / d + exp(-d / p1) (1 - d1 / d)."""
+    d1 = max(1350.8 * np.log10(height_m) - 1602.0, 18.0)
+    p1 = max(15021.0 * np.log10(height_m) - 16053.0, 1000.0)
+    return d1 / ground_m + np.exp(-ground_m / p1) * (1.0 - d1 / ground_m)
+
+
+def power_by_table_dbm(ground_m, base_m, ua_m):
+    """Of `lte-like` with the table's mean loss over both states, B-2 at 800 MHz: 23 dBm and 5 dB more."""
+    slant, constant = np.log10(np.hypot(ground_m, base_m - ua_m)), 20 * np.log10(40 * np.pi * 0.8 / 3)
+    clear = max(23.9 - 1.8 * np.log10(ua_m), 20) * slant + constant
+    hidden = max(clear, -12 + (35 - 5.3 * np.log10(ua_m)) * slant + constant)
+    seen = sight_by_table(ground_m, ua_m)
+    return 28.0 - seen * clear - (1 - seen) * hidden
+
+
+PLAIN_CELL = {
+    "shadowing": {"model": "none"},
+    "fading": {"model": "none"},
+    "earth_radius_factor": None,
+    "propagation": {"line_of_sight": "expected"},
+}
+
+
+def test_a_ua_below_its_base_is_still_the_aircraft():
+    """A base at 35 m, a UA at 15 m: two thirds of the places 650 m off see each other, not nineteen in twenty."""
+    radio = Radio(load_radio("lte-like", PLAIN_CELL))
+    down = radio.path(ground_distance_m=650.0, height_tx_m=35.0, height_rx_m=15.0)
+    up = radio.path(ground_distance_m=650.0, height_tx_m=15.0, height_rx_m=35.0, base="rx")
+    for way in (down, up):
+        share = float(radio.config.propagation.line_of_sight_probability(way))
+        assert share == pytest.approx(sight_by_table(650.0, 15.0), abs=1e-12)
+        assert share == pytest.approx(0.678, abs=1e-3)
+        assert float(radio.mean_power_dbm(way)) == pytest.approx(power_by_table_dbm(650.0, 35.0, 15.0))
+
+
+def test_who_is_the_base_comes_from_the_nodes_of_a_medium():
+    medium = Medium(Radio(load_radio("lte-like", PLAIN_CELL)), seed=1, nodes=["ua", "tower"], bases=["tower"])
+    medium.place("ua", (650.0, 0.0, -15.0))
+    medium.place("tower", (0.0, 0.0, -35.0))
+    for sender in ("ua", "tower"):
+        medium.send(medium.packets(tx=sender, seq=0, length_bytes=40))
+    by_table = power_by_table_dbm(650.0, 35.0, 15.0)
+    assert medium.settle().received_power_dbm == pytest.approx([by_table, by_table], abs=6e-4)
+
+
+def test_two_of_a_kind_are_refused_or_counted_with_the_lower_end_as_the_base():
+    two = path(500.0, 25.0, 60.0)._replace(tx_is_base=False)
+    with pytest.raises(
+        OutsideValidityError, match="ends of a link = 'two of a kind': allowed is a ground node"
+    ):
+        UmaAv().path_loss_db(two)
+    with pytest.warns(ValidityWarning, match="two of a kind"):
+        UmaAv(outside="warn").path_loss_db(two)
+    assert UmaAv(outside="clamp").path_loss_db(two) == UmaAv().path_loss_db(path(500.0, 25.0, 60.0))
+    with pytest.raises(OutsideValidityError):
+        UmaAv().path_loss_db(two._replace(tx_is_base=True, rx_is_base=True))
 
 
 LOW = Path(900e6, np.asarray(1500.0), 30.0, 0.5)

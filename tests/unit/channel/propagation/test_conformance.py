@@ -1,61 +1,29 @@
 """Against values that ns-3 3.37 computed (tests/data), within the tolerances that we promise."""
 
-import csv
-from pathlib import Path as FilePath
-
 import numpy as np
 import pytest
 
+from benchmarks.bench_oracles import error_rates, path_losses
 from channel import presets
 from channel.geometry import Path
 from channel.link.radio import Radio
-from channel.phy.error_model import Band
-from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance, friis_loss_db, log_distance_loss_db
-from channel.propagation.two_ray import TwoSlope
-
-DATA = FilePath(__file__).parents[3] / "data"
-PLAIN = {
-    "friis": FreeSpace(),
-    "two-ray": TwoSlope(),
-    "log-distance-n3-l0-46.6777": LogDistance(exponent=3.0, reference_loss_db=46.6777),
-}
-HATA = {"okumura-hata": OkumuraHata, "cost231-hata": Cost231Hata}
-OFDM = {"nist": OfdmNist, "yans": OfdmYans}
+from channel.propagation.path_loss import friis_loss_db, log_distance_loss_db
 
 
-def rows(name):
-    with (DATA / name).open() as file:
-        return list(csv.DictReader(file))
+def test_path_losses_are_those_of_ns3():
+    found = path_losses()
+    assert len(found) == 12
+    assert sum(differences.size for differences in found.values()) == 135
+    for law, differences in found.items():
+        assert differences == pytest.approx(0.0, abs=1e-6), law
 
 
-def model_of(name):
-    if name in PLAIN:
-        return PLAIN[name]
-    family, environment, city = name.rsplit("-", 2)
-    return HATA[family](environment=environment, city=city, outside="warn", coefficients="ns3")
-
-
-@pytest.mark.filterwarnings("ignore::channel.validity.ValidityWarning")
-@pytest.mark.parametrize("name", sorted({row["model"] for row in rows("ns3_path_loss.csv")}))
-def test_path_loss(name):
-    model = model_of(name)
-    mine = [row for row in rows("ns3_path_loss.csv") if row["model"] == name]
-    f, ground, tx, rx, loss = (
-        np.array([float(row[key]) for row in mine])
-        for key in ("frequency_hz", "distance_m", "height_tx_m", "height_rx_m", "loss_db")
-    )
-    got = model.path_loss_db(Path(np.where(f > 0, f, 1e9), np.hypot(ground, tx - rx), tx, rx))
-    assert got == pytest.approx(loss, abs=0.002)
-
-
-@pytest.mark.parametrize("name", sorted(OFDM))
-def test_error_rates(name):
-    for row in (row for row in rows("ns3_error_rate.csv") if row["error_model"] == name):
-        model = OFDM[name](rate_mbps=int(row["mode"].removeprefix("OfdmRate").removesuffix("Mbps")))
-        got = 1.0 - model.per(np.asarray(float(row["snr_db"])), float(row["bits"]) / 8.0, Band(20e6, 6e6))
-        assert float(got) == pytest.approx(float(row["success_probability"]), abs=1e-8), row
+def test_error_rates_are_those_of_ns3():
+    found = error_rates()
+    assert sum(differences.size for differences in found.values()) == 348
+    for mode, differences in found.items():
+        assert differences == pytest.approx(0.0, abs=1e-9), mode
 
 
 def test_okumura_hata_of_the_textbook():

@@ -127,7 +127,7 @@ def test_a_scenario_gives_its_origin(tmp_path):
     (tmp_path / "tile.tif").write_bytes(TILE.read_bytes())
     law = "{model: terrain, file: tile.tif, extent_m: 1000}"
     scenario = parse_scenario(
-        text.replace("radio: moon2020", f"radio: {{preset: corrected, propagation: {law}}}"), "x", tmp_path
+        text.replace("radio: hata-qpsk", f"radio: {{preset: corrected, propagation: {law}}}"), "x", tmp_path
     )
     ground = radio_of(scenario).config.propagation
     assert (ground.origin_lat_deg, ground.origin_lon_deg, ground.origin_alt_amsl_m) == HERE

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from channel.link.emitter import Emitter
+from channel.link.emitters.emitter import Emitter
 from channel.presets import radio_from_mapping
 from channel.sensing.measured import NOTHING, Measured, Places
 from channel.sensing.sensing import Sensing

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from channel.checks import ChannelInputError
-from channel.link.emitter import Emitter
+from channel.link.emitters.emitter import Emitter
 from channel.sensing.measured import OUTCOMES, Measured, SensingOutcome
 from channel.sensing.sensing import Sensing
 from tests.unit.channel.sensing.scenes import CARRIER_HZ, PLAIN, config, emitter, law_dbm, measured, told

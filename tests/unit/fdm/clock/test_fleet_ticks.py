@@ -16,7 +16,7 @@ def ids(due):
 
 
 def test_a_tick_is_due_when_every_process_has_reached_it():
-    ticks = FleetTicks([0, 1, 2], 2, 50 * MS)
+    ticks = FleetTicks([[0, 2], [1]], 50 * MS)
     assert ticks.take_due(BUSY) is None
     ticks.reached(0, 0, [truth(0), truth(2)])
     assert ticks.take_due(BUSY) is None
@@ -29,10 +29,12 @@ def test_a_tick_is_due_when_every_process_has_reached_it():
 
 
 def test_nobody_waits_for_a_process_without_live_ua_and_late_reports_are_dropped():
-    ticks = FleetTicks([0, 1], 2, 50 * MS)
+    ticks = FleetTicks([[0], [1]], 50 * MS)
     assert ticks.take_due((True, True)) is None
+    ticks.happened(UaEvent(EventKind.ABSENT, 1, 0))
     ticks.reached(0, 0, [truth(0)])
     assert ids(ticks.take_due((False, True))) == (0, [0])
+    ticks.happened(UaEvent(EventKind.JOINED, 1, 0))
     ticks.reached(1, 0, [truth(1)])
     ticks.reached(0, 50 * MS, [truth(0)])
     assert ticks.take_due(BUSY) is None
@@ -40,8 +42,17 @@ def test_nobody_waits_for_a_process_without_live_ua_and_late_reports_are_dropped
     assert ids(ticks.take_due(BUSY)) == (50 * MS, [0, 1])
 
 
+def test_a_tick_without_a_stalled_ua_waits_for_the_word_that_it_stalled():
+    ticks = FleetTicks([[0], [1]], 50 * MS)
+    ticks.reached(0, 0, [truth(0)])
+    assert ticks.take_due((False, True)) is None  # the shared memory shows it before its event comes
+    ticks.happened(UaEvent(EventKind.STALLED, 1, 0))
+    assert ids(ticks.take_due((False, True))) == (0, [0])
+    assert ticks.status(0, 0, 1.0, paused=False).stalled_ua == (1,)
+
+
 def test_a_process_that_is_a_tick_ahead_keeps_its_truth_for_then():
-    ticks = FleetTicks([0, 1], 2, 50 * MS)
+    ticks = FleetTicks([[0], [1]], 50 * MS)
     ticks.reached(1, 50 * MS, [truth(1)])  # all its UA joined there
     ticks.reached(0, 0, [truth(0)])
     assert ids(ticks.take_due(BUSY)) == (0, [0])
@@ -50,10 +61,11 @@ def test_a_process_that_is_a_tick_ahead_keeps_its_truth_for_then():
 
 
 def test_the_status_follows_the_events():
-    ticks = FleetTicks([3, 1, 2], 2, 50 * MS)
+    ticks = FleetTicks([[3, 1], [2]], 50 * MS)
     for kind, ua_id in [
         (EventKind.JOINED, 1),
         (EventKind.JOINED, 2),
+        (EventKind.ABSENT, 3),
         (EventKind.STALLED, 1),
         (EventKind.RESTARTED, 2),
         (EventKind.DIVERGED, 2),

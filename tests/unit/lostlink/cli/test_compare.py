@@ -9,6 +9,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bridge.record.names import packets
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import read_scenario
 from lostlink.cli.records.compare import compare
 from lostlink.compare import told as comparison
 from tests.unit.bridge.record.runs import make_run
@@ -71,3 +73,23 @@ def test_long_comparison_is_seen_to_go_on(tmp_path: Path, monkeypatch: pytest.Mo
     done = run(make_run(tmp_path / "a", ticks=400), make_run(tmp_path / "b", ticks=400))
     assert "comparing mavlink/0/from_autopilot: 1000 entries so far" in done.stderr
     assert done.stdout.startswith("identical: ")
+
+
+def test_of_runs_of_other_scenarios_it_says_in_what_they_differ_and_what_came_of_each(tmp_path: Path) -> None:
+    a, b = make_run(tmp_path / "a"), make_run(tmp_path / "b", lambda run: run.change_row(7, fate="burst"))
+    for path, setting in ((a, {}), (b, {"nodes.1.agent.speed_mps": 7.5, "processes": "many"})):
+        RunDirectory(path).write(read_scenario("separation", setting), "")
+    done = run(a, b)
+    assert done.exit_code == 1
+    first, *_, last = done.output.splitlines()
+    assert first.startswith("first difference at 0.15 s")
+    rows = [
+        [cell.strip() for cell in line.split("│")[1:-1]] for line in done.output.splitlines() if "│" in line
+    ]
+    assert ["nodes.1.agent.speed_mps", "10", "7.5"] in rows
+    assert ["packets delivered", "40", "39"] in rows
+    assert "processes" not in done.output
+    assert last == "No two of these runs have the same digest."
+    assert json.loads(run(a, b, "--json").output)["settings"] == {"nodes.1.agent.speed_mps": [10.0, 7.5]}
+    RunDirectory(b).write(read_scenario("separation"), "")
+    assert len(run(a, b).output.splitlines()) == 3

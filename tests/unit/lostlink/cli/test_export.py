@@ -32,11 +32,12 @@ def test_csv_of_a_run_that_ended_and_of_one_that_was_killed(tmp_path: Path, is_f
     paths = [tmp_path / "new" / "out" / name for name in ("truth.csv", "deliveries.csv")]
     assert (done.exit_code, done.output.split()) == (0, [str(path) for path in paths])
     lines = paths[1].read_text().splitlines()
-    assert (
-        lines[0] == "sim_time_ns,tx,rx,seq,packets,length_bytes,distance_m,received_power_dbm,snr_db,per,fate"
+    assert lines[0] == (
+        "sim_time_ns,tx,rx,seq,packets,length_bytes,distance_m,received_power_dbm,snr_db,per,fate,"
+        "channel,encoding,received_ns"
     )
-    assert lines[1] == "0,0,1,0,1,40,100.000,-70.000,20.000,0.0100000,delivered"
-    assert lines[4] == "50000000,1,0,1,1,40,0.000,-70.000,20.000,0.0000001,delivered"
+    assert lines[1] == "0,0,1,0,1,40,100.000,-70.000,20.000,0.0100000,delivered,team,,50000000"
+    assert lines[4] == "50000000,1,0,1,1,40,0.000,-70.000,20.000,0.0000001,delivered,team,,100000000"
     assert len(lines) == 41
     with paths[0].open(newline="") as file:
         rows = list(csv.DictReader(file))

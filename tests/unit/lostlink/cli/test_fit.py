@@ -42,10 +42,11 @@ def run(tmp_path: Path) -> Path:
         snr_db=link.snr_db,
         per=np.nan,
         fate=np.where(delivered, 0, 1),
+        received_ns=0,
     )
     writer.append(
         2,
-        **dict.fromkeys(("sim_time_ns", "tx", "seq", "length_bytes"), 0),
+        **dict.fromkeys(("sim_time_ns", "tx", "seq", "length_bytes", "received_ns"), 0),
         rx=1,
         fate=6,
         **dict.fromkeys(("distance_m", "received_power_dbm", "snr_db", "per"), np.nan),

@@ -145,7 +145,8 @@ def test_same_mavlink_bytes_in_other_pieces_are_said_to_be_that(tmp_path: Path) 
     ("packet", "what", "a", "b"),
     [
         (SentPacket(4, AT_3, "team", b"payload"), "seq", "3", "4"),
-        (SentPacket(3, AT_3, "crew", b"payload"), "channel", "team", "crew"),
+        (SentPacket(3, AT_3, "crew", b"payload"), "address", "team", "crew"),
+        (SentPacket(3, AT_3, "team", b"payload", "text/plain"), "encoding", "", "text/plain"),
         (SentPacket(3, AT_3 + 1, "team", b"payload"), "sim_time_ns", "150000000", "150000001"),
         (
             SentPacket(3, AT_3, "team", b"paxload"),
@@ -178,7 +179,8 @@ def test_delivery_is_told_by_column(tmp_path: Path) -> None:
 def test_another_packet_is_told_by_its_row(tmp_path: Path) -> None:
     found = difference(tmp_path, lambda run: run.change_row(7, seq=9))
     row = "sim_time_ns 150000000, tx 1, rx 0, seq {}, packets 1, length_bytes 40, distance_m 100.0, "
-    row += "received_power_dbm -70.0, snr_db 20.0, per 0.01, fate delivered"
+    row += "received_power_dbm -70.0, snr_db 20.0, per 0.01, fate delivered, channel team, "
+    row += "encoding , received_ns 200000000"
     assert found == Difference(AT_3, "1", "deliveries", "row 7", row.format(3), row.format(9))
 
 

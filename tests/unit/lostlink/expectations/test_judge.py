@@ -9,10 +9,19 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from bridge.radio.ledger_file import LEDGER, write_ledger
+from bridge.record import names
+from bridge.record.logged import LoggedValue, encode_logged
+from bridge.record.streams import Entry
 from bridge.run.directory import RunDirectory
-from bridge.scenario.file import read_scenario
+from bridge.scenario.file import ScenarioError, read_scenario
+from channel.medium.ledger import Ledger
 from lostlink.cli.records.judge import judge as judge_command
 from lostlink.expectations.judge import Judgement, judge
+from lostlink.expectations.measures import MeasureError
+from lostlink.flight.summary import Timing, summarise, write_summary
+from lostlink.reading.run import load_run
+from lostlink.study.metrics import of_summary
 from tests.unit.bridge.record.runs import RunContent, make_run
 
 FIRST, LOST_FROM, LOST_TO = 0, 5, 8
@@ -98,6 +107,11 @@ def test_separation(tmp_path: Path) -> None:
     assert judged(run, type="separation", at_least_m=0.5).found == pytest.approx(1.0)
     assert not judged(run, type="separation", at_least_m=1.5, among=[1, 0]).passed
     assert judged(run, type="separation", at_least_m=1.5, between_s=[7, 8]).found is None
+    assert judged(run, type="separation", at_most_m=1.0).passed
+    farther = judged(run, type="separation", at_least_m=0.5, at_most_m=0.9)
+    assert (farther.found, farther.passed, farther.wanted) == (1.0, False, "at least 0.5 m and at most 0.9 m")
+    with pytest.raises(ScenarioError, match="give at_least_m, at_most_m or both"):
+        judged(run, type="separation")
 
 
 def test_losses_of_the_host_count_each_receiver(tmp_path: Path) -> None:
@@ -138,3 +152,142 @@ def test_a_record_is_judged_by_another_scenario(tmp_path: Path) -> None:
     other.write_text(yaml.safe_dump(wanted))
     done = CliRunner().invoke(judge_command, [str(run), str(other)])
     assert (done.exit_code, "has no node 7" in done.output) == (2, True)
+
+
+def log(made: RunContent) -> None:
+    """UA 0 logs 0, 1, ... 9 as `error_m`, UA 1 ten times 2; and a mapping, and a text."""
+    for node in ("0", "1"):
+        values = [LoggedValue("error_m", float(tick) if node == "0" else 2.0) for tick in range(10)]
+        entries = [Entry(tick * 50_000_000, encode_logged(value)) for tick, value in enumerate(values)]
+        others = (LoggedValue("plan", {"to_m": 7.5, "why": "lost"}), LoggedValue("say", "no"))
+        entries += [Entry(500_000_000, encode_logged(value)) for value in others]
+        made.streams[names.logged(node)] = entries
+
+
+@pytest.mark.parametrize(
+    ("expectation", "found", "passed"),
+    [
+        ({"value": "error_m", "at_most": 8, "for": 0.9}, 0.9, True),
+        ({"value": "error_m", "at_most": 8, "for": 0.95}, 0.9, False),
+        ({"value": "error_m", "at_most": 8}, 0.9, False),
+        ({"value": "error_m", "at_most": 8, "node": 1}, 1.0, True),
+        ({"value": "error_m", "at_least": 3, "at_most": 4, "for": 0.2, "node": 0}, 0.2, True),
+        ({"value": "error_m", "at_least": 3, "between_s": [0.15, 0.45], "node": 0}, 1.0, True),
+        ({"value": "plan", "key": "to_m", "at_least": 7}, 1.0, True),
+        ({"value": "nobody_logs_it", "at_least": 7}, None, False),
+    ],
+)
+def test_logged(tmp_path: Path, expectation: dict[str, Any], found: float | None, passed: bool) -> None:
+    judgement = judged(make_run(tmp_path / "run", log), type="logged", **expectation)
+    assert judgement.found == (None if found is None else pytest.approx(found))
+    assert judgement.passed is passed
+
+
+@pytest.mark.parametrize(
+    "expectation", [{"value": "say"}, {"value": "plan"}, {"value": "plan", "key": "why"}]
+)
+def test_what_is_logged_and_is_no_number_is_told(tmp_path: Path, expectation: dict[str, Any]) -> None:
+    with pytest.raises(MeasureError, match=r"node 0 logged .* at 0.5 s, which is no number"):
+        judged(make_run(tmp_path / "run", log), type="logged", at_most=1, **expectation)
+
+
+MEASURES = """
+def ticks(run, more=0):
+    return len(set(run.columns("truth", ["tick_ns"])["tick_ns"])) + more
+
+def grows(run):
+    return True
+
+def several(run):
+    import numpy
+    return numpy.zeros(3)
+
+def nothing(run):
+    return float("nan")
+
+def breaks(run):
+    return 1 / 0
+
+class Last:
+    def __new__(cls, run):
+        return run.end_ns / 1e9
+"""
+
+
+@pytest.mark.parametrize(
+    ("expectation", "found", "passed"),
+    [
+        ({"function": "ticks", "at_most": 20}, 20.0, True),
+        ({"function": "ticks", "at_most": 20, "options": {"more": 1}}, 21.0, False),
+        ({"function": "grows"}, "yes", True),
+        ({"function": "Last", "at_least": 0.95}, 0.95, True),
+    ],
+)
+def test_function(tmp_path: Path, expectation: dict[str, Any], found: float | str, passed: bool) -> None:
+    (tmp_path / "mine.py").write_text(MEASURES)
+    run = make_run(tmp_path / "run")
+    RunDirectory(run).write(read_scenario("separation"), "tcp/127.0.0.1:1")
+    named = expectation | {"function": f"{tmp_path / 'mine.py'}:{expectation['function']}"}
+    judgement = judged(run, type="function", **named)
+    assert (judgement.found, judgement.passed) == (found, passed)
+
+
+@pytest.mark.parametrize(
+    ("expectation", "words"),
+    [
+        (
+            {"function": "several", "at_most": 1},
+            "several raised ValueError: can only convert an array of size 1",
+        ),
+        ({"function": "nothing", "at_most": 1}, "gave nan; wanted is a number"),
+        ({"function": "breaks", "at_most": 1}, "breaks raised ZeroDivisionError: division by zero"),
+        ({"function": "ticks"}, "gave 20; wanted is True or False, or bounds for a number"),
+        ({"function": "grows", "at_most": 1}, "gave True; wanted is a number"),
+    ],
+)
+def test_a_function_that_says_nothing_to_judge_fails_and_is_told(
+    tmp_path: Path, expectation: dict[str, Any], words: str
+) -> None:
+    (tmp_path / "mine.py").write_text(MEASURES)
+    run = make_run(tmp_path / "run")
+    RunDirectory(run).write(read_scenario("separation"), "tcp/127.0.0.1:1")
+    named = expectation | {
+        "type": "function",
+        "function": f"{tmp_path / 'mine.py'}:{expectation['function']}",
+    }
+    scenario = read_scenario("separation", {"expectations": [named]})
+    (judgement,) = judge(run, scenario, "done", as_far_as_possible=True)
+    assert not judgement.passed
+    assert words in judgement.error
+
+
+def test_a_function_that_is_not_there_is_found_before_a_flight(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(MEASURES)
+    (tmp_path / "wants.yaml").write_text(
+        "extends: separation\nexpectations:\n  - {type: function, function: mine.py:tics, at_most: 1}\n"
+    )
+    with pytest.raises(
+        ScenarioError, match=r"wants.yaml:3: expectations.0.function: .*mine.py has no function tics"
+    ):
+        read_scenario(str(tmp_path / "wants.yaml"))
+
+
+def test_expectations_have_columns_in_a_study(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run")
+    directory = RunDirectory(run)
+    wanted = [
+        {"type": "separation", "at_most_m": 0.5, "name": "together"},
+        {"type": "ending", "ending": "done"},
+    ]
+    scenario = read_scenario("separation", {"expectations": wanted})
+    directory.write(scenario, "tcp/127.0.0.1:1")
+    write_ledger(run / LEDGER, Ledger(("0", "1")), {})
+    write_summary(summarise(scenario, directory, Timing(1.0, 1.0), "done"), directory)
+    found = of_summary(load_run(run))
+    assert {name: value for name, value in found.items() if ": " in name} == {
+        "together: found": pytest.approx(1.0),
+        "together: passed": False,
+        "ending: found": "done",
+        "ending: passed": True,
+    }
+    assert (found["passed"], found["outcome"]) == (False, "fail")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bridge.bus.messages import AgentStatus, Clock, Header
+from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header
 from lostlink.flight import progress as module
 from lostlink.flight.progress import Progress
 
@@ -50,6 +50,13 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LOOK_PERIOD_S", 0.002)
 
 
+def test_of_a_ua_that_is_unheard_no_numbers_are_shown() -> None:
+    nan = float("nan")
+    assert module._ua_text("0", AircraftState(altitude_rel_m=nan, groundspeed_mps=nan)) == "UA 0 unheard"
+    heard = AircraftState(mode="GUIDED", altitude_rel_m=12.3, groundspeed_mps=nan)
+    assert module._ua_text("0", heard) == "UA 0 GUIDED 12 m"
+
+
 def test_phases_and_agents_have_lines() -> None:
     shown, output = of_lines()
     with shown:
@@ -70,12 +77,18 @@ def test_ticks_have_a_line_now_and_then(impatient: None) -> None:
         output.wait_for("sim time    1.00 s")
 
 
-def test_ticks_have_no_more_lines_than_that() -> None:
+def test_ticks_have_no_more_lines_than_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A log of a minute has a line each ten seconds."""
     shown, output = of_lines()
+    now_s = module.monotonic()
+    monkeypatch.setattr(module, "monotonic", lambda: now_s)
     with shown:
-        for tick in range(20):
+        for tick in range(1200):
+            now_s += 0.05
             shown.on_message(clock(tick / 20.0))
-    assert output.getvalue().count("sim time") == 1
+            shown.on_news(f"writes {tick} rows")
+    assert output.getvalue().count("sim time") == 6
+    assert "rows" not in output.getvalue()
 
 
 def test_silence_is_broken_by_what_is_waited_for(impatient: None) -> None:

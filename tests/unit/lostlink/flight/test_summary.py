@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from bridge.radio.ledger_file import LEDGER
+from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from bridge.scenario.resolve.radio import radio_of
+from lostlink.flight.bins_table import bins_table
 from lostlink.flight.figure import draw_probability_of_delivery
 from lostlink.flight.summary import Timing, expectation_lines, summarise
-from tests.unit.bridge.record.runs import make_run
+from lostlink.redecision.redecide import redecide
+from lostlink.redecision.rewrite import write_run
+from tests.unit.bridge.record.runs import RunContent, make_run
+from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 SCENARIO = read_scenario("separation")
 
@@ -27,7 +34,8 @@ def row(start_m: float, sent: int, measured: float, low: float = 0.4, high: floa
 
 
 def check(name: str, chance: float) -> dict[str, Any]:
-    return {"name": name, "size": 100, "found": 1.0, "chance": chance, "passed": chance >= 1e-3}
+    judged = {"name": name, "size": 100, "found": 1.0, "chance": chance, "passed": chance >= 1e-3}
+    return judged | {"wrong": "2 dB off", "power": 1.0, "sees": True}
 
 
 def summary_of(
@@ -44,7 +52,7 @@ def summary_of(
         }
     ]
     (path / LEDGER).write_text(
-        json.dumps({"links": links, "bins": bins, "refused": {}, "checks": checks or []})
+        json.dumps({"links": links, "bins": bins, "refused": {}, "checks": checks or [], "unjudged": []})
     )
     return summarise(SCENARIO, RunDirectory(path), Timing(100.0, 10.0), ending)
 
@@ -52,7 +60,7 @@ def summary_of(
 def test_a_run_passes_if_all_checks_do(tmp_path: Path) -> None:
     good, bad = check("losses", 0.2), check("level of the powers", 1e-5)
     verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, good])["verdict"]
-    assert verdict == "pass: 2 checks of draws and powers against the model; 25 of 50 packets delivered"
+    assert verdict == "pass: 2 checks of draws against the model; 25 of 50 packets delivered"
     verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, bad])["verdict"]
     assert verdict.startswith("fail: 1 of 2 checks against the model: level of the powers (chance 1e-05)")
 
@@ -89,7 +97,9 @@ def test_what_needs_a_table_that_cannot_be_read_says_so_and_the_rest_is_judged(t
     """The truth is damaged: who heard whom, and how it ended, is known all the same."""
     run = make_run(tmp_path / "run")
     TRUTH.parquet_path(run).write_bytes(b"PAR1")
-    (run / LEDGER).write_text(json.dumps({"links": [], "bins": [], "refused": {}, "checks": []}))
+    (run / LEDGER).write_text(
+        json.dumps({"links": [], "bins": [], "refused": {}, "checks": [], "unjudged": []})
+    )
     expectations = [
         {"type": "separation", "at_least_m": 0.5},
         {"type": "delivery", "at_least": 1.0},
@@ -115,3 +125,71 @@ def test_verdict_says_who_had_not_finished(tmp_path: Path) -> None:
     summary = summarise(SCENARIO, RunDirectory(tmp_path), Timing(12.0, 1.0), "duration", ["1"])
     assert summary["verdict"].endswith("; node 1 had not finished")
     assert summary["unfinished"] == ["1"]
+
+
+@pytest.mark.parametrize("is_finished", [True, False], ids=["Parquet", "journals"])
+def test_of_a_radio_that_was_killed_the_tables_are_counted(tmp_path: Path, is_finished: bool) -> None:
+    def lose(made: RunContent) -> None:
+        made.change_row(0, fate="out_of_range")
+        made.change_row(2, rx="all", packets=3, fate="transport")
+
+    run = RunDirectory(make_run(tmp_path / "run", lose, is_finished=is_finished))
+    run.write(SCENARIO, "")
+    summary = summarise(SCENARIO, run, Timing(1.0, 1.0), "failed")
+    assert summary["links"] == [
+        {"tx": "0", "rx": "1", "sent": 22, "delivered": 18, "lost": {"out_of_range": 1, "transport": 3}},
+        {"tx": "1", "rx": "0", "sent": 20, "delivered": 20, "lost": {}},
+    ]
+    assert summary["verdict"] == "broke off: 38 of 42 packets delivered"
+
+
+def test_of_a_table_that_is_damaged_nothing_is_counted(tmp_path: Path) -> None:
+    run = RunDirectory(make_run(tmp_path / "run"))
+    run.write(SCENARIO, "")
+    DELIVERIES.parquet_path(run.path).write_bytes(b"PAR1")
+    summary = summarise(SCENARIO, run, Timing(1.0, 1.0), "failed")
+    assert (summary["links"], summary["verdict"]) == ([], "broke off: no link was recorded")
+
+
+def shown(summary: dict[str, Any]) -> str:
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(bins_table(summary))
+    return " ".join(console.export_text().split())
+
+
+def test_intervals_of_independent_packets_are_not_held_against_those_that_share_their_draws(
+    tmp_path: Path,
+) -> None:
+    alone, shared = row(0, 100, 0.7), row(0, 100, 0.7) | {"ci99": None}
+    summary = summary_of(tmp_path, [alone])
+    assert (summary["bins_judged"], summary["bins_within"]) == (1, 0)
+    assert "0 -> 1" in shown(summary)
+    summary = summary_of(tmp_path, [shared])
+    assert (summary["bins_judged"], summary["bins_within"]) == (0, 0)
+    assert "packets share shadowing or fading: no intervals" in shown(summary)
+    assert "0 -> 1" not in shown(summary)
+
+
+@pytest.mark.parametrize(
+    ("radio", "shared"),
+    [
+        ("corrected", False),
+        ("wifi-2.4", True),
+        ("{preset: corrected, fading: {model: rician, k_db: 3.0, coherence: doppler}}", True),
+        ("{preset: perfect, bursts: {model: gilbert-elliott, mean_good_s: 1, mean_bad_s: 1}}", True),
+    ],
+)
+def test_a_run_has_intervals_where_its_packets_are_independent(
+    tmp_path: Path, radio: str, shared: bool
+) -> None:
+    run = RunDirectory(flown(tmp_path / "run", scenario_of(radio, ("0", "1")), 3))
+    again = tmp_path / "again"
+    write_run(redecide(run.path), again)
+    bins = json.loads((again / LEDGER).read_text())["bins"]
+    assert bins
+    assert {each["ci99"] is None for each in bins} == {shared}
+
+
+def test_a_row_names_some_links_and_counts_the_others(tmp_path: Path) -> None:
+    many = [row(0, 100, 0.7) | {"tx": str(tx), "rx": "9"} for tx in range(8)]
+    assert "0 -> 9, 1 -> 9, 2 -> 9 and 5 more" in shown(summary_of(tmp_path, many))

@@ -11,8 +11,23 @@ from lostlink.flight.exits import DISAGREES, UNEXPECTED, WELL, status_of
 from lostlink.flight.verdict import RunOutcome, verdict_of
 
 LINKS = [{"sent": 50, "delivered": 25}]
-GOOD = {"name": "losses", "chance": 0.2, "passed": True}
-BAD = {"name": "noise", "chance": 1e-5, "passed": False}
+GOOD = {
+    "name": "losses",
+    "chance": 0.2,
+    "passed": True,
+    "wrong": "1% of the packets",
+    "power": 1.0,
+    "sees": True,
+}
+BAD = {"name": "noise", "chance": 1e-5, "passed": False, "wrong": "any", "power": 1.0, "sees": True}
+BLIND = {
+    "name": "level of the powers",
+    "chance": 0.5,
+    "passed": True,
+    "wrong": "2 dB off",
+    "power": 0.1,
+    "sees": False,
+}
 
 
 def expected(*, passed: bool) -> Judgement:
@@ -25,7 +40,7 @@ MET, MISSED = expected(passed=True), expected(passed=False)
 @pytest.mark.parametrize(
     ("checks", "judged", "ending", "outcome", "status", "text"),
     [
-        ([GOOD], [MET], "done", "pass", WELL, "pass: 1 expectations met; 1 checks of draws and powers"),
+        ([GOOD], [MET], "done", "pass", WELL, "pass: 1 expectations met; 1 checks of draws against"),
         ([GOOD], [MISSED, MET], "done", "fail", UNEXPECTED, "fail: 1 of 2 expectations not met: range; 1 ch"),
         ([BAD], [], "done", "fail", DISAGREES, "fail: 1 of 1 checks against the model: noise (chance 1e-05)"),
         (
@@ -60,3 +75,16 @@ def test_words_and_status_follow_from_the_outcome(
 
 def test_the_first_word_says_that_all_is_well_of_nothing_else() -> None:
     assert [outcome for outcome in RunOutcome if outcome.word.startswith("pass")] == [RunOutcome.PASS]
+
+
+def test_what_was_not_judged_and_what_would_not_have_been_seen_is_said() -> None:
+    few, other = "5 of 8 places", "3 of 8 pairs of packets"
+    unjudged = [
+        {"name": name, "why": why} for name, why in (("level", few), ("spread", few), ("over place", other))
+    ]
+    text = verdict_of([GOOD, BLIND], LINKS, "done", unjudged=unjudged).text
+    assert text.startswith(
+        "pass: 2 checks of draws and powers against the model; too little to see: level of the powers (2 dB off); "
+        "not judged: level, spread (5 of 8 places), over place (3 of 8 pairs of packets); 25 of 50"
+    )
+    assert "judged" not in verdict_of([GOOD], LINKS, "done").text

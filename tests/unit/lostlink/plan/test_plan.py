@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from bridge.scenario.file import parse_scenario, read_scenario
+from bridge.scenario.file import ScenarioError, parse_scenario, read_scenario
 from bridge.scenario.resolve.radio import radio_from
 from lostlink.cli.flying.check import check
 from lostlink.plan.plan import plan_of
@@ -42,6 +42,34 @@ def plan_with(*settings: str) -> dict[str, Any]:
     return plan
 
 
+TOWER = """\
+schema: 1
+name: cell
+duration_s: 60
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: {preset: lte-like, propagation: {outside: OUTSIDE}}
+nodes:
+  - {id: 0, agent: {type: still}}
+  - {id: tower, kind: ground, place: {north_m: 500, height_m: 35}, agent: {type: still}}
+"""
+SECOND = "  - {id: 1, agent: {type: still}}\n"
+
+
+def test_links_and_heights_that_a_cellular_law_does_not_have_are_told_before_the_run() -> None:
+    """A base and a UA are what it is for; two UA are refused at once, or said to be counted otherwise."""
+    one, two = (
+        plan_of(parse_scenario(text.replace("OUTSIDE", "clamp"), "cell.yaml")).not_modelled
+        for text in (TOWER, TOWER + SECOND)
+    )
+    assert "links between UA: rma-av has none; the lower end of such a link counts as its base" in two
+    assert not any("links between" in line for line in one)
+    assert any(line.startswith("UA below 10 or above 300 m: by rma-av they count") for line in one)
+    refusing = plan_of(parse_scenario(TOWER.replace("OUTSIDE", "refuse"), "cell.yaml")).not_modelled
+    assert any(line.startswith("UA below 10 or above 300 m: by rma-av they end the run") for line in refusing)
+    with pytest.raises(ScenarioError, match=r"cell.yaml:5: radio: rma-av has .* no links between UA: 0, 1"):
+        parse_scenario((TOWER + SECOND).replace("OUTSIDE", "refuse"), "cell.yaml")
+
+
 def test_nodes_processes_and_ports() -> None:
     plan = plan_of(parse_scenario(TEXT, "planned.yaml"))
     assert [(n.id, n.kind, n.place_m, n.vehicle, n.agent) for n in plan.nodes] == [
@@ -54,6 +82,12 @@ def test_nodes_processes_and_ports() -> None:
     hosted = [node for name, nodes in plan.processes.items() if name.startswith("host-") for node in nodes]
     assert sorted(hosted) == ["0", "1", "2", "9"]
     assert "UDP port 9092 (flight dynamics of UA 2)" in plan.ports
+
+
+def test_where_mavlink_is_sent_is_said() -> None:
+    said = checked("separation", "--set", "speed=1", "--set", "ports.mavsdk=0").output
+    assert "MAVLink of UA 1 to 127.0.0.1:14550\n" in said
+    assert "UDP outputs" not in checked("separation", "--set", "speed=2").output
 
 
 @pytest.mark.parametrize(

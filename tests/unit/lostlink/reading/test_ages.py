@@ -9,7 +9,7 @@ import pytest
 
 from bridge.record.tables.deliveries import FATES, DeliveryWriter
 from bridge.record.tables.every import finish_tables
-from lostlink.reading.ages import link_ages, link_latencies, received_ns, sawtooth, times_of
+from lostlink.reading.ages import NEEDED, link_ages, link_latencies, sawtooth, times_of
 from lostlink.reading.rows import link_rows
 
 S = 1_000_000_000
@@ -76,17 +76,6 @@ def test_quantile_against_samples_of_the_age_itself():
     assert tooth.age == pytest.approx((age_s.mean(), np.quantile(age_s, 0.95), age_s.max()), rel=1e-3)
 
 
-def test_a_packet_comes_at_the_tick_after_the_one_that_settled_it():
-    columns = {"sim_time_ns": times(0, 0.1, 0.15, 0.11), "fate": np.zeros(4, dtype=np.intp)}
-    assert received_ns(columns, TICK_NS).tolist() == times(0.1, 0.2, 0.3, 0.3).tolist()
-
-
-def test_what_was_missed_within_a_tick_does_not_hold_up_what_that_tick_settled():
-    fates = [FATES.index(fate) for fate in ("transport", "delivered")]
-    columns = {"sim_time_ns": times(0.13, 0.1), "fate": np.array(fates)}
-    assert received_ns(columns, TICK_NS).tolist() == times(0.2, 0.2).tolist()
-
-
 @pytest.mark.parametrize("is_finished", [True, False])
 def test_links_of_a_table(tmp_path: Path, is_finished: bool):
     """a sends each tick for 2 s: b hears all, c nothing; b's packet is lost before the radio, to everybody."""
@@ -102,15 +91,18 @@ def test_links_of_a_table(tmp_path: Path, is_finished: bool):
                 seq=tick,
                 length_bytes=40,
                 fate=FATES.index(fate),
+                received_ns=(tick + 1) * TICK_NS,
                 **unknown,
             )
     lost = FATES.index("transport")
-    writer.append(1, sim_time_ns=S, tx=1, rx=3, seq=0, packets=2, length_bytes=40, fate=lost, **unknown)
+    writer.append(
+        1, sim_time_ns=S, tx=1, rx=3, seq=0, packets=2, length_bytes=40, fate=lost, received_ns=0, **unknown
+    )
     writer.close()
     if is_finished:
         finish_tables(tmp_path)
-    rows = link_rows(tmp_path, NODES, ("sim_time_ns",))
-    heard = times_of(rows, TICK_NS)
+    rows = link_rows(tmp_path, NODES, NEEDED)
+    heard = times_of(rows)
     ages = link_ages(heard, 2 * S)
     assert list(zip(*rows.ends_of(rows.links), strict=True)) == [
         ("a", "b"),

@@ -37,6 +37,7 @@ def write(run: Path, *, is_finished: bool) -> list[tuple[int, int, int, str]]:
             snr_db=20.0,
             per=0.5,
             fate=FATES.index(fate),
+            received_ns=0,
         )
     numbers = dict.fromkeys(("distance_m", "received_power_dbm", "snr_db", "per"), np.nan)
     writer.append(
@@ -48,6 +49,7 @@ def write(run: Path, *, is_finished: bool) -> list[tuple[int, int, int, str]]:
         packets=7,
         length_bytes=40,
         fate=FATES.index("transport"),
+        received_ns=0,
         **numbers,
     )
     writer.close()

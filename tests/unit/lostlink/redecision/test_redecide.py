@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from numpy.typing import NDArray
 
 from bridge.bus.messages import CommandGoal
 from bridge.bus.radio_command import radio_goal
@@ -16,6 +17,7 @@ from bridge.record.tables.every import finish_tables
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import RadioOutage
 from channel.presets import preset_names
+from lostlink.reading.rows import DeliveryRows
 from lostlink.redecision.redecide import Redecision, redecide
 from lostlink.redecision.rewrite import write_deliveries
 from tests.unit.lostlink.replay.flown import TICK_NS, Router, Sent, everybody, flown, scenario_of, truths
@@ -84,8 +86,14 @@ def test_each_nodes_own_radio_counts(tmp_path: Path) -> None:
     nodes = tuple(n.model_copy(update={"radio": strong}) if n.node == "gcs" else n for n in scenario.nodes)
     run = flown(tmp_path / "run", scenario.model_copy(update={"nodes": nodes}), 100)
     assert is_byte_for_byte(redecide(run), tmp_path)
-    counts = redecide(run).after.counts()[..., 0]
+    counts = counts_of(redecide(run).after)[..., 0]
     assert counts[3].sum() > counts[:3].sum() / 3
+
+
+def counts_of(rows: DeliveryRows) -> NDArray[np.int64]:
+    """Packets by sender, receiver and fate."""
+    each, nodes = rows.each(), len(rows.nodes)
+    return each.cells(each.link, nodes**2).reshape(nodes, nodes, -1)
 
 
 def some(number: int) -> list[Sent]:
@@ -109,7 +117,7 @@ def test_nodes_that_come_late_are_unknown_as_long_as_they_were(tmp_path: Path) -
     run = flown(tmp_path / "run", scenario_of("moon2020", NODES), 70, late=["2"])
     result = redecide(run)
     assert is_byte_for_byte(result, tmp_path)
-    unknown = result.after.counts()[..., FATES.index("no_position")]
+    unknown = counts_of(result.after)[..., FATES.index("no_position")]
     assert unknown[2, 0] > 10
     assert unknown[0, 1] == 0
 

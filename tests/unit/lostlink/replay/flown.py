@@ -21,7 +21,7 @@ from bridge.record import names
 from bridge.record.inputs import InputWriter, RecordedInput
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.pack import pack_streams
-from bridge.record.packets import SentPacket, encode_packet
+from bridge.record.packets import encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter
@@ -33,8 +33,8 @@ from bridge.scenario.file import parse_scenario
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
+from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
-from channel.medium.verdict import Judge
 
 TICK_NS = 50_000_000
 NS_PER_S = 1_000_000_000
@@ -52,6 +52,7 @@ class Sent:
     to: str = "all"
     length: int = 40
     sim_time_ns: int | None = None
+    encoding: str = ""
     lost: int = 0
     """So many of the sender's packets before it never came."""
 
@@ -133,15 +134,20 @@ class Router:
         nodes = scenario.transceiver_ids
         self.judge = Judge(len(nodes))
         heard = [emitter.name for emitter in emitters]
-        switches = switches_of(scenario)
         medium = Medium(
-            radios, seed=scenario.seed, nodes=nodes, judge=self.judge, emitters=heard, switches=switches
+            radios,
+            seed=scenario.seed,
+            nodes=nodes,
+            judge=self.judge,
+            emitters=heard,
+            switches=switches_of(scenario),
+            bases=[node.node for node in scenario.ground],
         )
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
         self.core = VirtualRadio(medium, Ring(nodes, tick_period_ns=TICK_NS), mtu_bytes)
         self.nodes = nodes
         self.truth = TruthWriter(path, scenario.stations)
-        self.rows = DeliveryWriter(path, nodes)
+        self.rows = DeliveryWriter(path, nodes, self.core.words)
         self.states = {node: StateWriter(path, node) for node in nodes}
         self.pace = StatePace()
         self.streams = {node: StreamWriter(names.packets(node).path(path)) for node in nodes}
@@ -182,14 +188,13 @@ class Router:
         )
         self.seq[packet.node] += 1
         address = Address(packet.node, "main", packet.to, "team")
-        assert self.core.on_packet(address, bytes(packet.length), "", stamp)
+        assert self.core.on_packet(address, bytes(packet.length), packet.encoding, stamp)
 
     def _write(self, settled: Settled) -> None:
-        self.rows.write(settled.columns, settled.gaps)
+        self.rows.write(settled.columns, settled.gaps, settled.received_ns)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for p in transmitted:
-            entry = encode_packet(SentPacket(p.seq, p.sim_time_ns, p.address, p.payload))
-            self.streams[self.nodes[p.tx]].write(p.sim_time_ns, entry)
+            self.streams[self.nodes[p.tx]].write(p.sim_time_ns, encode_packet(p))
 
     def log(self, sim_time_ns: int, said: Sequence[Said]) -> None:
         """Agents log at a tick."""
@@ -207,8 +212,9 @@ class Router:
         for stream in (*self.streams.values(), *self.logged.values()):
             stream.close()
         if not killed:
-            checks = self.judge.verdict().checks
-            write_ledger(self.run.path / LEDGER, self.core.ledger, self.core.refused, checks=checks)
+            write_ledger(
+                self.run.path / LEDGER, self.core.ledger, self.core.refused, verdict=self.judge.verdict()
+            )
             finish_tables(self.run.path)
             pack_streams(self.run.path)
             (self.run.path / SUMMARY_FILE).write_text(json.dumps({"ending": "duration"}))

@@ -11,7 +11,7 @@ from matplotlib.cbook import boxplot_stats
 
 from channel.medium.reception import DELIVERED, ERASED
 from lostlink.reading.ages import times_of
-from lostlink.reading.rows import LinkRows, link_rows
+from lostlink.reading.rows import DeliveryRows, link_rows
 from lostlink.report.packets import COLUMNS, ages_of, bins_of, links_of, losses_of, powers_of, totals_of
 from lostlink.report.scales import nice_step, plain
 from tests.unit.lostlink.replay.flown import flown, scenario_of
@@ -20,13 +20,14 @@ S = 1_000_000_000
 NODES = ("0", "1", "gcs")
 
 
-def rows_of(fate: list[int], distance_m: list[float], power_dbm: list[float]) -> LinkRows:
+def rows_of(fate: list[int], distance_m: list[float], power_dbm: list[float]) -> DeliveryRows:
     """A packet a second from 0 to 1; its fate is 1 if it arrived."""
     count = len(fate)
     columns = {"tx": np.zeros(count, int), "rx": np.ones(count, int), "packets": np.ones(count, int)}
     columns |= {"fate": np.where(fate, DELIVERED, ERASED), "sim_time_ns": np.arange(count) * S}
+    columns |= {"received_ns": np.arange(1, count + 1) * S}
     columns |= {"distance_m": np.array(distance_m), "received_power_dbm": np.array(power_dbm)}
-    return LinkRows(NODES, columns)
+    return DeliveryRows(NODES, columns)
 
 
 def test_boxes_are_those_of_matplotlib():
@@ -62,7 +63,7 @@ def test_causes_over_time():
 
 def test_links_and_totals():
     rows = rows_of([1, 0, 0, 1], [1] * 4, [-50] * 4)
-    (link,) = links = links_of(rows, times_of(rows, S), 5 * S)
+    (link,) = links = links_of(rows, times_of(rows), 5 * S)
     assert {name: link[name] for name in ("tx", "rx", "sent", "delivered", "delivery", "lost")} == {
         "tx": "0",
         "rx": "1",
@@ -81,7 +82,7 @@ def test_links_and_totals():
 def test_of_many_links_ages_are_the_median_and_the_oldest(tmp_path: Path):
     nodes = tuple("01234")
     run = flown(tmp_path / "run", scenario_of("moon2020", nodes), ticks=100)
-    times = times_of(link_rows(run, nodes, COLUMNS), 50_000_000)
+    times = times_of(link_rows(run, nodes, COLUMNS))
     found = plain(ages_of(times, nodes, 5 * S))
     median, oldest = found["series"]
     assert (median["name"], oldest["name"]) == ("median of 20 links", "the oldest of all")

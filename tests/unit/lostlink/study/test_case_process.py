@@ -15,6 +15,7 @@ SUMMARY = {
     "outcome": "broke_off",
     "verdict": "",
     "digest": "",
+    "expectations": [],
     "sim_duration_s": 0.0,
 }
 

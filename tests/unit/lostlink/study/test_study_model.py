@@ -18,14 +18,14 @@ from lostlink.study.table import _of_one_kind, write_table
 AGENT = "from bridge.agents.agent import Agent\n\n\nclass Mine(Agent):\n    pass\n"
 
 
-def write(folder: Path, text: str) -> Path:
+def write(folder: Path, text: str, scenario: str = "separation") -> Path:
     file = folder / "study.yaml"
-    file.write_text("schema: 1\nname: mine\nscenario: separation\n" + text, encoding="utf-8")
+    file.write_text(f"schema: 1\nname: mine\nscenario: {scenario}\n{text}", encoding="utf-8")
     return file
 
 
-def cases(folder: Path, text: str):
-    file = write(folder, text)
+def cases(folder: Path, text: str, scenario: str = "separation"):
+    file = write(folder, text, scenario)
     return cases_of(read_study(file), folder)
 
 
@@ -39,7 +39,7 @@ def test_every_combination_is_a_run_and_seeds_vary_fastest(tmp_path):
     ] == [
         (radio, distance, seed)
         for radio in ("moon2020", "corrected")
-        for distance in ("300", "600")
+        for distance in (300, 600)
         for seed in (3, 4)
     ]
     assert [run.scenario.seed for run in runs] == [3, 4] * 4
@@ -88,6 +88,27 @@ def test_labels_may_stand_for_values(tmp_path):
         tmp_path, "vary: {radio: {quiet: {preset: corrected, noise: {noise_figure_db: 3}}, plain: corrected}}"
     )
     assert [run.labels["radio"] for run in runs] == ["quiet", "plain"]
+
+
+def test_numbers_that_vary_come_back_as_numbers(tmp_path):
+    runs = cases(
+        tmp_path,
+        "vary: {nodes.1.agent.speed_mps: [5, 7.5], nodes.1.agent.distance_m: {near: 300, 600: 600}, zenoh: [true]}\n",
+    )
+    write_table([run.labels for run in runs], tmp_path / "table.parquet")
+    table = pq.read_table(tmp_path / "table.parquet").to_pydict()
+    assert table["nodes.1.agent.speed_mps"] == [5.0, 5.0, 7.5, 7.5]
+    assert table["nodes.1.agent.distance_m"] == ["near", "600"] * 2  # some have labels: text, all of them
+    assert table["zenoh"] == [True] * 4
+
+
+def test_a_run_is_called_what_its_scenario_is_called(tmp_path):
+    (tmp_path / "mine.yaml").write_text("schema: 1\nextends: separation\nname: far-apart\n")
+    (tmp_path / "other.yaml").write_text("schema: 1\nextends: separation\n")
+    runs = cases(tmp_path, "", scenario="[mine.yaml, separation]")
+    assert [run.labels["scenario"] for run in runs] == ["far-apart", "separation"]
+    with pytest.raises(StudyError, match=r"other.yaml and separation are both called separation"):
+        cases(tmp_path, "", scenario="[other.yaml, separation]")
 
 
 def test_the_same_run_has_the_same_id_and_another_another(tmp_path):

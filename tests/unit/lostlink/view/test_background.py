@@ -11,7 +11,7 @@ import pytest
 from aps.api.guard import ApiConfig
 from bridge.run.directory import RunDirectory
 from lostlink.view.background import Background, ViewDied
-from lostlink.view.picture.frames import Frames
+from lostlink.view.picture.frames import PictureFrames
 from lostlink.view.sources.record import RecordSource
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
@@ -42,7 +42,8 @@ async def test_what_is_waited_for_comes_and_the_end_is_no_death() -> None:
 
 @needs_nicegui
 @pytest.mark.parametrize(
-    ("broken", "method", "what"), [(RecordSource, "play", "the record"), (Frames, "begins_anew", "the map")]
+    ("broken", "method", "what"),
+    [(RecordSource, "play", "the record"), (PictureFrames, "begins_anew", "the map")],
 )
 async def test_a_view_whose_picture_stands_still_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: type, method: str, what: str
@@ -53,7 +54,7 @@ async def test_a_view_whose_picture_stands_still_ends(
     def dies_of_it(*_: object) -> None:
         raise KeyError("speed")
 
-    def with_a_viewer(frames: Frames, on_viewers: object) -> Broadcast:
+    def with_a_viewer(frames: PictureFrames, on_viewers: object) -> Broadcast:
         made = Broadcast(frames, lambda _: None)
         made._viewers.append(Viewer())  # none is made when nobody looks
         return made

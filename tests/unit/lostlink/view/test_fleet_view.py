@@ -11,7 +11,7 @@ import numpy as np
 from bridge.bus.messages import AgentStatus, AircraftState, Header, Quaternion, Truth, Truths
 from lostlink.view.page.tables import fleet_rows, link_words
 from lostlink.view.picture.fleet_view import TRAIL_POINTS, view_of
-from lostlink.view.picture.frames import Frames
+from lostlink.view.picture.frames import PictureFrames
 from tests.unit.lostlink.replay.flown import scenario_of
 from tests.unit.lostlink.view.fleet import clock, fates, links, truths, view_of_two
 
@@ -107,7 +107,7 @@ def test_the_end_is_told_once() -> None:
 def test_a_radio_that_is_off_is_shown_and_told_once() -> None:
     view, report = view_of_two(), links(1.0, 100.0, 0.5, 10, 5)
     view.take(AircraftState(mode="GUIDED", armed=True), "0")
-    frames = Frames(view)
+    frames = PictureFrames(view)
     for off in ((), (1,), (1,), ()):
         view.take(replace(report, radio_off=off))
         assert json.loads(frames.frame())["off"] == json.loads(frames.snapshot())["off"] == list(off)

@@ -1,4 +1,4 @@
-"""Frames for the map: what a browser makes of them is what the view knows."""
+"""PictureFrames for the map: what a browser makes of them is what the view knows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from benchmarks.fifty_ua import fifty, messages_of
-from lostlink.view.picture.frames import Frames
+from lostlink.view.picture.frames import PictureFrames
 from lostlink.view.picture.whole import UNKNOWN
 from tests.unit.lostlink.view.fleet import clock, fates, links, truths, view_of_two
 
@@ -32,7 +32,7 @@ class Browser:
 
 def test_a_viewer_from_the_start_and_one_who_comes_later_see_the_same() -> None:
     view = view_of_two()
-    frames = Frames(view)
+    frames = PictureFrames(view)
     early, late = Browser(), Browser()
     early.take(frames.snapshot())
     for tick in range(40):
@@ -57,7 +57,7 @@ def test_a_viewer_from_the_start_and_one_who_comes_later_see_the_same() -> None:
 
 def test_losses_are_in_one_frame_only() -> None:
     view = view_of_two()
-    frames, browser = Frames(view), Browser()
+    frames, browser = PictureFrames(view), Browser()
     view.take(fates(0.1, [(0, 1, 1), (0, 1, 1)]))
     browser.take(frames.frame())
     assert browser.lost == [0, 1, 2]
@@ -66,14 +66,14 @@ def test_losses_are_in_one_frame_only() -> None:
 
 
 def test_what_is_not_known_is_marked() -> None:
-    frames, browser = Frames(view_of_two()), Browser()
+    frames, browser = PictureFrames(view_of_two()), Browser()
     browser.take(frames.frame())
     assert browser.now["position"] == [UNKNOWN] * 6
 
 
 def test_after_all_was_forgotten_a_snapshot_is_due() -> None:
     view = view_of_two()
-    frames = Frames(view)
+    frames = PictureFrames(view)
     view.take(truths(0.0, 1.0))
     frames.frame()
     assert not frames.begins_anew()
@@ -87,7 +87,7 @@ def test_after_all_was_forgotten_a_snapshot_is_due() -> None:
 
 def test_a_frame_of_fifty_ua_is_small() -> None:
     view = fifty()
-    frames = Frames(view)
+    frames = PictureFrames(view)
     for tick in range(3):
         for message in messages_of(tick):
             view.take(message)

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from lostlink.view.picture.fleet_view import EmitterInfo, FleetView, NodeInfo, view_of
-from lostlink.view.picture.frames import Frames
+from lostlink.view.picture.frames import PictureFrames
 from lostlink.view.picture.marks import SHAPES_PER_FRAME
 from lostlink.view.picture.whole import UNKNOWN
 from tests.unit.lostlink.replay.flown import scenario_of
@@ -25,7 +25,7 @@ def test_emitters_are_apart_from_nodes() -> None:
 
 def test_an_emitter_is_told_when_it_moves() -> None:
     view = with_emitter()
-    frames = Frames(view)
+    frames = PictureFrames(view)
     assert json.loads(frames.snapshot())["emitters"] == ["beacon"]
     seen: list[Any] = []
     for north_m in (None, 1.0, 1.0, 1.01, 8.5):
@@ -37,7 +37,7 @@ def test_an_emitter_is_told_when_it_moves() -> None:
 
 def test_a_shape_is_told_once_and_taken_away_once() -> None:
     view = view_of_two()
-    frames = Frames(view)
+    frames = PictureFrames(view)
     view.logged.take("gcs", "estimate.beacon", 0, ESTIMATE)
     shape = {"node": 1, "name": "estimate.beacon"}
     ellipse = [100, -200, round(20 * SCALE), round(10 * SCALE), 0]
@@ -52,7 +52,7 @@ def test_a_shape_is_told_once_and_taken_away_once() -> None:
 def test_a_plan_is_told_as_north_and_east_in_turn() -> None:
     view = view_of_two()
     view.logged.take("0", "plan", 0, {"north_m": [0, 1.5], "east_m": [2.0, 3.0]})
-    assert json.loads(Frames(view).frame())["shapes"] == [
+    assert json.loads(PictureFrames(view).frame())["shapes"] == [
         {"node": 0, "name": "plan", "line": [0, 20, 15, 30]}
     ]
 
@@ -60,7 +60,7 @@ def test_a_plan_is_told_as_north_and_east_in_turn() -> None:
 def test_many_changes_are_spread_over_frames() -> None:
     nodes = [NodeInfo(str(number), "ua", f"UA {number}") for number in range(40)]
     view = FleetView(nodes, 60.0)
-    frames = Frames(view)
+    frames = PictureFrames(view)
     for node in nodes:
         for name in ("a", "b"):
             view.logged.take(node.id, name, 0, ESTIMATE)
@@ -70,8 +70,8 @@ def test_many_changes_are_spread_over_frames() -> None:
 
 
 def test_a_frame_without_news_of_the_mission_has_none_of_it() -> None:
-    plain, other = Frames(view_of_two()), with_emitter()
-    with_mission = Frames(other)
+    plain, other = PictureFrames(view_of_two()), with_emitter()
+    with_mission = PictureFrames(other)
     other.take(emitter_at(5.0))
     other.logged.take("0", "plan", 0, {"north_m": [0, 1], "east_m": [2, 3]})
     with_mission.frame()
@@ -83,7 +83,7 @@ def test_a_frame_without_news_of_the_mission_has_none_of_it() -> None:
 
 def test_what_was_forgotten_is_gone_from_the_map() -> None:
     view = with_emitter()
-    frames = Frames(view)
+    frames = PictureFrames(view)
     view.take(emitter_at(5.0))
     view.logged.take("0", "a", 0, ESTIMATE)
     frames.frame()

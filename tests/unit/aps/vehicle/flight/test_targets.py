@@ -246,3 +246,37 @@ def test_px4_modes_are_set_by_main_and_sub_mode():
     assert (message.command, message.param1, message.param2, message.param3) == (176, 1.0, 4.0, 4.0)
     message = plans.rtl(px4).steps[0].message(0)
     assert (message.param2, message.param3) == (4.0, 5.0)
+
+
+def test_hold_stops_a_copter_in_guided_and_is_done_when_it_stands_still():
+    flight = Flight(targets.hold(replace(COPTER, mode="LOITER")), replace(COPTER, mode="LOITER"))
+    (enter,) = flight.after(0.0)
+    assert (enter.command, enter.param2) == (mavlink.MAV_CMD_DO_SET_MODE, 4)
+    flight.execution.on_ack(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_ACCEPTED)
+    fast = flight.after(0.1, mode="GUIDED", velocity_ned_mps=(5.0, 0.0, 0.0))
+    assert [(message.vx, message.vy, message.vz) for message in fast] == [(0.0, 0.0, 0.0)]
+    assert flight.execution.result is None
+    assert len(flight.after(0.1, velocity_ned_mps=(0.1, 0.0, 0.1))) == 1, (
+        "a last stop, if the first was too early"
+    )
+    assert flight.execution.result.reached
+
+
+def test_hold_has_a_plane_circle():
+    flight = Flight(targets.hold(PLANE), PLANE)
+    (enter,) = flight.after(0.0)
+    assert (enter.command, enter.param2) == (mavlink.MAV_CMD_DO_SET_MODE, 12)
+    flight.execution.on_ack(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_ACCEPTED)
+    assert flight.after(0.1, mode="LOITER") == []
+    assert flight.execution.result.reached
+
+
+def test_a_refusal_without_words_says_what_it_may_be():
+    flight = Flight(targets.goto(COPTER, 47.1, 8.0, 20.0))
+    flight.after(0.0)
+    flight.execution.on_ack(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_ACCEPTED)
+    flight.after(0.1)
+    flight.execution.on_ack(mavlink.MAV_CMD_DO_REPOSITION, mavlink.MAV_RESULT_FAILED)
+    flight.after(0.1)
+    flight.after(1.0)
+    assert flight.execution.result.reason.startswith("FAILED (no position yet, a point beyond its fence")

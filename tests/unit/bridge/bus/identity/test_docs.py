@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bridge.bus.identity.table import TABLE, AccessRole
 
-PAGE = Path(__file__).parents[5] / "docs" / "identities.md"
+PAGE = Path(__file__).parents[5] / "docs" / "reference" / "identities.md"
 
 
 def names(roles: AccessRole) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.bench_record import Columns, fleet_columns
 from bridge.bus.keys import ALL
-from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter
+from bridge.record.tables.deliveries import DELIVERIES, FATES, WORDS, DeliveryWriter, Vocabulary
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.schema import Table
 
@@ -31,6 +31,7 @@ def joined(ticks: list[Columns]) -> Columns:
     whole = {name: np.concatenate([tick[name] for tick in ticks]) for name in ticks[0]}
     fates = np.array(FATES, dtype=object)
     texts = {name: whole[name].astype(str).astype(object) for name in ("tx", "rx")}
+    texts |= dict.fromkeys(WORDS, np.full(len(whole["tx"]), "", dtype=object))
     return whole | texts | {"fate": fates[whole["fate"]]}
 
 
@@ -66,14 +67,19 @@ class DeliveryRow:
     per: float
     fate: str
     packets: int = 1
+    channel: str = "team"
+    encoding: str = ""
+    received_ns: int = 0
 
 
-def append_rows(writer: DeliveryWriter, nodes: Sequence[str], rows: Sequence[DeliveryRow]) -> None:
-    """Append rows by their names."""
+def append_rows(
+    writer: DeliveryWriter, nodes: Sequence[str], rows: Sequence[DeliveryRow], words: Vocabulary
+) -> None:
+    """Append rows by their names; ``words`` are the writer's."""
     if not rows:
         return
     columns: dict[str, Any] = {name: [getattr(row, name) for row in rows] for name in DeliveryRow.__slots__}
     for end in ("tx", "rx"):
         columns[end] = [(*nodes, ALL).index(node) for node in columns[end]]
     columns["fate"] = [FATES.index(fate) for fate in columns["fate"]]
-    writer.append(len(rows), **columns)
+    writer.append(len(rows), **columns | {name: words.places(name, columns[name]) for name in WORDS})

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter
+from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter, Vocabulary
 from bridge.record.tables.every import finish_tables
-from bridge.record.tables.journal import BUFFER_ROWS, TableWriter, read_rows
+from bridge.record.tables.journal import BUFFER_ROWS, LABELS_MAX, TableWriter, names_path, read_rows
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.truth import TRUTH
 from bridge.timeouts import FLUSH_PERIOD_S
@@ -33,7 +33,12 @@ ROW: dict[str, Any] = {
     "snr_db": 9.75,
     "per": 1.25e-5,
     "fate": 0,
+    "channel": 0,
+    "encoding": 0,
+    "received_ns": 100_000_000,
 }
+LAST_FATE = DELIVERIES.dtype.fields["fate"][1] + 1 - DELIVERIES.dtype.itemsize
+"""Where the high byte of the last row's fate is, from the end."""
 
 
 def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> None:
@@ -50,6 +55,30 @@ def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> N
     writer.close()
     writer.close()
     assert np.isnan(read(tmp_path)["snr_db"][3])
+
+
+def test_names_may_come_as_rows_do(tmp_path: Path) -> None:
+    """Whoever reads meanwhile has the names of all rows that are whole; a name that was cut off has no rows."""
+    words = Vocabulary()
+    writer = DeliveryWriter(tmp_path, ("0", "1"), words)
+    for channel in ("team", "sensor", "team"):
+        writer.append(1, **ROW | {"channel": words.places("channel", [channel])})
+        writer.flush()
+    writer.append(1, **ROW)
+    writer.close()
+    names = names_path(DELIVERIES.journal_path(tmp_path))
+    assert names.read_text() == '["channel", "team"]\n["channel", "sensor"]\n'
+    names.write_text(names.read_text() + '["channel", "ha')
+    assert read(tmp_path)["channel"].tolist() == ["team", "sensor", "team", ""]
+    finish_tables(tmp_path)
+    assert read(tmp_path)["channel"].tolist() == ["team", "sensor", "team", ""]
+    assert [path.name for path in tmp_path.iterdir()] == ["deliveries.parquet"]
+
+
+def test_of_more_names_than_there_is_room_for_the_last_are_empty() -> None:
+    words = Vocabulary()
+    places = words.places("channel", [f"c{number}" for number in range(LABELS_MAX + 5)])
+    assert (places[0], places[LABELS_MAX - 2], places[LABELS_MAX - 1]) == (1, LABELS_MAX - 1, 0)
 
 
 def test_a_reader_between_two_halves_of_a_row_takes_whole_rows_only(tmp_path: Path) -> None:
@@ -101,7 +130,7 @@ def test_numbers_are_rounded_to_whole_steps_and_zero_has_no_sign(tmp_path: Path)
 def test_a_callers_mistake_is_raised(
     tmp_path: Path, change: dict[str, Any], error: type[Exception], words: str
 ) -> None:
-    labels = {"tx": "01", "rx": "01", "fate": FATES}
+    labels = {"tx": "01", "rx": "01", "fate": FATES, **Vocabulary().names}
     writer = TableWriter(tmp_path, DELIVERIES, labels)
     row = {name: value for name, value in (ROW | change).items() if value is not None}
     with pytest.raises(error, match=words):
@@ -145,7 +174,10 @@ def test_every_beginning_of_a_journal_is_read(tmp_path: Path) -> None:
         (lambda raw: raw.replace(b'"labels"', b'"lables"'), "its header cannot be read"),
         (lambda raw: raw.replace(b'{"table"', b'["table"'), "its header cannot be read"),
         (lambda raw: raw[:8] + b"\xff\xff\xff\x7f" + raw[12:], "a header of 2147483647 bytes"),
-        (lambda raw: raw[:-1] + b"\x7f", "a name that the file has not|out of bounds"),
+        (
+            lambda raw: raw[:LAST_FATE] + b"\x7f" + raw[LAST_FATE + 1 :],
+            "a name that the file has not|out of bounds",
+        ),
     ],
 )
 def test_a_foreign_or_damaged_journal_is_told(tmp_path: Path, change: Any, words: str) -> None:
@@ -181,7 +213,8 @@ while True:
     rows = 1 + begin % 57
     seq = np.arange(begin, begin + rows)
     writer.append(rows, sim_time_ns=time.monotonic_ns(), tx=seq % 2, rx=1 - seq % 2, seq=seq, length_bytes=40,
-                  distance_m=seq / 1e3, received_power_dbm=-seq / 1e3, snr_db=seq / 1e3, per=np.nan, fate=0)
+                  distance_m=seq / 1e3, received_power_dbm=-seq / 1e3, snr_db=seq / 1e3, per=np.nan, fate=0,
+                  received_ns=0)
     begin += rows
     if flush.is_due():
         writer.flush()

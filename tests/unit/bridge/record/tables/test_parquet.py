@@ -16,7 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
-from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter, read_deliveries
+from bridge.record.tables.deliveries import (
+    DELIVERIES,
+    FATES,
+    WORDS,
+    DeliveryWriter,
+    Vocabulary,
+    read_deliveries,
+)
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.parquet import GROUP_ROWS
 from bridge.record.tables.reader import read_arrow, read_columns
@@ -47,6 +54,9 @@ ROWS = st.lists(
         decimals(-(10**6), 10**6, 3),
         decimals(0, 10**7, 7),
         st.integers(0, len(FATES) - 1),
+        st.text(st.characters(codec="utf-8"), max_size=3),
+        st.text(st.characters(codec="utf-8"), max_size=3),
+        st.integers(0, 2**62),
     ),
     max_size=30,
 )
@@ -58,17 +68,20 @@ def test_written_decimals_come_back_exactly(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[Any, ...]], parts: list[int]
 ) -> None:
     run = tmp_path_factory.mktemp("run")
-    writer, begin = DeliveryWriter(run, NODES), 0
+    words = Vocabulary()
+    writer, begin = DeliveryWriter(run, NODES, words), 0
     names = [column.name for column in DELIVERIES.columns]
     while begin < len(rows):
         part = rows[begin : begin + parts[begin % len(parts)]]
-        writer.append(len(part), **dict(zip(names, map(np.array, zip(*part, strict=True)), strict=True)))
+        columns = dict(zip(names, zip(*part, strict=True), strict=True))
+        columns |= {name: words.places(name, columns[name]) for name in WORDS}
+        writer.append(len(part), **{name: np.array(values) for name, values in columns.items()})
         writer.flush()
         begin += len(part)
     writer.close()
     finish_tables(run)
     found = pq.read_table(DELIVERIES.parquet_path(run)).to_pylist()
-    expected = [(r[0], NODES[r[1]], NODES[r[2]], *r[3:10], FATES[r[10]]) for r in rows]
+    expected = [(r[0], NODES[r[1]], NODES[r[2]], *r[3:10], FATES[r[10]], *r[11:]) for r in rows]
     assert [tuple(map(repr, row.values())) for row in found] == [tuple(map(repr, row)) for row in expected]
 
 
@@ -172,7 +185,7 @@ def test_row_groups_have_a_fixed_number_of_rows(tmp_path: Path) -> None:
     writer = DeliveryWriter(tmp_path, NODES)
     writer.append(
         rows,
-        **dict.fromkeys(("sim_time_ns", "tx", "rx", "length_bytes", "fate"), 0),
+        **dict.fromkeys(("sim_time_ns", "tx", "rx", "length_bytes", "fate", "received_ns"), 0),
         **dict.fromkeys(("distance_m", "received_power_dbm", "snr_db", "per"), 0.5),
         seq=np.arange(rows),
     )

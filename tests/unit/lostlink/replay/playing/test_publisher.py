@@ -17,7 +17,7 @@ from bridge.record.logged import LoggedValue
 from lostlink.replay.player import Player
 from lostlink.replay.playing.pace import Pace
 from lostlink.replay.playing.publisher import MomentPublisher
-from tests.unit.lostlink.replay.flown import TICK_NS, Said, flown, scenario_of
+from tests.unit.lostlink.replay.flown import TICK_NS, Said, Sent, flown, scenario_of
 
 KEYS = Keys("made")
 REPORT = AgentStatus(Header.at(0, "0"), "leg 1")
@@ -37,8 +37,9 @@ class Wanting:
         if "/node/" in key:
             self.told.append((key, message, None))
 
-    def put_bytes(self, key: str, payload: bytes, *, attachment: Any = None, **_: Any) -> None:
-        self.told.append((key, json.loads(payload), attachment))
+    def put_bytes(self, key: str, payload: bytes, *, encoding: str, attachment: Any = None, **_: Any) -> None:
+        is_json = encoding == "application/json"
+        self.told.append((key, json.loads(payload) if is_json else encoding, attachment))
 
 
 def said(tick: int) -> list[Said]:
@@ -64,3 +65,15 @@ def test_what_agents_said_is_published_if_it_is_wanted(
     for moment in player.moments():
         publisher.publish(moment, Pace(1.0, 0, 0.0))
     assert session.told == told
+
+
+def test_packets_have_the_encoding_that_they_were_sent_with(tmp_path: Path) -> None:
+    def send(_: int) -> list[Sent]:
+        return [Sent("0", encoding="text/plain"), Sent("1")]
+
+    player = Player.open(flown(tmp_path / "made", scenario_of("perfect", ("0", "1")), 2, send))
+    session = Wanting(KEYS.rx("0", "*", "*"), KEYS.rx("1", "*", "*"))
+    publisher = MomentPublisher(session, KEYS, player.scenario)  # type: ignore[arg-type]
+    publisher.publish(next(iter(player.moments())), Pace(1.0, 0, 0.0))
+    told = {(key, encoding) for key, encoding, _ in session.told}
+    assert told == {(KEYS.rx("1", "0", "team"), "text/plain"), (KEYS.rx("0", "1", "team"), "")}

@@ -1,0 +1,85 @@
+"""How many events a second a medium handles on one core, and how much faster than real time a network settles.
+
+    python -m benchmarks.bench_media [--nodes 50] [--duration 10] [--rounds 3]
+
+Saturated 802.11a stations with unicasts to one (Bianchi's case); and nodes on a ring that broadcast 100 bytes at 10 Hz
+over `csma`, all hearing all, by a radio's powers and errors. The last line is JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+from collections.abc import Sequence
+from math import cos, pi, sin
+from time import process_time
+
+from channel.access.media.csma import Csma
+from channel.access.media.medium import AccessMedium
+from channel.access.packets import AirPacket
+from channel.access.queue import QueueLimits
+from channel.access.radio_world import RadioWorld
+from channel.access.timing import wifi_a, wifi_g
+from channel.access.world import PlainWorld
+from channel.link.radio import Radio
+from channel.presets import load_radio
+
+NS_PER_S = 1_000_000_000
+RING_M = 100.0
+
+
+def saturated(nodes: int, duration_s: float) -> AccessMedium:
+    """Stations that always have something to send."""
+    medium = Csma(PlainWorld(range(nodes)), wifi_a(24.0, 24.0), limits=QueueLimits(0))
+    for node in range(1, nodes):
+        for number in range(int(2000 * duration_s / nodes) + 50):
+            medium.offer(AirPacket(node, number, 0, 1500, 0))
+    return medium
+
+
+def broadcasts(nodes: int, duration_s: float) -> AccessMedium:
+    """Nodes that send all others their places, ten times a second."""
+    turn = 2.0 * pi / nodes
+    places = {node: (RING_M * cos(turn * node), RING_M * sin(turn * node), -40.0) for node in range(nodes)}
+    medium = Csma(RadioWorld(Radio(load_radio("wifi-2.4")), places), wifi_g())
+    for node in range(nodes):
+        for number in range(int(10 * duration_s)):
+            at_ns = number * NS_PER_S // 10 + node * NS_PER_S // 10 // nodes
+            medium.offer(AirPacket(node, number, None, 100, at_ns))
+    return medium
+
+
+def measured(medium: AccessMedium, duration_s: float) -> tuple[float, float]:
+    """Events a second of CPU time, and sim time over CPU time."""
+    begin_s = process_time()
+    medium.run(int(duration_s * NS_PER_S))
+    took_s = process_time() - begin_s
+    return medium.agenda.handled / took_s, duration_s / took_s
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print both."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--nodes", type=int, default=50)
+    parser.add_argument("--duration", type=float, default=10.0, help="sim time, s")
+    parser.add_argument("--rounds", type=int, default=3)
+    options = parser.parse_args(arguments)
+    found = {}
+    for name, make in (("saturated", saturated), ("broadcasts", broadcasts)):
+        rounds = [
+            measured(make(options.nodes, options.duration), options.duration) for _ in range(options.rounds)
+        ]
+        events, factor = (statistics.median(column) for column in zip(*rounds, strict=True))
+        found[name] = {"events_per_s": round(events), "real_time_factor": round(factor, 1)}
+        print(
+            f"{options.nodes} nodes, {name}: {events:,.0f} events a second, {factor:.1f} times real time",
+            flush=True,
+        )
+    print(json.dumps({"bench": "media", "nodes": options.nodes} | found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""How an agent runs: its thread, its loop of sim time, and what it is fed."""

@@ -1,0 +1,138 @@
+"""How an agent is fed, on board and beside the run: what comes waits for the tick, and then comes in the one order.
+
+That order is clock, state, who was heard, what its sensor measured, the packets that the radio delivered, what became
+of its commands, and then the tick itself.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+from bridge.agents.client import LookAtStatus, UaClient
+from bridge.agents.commands import CommandFailed
+from bridge.agents.measurements import Measurement
+from bridge.agents.outlet import OnEvent
+from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
+from bridge.bus.reception import Reception
+from bridge.bus.session import Stamp
+
+log = logging.getLogger("agent")
+
+Arrival = Callable[[UaClient], object]
+"""Something that came for the agent: called with its client, in its event loop."""
+
+
+class DeliveredPacket(NamedTuple):
+    """What the radio delivered, the same for all that got it."""
+
+    sender: str
+    channel: str
+    payload: bytes
+    stamp: Stamp
+
+
+class Arrivals:
+    """What came for a node's agent since its last tick."""
+
+    def __init__(self) -> None:
+        self._state: AircraftState | None = None
+        self._comm_status: LookAtStatus | None = None
+        self._measurements: list[Measurement] = []
+        self._packets: list[tuple[DeliveredPacket, float, float]] = []
+        self._events: list[tuple[OnEvent, CommandEvent]] = []
+
+    def state_came(self, state: AircraftState) -> None:
+        """The aircraft's state at the tick."""
+        self._state = state
+
+    def comm_status_came(self, look: LookAtStatus) -> None:
+        """The radio says who was heard."""
+        self._comm_status = look
+
+    def measurements_came(self, measurements: Sequence[Measurement]) -> None:
+        """The node's RF sensor says what it measured."""
+        self._measurements += measurements
+
+    def packet_came(self, packet: DeliveredPacket, rssi_dbm: float, snr_db: float) -> None:
+        """The radio delivered a packet, in this power and over this noise. They come in canonical order."""
+        self._packets.append((packet, rssi_dbm, snr_db))
+
+    def event_came(self, on_event: OnEvent, event: CommandEvent) -> None:
+        """Something became of a command."""
+        self._events.append((on_event, event))
+
+    def take(self) -> list[Arrival]:
+        """What the agent gets at this tick, in the one order that there is; it is not kept."""
+        arrivals: list[Arrival] = []
+        state, self._state = self._state, None
+        if state is not None:
+            arrivals.append(lambda ua: ua.take_state(state))
+        status, self._comm_status = self._comm_status, None
+        if status is not None:
+            arrivals.append(lambda ua: ua.take_comm_status(status))
+        measurements, self._measurements = self._measurements, []
+        arrivals.append(lambda ua: ua.take_measurements(measurements))
+        packets, self._packets = self._packets, []
+        arrivals += [partial(_give_packet, *packet) for packet in packets]
+        events, self._events = self._events, []
+        return arrivals + [partial(_give_event, on_event, event) for on_event, event in events]
+
+
+def _give_packet(packet: DeliveredPacket, rssi_dbm: float, snr_db: float, ua: UaClient) -> None:
+    sender, channel, payload, stamp = packet
+    reception = Reception(stamp.seq, stamp.sim_time_ns, ua.sim_time_ns, rssi_dbm, snr_db)
+    ua.take_packet(sender, channel, payload, reception)
+
+
+def _give_event(on_event: OnEvent, event: CommandEvent, _: UaClient) -> None:
+    on_event(event)
+
+
+class Feeder:
+    """Gives an agent its ticks, and reports what its code raises.
+
+    Attributes:
+        has_failed: the failure was reported; once is enough.
+    """
+
+    def __init__(self, ua: UaClient) -> None:
+        self.has_failed = False
+        self._ua = ua
+
+    def tick(self, sim_time_ns: int, arrivals: Sequence[Arrival]) -> None:
+        """Have the agent get all that came with a tick, and the tick itself."""
+        self._ua.take_clock(sim_time_ns)
+        for arrival in arrivals:
+            self._call("in a callback", partial(arrival, self._ua))
+        self._call("at a tick", self._ua.tick)
+
+    def _call(self, when: str, callback: Callable[[], object]) -> None:
+        try:
+            callback()
+        except DecodeError as error:
+            self._ua.malformed += 1
+            log.warning("%s: %s", when, error)
+        except Exception as error:  # an agent is somebody's own code: whatever it raises is reported by name
+            self.fail(when, error)
+
+    def fail(self, when: str, error: BaseException | None, text: str = "") -> None:
+        """Report what the agent's code raised, and where."""
+        log.error("%s, at %.3f s: %s", when, self._ua.sim_time_ns / 1e9, text, exc_info=error)
+        if not self.has_failed:
+            self.tell(f"{type(error).__name__} {when}: {error or text}")
+
+    def fail_in_flight(self, error: Exception) -> None:
+        """Report what ended the agent's flight: a command that failed by its own words, anything else by name."""
+        if isinstance(error, CommandFailed):
+            log.error("in flight, at %.3f s", self._ua.sim_time_ns / 1e9, exc_info=error)
+            self.tell(str(error).removeprefix(f"UA {self._ua.node}: "))
+        else:
+            self.fail("in flight", error)
+
+    def tell(self, text: str) -> None:
+        """Report that the agent failed; what is no text in UTF-8 is reported as Python writes it."""
+        self.has_failed = True
+        self._ua.report(text.encode(errors="backslashreplace").decode(), failed=True)

@@ -1,0 +1,163 @@
+"""Runs one agent in sim time, in a thread of its own: a slow one holds up sim time, but nothing else of its process.
+
+The thread's event loop is a `SimLoop`. Each tick brings what arrived since the last one, in an order that the host
+fixes; the tick is over when nothing in the loop is ready to run, and then the thread sleeps until the next.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import logging
+import queue
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from bridge.agents.agent import Agent
+from bridge.agents.client import UaClient
+from bridge.agents.commands import CommandFailed
+from bridge.agents.running.feed import Arrival, Feeder
+from bridge.agents.running.sim_loop import SimLoop
+
+log = logging.getLogger("agent")
+
+OUTCOMES = (CommandFailed, TimeoutError)
+"""What a task of an agent may end with though nothing is wrong with the code."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Tick:
+    sim_time_ns: int
+    arrivals: Sequence[Arrival]
+
+
+class AgentRunner:
+    """One agent in its thread.
+
+    Args:
+        ua: the node as the agent sees it.
+        build: makes the agent, in its thread and event loop.
+        on_idle: called in the agent's thread when it has done all that it does at a tick.
+    """
+
+    def __init__(
+        self, ua: UaClient, build: Callable[[UaClient], Agent], on_idle: Callable[[], object]
+    ) -> None:
+        self.ua = ua
+        self._build = build
+        self._on_idle = on_idle
+        self._inbox: queue.SimpleQueue[_Tick | None] = queue.SimpleQueue()
+        self._built: concurrent.futures.Future[None] = concurrent.futures.Future()
+        self._busy = False
+        self._feeder = Feeder(ua)
+        self._stopping = False
+        self._loop = SimLoop(self._wait)
+        self._flight: asyncio.Task[None] | None = None
+        # A daemon: code that never returns from a tick must not keep the process from ending.
+        self._thread = threading.Thread(target=self._run, name=f"agent-{ua.node}", daemon=True)
+
+    def start(self) -> concurrent.futures.Future[None]:
+        """Build the agent; the future is done when it waits for its first tick, or holds what its code raised."""
+        self._thread.start()
+        return self._built
+
+    def tick(self, sim_time_ns: int, arrivals: Sequence[Arrival]) -> None:
+        """Have the agent live through the tick ``sim_time_ns``; `on_idle` is called when it has."""
+        self._inbox.put(_Tick(sim_time_ns, arrivals))
+
+    def ask_to_stop(self) -> None:
+        """Have the agent end; what it still transmits or commands on its way out has no effect."""
+        self.ua.is_over = True
+        self._inbox.put(None)
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait for the agent's end (wall time); returns whether it has come."""
+        self._thread.join(max(0.0, timeout_s))
+        return not self._thread.is_alive()
+
+    # In the agent's thread.
+
+    def _run(self) -> None:
+        try:
+            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+                runner.run(self._live())
+        except BaseException as error:  # SystemExit, too: whatever ends this thread leaves a tick open
+            if not self._stopping:
+                self._feeder.fail("in its thread", error)
+        finally:
+            if self._busy:
+                self._on_idle()
+
+    async def _live(self) -> None:
+        self._stopped = asyncio.Event()
+        self._loop.set_exception_handler(self._on_loop_error)
+        try:
+            self._agent = self._build(self.ua)
+        except BaseException as error:
+            self._built.set_exception(error)
+            return
+        self.ua.on_tick(self._agent.transmit_package)
+        self.ua.on_tick(self._agent.on_tick)
+        self._built.set_result(None)
+        await self._stopped.wait()
+        if self._flight is not None:
+            self._flight.cancel()
+        self.ua.report("is stopped")
+        self.ua.files.close()
+
+    async def _fly(self) -> None:
+        try:
+            await self._agent.fly()
+        except asyncio.CancelledError as error:
+            if not self.ua.is_over:
+                self._feeder.fail("in flight", error, "it awaited what had been cancelled")
+            raise
+        except Exception as error:  # an agent is somebody's own code: whatever it raises ends the run by name
+            self._feeder.fail_in_flight(error)
+        else:
+            log.info("done at %.2f s", self.ua.sim_time_ns / 1e9)
+            self.ua.report("is done", done=True)
+
+    def _wait(self) -> None:
+        """Nothing in the loop is ready: the tick is done. Returns with the next one."""
+        if self._busy:
+            self._look_at_tasks()
+            self._busy = False
+            self._on_idle()
+        item = self._inbox.get()
+        if item is None:
+            self._end()
+            return
+        self._busy = True
+        self._loop.advance(item.sim_time_ns)
+        self._loop.call_soon(self._take, item)
+
+    def _look_at_tasks(self) -> None:
+        """Fail for a task that has raised while nobody awaited it: in this tick, not when asyncio comes to collect it.
+
+        Outcomes that code may want to look at later are kept until `fly` has returned.
+        """
+        over = self._flight is None or self._flight.done()
+        for task in self._loop.take_raised():
+            if isinstance(task._exception, OUTCOMES) and not over:
+                self._loop.keep_raised(task)
+            else:
+                self._feeder.fail("in a task of its own", task.exception())
+
+    def _end(self) -> None:
+        if self._stopping or not self._built.done():
+            self._loop.stop()  # what it does on its way out waits for sim time that never comes
+            return
+        self._stopping = True
+        self._inbox.put(None)
+        self._loop.call_soon(self._stopped.set)
+
+    def _take(self, tick: _Tick) -> None:
+        self._feeder.tick(tick.sim_time_ns, tick.arrivals)
+        if self._flight is None:  # the first tick: there is no sim time before it
+            self._flight = asyncio.create_task(self._fly())
+
+    def _on_loop_error(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        self._feeder.fail("in a task of its own", context.get("exception"), context["message"])

@@ -1,0 +1,169 @@
+"""Child processes of the supervisor: started apart from the terminal, and ended for sure."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from bridge.fleet.children.environment import environment_of
+
+LEASH = Path(__file__).with_name("leash.py")
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSpec:
+    """What to start.
+
+    Attributes:
+        name: for messages, the log's name and the liveliness token.
+        command: program and arguments.
+        log_path: where its output goes.
+        cwd: its working directory; None for ours.
+        stop_signal: how it is asked to end.
+        pass_fds: file descriptors that it inherits.
+    """
+
+    name: str
+    command: Sequence[str]
+    log_path: Path
+    cwd: Path | None = None
+    stop_signal: signal.Signals = signal.SIGTERM
+    pass_fds: tuple[int, ...] = ()
+
+
+def start_process(
+    command: Sequence[str],
+    log: BinaryIO | None = None,
+    cwd: Path | None = None,
+    pass_fds: Sequence[int] = (),
+) -> subprocess.Popen[bytes]:
+    """Start a process of ours or an autopilot, in the environment of a run.
+
+    The kernel ends it with the thread that calls this, where it can (see leash.py). Ctrl-C does not reach it: whoever
+    started it ends it, in order.
+
+    Args:
+        command: program and arguments.
+        log: where its output goes; None: it is spoken to and heard through pipes.
+        cwd: its working directory; None for ours.
+        pass_fds: file descriptors that it inherits.
+
+    Raises:
+        OSError: its working directory is not there.
+    """
+    return subprocess.Popen(
+        on_a_leash(command),
+        stdin=subprocess.PIPE if log is None else subprocess.DEVNULL,
+        stdout=subprocess.PIPE if log is None else log,
+        stderr=None if log is None else subprocess.STDOUT,
+        cwd=cwd,
+        env=environment_of(os.environ),
+        pass_fds=pass_fds,
+        start_new_session=True,
+    )
+
+
+class Child:
+    """A child process, started by making this.
+
+    Args:
+        spec: what to start; its output goes to its log.
+
+    Attributes:
+        ended: done when it has ended, in the event loop in which it was started.
+
+    Raises:
+        OSError: its working directory is not there, or its log cannot be written.
+    """
+
+    def __init__(self, spec: ProcessSpec) -> None:
+        self.spec = spec
+        self._loop = asyncio.get_running_loop()
+        self.ended: asyncio.Future[None] = self._loop.create_future()
+        with spec.log_path.open("wb") as log:
+            self._process = start_process(spec.command, log, spec.cwd, spec.pass_fds)
+        threading.Thread(target=self._wait, name=f"wait for {spec.name}", daemon=True).start()
+
+    def _wait(self) -> None:
+        self._process.wait()
+        with suppress(RuntimeError):  # the loop is closed: nobody wants to know
+            self._loop.call_soon_threadsafe(self._has_ended)
+
+    def _has_ended(self) -> None:
+        if not self.ended.done():
+            self.ended.set_result(None)
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def how_it_ended(self) -> str:
+        """Exit status or signal, in words."""
+        status = self._process.returncode
+        if status is None:
+            return "still runs"
+        return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+
+    def ask_to_end(self) -> None:
+        """Send its stop signal."""
+        self._process.send_signal(self.spec.stop_signal)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._process.kill()
+
+    def log_tail(self, lines: int = 5) -> str:
+        """The last lines of its log."""
+        text = self.spec.log_path.read_text(encoding="utf-8", errors="replace")
+        return "\n".join(text.rstrip().splitlines()[-lines:])
+
+
+def on_a_leash(command: Sequence[str]) -> list[str]:
+    """The command such that the kernel ends it with us, where the kernel can (see leash.py)."""
+    if sys.platform != "linux":
+        return list(command)
+    # -I -S: a bare interpreter, gone within 20 ms, that looks at neither environment nor site packages.
+    return [sys.executable, "-I", "-S", str(LEASH), str(os.getpid()), *command]
+
+
+async def end_all(children: Sequence[Child], grace_s: float) -> list[str]:
+    """Ask all to end, wait ``grace_s`` (wall time), kill those that are left. Returns the names of the killed."""
+    for child in children:
+        child.ask_to_end()
+    waiting = [child.ended for child in children]
+    if waiting:
+        await asyncio.wait(waiting, timeout=grace_s)
+    late = [child for child in children if not child.ended.done()]
+    for child in late:
+        child.kill()
+    await asyncio.gather(*waiting)
+    return [child.spec.name for child in late]
+
+
+async def end_with_news(child: Child, news: asyncio.Event, patience_s: float) -> list[str]:
+    """Ask a process to end that has much to do first: it has time as long as ``news`` comes within ``patience_s``.
+
+    Returns:
+        Its name if it had to be killed.
+    """
+    child.ask_to_end()
+    while not child.ended.done():
+        news.clear()
+        heard = asyncio.create_task(news.wait())
+        either: set[asyncio.Future[Any]] = {child.ended, heard}
+        await asyncio.wait(either, timeout=patience_s, return_when=asyncio.FIRST_COMPLETED)
+        heard.cancel()
+        if not child.ended.done() and not news.is_set():
+            return await end_all([child], 0.0)
+    return []

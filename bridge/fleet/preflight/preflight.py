@@ -1,0 +1,40 @@
+"""Whether a run can start: seen before anything is started."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from bridge.fleet.autopilots.launcher import AutopilotError, Launcher
+from bridge.fleet.autopilots.launchers import LAUNCHERS
+from bridge.fleet.course import FleetError
+from bridge.fleet.preflight.ports import conflicts, ports_of
+from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.flight import wind_of
+from fdm.errors import WindError
+
+
+def launcher_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launcher:
+    """The source of autopilots that the scenario names."""
+    return LAUNCHERS[scenario.autopilot](os.environ, ardupilot_dir)
+
+
+def preflight(scenario: Scenario, ardupilot_dir: Path | None = None) -> None:
+    """See, before anything is started, that the run can start.
+
+    Raises:
+        FleetError: if a port is taken, or an autopilot or a wind map is missing; the text says what to do.
+    """
+    try:
+        wind_of(scenario).build(seed=scenario.seed, ua_id=0)
+    except WindError as error:
+        raise FleetError(f"wind: {error}") from error
+    launcher = launcher_of(scenario, ardupilot_dir)
+    try:
+        for ua in scenario.ua:
+            launcher.check(scenario, ua)
+    except AutopilotError as error:
+        raise FleetError(str(error)) from error
+    taken = conflicts(ports_of(scenario))
+    if taken:
+        raise FleetError("\n".join(taken))

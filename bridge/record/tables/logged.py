@@ -1,0 +1,101 @@
+"""The table `logged`: what agents logged, a row per number or text, made from their streams when a run is over."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from bridge.record.logged import LoggedValue, logged_of
+from bridge.record.names import Kind, streams_of
+from bridge.record.tables.columns import numbers, texts
+
+LOGGED_FILE: Final = "logged.parquet"
+ROWS_AT_ONCE: Final = 1 << 16
+
+
+class LoggedRow(NamedTuple):
+    """One number or text.
+
+    Attributes:
+        tick_ns: when it was logged.
+        node: whose agent logged it.
+        name: under which name.
+        key: of a mapping its key, of a vector the place in it, of a vector in a mapping both (``to_m.0``), else "".
+        value: the number, a truth value as 0 or 1; NaN of a text.
+        text: the text; "" of a number.
+    """
+
+    tick_ns: int
+    node: str
+    name: str
+    key: str
+    value: float
+    text: str
+
+
+def logged_rows(run: Path) -> Iterator[LoggedRow]:
+    """All values of the run in ``run``, by tick, then by node.
+
+    Raises:
+        ValueError, OSError: a stream is damaged, or cannot be read.
+    """
+    found = [stream.node for stream in streams_of(run) if stream.kind is Kind.LOGGED]
+    nodes = sorted(found, key=lambda node: (not node.isdecimal(), len(node), node))
+    return heapq.merge(*(_rows(run, node) for node in nodes), key=lambda row: row.tick_ns)
+
+
+def _rows(run: Path, node: str) -> Iterator[LoggedRow]:
+    for tick_ns, item in logged_of(run, node):
+        if isinstance(item, LoggedValue):
+            for key, value in _leaves(item.value):
+                row = (float("nan"), value) if isinstance(value, str) else (float(value), "")
+                yield LoggedRow(tick_ns, node, item.name, key, *row)
+
+
+def _leaves(value: Any, at: str = "") -> Iterator[tuple[str, Any]]:
+    """Single values with their keys."""
+    if not isinstance(value, dict | list):
+        yield at, value
+        return
+    for key, each in value.items() if isinstance(value, dict) else enumerate(value):
+        yield from _leaves(each, f"{at}.{key}" if at else str(key))
+
+
+def write_logged(run: Path) -> None:
+    """Write the table, if agents logged anything and it is not there yet.
+
+    Raises:
+        ValueError, OSError: a stream is damaged, or a file cannot be read or written.
+    """
+    path = run / LOGGED_FILE
+    rows = logged_rows(run)
+    first = next(rows, None)
+    if path.exists() or first is None:
+        return
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    partial = path.with_suffix(".partial")
+    kinds = (pa.int64(), pa.string(), pa.string(), pa.string(), pa.float64(), pa.string())
+    schema = pa.schema(list(zip(LoggedRow._fields, kinds, strict=True)))
+    with pq.ParquetWriter(partial, schema, compression="zstd") as writer:
+        part = [first, *islice(rows, ROWS_AT_ONCE - 1)]
+        while part:
+            writer.write_batch(pa.record_batch(_columns(part), schema=schema))
+            part = list(islice(rows, ROWS_AT_ONCE))
+    partial.replace(path)
+
+
+def _columns(rows: Sequence[LoggedRow]) -> list[Any]:
+    ticks_ns, nodes, names, keys, values, said = zip(*rows, strict=True)
+    return [
+        numbers(np.array(ticks_ns, dtype=np.int64)),
+        *(texts(each) for each in (nodes, names, keys)),
+        numbers(np.array(values, dtype=np.float64)),
+        texts(said),
+    ]

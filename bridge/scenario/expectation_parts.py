@@ -1,0 +1,43 @@
+"""What all kinds of expectations are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema
+
+from bridge.scenario.parts import Part
+
+Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Interval = tuple[Seconds, Seconds]
+NodeId = Annotated[
+    str,
+    BeforeValidator(lambda value: str(value) if type(value) is int else value),
+    WithJsonSchema({"type": ["string", "integer"]}),
+]
+Nodes = Mapping[str, tuple[str, ...]]
+
+
+class ExpectationPart(Part):
+    """Common to all.
+
+    Attributes:
+        name: what reports call it; made of what it says unless given.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+    name: str = ""
+
+
+def bounds(at_least: float | None, at_most: float | None, unit: str = "") -> str:
+    """Bounds in words; None: there is none."""
+    words = (("at least", at_least), ("at most", at_most))
+    return " and ".join(f"{word} {bound:g}{unit}" for word, bound in words if bound is not None)
+
+
+def when(between_s: Interval | None) -> list[str]:
+    """An interval in words; none for all of the run."""
+    return [] if between_s is None else [f"from {between_s[0]:g} to {between_s[1]:g} s"]

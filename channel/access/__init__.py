@@ -1,0 +1,13 @@
+"""Medium access: who transmits when, for how long and how often, in integer nanoseconds. Pure: no I/O, no clock.
+
+agenda      what happens next, in an order that nothing else decides
+packets     what enters a medium, and what comes out of it
+queue       packets of one node that wait: bounded, with classes, life times and replacement by key
+world       how strong a node hears another, and what survives: an interface, and a plain one
+radio_world the same by the physics of a radio
+air         transmissions that overlap: what each receiver hears, piece by piece
+media/      who transmits when: airtime (as soon as it can), csma (IEEE 802.11 DCF), tdma (slots); plain: what two share
+timing      how long a frame lasts: 802.11b, 802.11a/g, plain bit rates
+words       numbers that are drawn
+trial       a medium under load, without a flight
+"""

@@ -1,0 +1,63 @@
+"""What happens next: events in the order of time, then rank, then node, then number."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from typing import Any
+
+SIGNAL_ENDS, ACTS, SIGNAL_STARTS = 0, 1, 2
+"""Ranks. Who acts at an instant does not hear yet what starts at it: two that act at one instant collide."""
+
+Entry = list[Any]
+"""[instant ns, rank, node, number, callback, arguments]; the callback of one that was called off is None."""
+
+
+class Agenda:
+    """Events to come. Two agendas that were given the same do the same."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+        self.handled = 0
+        self._entries: list[Entry] = []
+        self._number = 0
+
+    def at(
+        self, at_ns: int, rank: int, node: int, callback: Callable[..., object], *arguments: object
+    ) -> Entry:
+        """Have ``callback`` called at an instant; the entry can be called off.
+
+        Raises:
+            ValueError: the instant has passed.
+        """
+        if at_ns < self.now_ns:
+            raise ValueError(f"an event at {at_ns} ns: it is {self.now_ns} ns already")
+        self._number += 1
+        entry: Entry = [at_ns, rank, node, self._number, callback, arguments]
+        heapq.heappush(self._entries, entry)
+        return entry
+
+    @staticmethod
+    def call_off(entry: Entry | None) -> None:
+        """Nothing happens at an entry; None is no entry."""
+        if entry is not None:
+            entry[4] = None
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next event is due; None: nothing is to come."""
+        entries = self._entries
+        while entries and entries[0][4] is None:
+            heapq.heappop(entries)
+        return entries[0][0] if entries else None
+
+    def run(self, until_ns: int) -> None:
+        """Let everything happen that is due by ``until_ns``, and come to it."""
+        entries, pop = self._entries, heapq.heappop
+        while entries and entries[0][0] <= until_ns:
+            at_ns, _, _, _, callback, arguments = pop(entries)
+            if callback is not None:
+                self.now_ns = at_ns
+                self.handled += 1
+                callback(*arguments)
+        self.now_ns = max(self.now_ns, until_ns)

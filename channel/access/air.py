@@ -1,0 +1,274 @@
+"""Transmissions that overlap: what each receiver hears of them, piece by piece.
+
+A receiver that is free locks on to the first signal that is strong enough, and follows it to its end; all other power
+is interference, piecewise constant. Who transmits hears nothing. With capture, a signal that is stronger by enough
+takes a locked receiver over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Protocol
+
+from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda
+from channel.access.packets import Loss
+from channel.access.world import AirFrame, Piece, World
+
+
+@dataclass(frozen=True, slots=True)
+class Hearing:
+    """How receivers hear; powers in mW.
+
+    Attributes:
+        preamble_mw: the weakest signal that a receiver locks on to, and senses as a carrier.
+        energy_mw: any power of at least this is sensed as a carrier.
+        capture: how many times stronger a later signal has to be to take a receiver over; inf: never.
+        interferes: whether frames of the same network disturb each other at all.
+    """
+
+    preamble_mw: float = 1e-12
+    energy_mw: float = 1e-12
+    capture: float = inf
+    interferes: bool = True
+
+
+class Ear(Protocol):
+    """What a node's access does on what it hears."""
+
+    def busy(self) -> object:
+        """A carrier is there."""
+
+    def idle(self, damaged: bool) -> object:
+        """No carrier is there any longer; ``damaged``: what was heard last had errors."""
+
+    def heard(self, frame: AirFrame) -> object:
+        """A frame came through."""
+
+
+class DeafEar:
+    """The access of a node that acts on nothing that it hears."""
+
+    def busy(self) -> None:
+        """Nothing."""
+
+    def idle(self, damaged: bool) -> None:
+        """Nothing."""
+
+    def heard(self, frame: AirFrame) -> None:
+        """Nothing: its fate says it."""
+
+
+class _Reception:
+    __slots__ = ("alone", "frame", "interference_mw", "pieces", "power_mw", "since_ns")
+
+    def __init__(self, frame: AirFrame, power_mw: float, interference_mw: float, now_ns: int) -> None:
+        self.frame, self.power_mw, self.interference_mw = frame, power_mw, interference_mw
+        self.since_ns = now_ns
+        self.pieces: list[Piece] = []
+
+    def change(self, interference_mw: float, now_ns: int) -> None:
+        if now_ns > self.since_ns:
+            self.pieces.append(Piece(now_ns - self.since_ns, self.interference_mw))
+            self.since_ns = now_ns
+        self.interference_mw = interference_mw
+
+
+class Receiver:
+    """What one node hears.
+
+    Attributes:
+        transmits: whether it is on the air itself.
+        is_busy: whether it senses a carrier.
+    """
+
+    __slots__ = (
+        "_air",
+        "_damaged",
+        "_ear",
+        "_locked",
+        "_lost",
+        "_signals",
+        "is_busy",
+        "node",
+        "transmits",
+    )
+
+    def __init__(self, air: Air, node: int, ear: Ear) -> None:
+        self._air, self.node, self._ear = air, node, ear
+        self._signals: dict[AirFrame, float] = {}
+        self._lost: dict[AirFrame, Loss] = {}
+        self._locked: _Reception | None = None
+        self._damaged = False
+        self.transmits = self.is_busy = False
+
+    def starts(self, frame: AirFrame, power_mw: float) -> None:
+        """A signal arrives."""
+        hearing, locked, signals = self._air.hearing, self._locked, self._signals
+        now_ns = self._air.agenda.now_ns
+        others_mw = sum(signals.values()) if signals and hearing.interferes else 0.0
+        signals[frame] = power_mw
+        if self.transmits:
+            self._lost[frame] = Loss.HALF_DUPLEX
+        elif power_mw < hearing.preamble_mw:
+            self._lost[frame] = Loss.NOISE
+            if locked is not None and hearing.interferes:
+                locked.change(others_mw + power_mw - locked.power_mw, now_ns)
+        elif locked is None:
+            self._locked = _Reception(frame, power_mw, others_mw, now_ns)
+        elif not hearing.interferes:
+            self._lost[frame] = Loss.COLLIDED
+        elif power_mw >= hearing.capture * locked.power_mw:
+            self._lost[locked.frame] = Loss.COLLIDED
+            self._locked = _Reception(frame, power_mw, others_mw, now_ns)
+        else:
+            self._lost[frame] = Loss.COLLIDED
+            locked.change(others_mw + power_mw - locked.power_mw, now_ns)
+        self._sense()
+
+    def ends(self, frame: AirFrame) -> None:
+        """A signal has passed."""
+        air, locked = self._air, self._locked
+        del self._signals[frame]
+        loss = self._lost.pop(frame, None)
+        if locked is not None:
+            if locked.frame is frame:
+                self._locked = None
+                locked.change(0.0, air.agenda.now_ns)
+                came, alone = air.world.survives(frame, self.node, locked.power_mw, locked.pieces)
+                loss = None if came else Loss.COLLIDED if alone else Loss.NOISE
+                self._damaged = not came
+            elif air.hearing.interferes:
+                left_mw = sum(power for other, power in self._signals.items() if other is not locked.frame)
+                locked.change(left_mw, air.agenda.now_ns)
+        air.on_fate(frame, self.node, loss)
+        if loss is None:
+            self._ear.heard(frame)
+        self._sense()
+
+    def begins_to_transmit(self) -> None:
+        """It is on the air from now on: what it was about to hear is lost."""
+        self.transmits = True
+        if self._locked is not None:
+            self._lost[self._locked.frame] = Loss.HALF_DUPLEX
+            self._locked = None
+        self._damaged = False
+        self._sense()
+
+    def ends_to_transmit(self) -> None:
+        """It hears again; signals that are under way it senses by their energy alone."""
+        self.transmits = False
+        self._sense()
+
+    def _sense(self) -> None:
+        signals = self._signals
+        is_busy = (
+            self.transmits
+            or self._locked is not None
+            or (bool(signals) and sum(signals.values()) >= self._air.hearing.energy_mw)
+        )
+        if is_busy != self.is_busy:
+            self.is_busy = is_busy
+            if is_busy:
+                self._ear.busy()
+            else:
+                self._ear.idle(self._damaged)
+
+
+class Air:
+    """What is on the air of one network.
+
+    Args:
+        agenda: of the medium.
+        world: what lies between the nodes.
+        hearing: how receivers hear.
+        on_fate: called with each frame at each node that it reaches, when it has passed: why it was lost, or None.
+    """
+
+    def __init__(
+        self,
+        agenda: Agenda,
+        world: World,
+        hearing: Hearing,
+        on_fate: Callable[[AirFrame, int, Loss | None], object],
+    ) -> None:
+        self.agenda, self.world, self.hearing, self.on_fate = agenda, world, hearing, on_fate
+        self._receivers: dict[int, Receiver] = {}
+
+    def join(self, ears: Mapping[int, Ear]) -> dict[int, Receiver]:
+        """Give each node its receiver."""
+        self._receivers = {node: Receiver(self, node, ear) for node, ear in sorted(ears.items())}
+        return self._receivers
+
+    def transmit(self, frame: AirFrame, then: Callable[[], object]) -> None:
+        """Put a frame on the air now; ``then`` is called at its end, before anybody acts on it."""
+        node, now_ns, world = frame.node, self.agenda.now_ns, self.world
+        arrivals: list[tuple[int, Receiver, float]] = []
+        for other, receiver in self._receivers.items():
+            if other == node:
+                continue
+            power_mw = world.power_mw(node, other, now_ns)
+            if power_mw > 0.0:
+                arrivals.append((now_ns + world.delay_ns(node, other, now_ns), receiver, power_mw))
+            else:
+                self.on_fate(frame, other, Loss.NOISE)
+        arrivals.sort(key=_when)
+        self._receivers[node].begins_to_transmit()
+        if arrivals:
+            _Front(
+                self.agenda, SIGNAL_STARTS, node, [(at, _start_of(r, frame, p)) for at, r, p in arrivals]
+            ).go()
+            length_ns = frame.ended_ns - frame.started_ns
+            ends = [(at + length_ns, _end_of(r, frame)) for at, r, _ in arrivals]
+            _Front(self.agenda, SIGNAL_ENDS, node, ends).go()
+        self.agenda.at(frame.ended_ns, SIGNAL_ENDS, node, self._end, node, then)
+
+    def _end(self, node: int, then: Callable[[], object]) -> None:
+        then()
+        self._receivers[node].ends_to_transmit()
+
+
+def _when(arrival: tuple[int, Receiver, float]) -> int:
+    return arrival[0]
+
+
+def _start_of(
+    receiver: Receiver, frame: AirFrame, power_mw: float
+) -> tuple[Callable[..., None], tuple[object, ...]]:
+    return receiver.starts, (frame, power_mw)
+
+
+def _end_of(receiver: Receiver, frame: AirFrame) -> tuple[Callable[..., None], tuple[object, ...]]:
+    return receiver.ends, (frame,)
+
+
+class _Front:
+    """A signal's edge on its way over the receivers: one event of the agenda for those that nothing comes between."""
+
+    __slots__ = ("_agenda", "_node", "_place", "_rank", "_steps")
+
+    def __init__(
+        self,
+        agenda: Agenda,
+        rank: int,
+        node: int,
+        steps: Sequence[tuple[int, tuple[Callable[..., None], tuple[object, ...]]]],
+    ) -> None:
+        self._agenda, self._rank, self._node, self._steps, self._place = agenda, rank, node, steps, 0
+
+    def go(self) -> None:
+        """Be called when the edge is at the next receiver."""
+        self._agenda.at(self._steps[self._place][0], self._rank, self._node, self._arrive)
+
+    def _arrive(self) -> None:
+        steps, now_ns = self._steps, self._agenda.now_ns
+        count = len(steps)
+        while self._place < count:
+            at_ns, (call, arguments) = steps[self._place]
+            if at_ns > now_ns:
+                self.go()
+                return
+            self._place += 1
+            self._agenda.handled += 1
+            call(*arguments)

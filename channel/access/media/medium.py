@@ -1,0 +1,104 @@
+"""What all media have in common: packets in, outcomes out, one queue per node."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from channel.access.agenda import ACTS, Agenda
+from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
+from channel.access.queue import QueueLimits, TransmitQueue
+from channel.access.world import AirFrame, World
+
+
+class AccessMedium(ABC):
+    """One radio network: who is on it transmits when its rules allow.
+
+    Args:
+        world: its nodes, and what lies between them.
+        limits: of each node's queue.
+        max_length_bytes: the longest packet.
+
+    `offer` packets in any order, each not before the instant that `run` came to, then `run`: the outcomes come in the
+    order of their instants. Each packet has one `AirFate` per receiver: the node that it is for, or all others.
+    """
+
+    def __init__(self, world: World, limits: QueueLimits, max_length_bytes: int) -> None:
+        self.world = world
+        self.agenda = Agenda()
+        self._outboxes = {node: TransmitQueue(limits) for node in sorted(world.nodes)}
+        self._max_length_bytes = max_length_bytes
+        self._outcomes: list[Outcome] = []
+
+    def offer(self, packet: AirPacket) -> None:
+        """Have a packet enter its sender's radio at its instant.
+
+        Raises:
+            ValueError: a node that is not on this network, or an instant that has passed.
+        """
+        for node in (packet.node,) if packet.to is None else (packet.node, packet.to):
+            if node not in self._outboxes:
+                raise ValueError(f"node {node} is not on this network: {', '.join(map(str, self._outboxes))}")
+        if packet.to == packet.node:
+            raise ValueError(f"node {packet.node} sends to itself")
+        self.agenda.at(packet.at_ns, ACTS, packet.node, self._enter, packet)
+
+    def run(self, until_ns: int) -> list[Outcome]:
+        """Let the network live until an instant; what came of packets since the last call."""
+        self.agenda.run(until_ns)
+        outcomes, self._outcomes = self._outcomes, []
+        return outcomes
+
+    def queued(self, node: int) -> tuple[int, int]:
+        """How many packets of a node wait, and their length in bytes."""
+        outbox = self._outboxes[node]
+        return len(outbox), outbox.length_bytes
+
+    def receivers_of(self, packet: AirPacket) -> tuple[int, ...]:
+        """Who has a fate of it."""
+        if packet.to is not None:
+            return (packet.to,)
+        return tuple(node for node in self._outboxes if node != packet.node)
+
+    @abstractmethod
+    def _wake(self, node: int) -> None:
+        """Something is in a queue that may have been empty."""
+
+    def _enter(self, packet: AirPacket) -> None:
+        if packet.length_bytes > self._max_length_bytes:
+            self._lost(packet, Loss.TOO_LONG)
+            return
+        for lost, loss in self._outboxes[packet.node].put(packet):
+            self._lost(lost, loss)
+        self._wake(packet.node)
+
+    def _next(self, node: int) -> AirPacket | None:
+        """The packet that leaves a node's queue now."""
+        packet, expired = self._outboxes[node].take(self.agenda.now_ns)
+        self._expired(expired)
+        return packet
+
+    def _first(self, node: int) -> AirPacket | None:
+        """The packet that would leave next, and stays."""
+        packet, expired = self._outboxes[node].look(self.agenda.now_ns)
+        self._expired(expired)
+        return packet
+
+    def _expired(self, packets: list[AirPacket]) -> None:
+        for packet in packets:
+            self._lost(packet, Loss.EXPIRED)
+
+    def _book(
+        self, packet: AirPacket, receiver: int, frame: AirFrame | None, attempts: int, loss: Loss | None
+    ) -> None:
+        """What became of a packet at a receiver, by the frame that decided; None: it never was on the air."""
+        now_ns = self.agenda.now_ns
+        started_ns, ended_ns = (-1, -1) if frame is None else (frame.started_ns, frame.ended_ns)
+        fate = AirFate(packet, receiver, max(now_ns, ended_ns), started_ns, ended_ns, attempts, loss)
+        self._outcomes.append(fate)
+
+    def _lost(self, packet: AirPacket, loss: Loss) -> None:
+        """Lost before it was on the air, for all that it was for."""
+        for receiver in self.receivers_of(packet):
+            self._book(packet, receiver, None, 0, loss)
+        if packet.to is not None:
+            self._outcomes.append(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))

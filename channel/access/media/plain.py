@@ -1,0 +1,48 @@
+"""What media of plain radios share: a node transmits whatever it hears, and each packet once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from channel.access.air import Air, DeafEar, Hearing
+from channel.access.media.medium import AccessMedium
+from channel.access.packets import AirPacket, Loss
+from channel.access.queue import QueueLimits
+from channel.access.timing import FrameTiming
+from channel.access.world import AirFrame, World
+
+
+class PlainMedium(AccessMedium):
+    """A network of such radios.
+
+    Args:
+        world: nodes, powers, delays.
+        timing: of frames.
+        limits: of queues.
+        hearing: how receivers hear.
+    """
+
+    def __init__(
+        self, world: World, timing: FrameTiming, limits: QueueLimits | None, hearing: Hearing | None
+    ) -> None:
+        super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
+        self._timing = timing
+        self._air = Air(self.agenda, world, hearing or Hearing(), self._passed)
+        self._receivers = self._air.join({node: DeafEar() for node in world.nodes})
+        self._numbers = dict.fromkeys(world.nodes, 0)
+
+    def _transmit(self, packet: AirPacket, then: Callable[[], object]) -> None:
+        """Put a packet on the air now; ``then`` is called at its end."""
+        node, now_ns = packet.node, self.agenda.now_ns
+        number = self._numbers[node]
+        self._numbers[node] += 1
+        ended_ns = now_ns + self._timing.duration_ns(packet.length_bytes)
+        self._air.transmit(
+            AirFrame(node, number, "data", packet.length_bytes, now_ns, ended_ns, packet), then
+        )
+
+    def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:
+        packet = frame.packet
+        assert packet is not None
+        if packet.to is None or packet.to == receiver:
+            self._book(packet, receiver, frame, 1, loss)

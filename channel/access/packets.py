@@ -1,0 +1,86 @@
+"""What enters a medium, and what comes out of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Loss(StrEnum):
+    """Why a packet did not come to a receiver."""
+
+    TOO_LONG = "too_long"
+    """No frame of this radio has room for it."""
+    QUEUE_FULL = "queue_full"
+    EXPIRED = "expired"
+    """It waited longer than its life time."""
+    REPLACED = "replaced"
+    """A newer packet with its key took its place in the queue."""
+    HALF_DUPLEX = "half_duplex"
+    """The receiver transmitted."""
+    COLLIDED = "collided"
+    """It would have come through if no other frame of the network had been on the air."""
+    NOISE = "noise"
+    """Too weak, or too many errors of the channel alone."""
+    RETRIES = "retries_exhausted"
+    """A unicast was never acknowledged."""
+
+
+@dataclass(frozen=True, slots=True)
+class AirPacket:
+    """One packet as its sender gives it to its radio.
+
+    Attributes:
+        node: who sends it.
+        number: of its sender, rising.
+        to: the node that it is for; None: all that hear it, without acknowledgement.
+        length_bytes: of what the sender gave, 0 or more.
+        at_ns: the instant at which it enters the radio.
+        priority: packets of higher ones leave the queue first.
+        lifetime_ns: after so long in the queue it is dropped; None: it waits for ever.
+        key: a queued packet of the same node and key gives way to it; empty: none does.
+    """
+
+    node: int
+    number: int
+    to: int | None
+    length_bytes: int
+    at_ns: int
+    priority: int = 0
+    lifetime_ns: int | None = None
+    key: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class AirFate:
+    """What became of a packet at one receiver.
+
+    Attributes:
+        packet: which.
+        receiver: the node.
+        at_ns: when it arrived, or was lost for good.
+        started_ns, ended_ns: the transmission that decided; -1 if it never was on the air.
+        attempts: how often it was on the air.
+        loss: why it was lost; None: it arrived.
+    """
+
+    packet: AirPacket
+    receiver: int
+    at_ns: int
+    started_ns: int
+    ended_ns: int
+    attempts: int
+    loss: Loss | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What a sender learns of its unicast: acknowledged, or given up."""
+
+    packet: AirPacket
+    at_ns: int
+    acknowledged: bool
+    attempts: int
+
+
+Outcome = AirFate | Reply

@@ -1,0 +1,107 @@
+"""The transmit queue of one node."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from channel.access.packets import AirPacket, Loss
+
+
+@dataclass(frozen=True, slots=True)
+class QueueLimits:
+    """How much a queue holds; 0 = no limit.
+
+    Attributes:
+        packets: at most so many wait.
+        length_bytes: of all that wait.
+    """
+
+    packets: int = 64
+    length_bytes: int = 0
+
+    def __post_init__(self) -> None:
+        if self.packets < 0 or self.length_bytes < 0:
+            raise ValueError(f"a queue of {self.packets} packets, {self.length_bytes} bytes: 0 or more")
+
+
+class TransmitQueue:
+    """Packets that wait: higher priorities first, first in first out within one; a full queue takes no more."""
+
+    def __init__(self, limits: QueueLimits) -> None:
+        self._limits = limits
+        self._classes: dict[int, deque[AirPacket]] = {}
+        self._packets = 0
+        self._bytes = 0
+
+    def __len__(self) -> int:
+        return self._packets
+
+    @property
+    def length_bytes(self) -> int:
+        """Of all that wait."""
+        return self._bytes
+
+    def put(self, packet: AirPacket) -> list[tuple[AirPacket, Loss]]:
+        """Take a packet; returns what is lost by that: an older one of its key, or itself."""
+        old = self._with_key(packet.key)
+        if not self._has_room(packet, old):
+            return [(packet, Loss.QUEUE_FULL)]
+        if old is None:
+            self._classes.setdefault(packet.priority, deque()).append(packet)
+        elif old.priority == packet.priority:
+            waiting = self._classes[old.priority]
+            waiting[waiting.index(old)] = packet
+            self._packets -= 1
+            self._bytes -= old.length_bytes
+        else:
+            self._remove(old)
+            self._classes.setdefault(packet.priority, deque()).append(packet)
+        self._packets += 1
+        self._bytes += packet.length_bytes
+        return [] if old is None else [(old, Loss.REPLACED)]
+
+    def take(self, now_ns: int) -> tuple[AirPacket | None, list[AirPacket]]:
+        """The packet that leaves next, and those that expired before it."""
+        packet, expired = self.look(now_ns)
+        if packet is not None:
+            self._remove(packet)
+        return packet, expired
+
+    def look(self, now_ns: int) -> tuple[AirPacket | None, list[AirPacket]]:
+        """The packet that would leave next, and those that expired before it, which wait no longer."""
+        expired: list[AirPacket] = []
+        while self._packets:
+            packet = self._classes[max(self._classes)][0]
+            if packet.lifetime_ns is None or now_ns - packet.at_ns <= packet.lifetime_ns:
+                return packet, expired
+            self._remove(packet)
+            expired.append(packet)
+        return None, expired
+
+    def _has_room(self, packet: AirPacket, old: AirPacket | None) -> bool:
+        """Whether it fits, with the one whose place it takes gone."""
+        limits = self._limits
+        packets, length_bytes = self._packets, self._bytes + packet.length_bytes
+        if old is not None:
+            packets, length_bytes = packets - 1, length_bytes - old.length_bytes
+        return (not limits.packets or packets < limits.packets) and (
+            not limits.length_bytes or length_bytes <= limits.length_bytes
+        )
+
+    def _with_key(self, key: str) -> AirPacket | None:
+        if not key:
+            return None
+        waiting = (packet for packets in self._classes.values() for packet in packets)
+        return next((packet for packet in waiting if packet.key == key), None)
+
+    def _remove(self, packet: AirPacket) -> None:
+        waiting = self._classes[packet.priority]
+        if waiting[0] is packet:
+            waiting.popleft()
+        else:
+            waiting.remove(packet)
+        if not waiting:
+            del self._classes[packet.priority]
+        self._packets -= 1
+        self._bytes -= packet.length_bytes

@@ -1,0 +1,91 @@
+"""A world whose powers and errors are those of a radio of `channel.link`: nodes that stand still."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from channel.access.timing import NS_PER_S
+from channel.access.words import FrameDraws
+from channel.access.world import AirFrame, Piece
+from channel.link.radio import Radio
+from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
+
+HEARD_DB = -20.0
+"""A signal so far below the noise, or further, is no signal, and no interference either."""
+
+
+class RadioWorld:
+    """Nodes at fixed places, all with one radio; powers are means, without shadowing and fading.
+
+    A frame's errors are by pieces of constant SINR: the share of its bits in each has the packet error rate of a
+    packet of so many bytes at that SINR, and the frame comes through if all of them do.
+
+    Args:
+        radio: of all nodes.
+        places_ned_m: of each, in a common frame whose origin is on the ground.
+        seed: of the draws.
+    """
+
+    def __init__(self, radio: Radio, places_ned_m: Mapping[int, Sequence[float]], seed: int = 1) -> None:
+        self.nodes = tuple(sorted(places_ned_m))
+        self._radio, self._draws = radio, FrameDraws(seed)
+        self._power_mw: dict[tuple[int, int], float] = {}
+        self._noise_mw: dict[tuple[int, int], float] = {}
+        self._delay_ns: dict[tuple[int, int], int] = {}
+        for tx in self.nodes:
+            for rx in self.nodes:
+                if tx != rx:
+                    self._join((tx, rx), places_ned_m[tx], places_ned_m[rx])
+        self._per = lru_cache(maxsize=65_536)(self._per_of)
+
+    def _join(self, link: tuple[int, int], tx: Sequence[float], rx: Sequence[float]) -> None:
+        path = self._radio.path(position_tx_ned_m=tx, position_rx_ned_m=rx)
+        power_dbm = float(self._radio.mean_power_dbm(path))
+        noise_dbm = float(self._radio.noise_dbm(path))
+        is_heard = power_dbm >= noise_dbm + HEARD_DB and bool(
+            self._radio.in_range(np.asarray(path.distance_m))
+        )
+        self._power_mw[link] = float(ratio_from_db(power_dbm)) if is_heard else 0.0
+        self._noise_mw[link] = float(ratio_from_db(noise_dbm))
+        self._delay_ns[link] = int(float(path.distance_m) / SPEED_OF_LIGHT_MPS * NS_PER_S + 0.5)
+
+    @property
+    def noise_mw(self) -> float:
+        """Of the quietest receiver: what is weaker locks none."""
+        return min(self._noise_mw.values())
+
+    @property
+    def longest_delay_ns(self) -> int:
+        """Of any way."""
+        return max(self._delay_ns.values())
+
+    def power_mw(self, transmitter: int, receiver: int, at_ns: int) -> float:  # noqa: ARG002
+        """Mean received power, mW; 0 if it is far below the noise."""
+        return self._power_mw[transmitter, receiver]
+
+    def delay_ns(self, transmitter: int, receiver: int, at_ns: int) -> int:  # noqa: ARG002
+        """Of light."""
+        return self._delay_ns[transmitter, receiver]
+
+    def survives(
+        self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
+    ) -> tuple[bool, bool]:
+        """By one draw for both: who comes through with interference does so without."""
+        link = (frame.node, receiver)
+        noise_mw = self._noise_mw[link]
+        drawn = self._draws.uniform(*link, frame.number)
+        alone = 1.0 - self._per(power_mw / noise_mw, frame.length_bytes)
+        if len(pieces) == 1 and not pieces[0].interference_mw:
+            return drawn < alone, drawn < alone
+        duration_ns = frame.ended_ns - frame.started_ns
+        together = 1.0
+        for piece_ns, interference_mw in pieces:
+            sinr = power_mw / (noise_mw + interference_mw)
+            together *= 1.0 - self._per(sinr, frame.length_bytes * piece_ns / duration_ns)
+        return drawn < together, drawn < alone
+
+    def _per_of(self, snr: float, length_bytes: float) -> float:
+        return float(self._radio.per_unchecked(db_from_ratio(snr), length_bytes))

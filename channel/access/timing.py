@@ -1,0 +1,155 @@
+"""How long a frame lasts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+from typing import Protocol
+
+US = 1_000
+NS_PER_S = 1_000_000_000
+
+
+class FrameTiming(Protocol):
+    """From a packet's length to its time on the air."""
+
+    @property
+    def max_length_bytes(self) -> int:
+        """The longest packet."""
+
+    def duration_ns(self, length_bytes: int) -> int:
+        """Of a frame that carries so much."""
+
+
+@dataclass(frozen=True, slots=True)
+class BitRate:
+    """A plain serial radio: preamble, then headers and packet at one rate.
+
+    Attributes:
+        bitrate_bps: on the air.
+        preamble_ns: before each frame.
+        header_bytes: that each packet gets.
+        max_length_bytes: the longest packet.
+    """
+
+    bitrate_bps: float
+    preamble_ns: int = 0
+    header_bytes: int = 0
+    max_length_bytes: int = 65_535
+
+    def __post_init__(self) -> None:
+        if not self.bitrate_bps > 0.0:
+            raise ValueError(f"bit rate {self.bitrate_bps:g} bit/s: above 0")
+
+    def duration_ns(self, length_bytes: int) -> int:
+        """To the nearest ns, half up; at least 1."""
+        bits = 8 * (length_bytes + self.header_bytes)
+        return max(1, self.preamble_ns + int(bits * NS_PER_S / self.bitrate_bps + 0.5))
+
+
+MAC_HEADER_BYTES, FCS_BYTES, LLC_BYTES = 24, 4, 8
+ACK_BYTES, CTS_BYTES, RTS_BYTES = 14, 14, 20
+"""IEEE 802.11-2020, 9.3: a data frame with three addresses, LLC and SNAP in its body; control frames with FCS."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wifi:
+    """Timing of IEEE 802.11: DSSS and HR-DSSS (clauses 15, 16) or OFDM (clauses 17, 18).
+
+    Attributes:
+        rate_mbps: of data.
+        basic_rate_mbps: of control frames and broadcasts.
+        slot_ns, sifs_ns: of the PHY.
+        cw_min, cw_max: contention windows, slots.
+        preamble_ns: preamble and PLCP header.
+        symbol_ns: of OFDM; 0: DSSS, which has none.
+        extension_ns: signal extension after an OFDM frame at 2.4 GHz.
+        header_bytes: MAC header, LLC and FCS.
+        max_length_bytes: the longest packet.
+    """
+
+    rate_mbps: float
+    basic_rate_mbps: float
+    slot_ns: int
+    sifs_ns: int
+    cw_min: int
+    cw_max: int
+    preamble_ns: int
+    symbol_ns: int = 0
+    extension_ns: int = 0
+    header_bytes: int = MAC_HEADER_BYTES + LLC_BYTES + FCS_BYTES
+    max_length_bytes: int = 2304
+
+    @property
+    def difs_ns(self) -> int:
+        """SIFS and two slots (10.3.2.3.5)."""
+        return self.sifs_ns + 2 * self.slot_ns
+
+    @property
+    def eifs_ns(self) -> int:
+        """SIFS, an ACK at the lowest rate, DIFS (10.3.2.3.7)."""
+        return self.sifs_ns + self.control_ns(ACK_BYTES) + self.difs_ns
+
+    def duration_ns(self, length_bytes: int) -> int:
+        """Of a data frame at the data rate."""
+        return self._ns(length_bytes + self.header_bytes, self.rate_mbps)
+
+    def broadcast_ns(self, length_bytes: int) -> int:
+        """Of a data frame at the basic rate."""
+        return self._ns(length_bytes + self.header_bytes, self.basic_rate_mbps)
+
+    def control_ns(self, length_bytes: int) -> int:
+        """Of an ACK, RTS or CTS, at the basic rate."""
+        return self._ns(length_bytes, self.basic_rate_mbps)
+
+    def _ns(self, length_bytes: int, rate_mbps: float) -> int:
+        if not self.symbol_ns:
+            return self.preamble_ns + ceil(8 * length_bytes / rate_mbps * US - 1e-6)
+        bits_per_symbol = rate_mbps * self.symbol_ns / US
+        symbols = ceil((22 + 8 * length_bytes) / bits_per_symbol - 1e-9)  # service and tail bits (17.4.3)
+        return self.preamble_ns + symbols * self.symbol_ns + self.extension_ns
+
+
+def wifi_b(rate_mbps: float = 11.0, basic_rate_mbps: float = 1.0, *, short_preamble: bool = False) -> Wifi:
+    """802.11b."""
+    _known("802.11b", rate_mbps, (1.0, 2.0, 5.5, 11.0))
+    preamble_ns = (96 if short_preamble else 192) * US
+    return Wifi(rate_mbps, basic_rate_mbps, 20 * US, 10 * US, 31, 1023, preamble_ns)
+
+
+def wifi_a(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0, *, clock: float = 1.0) -> Wifi:
+    """802.11a; ``clock`` 0.5 and 0.25 are the channels of 10 and 5 MHz, whose rates and times scale with it.
+
+    Args:
+        rate_mbps: nominal, that of 20 MHz.
+        basic_rate_mbps: likewise.
+        clock: of the symbols, 1 at 20 MHz.
+    """
+    _known("802.11a", rate_mbps, (6.0, 9.0, 12.0, 18.0, 24.0, 36.0, 48.0, 54.0))
+    scaled = {1.0: (9, 16), 0.5: (13, 32), 0.25: (21, 64)}
+    if clock not in scaled:
+        raise ValueError(f"clock {clock:g}: 1, 0.5 or 0.25")
+    slot_us, sifs_us = scaled[clock]
+    return Wifi(
+        rate_mbps * clock,
+        basic_rate_mbps * clock,
+        slot_us * US,
+        sifs_us * US,
+        15,
+        1023,
+        int(20 * US / clock),
+        int(4 * US / clock),
+    )
+
+
+def wifi_g(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0) -> Wifi:
+    """802.11g alone (no 802.11b about): as 802.11a, with a SIFS of 10 us and a signal extension of 6 us."""
+    _known("802.11g", rate_mbps, (6.0, 9.0, 12.0, 18.0, 24.0, 36.0, 48.0, 54.0))
+    return Wifi(rate_mbps, basic_rate_mbps, 9 * US, 10 * US, 15, 1023, 20 * US, 4 * US, 6 * US)
+
+
+def _known(standard: str, rate_mbps: float, rates: tuple[float, ...]) -> None:
+    if rate_mbps not in rates:
+        raise ValueError(
+            f"{standard} at {rate_mbps:g} Mb/s: one of {', '.join(f'{rate:g}' for rate in rates)}"
+        )

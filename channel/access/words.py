@@ -1,0 +1,63 @@
+"""Draws of a medium: each node's numbers hang on who it is and on which of its draws it is, and on nothing else."""
+
+from __future__ import annotations
+
+from channel.draws import Draws, stream_key
+from channel.numbers.philox import WORDS_PER_COUNT
+
+_BLOCK = 64
+_TO_UNIFORM = 2.0**-53
+
+
+class WordStream:
+    """64-bit words of one named stream, one after the other or by index.
+
+    Args:
+        draws: of the run.
+        names: of the stream.
+    """
+
+    def __init__(self, draws: Draws, *names: str) -> None:
+        self._draws, self._key = draws, stream_key(draws.seed, *names)
+        self._block, self._words = -1, [0]
+        self._next = 0
+
+    def word(self, index: int) -> int:
+        """The word at an index, 0 or more."""
+        block, place = divmod(index, _BLOCK * WORDS_PER_COUNT)
+        if block != self._block:
+            self._block = block
+            self._words = self._draws.run(self._key, block * _BLOCK, _BLOCK).ravel().tolist()
+        return self._words[place]
+
+    def uniform(self, index: int) -> float:
+        """The number in [0, 1) at an index."""
+        return (self.word(index) >> 11) * _TO_UNIFORM
+
+    def below(self, count: int) -> int:
+        """The next word as an integer from 0 to ``count`` - 1; by the product, which for small counts has no bias."""
+        word = self.word(self._next)
+        self._next += 1
+        return (word * count) >> 64
+
+    def next_uniform(self) -> float:
+        """The next word as a number in [0, 1)."""
+        self._next += 1
+        return self.uniform(self._next - 1)
+
+
+class FrameDraws:
+    """One number in [0, 1) for each frame at each receiver, whoever else is on the air."""
+
+    def __init__(self, seed: int) -> None:
+        self._draws = Draws(seed)
+        self._streams: dict[tuple[int, int], WordStream] = {}
+
+    def uniform(self, transmitter: int, receiver: int, number: int) -> float:
+        """Of a transmitter's frame with this number."""
+        link = (transmitter, receiver)
+        stream = self._streams.get(link)
+        if stream is None:
+            names = (str(transmitter), str(receiver), "frame")
+            stream = self._streams[link] = WordStream(self._draws, *names)
+        return stream.uniform(number)

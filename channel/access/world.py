@@ -1,0 +1,113 @@
+"""How strong a node hears another, and what of a frame survives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple, Protocol
+
+from channel.access.packets import AirPacket
+from channel.access.words import FrameDraws
+
+
+class Piece(NamedTuple):
+    """A part of a frame during which the interference stays the same."""
+
+    duration_ns: int
+    interference_mw: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AirFrame:
+    """What is on the air: who, when, and how much of what.
+
+    Attributes:
+        node: the transmitter.
+        number: of its transmissions, rising from 0: what is drawn for a frame hangs on it.
+        kind: what a medium distinguishes frames by.
+        length_bytes: on the air, with its headers.
+        started_ns, ended_ns: at the transmitter.
+        packet: what it carries; None for control.
+        to: the node that a control frame is for.
+        reserved_ns: how long after its end others keep quiet (NAV).
+    """
+
+    node: int
+    number: int
+    kind: str
+    length_bytes: int
+    started_ns: int
+    ended_ns: int
+    packet: AirPacket | None = None
+    to: int | None = None
+    reserved_ns: int = 0
+
+
+class World(Protocol):
+    """What lies between nodes. Whatever it answers depends on its arguments alone."""
+
+    @property
+    def nodes(self) -> Sequence[int]:
+        """Who is on the air."""
+
+    def power_mw(self, transmitter: int, receiver: int, at_ns: int) -> float:
+        """Received power; 0: nothing comes that matters."""
+
+    def delay_ns(self, transmitter: int, receiver: int, at_ns: int) -> int:
+        """Of propagation."""
+
+    def survives(
+        self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
+    ) -> tuple[bool, bool]:
+        """Whether a frame came through, and whether it would have done so without interference."""
+
+
+class PlainWorld:
+    """Every node hears every other equally well, but those that are deaf to each other; two frames at once spoil both.
+
+    Args:
+        nodes: who is on the air.
+        deaf: pairs (transmitter, receiver) of which the receiver hears nothing.
+        delay_ns: of propagation, for all.
+        power_mw: received, for all; or by (transmitter, receiver).
+        loss: share of frames that the channel loses by itself, drawn by receiver and transmission.
+        sinr_min: a frame is lost when its power over interference falls below this at any time.
+        seed: of the draws.
+    """
+
+    def __init__(
+        self,
+        nodes: Sequence[int],
+        *,
+        deaf: Sequence[tuple[int, int]] = (),
+        delay_ns: int = 0,
+        power_mw: float | Mapping[tuple[int, int], float] = 1e-5,
+        loss: float = 0.0,
+        sinr_min: float = inf,
+        seed: int = 1,
+    ) -> None:
+        self.nodes = tuple(nodes)
+        self._deaf, self._delay_ns, self._power_mw = frozenset(deaf), delay_ns, power_mw
+        self._loss, self._sinr_min, self._draws = loss, sinr_min, FrameDraws(seed)
+
+    def power_mw(self, transmitter: int, receiver: int, at_ns: int) -> float:  # noqa: ARG002
+        """As given."""
+        if (transmitter, receiver) in self._deaf:
+            return 0.0
+        power = self._power_mw
+        return power[transmitter, receiver] if isinstance(power, Mapping) else power
+
+    def delay_ns(self, transmitter: int, receiver: int, at_ns: int) -> int:  # noqa: ARG002
+        """As given."""
+        return self._delay_ns
+
+    def survives(
+        self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
+    ) -> tuple[bool, bool]:
+        """Lost by a draw of its own, or by any interference that is too strong."""
+        alone = True
+        if self._loss:
+            alone = self._draws.uniform(frame.node, receiver, frame.number) >= self._loss
+        worst_mw = max(piece.interference_mw for piece in pieces)
+        return alone and (worst_mw == 0.0 or power_mw >= self._sinr_min * worst_mw), alone

@@ -1,0 +1,251 @@
+"""`lostlink air`: what a medium carries, without flying."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from math import cos, nan, pi, sin
+from pathlib import Path
+from typing import Any
+
+import click
+
+from channel.access.air import Hearing
+from channel.access.media.airtime import AirTime
+from channel.access.media.csma import Csma, DcfSettings
+from channel.access.media.medium import AccessMedium
+from channel.access.media.tdma import Schedule, Tdma
+from channel.access.queue import QueueLimits
+from channel.access.timing import BitRate, Wifi, wifi_a, wifi_b, wifi_g
+from channel.access.trial import Carried, Load, under_load
+from channel.access.world import PlainWorld, World
+from channel.cli.options import BadInput, chosen_radio, writing
+from channel.numbers.units import ratio_from_db
+
+HEIGHT_M = 40.0
+CHOSEN_LOADS = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
+CAPTURE = 10.0
+"""How many times stronger a later signal has to be to take a plain radio over: 10 dB."""
+STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
+CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
+"""At 20 MHz."""
+
+
+@click.command()
+@click.argument("medium", type=click.Choice(["airtime", "csma", "tdma"]))
+@click.option("--nodes", default=6, show_default=True, type=click.IntRange(2, 500), help="How many stations.")
+@click.option(
+    "--length-bytes", default=200, show_default=True, type=click.IntRange(1), help="Of each packet."
+)
+@click.option(
+    "--to",
+    type=click.Choice(["all", "one"]),
+    default="all",
+    show_default=True,
+    help="Broadcasts, or to node 0.",
+)
+@click.option(
+    "--standard", type=click.Choice(list(STANDARDS)), default="11g", show_default=True, help="Of csma."
+)
+@click.option(
+    "--rate-mbps",
+    type=float,
+    help="Of csma: of unicasts; the lowest of its standard if not given.",
+)
+@click.option(
+    "--basic-rate-mbps",
+    type=float,
+    help="Of csma: of broadcasts, ACK, RTS and CTS; the lowest of its standard if not given.",
+)
+@click.option("--rts-from-bytes", type=int, help="Of csma: unicasts of at least so much are announced.")
+@click.option("--bitrate-bps", default=64_000.0, show_default=True, help="Of airtime and tdma.")
+@click.option(
+    "--header-bytes", default=0, show_default=True, help="That each packet gets, of airtime and tdma."
+)
+@click.option(
+    "--slot-ms",
+    type=float,
+    help="Of tdma: one slot per node and round; one packet and the guard if not given.",
+)
+@click.option("--guard-ms", default=1.0, show_default=True, help="Of tdma, at the end of each slot.")
+@click.option(
+    "--queue",
+    default=64,
+    show_default=True,
+    type=click.IntRange(0),
+    help="Packets that a node's queue holds; 0: any.",
+)
+@click.option(
+    "--radio",
+    help="A preset or YAML file: powers and errors are its; without, every frame comes through alone.",
+)
+@click.option(
+    "--set", "settings", multiple=True, metavar="KEY=VALUE", help="Override a key of the radio. Repeatable."
+)
+@click.option(
+    "--ring-m",
+    default=200.0,
+    show_default=True,
+    help="With --radio: nodes stand on a ring of this radius, 40 m high, node 0 in its middle.",
+)
+@click.option(
+    "--load-bps",
+    "loads_bps",
+    multiple=True,
+    type=float,
+    help="Bits of packets a second that all offer together. Repeatable; a series if not given.",
+)
+@click.option("--duration", "duration_s", default=20.0, show_default=True, help="Sim time per load, s.")
+@click.option("--seed", default=1, show_default=True, type=int, help="Of traffic, back-off and errors.")
+@click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
+@click.option(
+    "--plot",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw throughput, delay and losses over load.",
+)
+def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> None:  # fmt: skip
+    """Print what a medium carries: throughput, delay and losses over offered load, without flying.
+
+    \b
+    Examples:
+      lostlink air csma --nodes 20 --standard 11b --rate-mbps 11 --length-bytes 1500
+      lostlink air airtime --bitrate-bps 64000 --nodes 6 --load-bps 20000 --load-bps 60000
+      lostlink air tdma --slot-ms 20 --nodes 6 --to one --json
+      lostlink air csma --radio wifi-2.4 --ring-m 400 --plot air.png
+    """
+    try:
+        results = [_result(medium, load_bps, options) for load_bps in _loads(medium, options)]
+    except ValueError as error:
+        raise BadInput(str(error)) from error
+    if plot is not None:
+        with writing(plot):
+            _plot(results, plot)
+    if as_json:
+        click.echo(
+            json.dumps({"medium": medium, "loads": [result.as_dict() for result in results]}, indent=2)
+        )
+    else:
+        click.echo(_table(results))
+
+
+def _loads(medium: str, options: dict[str, Any]) -> Sequence[float]:
+    if options["loads_bps"]:
+        return options["loads_bps"]  # type: ignore[no-any-return]
+    full_bps = _wifi(options).rate_mbps * 1e6 if medium == "csma" else options["bitrate_bps"]
+    return [share * full_bps for share in CHOSEN_LOADS]
+
+
+def _result(medium: str, load_bps: float, options: dict[str, Any]) -> Carried:
+    to = 0 if options["to"] == "one" else None
+    load = Load(load_bps, options["length_bytes"], to, options["duration_s"], options["seed"])
+    return under_load(_medium(medium, options), load)
+
+
+def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
+    limits = QueueLimits(options["queue"])
+    world, hearing, reach_ns = _world(options)
+    if medium == "csma":
+        settings = DcfSettings(rts_from_bytes=options["rts_from_bytes"], reach_ns=reach_ns)
+        hearing = _carrier() if options["radio"] else Hearing()
+        return Csma(
+            world, _wifi(options), seed=options["seed"], settings=settings, limits=limits, hearing=hearing
+        )
+    timing = BitRate(options["bitrate_bps"], header_bytes=options["header_bytes"])
+    if medium == "airtime":
+        return AirTime(world, timing, limits, hearing)
+    guard_ns = int(1e6 * options["guard_ms"])
+    slot_ms = options["slot_ms"]
+    slot_ns = (
+        timing.duration_ns(options["length_bytes"]) + guard_ns if slot_ms is None else int(1e6 * slot_ms)
+    )
+    return Tdma(world, timing, Schedule(tuple(world.nodes), slot_ns, guard_ns), limits, hearing)
+
+
+def _wifi(options: dict[str, Any]) -> Wifi:
+    standard, rate_mbps = STANDARDS[options["standard"]], options["rate_mbps"]
+    lowest = 1.0 if options["standard"] == "11b" else 6.0
+    return standard(rate_mbps or lowest, options["basic_rate_mbps"] or lowest)
+
+
+def _carrier() -> Hearing:
+    preamble, energy = (float(ratio_from_db(CARRIER_DBM[name])) for name in ("preamble", "energy"))
+    return Hearing(preamble, energy)
+
+
+def _world(options: dict[str, Any]) -> tuple[World, Hearing, int]:
+    """Nodes and what lies between them, how plain radios hear there, and the longest way there and back, ns."""
+    nodes = range(options["nodes"])
+    if not options["radio"]:
+        return PlainWorld(nodes), Hearing(), 0
+    from channel.access.radio_world import RadioWorld
+    from channel.link.radio import Radio
+
+    ring_m, turn = options["ring_m"], 2.0 * pi / (len(nodes) - 1)
+    places = {
+        node: (ring_m * cos(turn * node), ring_m * sin(turn * node), -HEIGHT_M)
+        if node
+        else (0.0, 0.0, -HEIGHT_M)
+        for node in nodes
+    }
+    world = RadioWorld(Radio(chosen_radio(options["radio"], options["settings"])), places, options["seed"])
+    return world, Hearing(world.noise_mw, world.noise_mw, CAPTURE), 2 * world.longest_delay_ns
+
+
+def _table(results: Sequence[Carried]) -> str:
+    causes = sorted({loss for result in results for loss in result.lost})
+    head = [
+        "offered",
+        "carried",
+        "of all",
+        "mean delay",
+        "95 %",
+        *(cause.value.replace("_", " ") for cause in causes),
+    ]
+    rows = [head]
+    for result in results:
+        mean, _, most = result.delay_s or (None, None, None)
+        decided = max(result.sent - result.in_flight, 1)
+        rows.append(
+            [
+                _rate(result.offered_bps),
+                _rate(result.delivered_bps),
+                f"{result.delivered / decided:.3f}",
+                _ms(mean),
+                _ms(most),
+                *(f"{result.lost.get(cause, 0) / decided:.3f}" for cause in causes),
+            ]
+        )
+    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
+    return "\n".join(
+        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows
+    )
+
+
+def _rate(bps: float) -> str:
+    return f"{bps / 1e6:.3f} Mb/s" if bps >= 1e6 else f"{bps / 1e3:.2f} kb/s"
+
+
+def _ms(seconds: float | None) -> str:
+    return "-" if seconds is None else f"{1e3 * seconds:.2f} ms"
+
+
+def _plot(results: Sequence[Carried], file: Path) -> None:
+    from channel.cli.plots import axes_of
+
+    figure, ((left, middle, right),) = axes_of(1, 3, (13.0, 4.0))
+    offered = [result.offered_bps / 1e3 for result in results]
+    left.plot(offered, [result.delivered_bps / 1e3 for result in results], marker="o")
+    left.plot(offered, offered, color="0.7", ls="--")
+    left.set(xlabel="offered [kb/s]", ylabel="carried to each receiver [kb/s]")
+    for place, name in ((0, "mean"), (2, "95 %")):
+        delays = [1e3 * result.delay_s[place] if result.delay_s else nan for result in results]
+        middle.plot(offered, delays, marker="o", label=name)
+    middle.set(xlabel="offered [kb/s]", ylabel="delay [ms]", yscale="log")
+    middle.legend()
+    for cause in sorted({loss for result in results for loss in result.lost}):
+        shares = [result.lost.get(cause, 0) / max(result.sent - result.in_flight, 1) for result in results]
+        right.plot(offered, shares, marker="o", label=cause.value.replace("_", " "))
+    right.set(xlabel="offered [kb/s]", ylabel="share lost")
+    if right.lines:
+        right.legend()
+    figure.savefig(file, dpi=120)

@@ -1,0 +1,1 @@
+"""Emitters, and what they and other radios add at a receiver."""

@@ -1,0 +1,1 @@
+"""Whether a run's packets are what its radio says."""

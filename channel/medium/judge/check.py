@@ -1,0 +1,103 @@
+"""Questions about a run and their answers: how likely it is if nothing is wrong, and what would have been seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from channel.numbers import special
+
+LEVEL = 2e-4
+"""Of each check: with eight that count, the verdict fails in fewer than two of a thousand runs with nothing wrong."""
+ENOUGH = 0.9
+"""Power from which on a check is said to see something."""
+
+
+class Check(NamedTuple):
+    """One question about a run.
+
+    Attributes:
+        name: what is judged.
+        size: of how many packets, bins, places or pairs of packets.
+        found: the statistic.
+        chance: of one at least as far off, if nothing is wrong.
+        wrong: a defect to measure the check by.
+        power: probability with which the check fails if there is this defect.
+    """
+
+    name: str
+    size: int
+    found: float
+    chance: float
+    wrong: str = "any"
+    power: float = 1.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether the chance is not below the level."""
+        return self.chance >= LEVEL
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """All of it, for JSON."""
+        return self._asdict() | {"passed": self.passed, "sees": self.sees}
+
+    @property
+    def sees(self) -> bool:
+        """Whether there was enough to see the defect."""
+        return self.power >= ENOUGH
+
+
+class Unjudged(NamedTuple):
+    """A question that a run says too little about, and why."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the checks say together; a run too short for any of them says nothing."""
+
+    checks: tuple[Check, ...]
+    unjudged: tuple[Unjudged, ...] = ()
+
+    @property
+    def judged(self) -> bool:
+        """Whether there is anything to judge."""
+        return bool(self.checks)
+
+    @property
+    def passed(self) -> bool:
+        """Whether all checks passed."""
+        return all(check.passed for check in self.checks)
+
+
+def exact_check(name: str, size: int, off: int) -> Check:
+    """Return a check that one deviation is enough to fail."""
+    return Check(name, size, float(off), float(off == 0))
+
+
+def normal_check(name: str, size: int, z: float, wrong: str, shift: float) -> Check:
+    """Return a check of z, which is N(0, 1), or N(shift, 1) with the defect."""
+    edge = -float(special.ndtri(LEVEL / 2.0))
+    power = float(special.ndtr(shift - edge) + special.ndtr(-shift - edge))
+    return Check(name, size, z, 2.0 * float(special.ndtr(-abs(z))), wrong, power)
+
+
+def spread_check(name: str, size: int, variance: float, freedom: float, wrong: str, ratio: float) -> Check:
+    """Return a check of a variance that should be 1, on both sides.
+
+    Args:
+        name: what is judged.
+        size: of how many.
+        variance: as found; `freedom` times it follows chi-squared with so many degrees of freedom.
+        freedom: need not be whole: of a mean whose variance is 2 / freedom (Satterthwaite, Biometrics 2 (1946)).
+        wrong: a defect.
+        ratio: of the variance, with the defect.
+    """
+    square = variance * freedom
+    least, most = (float(special.chdtri(freedom, share)) for share in (1.0 - LEVEL / 2.0, LEVEL / 2.0))
+    power = float(special.chdtr(freedom, least / ratio) + special.chdtrc(freedom, most / ratio))
+    below, above = float(special.chdtr(freedom, square)), float(special.chdtrc(freedom, square))
+    return Check(name, size, variance, min(1.0, 2.0 * min(below, above)), wrong, power)

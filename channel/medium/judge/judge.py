@@ -1,0 +1,225 @@
+"""Whether a run's packets are what its radio says: the draws given the fading, and the fading given its law.
+
+Packets of a link that follow each other see the same shadowing: they are not so many independent trials of the
+averaged probability of delivery. So other questions are asked. Whether each packet was lost with the error rate of its
+own drawn power: these draws are independent, whatever the fading. Whether the powers follow their law, at places so far
+apart that the random terms there are nearly independent (`places`). And whether they change from place to place and
+from packet to packet as they should (`changes`). Each answer says which defect would have been seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from channel.checks import FloatArray
+from channel.draws import Draws
+from channel.link.decision import Signal
+from channel.link.radio import Radio
+from channel.link.tables.steps import STEPS_PER_DB
+from channel.medium.judge.changes import APART_NS, FROM_PACKET_TO_PACKET, OVER_PLACE, Changes
+from channel.medium.judge.check import (
+    LEVEL,
+    Check,
+    Unjudged,
+    Verdict,
+    exact_check,
+    normal_check,
+)
+from channel.medium.judge.heard import HeardPower, heard_power
+from channel.medium.judge.places import PowersAtPlaces
+from channel.medium.links import LinksOfPass
+from channel.numbers import special
+
+BIN_WIDTH_M = 20.0
+MAX_BINS = 8192
+LEAST_VARIANCE = 5.0
+"""Of a count of losses, below which it is not taken for normal."""
+MAX_LINKS = 128
+"""So many have their powers judged."""
+LOOKS = 1000
+"""About so many are taken for each question in each e-fold of sim time."""
+EXACT_DB = 2.0 / STEPS_PER_DB
+OFF_SHARE = 0.01
+OFF_SHARE_OF_BIN = 0.05
+"""The checks of losses are measured by so many more of the packets, in all or in each bin."""
+
+
+class Judge:
+    """Collects what a verdict needs, at the cost of a few sums per packet.
+
+    Args:
+        nodes: how many nodes there are.
+        seed: of the run: for draws that the judge makes itself.
+    """
+
+    def __init__(self, nodes: int, seed: int = 0) -> None:
+        self._sent = np.zeros(MAX_BINS)
+        self._expected = np.zeros(MAX_BINS)
+        self._variance = np.zeros(MAX_BINS)
+        self._erased = np.zeros(MAX_BINS)
+        self._packets = 0
+        self._impossible = 0
+        self._base_losses = 0
+        self._base_packets = 0
+        self._base_expected = 0.0
+        self._base_variance = 0.0
+        self._off_noise = 0
+        self._powers = _Powers(nodes, seed)
+
+    def take(
+        self,
+        radio: Radio,
+        links: LinksOfPass,
+        mean_power_dbm: FloatArray,
+        noise_dbm: FloatArray | float,
+        signal: Signal,
+        erased: NDArray[np.bool_],
+    ) -> None:
+        """Take in what was drawn on L links.
+
+        Args:
+            radio: whose law is judged, at both ends.
+            links: the links; which of them are here may depend on their geometry, but on no draw.
+            mean_power_dbm: of the link budget.
+            noise_dbm: noise floor and interference that the radio has there; broadcasts.
+            signal: as drawn, in whole steps.
+            erased: whether the draw of the error model lost the packet.
+        """
+        per = signal.per
+        self._packets += per.size
+        index = np.minimum(links.distance_m * (1.0 / BIN_WIDTH_M), MAX_BINS - 1).astype(np.intp)
+        spread = per * (1.0 - per)
+        self._sent += np.bincount(index, minlength=MAX_BINS)
+        self._expected += np.bincount(index, per, MAX_BINS)
+        self._variance += np.bincount(index, spread, MAX_BINS)
+        self._erased += np.bincount(index, erased, MAX_BINS)
+        noise_db = signal.received_power_dbm - signal.snr_db - noise_dbm
+        self._off_noise += int(np.count_nonzero(np.abs(noise_db) > EXACT_DB))
+        certain = spread == 0.0
+        if certain.any():
+            self._impossible += int(np.count_nonzero(erased[certain] != (per[certain] == 1.0)))
+        self._powers.take(radio, links, mean_power_dbm, signal.received_power_dbm)
+
+    def take_base_losses(self, radio: Radio, lost: NDArray[np.bool_]) -> None:
+        """Take in which packets the base loss of a radio lost, shape (L,)."""
+        share = radio.config.base_loss
+        self._base_packets += lost.size
+        self._base_expected += lost.size * share
+        self._base_variance += lost.size * share * (1.0 - share)
+        self._base_losses += int(np.count_nonzero(lost))
+
+    def verdict(self) -> Verdict:
+        """Return what there is to say by now."""
+        answers = [*self._draws(), *self._powers.answers(), *self._base()]
+        return Verdict(
+            tuple(each for each in answers if isinstance(each, Check)),
+            tuple(each for each in answers if isinstance(each, Unjudged)),
+        )
+
+    def _base(self) -> Iterator[Check | Unjudged]:
+        off = self._base_losses - self._base_expected
+        if self._base_packets:
+            yield _count_check("base loss", self._base_packets, off, self._base_variance)
+
+    def _draws(self) -> Iterator[Check | Unjudged]:
+        if not self._packets:
+            return
+        yield exact_check("certain fates", self._packets, self._impossible)
+        yield exact_check("noise", self._packets, self._off_noise)
+        off = self._erased - self._expected
+        yield _count_check("losses", self._packets, float(off.sum()), float(self._variance.sum()))
+        enough = np.flatnonzero(self._variance >= LEAST_VARIANCE)
+        if enough.size > 1:
+            yield _bins_check(
+                "losses by distance", *(each[enough] for each in (self._sent, off, self._variance))
+            )
+
+
+def _count_check(name: str, packets: int, off: float, variance: float) -> Check | Unjudged:
+    """Return a check of how many packets were lost more than expected."""
+    if variance < LEAST_VARIANCE:
+        return Unjudged(name, "too few packets with a chance of loss")
+    spread = math.sqrt(variance)
+    return normal_check(
+        name, packets, off / spread, f"{OFF_SHARE:.0%} of the packets", OFF_SHARE * packets / spread
+    )
+
+
+def _bins_check(name: str, sent: FloatArray, off: FloatArray, variance: FloatArray) -> Check:
+    """Return a check of the same in each bin: a sum that follows chi-squared, non-central with the defect."""
+    bins, found = sent.size, float((np.square(off) / variance).sum())
+    farther = float((np.square(OFF_SHARE_OF_BIN * sent) / variance).sum())
+    edge = float(special.chdtri(bins, LEVEL))
+    power = 1.0 - float(special.chndtr(edge, bins, farther))
+    return Check(
+        name,
+        bins,
+        found,
+        float(special.chdtrc(bins, found)),
+        f"{OFF_SHARE_OF_BIN:.0%} of the packets of each bin",
+        power,
+    )
+
+
+class _Powers:
+    """Chooses what is looked at of the powers, for each question that is asked of them."""
+
+    def __init__(self, nodes: int, seed: int) -> None:
+        draws = Draws(seed)
+        self._number = _judged_links(nodes)
+        self._nodes = nodes
+        self._questions: tuple[PowersAtPlaces | Changes, ...] = (
+            PowersAtPlaces(draws),
+            Changes(OVER_PLACE, draws),
+            Changes(FROM_PACKET_TO_PACKET, draws),
+        )
+        self._links = int(self._number.max(initial=-1)) + 1
+        self._next_ns = np.zeros((len(self._questions), self._links), dtype=np.int64)
+        self._off = self._exact = 0
+        self._asked = False
+
+    def take(self, radio: Radio, links: LinksOfPass, mean_dbm: FloatArray, power_dbm: FloatArray) -> None:
+        config = radio.config
+        if not (config.shadowing.is_random or config.fading.is_random or radio.sight is not None):
+            self._exact += power_dbm.size
+            self._off += int(np.count_nonzero(np.abs(power_dbm - mean_dbm) > EXACT_DB))
+            return
+        self._asked = True
+        number = self._number[links.tx * self._nodes + links.rx]
+        when_ns = links.sim_time_ns
+        due = np.flatnonzero((number >= 0) & (when_ns >= self._next_ns.min(axis=0)[number]))
+        for row, link, now_ns in zip(due.tolist(), number[due].tolist(), when_ns[due].tolist(), strict=True):
+            look: HeardPower | None = None
+            for question, next_ns in zip(self._questions, self._next_ns, strict=True):
+                if now_ns >= next_ns[link]:
+                    look = look or heard_power(
+                        radio, links, link, row, float(mean_dbm[row]), float(power_dbm[row])
+                    )
+                    next_ns[link] = now_ns + self._stretched(question.take(look), now_ns)
+
+    def _stretched(self, wait_ns: int, now_ns: int) -> int:
+        """Return a wait that grows with the run, but within a pair: looks do not cost more in larger fleets."""
+        if wait_ns < APART_NS:
+            return wait_ns
+        return max(wait_ns, now_ns * self._links // LOOKS)
+
+    def answers(self) -> Iterator[Check | Unjudged]:
+        if self._exact:
+            yield exact_check("powers without random terms", self._exact, self._off)
+        if self._asked:
+            for question in self._questions:
+                yield from question.checks()
+
+
+def _judged_links(nodes: int) -> NDArray[np.int64]:
+    """Return the number of each link among those judged, or -1: one direction of each of some pairs of nodes."""
+    number = np.full(nodes * nodes, -1, dtype=np.int64)
+    pairs = ((tx, tx + step) for step in range(1, nodes) for tx in range(nodes - step))
+    for count, (tx, rx) in enumerate(islice(pairs, MAX_LINKS)):
+        number[tx * nodes + rx] = count
+    return number

@@ -1,0 +1,52 @@
+"""Places that are far from each other, so that the lasting terms of links there are nearly independent."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from channel.medium.judge.correlation import correlations, lasting_m, shared_ends
+from channel.medium.judge.heard import HeardPower, HeardPowers
+
+MAX_SPOTS = 400
+"""Of one link; of all together where links share their surroundings."""
+
+
+class Spots:
+    """Places of links, at most `MAX_SPOTS` of each.
+
+    Args:
+        apart: how far from each other, in distances over which shadowing or line of sight fall to 1/e.
+    """
+
+    def __init__(self, apart: float) -> None:
+        self._apart = apart
+        self._seen: dict[int, list[HeardPower]] = {}
+
+    def crowding(self, look: HeardPower) -> float | None:
+        """Keep a place, and return the sum of its correlations with those before it; None: it is too near to one.
+
+        The way between two places is that of one end and of the other; where links share their surroundings, it is
+        the shortest from any end to any. Where all pairs share one field, places of any pair count, in both directions.
+        """
+        shared = shared_ends(look.radio) > 0.0
+        alike = shared or look.radio.terms_are_of_places
+        seen = self._seen.setdefault(-1 if alike else look.link, [])
+        if len(seen) >= MAX_SPOTS:
+            return None
+        crowding = 0.0
+        if seen:
+            others = HeardPowers.of(seen)
+            if _nearest_m(look, others, shared=shared) < self._apart * lasting_m(look.radio):
+                return None
+            each = correlations(look, others)
+            crowding = float(np.max((each.shadowing, each.sight, np.square(each.fading)), axis=0).sum())
+        seen.append(look)
+        return crowding
+
+
+def _nearest_m(look: HeardPower, others: HeardPowers, *, shared: bool) -> float:
+    ways_m = np.linalg.norm(others.ends_ned_m[:, :, np.newaxis] - look.ends_ned_m, axis=-1)
+    if shared:
+        return float(ways_m.min())
+    direct_m, turned_m = ways_m[:, 0, 0] + ways_m[:, 1, 1], ways_m[:, 0, 1] + ways_m[:, 1, 0]
+    return float(np.minimum(direct_m, turned_m).min())

@@ -1,0 +1,1 @@
+"""What the medium knows of each station: where it was, and when its radio was off."""

@@ -1,0 +1,1 @@
+"""Numbers: words of the counter-based generator, special functions, intervals, units."""

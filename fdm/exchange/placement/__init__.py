@@ -1,0 +1,1 @@
+"""On which cores an exchange and its autopilots run."""

@@ -1,0 +1,75 @@
+"""However a run of a study ends, it costs that run alone, and the table tells why."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from tests.integration.bridge.conftest import LOSTLINK
+
+AGENT = """
+import os, signal
+from bridge.agents import Agent
+from standin.autopilot import Autopilot
+
+def broken(autopilot):
+    raise ArithmeticError("a mistake of the stand-in")
+
+class Mine(Agent):
+    async def fly(self):
+        await self.sleep(0.8)
+
+    def on_tick(self, sim_time_ns):
+        super().on_tick(sim_time_ns)
+        if sim_time_ns == 500_000_000 and self.options["does"] == "raise":
+            raise ArithmeticError("a mistake of mine")
+        if sim_time_ns == 500_000_000 and self.options["does"] == "die":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if sim_time_ns == 500_000_000 and self.options["does"] == "break":
+            Autopilot.step = broken
+"""
+SCENARIO = """
+schema: 1
+name: ends
+duration_s: 1
+speed: max
+origin: {lat_deg: 40.13, lon_deg: -105.24, alt_amsl_m: 1690}
+radio: perfect
+nodes:
+  - {id: 0, agent: {type: still}}
+  - {id: 1, kind: ground, place: {north_m: 380}, agent: {type: own, class: "mine.py:Mine", options: {does: raise}}}
+"""
+STUDY = """
+schema: 1
+name: ends
+scenario: ends.yaml
+keep: all
+vary: {nodes.1.agent.options.does: [raise, die, break, nothing]}
+"""
+
+
+def test_a_run_that_fails_or_dies_costs_no_other(tmp_path: Path) -> None:
+    for name, text in (("mine.py", AGENT), ("ends.yaml", SCENARIO), ("study.yaml", STUDY)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    command = [*LOSTLINK, "study", str(tmp_path / "study.yaml"), "--out", str(tmp_path), "--lanes", "1"]
+    flown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    rows = pq.read_table(tmp_path / "ends" / "metrics.parquet").to_pylist()
+    cases = {row["nodes.1.agent.options.does"]: row for row in rows}
+    folders = {does: tmp_path / "ends" / "runs" / row["id"] for does, row in cases.items()}
+    (raised,) = folders["raise"].glob("*/logs/node-1.log")
+    assert {does: row["failure"] for does, row in cases.items()} == {
+        "raise": f"the agent of node 1 failed: ArithmeticError at a tick: a mistake of mine; its log is {raised}",
+        "die": f"its process was ended by SIGKILL; see {folders['die']}/log.txt",
+        "break": "the run cannot go on: the stand-in of UA 0 cannot go on: "
+        "ArithmeticError: a mistake of the stand-in",
+        "nothing": "",
+    }
+    assert {does: row["sim_duration_s"] for does, row in cases.items()} == {
+        "raise": 0.5,
+        "die": None,
+        "break": 0.5,
+        "nothing": 0.8,
+    }
+    assert all(f": {row['failure']}\n" in flown.stdout for row in rows if row["failure"])

@@ -1,0 +1,128 @@
+"""Processes of a run end with their parent, and have the time that they need."""
+
+from __future__ import annotations
+
+import ast
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from bridge.fleet.children.child import LEASH, Child, ProcessSpec, end_with_news
+
+ROOT = Path(__file__).parents[5]
+
+
+STARTERS = ["bridge/fleet/children/child.py", "fdm/workers/worker_process.py"]
+"""fdm knows nothing of bridge, and its workers want neither log nor leash: each ends with its connection."""
+
+
+def test_processes_are_started_in_one_way() -> None:
+    """Never with `preexec_fn`: it deadlocks now and then in a process with threads (documentation of subprocess)."""
+    starters = [
+        str(file.relative_to(ROOT))
+        for package in ("aps", "bridge", "channel", "fdm", "lostlink", "standin")
+        for file in sorted((ROOT / package).rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and ast.unparse(node.func).endswith(("Popen", "subprocess_exec", "subprocess_shell"))
+    ]
+    assert sorted(set(starters)) == STARTERS
+    for starter in STARTERS:
+        assert "preexec_fn=" not in (ROOT / starter).read_text(encoding="utf-8")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other kernels do not end a child with its parent")
+def test_a_child_ends_with_its_parent_however_that_ends(tmp_path: Path) -> None:
+    parent = textwrap.dedent(
+        f"""
+        import asyncio, os, signal, sys
+        from pathlib import Path
+        from bridge.fleet.children.child import Child, ProcessSpec
+        async def main():
+            command = [sys.executable, "-c", "import time; print('up', flush=True); time.sleep(600)"]
+            child = Child(ProcessSpec("c", command, Path({str(tmp_path / "log")!r})))
+            while "up" not in Path({str(tmp_path / "log")!r}).read_text():
+                await asyncio.sleep(0.01)
+            print(child.pid, flush=True)
+            os.kill(os.getpid(), signal.SIGKILL)
+        asyncio.run(main())
+        """
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", parent], capture_output=True, text=True, cwd=ROOT, timeout=60
+    )
+    assert done.returncode == -9, done.stderr
+    try:
+        psutil.Process(int(done.stdout)).wait(10.0)
+    except psutil.NoSuchProcess:
+        return
+
+
+def test_the_leash_ends_at_once_when_the_parent_is_gone_already() -> None:
+    command = [sys.executable, str(LEASH), str(os.getpid() + 1), sys.executable, "-c", "print('never')"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.returncode) == ("", 1)
+    assert "is gone" in done.stderr
+
+
+async def test_what_cannot_be_started_is_told_in_the_log(tmp_path: Path) -> None:
+    child = Child(ProcessSpec("c", [str(tmp_path / "nothing")], tmp_path / "log"))
+    await asyncio.wait_for(child.ended, 20.0)
+    assert child.how_it_ended == "ended with status 1"
+    assert f"{tmp_path}/nothing: No such file" in child.log_tail()
+
+
+LATE = (
+    "import signal, sys, time; signal.signal(15, lambda *_: None); print('up', flush=True); time.sleep(2.5)"
+)
+
+
+async def started(tmp_path: Path) -> Child:
+    """A process that goes on for a while after it was asked to end."""
+    log = tmp_path / "log"
+    child = Child(ProcessSpec("router", [sys.executable, "-c", LATE], log))
+    while "up" not in log.read_text():  # noqa: ASYNC110 - a file has no event
+        await asyncio.sleep(0.01)
+    return child
+
+
+async def test_a_process_that_gets_on_is_waited_for(tmp_path: Path) -> None:
+    child, news = await started(tmp_path), asyncio.Event()
+
+    async def tell() -> None:
+        while True:
+            news.set()
+            await asyncio.sleep(0.1)
+
+    telling = asyncio.create_task(tell())
+    assert await end_with_news(child, news, 1.0) == []
+    assert child.how_it_ended == "ended with status 0"
+    telling.cancel()
+
+
+async def test_a_process_that_says_nothing_is_killed(tmp_path: Path) -> None:
+    child = await started(tmp_path)
+    assert await end_with_news(child, asyncio.Event(), 0.5) == ["router"]
+    assert child.how_it_ended == "was ended by SIGKILL"
+
+
+async def test_the_exit_status_is_the_childs_however_often_it_is_asked_to_end(tmp_path: Path) -> None:
+    """A signal that meets the child's end must not take the status from whoever waits for it."""
+    command = [sys.executable, "-I", "-S", "-c", "import sys; sys.exit(7)"]
+    ends = []
+    for delay_s in np.linspace(0.01, 0.1, 40).tolist():
+        child = Child(ProcessSpec("c", command, tmp_path / "log", stop_signal=signal.SIGCONT))
+        await asyncio.sleep(delay_s)
+        while not child.ended.done():
+            child.ask_to_end()
+            await asyncio.sleep(0.0)
+        ends.append(child.how_it_ended)
+    assert ends == ["ended with status 7"] * 40

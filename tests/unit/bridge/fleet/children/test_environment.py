@@ -1,0 +1,38 @@
+"""The environment of a run's processes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from bridge.fleet.children.environment import environment_of
+
+
+def test_what_the_user_tunes_is_kept_but_for_the_vector_instructions() -> None:
+    given = {"PATH": "/bin", "GLIBC_TUNABLES": "glibc.malloc.check=1:glibc.cpu.hwcaps=-SSE4_2"}
+    found = environment_of(given)
+    assert found["PATH"] == "/bin"
+    assert found["PYTHONHASHSEED"] == "0"
+    kept, hwcaps = found["GLIBC_TUNABLES"].split(":")
+    assert kept == "glibc.malloc.check=1"
+    assert {"-FMA", "-AVX2", "-FMA_Usable"} <= set(hwcaps.removeprefix("glibc.cpu.hwcaps=").split(","))
+
+
+SINES = (
+    "import hashlib, math, struct; values = [math.sin(0.37 * n) * math.exp(1e-4 * n) for n in range(100000)]; "
+    "print(hashlib.sha256(struct.pack('<100000d', *values)).hexdigest())"
+)
+
+
+def test_the_c_library_computes_alike_with_and_without_fused_multiply_add() -> None:
+    digests = {
+        subprocess.run(
+            [sys.executable, "-c", SINES],
+            env=environment_of({"GLIBC_TUNABLES": tunables}),
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for tunables in ("", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX,-AVX512F", "glibc.cpu.hwcaps=-AVX512F")
+    }
+    assert len(digests) == 1

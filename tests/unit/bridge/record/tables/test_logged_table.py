@@ -1,0 +1,59 @@
+"""What agents logged as a table: Parquet at the end of a run, and CSV."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import pyarrow.parquet as pq
+from click.testing import CliRunner
+
+from bridge.bus.messages import AgentStatus
+from bridge.record import names
+from bridge.record.digests import digests
+from bridge.record.logged import LoggedValue, encode_logged
+from bridge.record.streams import Entry
+from bridge.record.tables.logged import LOGGED_FILE, LoggedRow
+from lostlink.cli.records.export import export
+from tests.unit.bridge.record.runs import RunContent, make_run
+
+SAID = {
+    "0": [(5, LoggedValue("gap_m", 1.5)), (9, LoggedValue("plan", {"to_m": [3, 4.5], "why": "lost, again"}))],
+    "1": [
+        (5, AgentStatus(activity="climbs")),
+        (7, LoggedValue("near", True)),
+        (9, LoggedValue("bad", math.nan)),
+    ],
+}
+ROWS = [
+    LoggedRow(5, "0", "gap_m", "", 1.5, ""),
+    LoggedRow(7, "1", "near", "", 1.0, ""),
+    LoggedRow(9, "0", "plan", "to_m.0", 3.0, ""),
+    LoggedRow(9, "0", "plan", "to_m.1", 4.5, ""),
+    LoggedRow(9, "0", "plan", "why", math.nan, "lost, again"),
+    LoggedRow(9, "1", "bad", "", math.nan, ""),
+]
+
+
+def log(made: RunContent) -> None:
+    for node, said in SAID.items():
+        made.streams[names.logged(node)] = [Entry(tick_ns, encode_logged(item)) for tick_ns, item in said]
+
+
+def test_a_run_that_is_over_has_what_agents_logged_as_parquet(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run", log)
+    found = [tuple(row.values()) for row in pq.read_table(run / LOGGED_FILE).to_pylist()]
+    assert list(map(repr, found)) == [repr(tuple(row)) for row in ROWS]
+    assert "logged" not in digests(run)
+    assert not (make_run(tmp_path / "other") / LOGGED_FILE).exists()
+
+
+def test_csv_has_the_same_of_a_killed_run_too(tmp_path: Path) -> None:
+    run = make_run(tmp_path / "run", log, is_finished=False)
+    done = CliRunner().invoke(export, [str(run), "--csv"])
+    assert done.output.split()[-1] == str(run / "logged.csv")
+    with (run / "logged.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert tuple(header) == LoggedRow._fields
+    assert rows == [[str(cell) for cell in row] for row in ROWS]

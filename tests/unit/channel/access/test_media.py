@@ -1,0 +1,308 @@
+"""What every medium does with its packets, and what overlapping frames do to each other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from channel.access.air import Hearing
+from channel.access.media.airtime import AirTime
+from channel.access.media.csma import Csma, DcfSettings
+from channel.access.media.medium import AccessMedium
+from channel.access.media.tdma import Schedule, Tdma
+from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
+from channel.access.queue import QueueLimits, TransmitQueue
+from channel.access.radio_world import RadioWorld
+from channel.access.timing import BitRate, wifi_a, wifi_b, wifi_g
+from channel.access.world import AirFrame, Piece, PlainWorld, World
+from channel.link.radio import Radio
+from channel.presets import load_radio
+
+MS, S = 1_000_000, 1_000_000_000
+UNLIMITED = QueueLimits(0)
+KBPS_80 = BitRate(80_000.0)
+"""100 bytes take 10 ms."""
+MEDIA: dict[str, Callable[[World], AccessMedium]] = {
+    "airtime": lambda world: AirTime(world, BitRate(4e6), QueueLimits(3)),
+    "csma": lambda world: Csma(world, wifi_g(), limits=QueueLimits(3)),
+    "tdma": lambda world: Tdma(world, KBPS_80, Schedule(tuple(world.nodes), 20 * MS, MS), QueueLimits(3)),
+}
+
+
+def losses(outcomes: list[Outcome]) -> list[Loss | None]:
+    """Of the fates, in their order."""
+    return [one.loss for one in outcomes if isinstance(one, AirFate)]
+
+
+def traffic(nodes: list[int], count: int, seed: int) -> list[AirPacket]:
+    """Packets of all kinds at random, in the order of their instants."""
+    rng = np.random.default_rng(seed)
+    instants = np.sort(rng.integers(0, 3 * S, count))
+    packets = []
+    for number, at_ns in enumerate(instants.tolist()):
+        node, other = rng.choice(nodes, 2, replace=False).tolist()
+        to = other if rng.random() < 0.5 else None
+        lifetime_ns = int(rng.integers(1, 200)) * MS if rng.random() < 0.3 else None
+        key = "state" if rng.random() < 0.3 else ""
+        length_bytes = int(rng.integers(0, 3000))
+        packets.append(
+            AirPacket(node, number, to, length_bytes, at_ns, int(rng.integers(0, 3)), lifetime_ns, key)
+        )
+    return packets
+
+
+@pytest.mark.parametrize("name", MEDIA)
+@pytest.mark.parametrize("seed", range(5))
+def test_each_packet_has_one_fate_per_receiver(name: str, seed: int) -> None:
+    """Whatever is sent: what was sent is what arrived and what was lost, once the queues are empty."""
+    nodes = list(range(5))
+    medium = MEDIA[name](PlainWorld(nodes, loss=0.1, delay_ns=300))
+    packets = traffic(nodes, 300, seed)
+    for packet in packets:
+        medium.offer(packet)
+    outcomes = medium.run(1000 * S)
+    fates = Counter((one.packet, one.receiver) for one in outcomes if isinstance(one, AirFate))
+    assert fates == Counter((packet, to) for packet in packets for to in medium.receivers_of(packet))
+    arrived = [one for one in outcomes if isinstance(one, AirFate) and one.loss is None]
+    assert arrived
+    assert all(fate.packet.at_ns <= fate.started_ns < fate.ended_ns <= fate.at_ns for fate in arrived)
+    if name == "csma":
+        replies = Counter(one.packet for one in outcomes if isinstance(one, Reply))
+        assert replies == Counter(packet for packet in packets if packet.to is not None)
+
+
+@pytest.mark.parametrize("name", MEDIA)
+def test_it_matters_neither_how_it_is_run_nor_who_is_out_of_reach(name: str) -> None:
+    """In one go, in pieces of a tick, or with bystanders that nobody hears: the same fates at the same instants."""
+    nodes, packets = [0, 1, 2], traffic([0, 1, 2], 200, 3)
+    bystanders = [7, 8, 9]
+    deaf = [
+        (a, b) for a in (*nodes, *bystanders) for b in (*nodes, *bystanders) if (a in nodes) != (b in nodes)
+    ]
+
+    def fates(medium: AccessMedium, step_ns: int) -> list[Outcome]:
+        found: list[Outcome] = []
+        waiting = list(packets)
+        for until_ns in range(step_ns, 20 * S + 1, step_ns):
+            while waiting and waiting[0].at_ns < until_ns:
+                medium.offer(waiting.pop(0))
+            found += medium.run(until_ns - 1)
+        return [one for one in found if not isinstance(one, AirFate) or one.receiver in nodes]
+
+    def world(extra: list[int]) -> PlainWorld:
+        return PlainWorld([*nodes, *extra], loss=0.1, deaf=deaf)
+
+    at_once = fates(MEDIA[name](world([])), 20 * S)
+    assert fates(MEDIA[name](world([])), 50 * MS) == at_once
+    if name != "tdma":  # whose rounds are longer with more nodes
+        assert fates(MEDIA[name](world(bystanders)), 20 * MS) == at_once
+
+
+def test_a_packet_takes_its_time_and_waits_for_the_one_before() -> None:
+    """10 ms each at 80 kb/s, and 1 us of way."""
+    medium = AirTime(PlainWorld((0, 1), delay_ns=1000), KBPS_80)
+    for number in range(3):
+        medium.offer(AirPacket(0, number, 1, 100, 5 * MS))
+    arrivals = [one.at_ns for one in medium.run(S) if isinstance(one, AirFate)]
+    assert arrivals == [15 * MS + 1000, 25 * MS + 1000, 35 * MS + 1000]
+
+
+def test_who_transmits_hears_nothing() -> None:
+    """Two that send to each other at once lose both, a third gets neither."""
+    medium = AirTime(PlainWorld((0, 1, 2)), KBPS_80)
+    medium.offer(AirPacket(0, 0, None, 100, 0))
+    medium.offer(AirPacket(1, 0, None, 100, 5 * MS))
+    fates = {(one.packet.node, one.receiver): one.loss for one in medium.run(S) if isinstance(one, AirFate)}
+    assert fates == {
+        (0, 1): Loss.HALF_DUPLEX,
+        (1, 0): Loss.HALF_DUPLEX,
+        (0, 2): Loss.COLLIDED,
+        (1, 2): Loss.COLLIDED,
+    }
+
+
+@pytest.mark.parametrize(("ratio", "kept"), [(2.0, False), (20.0, True)])
+def test_a_stronger_frame_comes_through(ratio: float, kept: bool) -> None:
+    """By an SINR of ten; a later one takes the receiver over by capture alone."""
+    powers = {(0, 2): 1e-7, (1, 2): ratio * 1e-7, (0, 1): 0.0, (1, 0): 0.0, (2, 0): 0.0, (2, 1): 0.0}
+
+    def of_the_second(first: int, capture: float) -> dict[int, Loss | None]:
+        world = PlainWorld((0, 1, 2), power_mw=powers, sinr_min=10.0)
+        medium = AirTime(world, KBPS_80, hearing=Hearing(capture=capture))
+        medium.offer(AirPacket(first, 0, 2, 100, 0))
+        medium.offer(AirPacket(1 - first, 0, 2, 100, MS))
+        return {one.packet.node: one.loss for one in medium.run(S) if isinstance(one, AirFate)}
+
+    lost = Loss.COLLIDED
+    assert of_the_second(1, np.inf) == {1: None if kept else lost, 0: lost}
+    assert of_the_second(0, np.inf) == {1: lost, 0: lost}
+    assert of_the_second(0, 10.0) == {1: None if kept else lost, 0: lost}
+
+
+def test_a_short_burst_of_interference_is_a_part_of_a_frame() -> None:
+    """A frame of which a tenth is disturbed at 0 dB loses as many bits as that tenth has, no more."""
+    radio = Radio(load_radio("corrected", {"error": {"model": "uncoded-awgn"}}))
+    world = RadioWorld(radio, {0: (0.0, 0.0, -40.0), 1: (300.0, 0.0, -40.0)})
+    frames = [AirFrame(0, number, "data", 100, 0, 1000) for number in range(4000)]
+    power_mw = world.power_mw(0, 1, 0)
+
+    def came(disturbed_ns: int) -> float:
+        pieces = [Piece(1000 - disturbed_ns, 0.0), Piece(disturbed_ns, power_mw / 5.0)]
+        return float(np.mean([world.survives(frame, 1, power_mw, pieces)[0] for frame in frames]))
+
+    share = {disturbed_ns: came(disturbed_ns) for disturbed_ns in (100, 500)}
+    assert 0.0 < share[100] < 1.0
+    assert share[500] == pytest.approx(share[100] ** 5, abs=0.04)
+
+
+def test_rts_saves_hidden_senders() -> None:
+    """Two that cannot hear each other send long unicasts to a third: with RTS they are done much sooner."""
+
+    def done_s(rts_from_bytes: int | None) -> float:
+        world = PlainWorld((0, 1, 2), deaf=((0, 1), (1, 0)))
+        medium = Csma(world, wifi_a(), settings=DcfSettings(1000, rts_from_bytes), limits=QueueLimits(0))
+        for node in (0, 1):
+            for number in range(300):
+                medium.offer(AirPacket(node, number, 2, 1500, 0))
+        replies = [one for one in medium.run(1000 * S) if isinstance(one, Reply)]
+        assert len(replies) == 600
+        assert all(reply.acknowledged for reply in replies)
+        return max(reply.at_ns for reply in replies) / S
+
+    assert 600 * 2.1e-3 < done_s(0) < 0.75 * done_s(None)
+
+
+def test_a_unicast_is_tried_so_often_and_given_up() -> None:
+    """To a node that is deaf: seven times, then its sender is told."""
+    medium = Csma(PlainWorld((0, 1), deaf=((0, 1),)), wifi_b())
+    medium.offer(AirPacket(0, 0, 1, 100, 0))
+    (fate, reply) = medium.run(S)
+    assert isinstance(fate, AirFate)
+    assert isinstance(reply, Reply)
+    assert (fate.loss, fate.attempts, reply.acknowledged, reply.attempts) == (Loss.RETRIES, 7, False, 7)
+
+
+def test_a_packet_that_came_is_delivered_though_its_acknowledgement_is_lost() -> None:
+    """Once, however often it is sent again."""
+    medium = Csma(PlainWorld((0, 1), deaf=((1, 0),)), wifi_b())
+    medium.offer(AirPacket(0, 0, 1, 100, 0))
+    outcomes = medium.run(S)
+    assert losses(outcomes) == [None]
+    assert [one.acknowledged for one in outcomes if isinstance(one, Reply)] == [False]
+
+
+def test_a_queue_holds_so_much_and_the_important_leaves_first() -> None:
+    """Of three waiting places the fourth finds none; the priority decides, then the order."""
+    medium = AirTime(PlainWorld((0, 1)), KBPS_80, QueueLimits(3))
+    for number, priority in enumerate((0, 0, 5, 0, 0)):
+        medium.offer(AirPacket(0, number, 1, 100, number * MS, priority))
+    fates = [(one.packet.number, one.loss) for one in medium.run(S) if isinstance(one, AirFate)]
+    assert fates == [(4, Loss.QUEUE_FULL), (0, None), (2, None), (1, None), (3, None)]
+
+
+def test_what_is_too_old_or_was_replaced_does_not_leave_the_queue() -> None:
+    """A newer packet of the same key takes the place of the older one; the life time is over the waiting alone."""
+    medium = AirTime(PlainWorld((0, 1)), KBPS_80)
+    medium.offer(AirPacket(0, 0, 1, 300, 0))
+    medium.offer(AirPacket(0, 1, 1, 100, MS, key="state"))
+    medium.offer(AirPacket(0, 2, 1, 100, 2 * MS, lifetime_ns=20 * MS))
+    medium.offer(AirPacket(0, 3, 1, 100, 3 * MS, key="state"))
+    fates = [(one.packet.number, one.loss) for one in medium.run(S) if isinstance(one, AirFate)]
+    assert fates == [(1, Loss.REPLACED), (0, None), (3, None), (2, Loss.EXPIRED)]
+
+
+def test_a_queue_is_bounded_in_bytes() -> None:
+    """What does not fit is lost, what is shorter still fits."""
+    outbox = TransmitQueue(QueueLimits(0, 250))
+    assert [
+        loss for length in (100, 100, 100, 50) for _, loss in outbox.put(AirPacket(0, length, 1, length, 0))
+    ] == [Loss.QUEUE_FULL]
+    assert (len(outbox), outbox.length_bytes) == (3, 250)
+
+
+def test_a_packet_longer_than_a_frame_or_a_slot_is_too_long() -> None:
+    """It is lost when it enters."""
+    short = Tdma(PlainWorld((0, 1)), KBPS_80, Schedule((0, 1), 10 * MS))
+    short.offer(AirPacket(0, 0, 1, 101, 0))
+    csma = Csma(PlainWorld((0, 1)), wifi_a())
+    csma.offer(AirPacket(0, 0, 1, 2305, 0))
+    assert losses(short.run(S)) == losses(csma.run(S)) == [Loss.TOO_LONG]
+
+
+@pytest.mark.parametrize(
+    ("timing", "length_bytes", "us"),
+    [
+        (wifi_a(6.0, 6.0), 100 - 8, 196.0),
+        (wifi_a(54.0, 54.0), 100 - 8, 40.0),
+        (wifi_a(6.0, 6.0, clock=0.5), 100 - 8, 392.0),
+        (wifi_b(1.0), 64, 192.0 + 800.0),
+        (wifi_g(54.0), 100 - 8, 46.0),
+    ],
+)
+def test_how_long_a_frame_lasts(timing: object, length_bytes: int, us: float) -> None:
+    """128 and 100 bytes in all, by the clauses of the standard."""
+    assert timing.duration_ns(length_bytes) == us * 1000  # type: ignore[attr-defined]
+
+
+def test_mistakes_are_said() -> None:
+    """With what is wrong, and what is right."""
+    medium = AirTime(PlainWorld((0, 1)), KBPS_80)
+    with pytest.raises(ValueError, match="node 4 is not on this network: 0, 1"):
+        medium.offer(AirPacket(4, 0, 1, 1, 0))
+    with pytest.raises(ValueError, match="sends to itself"):
+        medium.offer(AirPacket(1, 0, 1, 1, 0))
+    medium.run(S)
+    with pytest.raises(ValueError, match="it is 1000000000 ns already"):
+        medium.offer(AirPacket(0, 0, 1, 1, 5))
+    with pytest.raises(ValueError, match=r"802\.11b at 54 Mb/s: one of 1, 2, 5\.5, 11"):
+        wifi_b(54.0)
+
+
+def test_an_empty_packet_takes_a_moment() -> None:
+    """At least a nanosecond: what ends has begun."""
+    medium = AirTime(PlainWorld((0, 1)), BitRate(1e6))
+    medium.offer(AirPacket(0, 0, None, 0, 0))
+    assert losses(medium.run(S)) == [None]
+
+
+def test_what_was_given_up_does_not_come_any_more() -> None:
+    """Over a way of 30 km the only attempt is given up before it is there; it has one fate all the same."""
+    medium = Csma(PlainWorld((0, 1), delay_ns=100_000), wifi_a(), settings=DcfSettings(attempts_max=1))
+    medium.offer(AirPacket(0, 0, 1, 100, 0))
+    assert losses(medium.run(S)) == [Loss.RETRIES]
+
+
+@pytest.mark.parametrize(("reach_ns", "acknowledged"), [(0, False), (20_000, True)])
+def test_answers_from_far_away_are_waited_for_if_asked(reach_ns: int, acknowledged: bool) -> None:
+    """3 km are 10 us each way, longer than a slot."""
+    world = PlainWorld((0, 1), delay_ns=10_000)
+    medium = Csma(world, wifi_a(), settings=DcfSettings(reach_ns=reach_ns))
+    medium.offer(AirPacket(0, 0, 1, 100, 0))
+    assert [one.acknowledged for one in medium.run(S) if isinstance(one, Reply)] == [acknowledged]
+
+
+def test_what_is_replaced_again_and_again_is_sent_in_its_turn() -> None:
+    """The newest state has the place of the first one, also in a queue that never empties."""
+    medium = AirTime(PlainWorld((0, 1)), BitRate(8e6), UNLIMITED)
+    for number in range(0, 6000, 2):
+        at_ns = number // 2 * 990_000
+        medium.offer(AirPacket(0, number, 1, 1000, at_ns))
+        medium.offer(AirPacket(0, number + 1, 1, 1000, at_ns, key="state"))
+    fates = [one for one in medium.run(3 * S) if isinstance(one, AirFate)]
+    assert sum(fate.loss is None and bool(fate.packet.key) for fate in fates) > 10
+
+
+def test_a_packet_that_does_not_fit_into_its_slot_waits_in_the_queue() -> None:
+    """There it expires, and lets what is more important go first."""
+    medium = Tdma(PlainWorld((0, 1)), BitRate(800_000.0), Schedule((0, 1), 10 * MS))
+    for number, (at_ns, priority, lifetime_ns) in enumerate(
+        [(0, 0, None), (0, 0, 9 * MS), (0, 0, None), (15 * MS, 5, None)]
+    ):
+        medium.offer(AirPacket(0, number, 1, 800, at_ns, priority, lifetime_ns))
+    assert medium.run(9 * MS) != []
+    assert medium.queued(0) == (2, 1600)
+    fates = [(one.packet.number, one.loss) for one in medium.run(S) if isinstance(one, AirFate)]
+    assert fates == [(3, None), (1, Loss.EXPIRED), (2, None)]

@@ -1,0 +1,68 @@
+"""`lostlink air`: a medium's table, without flying."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from channel.cli.air_command import air
+
+
+def results(*arguments: str) -> list[dict[str, Any]]:
+    """The loads of a JSON output."""
+    done = CliRunner().invoke(air, [*arguments, "--json"])
+    assert done.exit_code == 0, done.output
+    loads: list[dict[str, Any]] = json.loads(done.output)["loads"]
+    return loads
+
+
+def test_no_more_is_carried_than_the_air_has_time_for() -> None:
+    """Six nodes at 200 packets a second of 1400 bytes over 64 kb/s, in slots: at most 64 kb/s come through."""
+    (load,) = results(
+        "tdma", "--length-bytes", "1400", "--load-bps", str(6 * 200 * 1400 * 8), "--duration", "20"
+    )
+    assert load["delivered_bps"] < 64_000.0
+    assert load["lost"]["queue_full"] > 0.8 * load["sent"]
+    assert load["sent"] == load["delivered"] + load["in_flight"] + sum(load["lost"].values())
+
+
+@pytest.mark.parametrize("medium", ["airtime", "csma", "tdma"])
+def test_little_load_comes_through_at_once(medium: str) -> None:
+    """A packet a second and node: nearly all arrive."""
+    (load,) = results(
+        medium, "--load-bps", "1000", "--length-bytes", "20", "--nodes", "3", "--duration", "30"
+    )
+    assert load["delivered"] > 0.97 * load["sent"]
+    assert load["delay_median_s"] < (0.03 if medium == "tdma" else 0.005)
+
+
+def test_far_nodes_hear_less() -> None:
+    """With a radio its powers count."""
+    shares = []
+    short = ("--to", "one", "--duration", "3", "--load-bps", "50000")
+    for ring_m in ("100", "100000"):
+        (load,) = results("csma", "--radio", "wifi-2.4", "--ring-m", ring_m, *short)
+        shares.append(load["delivered"] / load["sent"])
+    assert shares[0] > 0.99
+    assert shares[1] == 0.0
+
+
+def test_table_and_plot(tmp_path: Path) -> None:
+    """What a person reads."""
+    file = tmp_path / "air.png"
+    done = CliRunner().invoke(air, ["csma", "--duration", "1", "--nodes", "4", "--plot", str(file)])
+    assert done.exit_code == 0, done.output
+    assert done.output.splitlines()[0].split()[:2] == ["offered", "carried"]
+    assert len(done.output.splitlines()) == 8
+    assert file.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_mistake_is_one_line() -> None:
+    """With the values that there are."""
+    done = CliRunner().invoke(air, ["csma", "--standard", "11b", "--rate-mbps", "54"])
+    assert done.exit_code == 2
+    assert "802.11b at 54 Mb/s: one of 1, 2, 5.5, 11" in done.output

@@ -1,0 +1,52 @@
+"""The verdict on powers that the channel did not draw, ten times each; a hundred in test_channel_verdict.py."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from channel.medium.judge.changes import OVER_PLACE
+from tests.unit.channel.medium.worlds import FLIGHT, RIGHT, WRONG, failures, radio_of, verdicts
+
+REPEATS = 10
+OFTEN_ENOUGH = 9
+SHORT = {"pairs": 2, "packets": 400}
+
+
+@pytest.mark.parametrize("name", ["steps of the line of sight", "one-sided and rounded"])
+def test_steps_and_rounding_raise_no_alarm(name):
+    radio, changes, world = RIGHT[name]
+    judged = verdicts((radio, changes, replace(world, **SHORT)), REPEATS)
+    assert not failures(judged)
+    assert {check.name for check in judged[0].checks} >= {"level of the powers", "spread of the powers"}
+
+
+@pytest.mark.parametrize("name", ["decorrelation times four", "Rayleigh fading redrawn in a hover"])
+def test_wrong_correlation_is_seen(name):
+    failed = failures(verdicts(WRONG[name], REPEATS))
+    assert (
+        sum(WRONG[name][3] in [check.name for check in checks] for checks in failed.values()) >= OFTEN_ENOUGH
+    )
+
+
+def test_a_short_flight_says_that_it_sees_nothing_of_correlation():
+    radio = radio_of("wifi-2.4", {})
+    judged = replace(FLIGHT, pairs=1, packets=100).verdict(radio, 1)
+    over = {check.name: check for check in judged.checks}[OVER_PLACE.name]
+    assert not over.sees
+    assert over.power < 0.2
+    shorter = replace(FLIGHT, pairs=1, packets=30).verdict(radio, 1)
+    assert [each.why for each in shorter.unjudged if each.name == OVER_PLACE.name] == [
+        "6 of 8 pairs of packets"
+    ]
+
+
+def test_power_is_the_share_of_wrong_worlds_that_are_seen():
+    """With so few places that about half are."""
+    radio, changes, world, name = WRONG["2 dB less than one-sided"]
+    few = replace(world, pairs=1, packets=170)
+    judged = verdicts((radio, changes, replace(few, off_db=0.0)), REPEATS)
+    power = np.mean([check.power for verdict in judged for check in verdict.checks if check.name == name])
+    failed = failures(verdicts((radio, changes, few), 40)).values()
+    seen = sum(name in [check.name for check in checks] for checks in failed) / 40
+    assert abs(seen - power) < 3.5 * np.sqrt(power * (1.0 - power) / 40)
