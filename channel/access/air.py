@@ -203,18 +203,15 @@ class Air:
 
     def transmit(self, frame: AirFrame, then: Callable[[], object]) -> None:
         """Put a frame on the air now; ``then`` is called at its end, before anybody acts on it."""
-        node, now_ns, world = frame.node, self.agenda.now_ns, self.world
-        arrivals: list[tuple[int, Receiver, float]] = []
-        for other, receiver in self._receivers.items():
-            if other == node:
-                continue
-            power_mw = world.power_mw(node, other, now_ns)
-            if power_mw > 0.0:
-                arrivals.append((now_ns + world.delay_ns(node, other, now_ns), receiver, power_mw))
-            else:
-                self.on_fate(frame, other, Loss.NOISE)
-        arrivals.sort(key=_when)
-        self._receivers[node].begins_to_transmit()
+        node, now_ns, receivers = frame.node, self.agenda.now_ns, self._receivers
+        reach = self.world.reach(frame)
+        if len(reach) < len(receivers) - 1:
+            reached = {node, *(arrival.receiver for arrival in reach)}
+            for other in receivers:
+                if other not in reached:
+                    self.on_fate(frame, other, Loss.NOISE)
+        arrivals = [(now_ns + delay_ns, receivers[other], power_mw) for other, power_mw, delay_ns in reach]
+        receivers[node].begins_to_transmit()
         if arrivals:
             _Front(
                 self.agenda, SIGNAL_STARTS, node, [(at, _start_of(r, frame, p)) for at, r, p in arrivals]
@@ -227,10 +224,6 @@ class Air:
     def _end(self, node: int, then: Callable[[], object]) -> None:
         then()
         self._receivers[node].ends_to_transmit()
-
-
-def _when(arrival: tuple[int, Receiver, float]) -> int:
-    return arrival[0]
 
 
 def _start_of(

@@ -9,7 +9,7 @@ import numpy as np
 
 from channel.access.timing import NS_PER_S
 from channel.access.words import FrameDraws
-from channel.access.world import AirFrame, Piece
+from channel.access.world import AirFrame, Arrival, Piece
 from channel.link.radio import Radio
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
@@ -32,13 +32,15 @@ class RadioWorld:
     def __init__(self, radio: Radio, places_ned_m: Mapping[int, Sequence[float]], seed: int = 1) -> None:
         self.nodes = tuple(sorted(places_ned_m))
         self._radio, self._draws = radio, FrameDraws(seed)
-        self._power_mw: dict[tuple[int, int], float] = {}
         self._noise_mw: dict[tuple[int, int], float] = {}
-        self._delay_ns: dict[tuple[int, int], int] = {}
+        self._reach: dict[int, list[Arrival]] = {tx: [] for tx in self.nodes}
+        self.longest_delay_ns = 0
+        """Of any way."""
         for tx in self.nodes:
             for rx in self.nodes:
                 if tx != rx:
                     self._join((tx, rx), places_ned_m[tx], places_ned_m[rx])
+            self._reach[tx].sort(key=lambda arrival: arrival.delay_ns)
         self._per = lru_cache(maxsize=65_536)(self._per_of)
 
     def _join(self, link: tuple[int, int], tx: Sequence[float], rx: Sequence[float]) -> None:
@@ -48,27 +50,20 @@ class RadioWorld:
         is_heard = power_dbm >= noise_dbm + HEARD_DB and bool(
             self._radio.in_range(np.asarray(path.distance_m))
         )
-        self._power_mw[link] = float(ratio_from_db(power_dbm)) if is_heard else 0.0
         self._noise_mw[link] = float(ratio_from_db(noise_dbm))
-        self._delay_ns[link] = int(float(path.distance_m) / SPEED_OF_LIGHT_MPS * NS_PER_S + 0.5)
+        delay_ns = int(float(path.distance_m) / SPEED_OF_LIGHT_MPS * NS_PER_S + 0.5)
+        self.longest_delay_ns = max(self.longest_delay_ns, delay_ns)
+        if is_heard:
+            self._reach[link[0]].append(Arrival(link[1], float(ratio_from_db(power_dbm)), delay_ns))
 
     @property
     def noise_mw(self) -> float:
         """Of the quietest receiver: what is weaker locks none."""
         return min(self._noise_mw.values())
 
-    @property
-    def longest_delay_ns(self) -> int:
-        """Of any way."""
-        return max(self._delay_ns.values())
-
-    def power_mw(self, transmitter: int, receiver: int, at_ns: int) -> float:  # noqa: ARG002
-        """Mean received power, mW; 0 if it is far below the noise."""
-        return self._power_mw[transmitter, receiver]
-
-    def delay_ns(self, transmitter: int, receiver: int, at_ns: int) -> int:  # noqa: ARG002
-        """Of light."""
-        return self._delay_ns[transmitter, receiver]
+    def reach(self, frame: AirFrame) -> Sequence[Arrival]:
+        """All that its mean power reaches, unless it is far below the noise there."""
+        return self._reach[frame.node]
 
     def survives(
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]

@@ -44,6 +44,20 @@ class AirFrame:
     reserved_ns: int = 0
 
 
+class Arrival(NamedTuple):
+    """A frame at one of the nodes that it reaches.
+
+    Attributes:
+        receiver: the node.
+        power_mw: in which it is received; above 0.
+        delay_ns: of propagation.
+    """
+
+    receiver: int
+    power_mw: float
+    delay_ns: int
+
+
 class World(Protocol):
     """What lies between nodes. Whatever it answers depends on its arguments alone."""
 
@@ -51,11 +65,8 @@ class World(Protocol):
     def nodes(self) -> Sequence[int]:
         """Who is on the air."""
 
-    def power_mw(self, transmitter: int, receiver: int, at_ns: int) -> float:
-        """Received power; 0: nothing comes that matters."""
-
-    def delay_ns(self, transmitter: int, receiver: int, at_ns: int) -> int:
-        """Of propagation."""
+    def reach(self, frame: AirFrame) -> Sequence[Arrival]:
+        """Whom a frame reaches that starts now, the nearest first; at all others nothing comes that matters."""
 
     def survives(
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
@@ -88,19 +99,19 @@ class PlainWorld:
         seed: int = 1,
     ) -> None:
         self.nodes = tuple(nodes)
-        self._deaf, self._delay_ns, self._power_mw = frozenset(deaf), delay_ns, power_mw
         self._loss, self._sinr_min, self._draws = loss, sinr_min, FrameDraws(seed)
+        self._reach = {
+            tx: [
+                Arrival(rx, power_mw[tx, rx] if isinstance(power_mw, Mapping) else power_mw, delay_ns)
+                for rx in self.nodes
+                if rx != tx and (tx, rx) not in deaf
+            ]
+            for tx in self.nodes
+        }
 
-    def power_mw(self, transmitter: int, receiver: int, at_ns: int) -> float:  # noqa: ARG002
+    def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         """As given."""
-        if (transmitter, receiver) in self._deaf:
-            return 0.0
-        power = self._power_mw
-        return power[transmitter, receiver] if isinstance(power, Mapping) else power
-
-    def delay_ns(self, transmitter: int, receiver: int, at_ns: int) -> int:  # noqa: ARG002
-        """As given."""
-        return self._delay_ns
+        return self._reach[frame.node]
 
     def survives(
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]

@@ -147,7 +147,7 @@ def test_a_short_burst_of_interference_is_a_part_of_a_frame() -> None:
     radio = Radio(load_radio("corrected", {"error": {"model": "uncoded-awgn"}}))
     world = RadioWorld(radio, {0: (0.0, 0.0, -40.0), 1: (300.0, 0.0, -40.0)})
     frames = [AirFrame(0, number, "data", 100, 0, 1000) for number in range(4000)]
-    power_mw = world.power_mw(0, 1, 0)
+    [(_, power_mw, _)] = world.reach(frames[0])
 
     def came(disturbed_ns: int) -> float:
         pieces = [Piece(1000 - disturbed_ns, 0.0), Piece(disturbed_ns, power_mw / 5.0)]
