@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.deliveries import DELIVERIES, FATES, DeliveryWriter
+from bridge.record.tables.deliveries import DELIVERIES, FATES, INSTANTS, DeliveryWriter
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.reader import read_batches
 from bridge.record.tables.schema import Columns
@@ -52,6 +52,8 @@ def fleet_columns(nodes: int, ticks: int, seed: int = 1) -> Iterator[Columns]:
             "per": per,
             "fate": (rng.random(tx.size) < per).astype(np.int64),
             "received_ns": np.full(tx.size, (tick + 1) * 50_000_000),
+            **dict.fromkeys(INSTANTS, np.full(tx.size, tick * 50_000_000)),
+            "attempts": np.ones(tx.size, dtype=np.int64),
         }
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
+from channel.access.settings import Ideal, MediumSettings
 from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
 from channel.fading.bursts import GilbertElliott, NoBursts
 from channel.fading.laws import Nakagami, NoFading, Rayleigh, Rician
@@ -165,6 +166,9 @@ class RadioConfig(Settings):
         description="share of packets lost whatever the range (interference, ...)",
     )
     bursts: Bursts = Field(default_factory=NoBursts)
+    medium: MediumSettings = Field(
+        default_factory=Ideal, description="who transmits when, for how long and how often"
+    )
 
     @model_validator(mode="after")
     def _has_a_sigma(self) -> Self:

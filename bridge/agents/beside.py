@@ -28,6 +28,7 @@ from bridge.agents.frames import frames_of
 from bridge.agents.measurements import measurements_by_node
 from bridge.agents.outlet import OnEvent
 from bridge.agents.running.feed import Arrivals, DeliveredPacket, Feeder
+from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.identity.roster import node_identity
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import Keys
@@ -89,7 +90,15 @@ class FreeOutlet(BusOutlet):
 class ScriptOutlet(FreeOutlet):
     """What a script says beside a node's agent: commands, and the rest to its own log."""
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:  # noqa: ARG002
+    def transmit(
+        self,
+        to: str,  # noqa: ARG002
+        channel: str,  # noqa: ARG002
+        payload: bytes,  # noqa: ARG002
+        encoding: str,  # noqa: ARG002
+        stamp: Stamp,  # noqa: ARG002
+        handling: Handling = PLAIN,  # noqa: ARG002
+    ) -> None:
         """Refuse, as the node's agent numbers its packets.
 
         Raises:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bridge.bus.handling import PLAIN, Handling, handling_bytes
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AgentStatus, AircraftState, Header, RadioSwitch
 from bridge.bus.session import Session, Stamp
@@ -23,13 +24,21 @@ class BusOutlet:
         self._session, self._keys, self._node = session, keys, node
         self._wants_logged = session.interest(keys.logged(node, "*"))
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:
+    def transmit(
+        self,
+        to: str,
+        channel: str,
+        payload: bytes,
+        encoding: str,
+        stamp: Stamp,
+        handling: Handling = PLAIN,
+    ) -> None:
         """Give a packet to the radio."""
         self._session.put_bytes(
             self._keys.tx(self._node, channel, to=to),
             payload,
             encoding=encoding,
-            attachment=stamp.to_bytes(),
+            attachment=stamp.to_bytes() + handling_bytes(handling),
             must_arrive=True,
         )
 

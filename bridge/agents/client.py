@@ -18,6 +18,8 @@ from bridge.agents.frames import Frames, Place, has_fix
 from bridge.agents.measurements import Measurement, SensorMemory
 from bridge.agents.outlet import AgentOutlet
 from bridge.agents.own_files import OwnFiles
+from bridge.agents.radio import OwnRadio
+from bridge.bus.handling import handling_of
 from bridge.bus.keys import ALL, checked_chunk
 from bridge.bus.messages import (
     AgentStatus,
@@ -103,6 +105,8 @@ class UaClient(Commands):
         """Whether the run is over; what is still transmitted or commanded has no effect, as nobody could hear it."""
         self.sent = 0
         self.received = 0
+        self.radio = OwnRadio()
+        """What waits in the node's transmit queue, and what became of its unicasts."""
         self._outlet = outlet
         self._waiters: dict[int, _Waiter] = {}
         self._waited = 0
@@ -178,16 +182,31 @@ class UaClient(Commands):
 
     # --- what goes out
 
-    def transmit(self, channel: str, payload: bytes | Message, *, to: str = ALL) -> int:
+    def transmit(
+        self,
+        channel: str,
+        payload: bytes | Message,
+        *,
+        to: str = ALL,
+        priority: int = 0,
+        lifetime_s: float | None = None,
+        key: str = "",
+    ) -> int:
         """Give a packet to the radio, stamped with the present sim time. Returns its sequence number.
+
+        The last three matter where packets wait, which is on media that take time.
 
         Args:
             channel: last part of the keys.
             payload: what is transmitted.
             to: the node that it is for; every other one if not given.
+            priority: packets of higher ones leave the queue first; from -128 to 127.
+            lifetime_s: after so long in the queue it is dropped, s; it waits for ever if not given.
+            key: in the queue a newer packet takes the place of the older one with its key.
 
         Raises:
-            ValueError: ``channel`` or ``to`` cannot be part of a key, or there is no such node.
+            ValueError: ``channel`` or ``to`` cannot be part of a key, there is no such node, or one of the last
+                three cannot be.
             TypeError: ``payload`` is neither bytes nor a message.
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
@@ -200,7 +219,8 @@ class UaClient(Commands):
         seq = self.sent
         if self.is_over:
             return seq
-        self._outlet.transmit(to, channel, raw, encoding, Stamp(seq, self.sim_time_ns))
+        handling = handling_of(priority, lifetime_s, key)
+        self._outlet.transmit(to, channel, raw, encoding, Stamp(seq, self.sim_time_ns), handling)
         self.sent += 1
         return seq
 
@@ -289,6 +309,7 @@ class UaClient(Commands):
                 n: (met, future, at + passed_ns) for n, (met, future, at) in self._waiters.items()
             }
         self.sim_time_ns = sim_time_ns
+        self.radio.begin()
         for _, future, deadline_ns in tuple(self._waiters.values()):
             if sim_time_ns > deadline_ns and not future.done():
                 future.set_exception(TimeoutError(f"still waiting at {sim_time_ns / 1e9:.1f} s of sim time"))

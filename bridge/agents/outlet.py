@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.session import Stamp
 from bridge.record.logged import LoggedValue
@@ -21,7 +22,15 @@ OnEvent = Callable[[CommandEvent | None], object]
 class Outlet(Protocol):
     """What is said as a node."""
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:
+    def transmit(
+        self,
+        to: str,
+        channel: str,
+        payload: bytes,
+        encoding: str,
+        stamp: Stamp,
+        handling: Handling = PLAIN,
+    ) -> None:
         """Give a packet to the radio; called in the agent's thread.
 
         Args:
@@ -30,6 +39,7 @@ class Outlet(Protocol):
             payload: what is transmitted.
             encoding: what the payload is, as Zenoh names it; "" for bytes of which nothing is said.
             stamp: its number and time.
+            handling: what its radio is to do with it.
 
         Raises:
             PermissionError: whoever says it is not the node's agent.

@@ -8,8 +8,26 @@ from typing import NamedTuple
 
 from bridge.bus.session import Sample, Stamp
 
-_SIGNAL = struct.Struct("<ff")
-"""RSSI and SNR, behind the stamp in the attachment of what was received."""
+_SIGNAL = struct.Struct("<ff4q")
+"""RSSI, SNR and instants, behind the stamp in the attachment of what was received."""
+
+
+class Instants(NamedTuple):
+    """When what happened to a packet, ns of sim time; -1: not known.
+
+    Attributes:
+        entered_ns: it entered its sender's radio.
+        started_ns, ended_ns: the transmission that brought it began and ended, at the sender.
+        arrived_ns: it was at the receiver.
+    """
+
+    entered_ns: int = -1
+    started_ns: int = -1
+    ended_ns: int = -1
+    arrived_ns: int = -1
+
+
+UNKNOWN = Instants()
 
 
 class Reception(NamedTuple):
@@ -21,6 +39,7 @@ class Reception(NamedTuple):
         received_ns: the tick at which it came, sim time.
         rssi_dbm: power in which this very packet arrived, with its shadowing and fading; NaN where it is not known.
         snr_db: the same over the noise.
+        instants: of its way through the radios; with a medium that takes no time all are ``sim_time_ns``.
     """
 
     seq: int
@@ -28,6 +47,13 @@ class Reception(NamedTuple):
     received_ns: int
     rssi_dbm: float = math.nan
     snr_db: float = math.nan
+    instants: Instants = UNKNOWN
+
+    @property
+    def delay_s(self) -> float:
+        """From its sender's stamp to its arrival, s; NaN where it is not known."""
+        arrived_ns = self.instants.arrived_ns
+        return math.nan if arrived_ns < 0 else (arrived_ns - self.sim_time_ns) / 1e9
 
     @property
     def age_s(self) -> float:
@@ -35,15 +61,15 @@ class Reception(NamedTuple):
         return (self.received_ns - self.sim_time_ns) / 1e9
 
 
-def attachment(stamp: bytes, rssi_dbm: float, snr_db: float) -> bytes:
+def attachment(stamp: bytes, rssi_dbm: float, snr_db: float, instants: Instants = UNKNOWN) -> bytes:
     """The attachment of a packet that was received: its stamp's bytes, and how it came in."""
-    return stamp + _SIGNAL.pack(rssi_dbm, snr_db)
+    return stamp + _SIGNAL.pack(rssi_dbm, snr_db, *instants)
 
 
-def signal_of(sample: Sample) -> tuple[float, float]:
-    """RSSI, dBm, and SNR, dB, of a sample with a stamp; NaN if it does not say."""
+def signal_of(sample: Sample) -> tuple[float, float, Instants]:
+    """RSSI, dBm, SNR, dB, and instants of a sample with a stamp; NaN and unknown if it does not say."""
     raw = b"" if sample.attachment is None else sample.attachment.to_bytes()[Stamp.SIZE_BYTES :]
     if len(raw) != _SIGNAL.size:
-        return math.nan, math.nan
-    rssi_dbm, snr_db = _SIGNAL.unpack(raw)
-    return rssi_dbm, snr_db
+        return math.nan, math.nan, UNKNOWN
+    rssi_dbm, snr_db, *instants = _SIGNAL.unpack(raw)
+    return rssi_dbm, snr_db, Instants(*instants)

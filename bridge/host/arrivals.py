@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from bridge.agents.measurements import measurements_by_node
+from bridge.agents.radio import QueueState, Reply
 from bridge.agents.running.feed import Arrivals, DeliveredPacket
 from bridge.bus.messages import CommunicationStatus, Header, Heard
+from bridge.bus.reception import Instants
 from bridge.bus.session import Stamp
 
 
@@ -42,8 +44,16 @@ def _hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Arriva
     ]
     by_index = {index: receivers[node] for index, node in enumerate(nodes) if node in receivers}
     columns = (plain(each) for each in (heard.packet, heard.rx, heard.rssi_dbm, heard.snr_db))
-    for index, rx, rssi_dbm, snr_db in zip(*columns, strict=True):
-        by_index[rx].packet_came(packets[index], rssi_dbm, snr_db)
+    instants = (
+        plain(each) for each in (heard.entered_ns, heard.started_ns, heard.ended_ns, heard.arrived_ns)
+    )
+    for index, rx, rssi_dbm, snr_db, *when in zip(*columns, *instants, strict=True):
+        by_index[rx].packet_came(packets[index], rssi_dbm, snr_db, Instants(*when))
+    replies = heard.reply_seq, heard.reply_acknowledged, heard.reply_attempts, heard.reply_ns
+    for node, *reply in zip(heard.reply_to, *replies, strict=True):
+        by_index[node].reply_came(Reply(*reply))
+    for node, *queue in zip(heard.queue_of, heard.queue_packets, heard.queue_bytes, strict=True):
+        by_index[node].queue_changed(QueueState(*queue))
     for node, (begin, end) in zip(heard.status_of, pairwise((0, *plain(heard.status_end))), strict=True):
         by_index[node].comm_status_came(partial(_status, heard, nodes, nodes[node], begin, end))
     for node, measurements in measurements_by_node(heard.measurements).items():

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import MAIN, Address
 from bridge.bus.messages import AgentStatus, AircraftState
 from bridge.bus.session import Stamp
@@ -32,6 +33,7 @@ class _Packet(NamedTuple):
     payload: bytes
     encoding: str
     stamp: Stamp
+    handling: Handling
 
 
 class CalledOutlet:
@@ -54,10 +56,18 @@ class CalledOutlet:
         self._loop = asyncio.get_running_loop()
         self._said: deque[_Packet | AgentStatus] = deque()
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp) -> None:
+    def transmit(
+        self,
+        to: str,
+        channel: str,
+        payload: bytes,
+        encoding: str,
+        stamp: Stamp,
+        handling: Handling = PLAIN,
+    ) -> None:
         """Give a packet to the radio."""
         address = Address(self._node, MAIN, to, channel)
-        self._said.append(_Packet(address, bytes(payload), encoding, stamp))
+        self._said.append(_Packet(address, bytes(payload), encoding, stamp, handling))
 
     def report(self, status: AgentStatus) -> None:
         """Report what the agent is doing."""

@@ -12,7 +12,9 @@ from bridge.bus.messages import Header, Heard
 from bridge.radio.measurements import as_message
 from bridge.radio.picture import Row
 from bridge.radio.radio import SettledTick
-from bridge.radio.virtual_radio import Settled
+from bridge.radio.virtual_radio import QueueOfNode, Settled
+from bridge.record.tables.deliveries import INSTANTS
+from channel.access.packets import Reply
 from channel.medium.reception import DELIVERED
 
 
@@ -40,9 +42,11 @@ class Hosts:
             mine = arrived[hosts == host]
             statuses = [row for row in rows if self._host_of[row.node] == host]
             measured = [each for each in told if self._host_of[each.node] == host]
-            if statuses or measured or mine.size:
+            replies = [each for each in settled.replies if self._host_of[each.packet.node] == host]
+            queues = [each for each in settled.queues if self._host_of[each.node] == host]
+            if statuses or measured or mine.size or replies or queues:
                 header = Header.at(sim_time_ns, name)
-                share = _share(header, settled, mine, statuses)
+                share = _share(header, settled, mine, statuses, replies, queues)
                 found[name] = replace(share, measurements=as_message(sim_time_ns, measured))
         return found
 
@@ -52,11 +56,14 @@ def _share(
     settled: Settled,
     mine: NDArray[np.intp],
     statuses: Sequence[Row],
+    replies: Sequence[Reply],
+    queues: Sequence[QueueOfNode],
 ) -> Heard:
     receptions = settled.receptions
     wanted, row = np.unique(receptions.packet[mine], return_inverse=True)
     packets = [settled.packets[index] for index in wanted.tolist()]
     lengths = [len(each.payload) for each in packets]
+    entered_ns, started_ns, ended_ns, arrived_ns = (settled.columns[name][mine] for name in INSTANTS)
     return Heard(
         header,
         [each.tx for each in packets],
@@ -69,6 +76,18 @@ def _share(
         receptions.rx[mine].astype(np.uint16),
         receptions.received_power_dbm[mine].astype(np.float32),
         receptions.snr_db[mine].astype(np.float32),
+        entered_ns,
+        started_ns,
+        ended_ns,
+        arrived_ns,
+        [each.packet.node for each in replies],
+        [each.packet.number for each in replies],
+        [each.at_ns for each in replies],
+        [each.acknowledged for each in replies],
+        [each.attempts for each in replies],
+        [each.node for each in queues],
+        [each.packets for each in queues],
+        [each.length_bytes for each in queues],
         [each.node for each in statuses],
         np.cumsum([len(each.others) for each in statuses], dtype=np.uint32),
         _joined([each.others for each in statuses], np.uint16),

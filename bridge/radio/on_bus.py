@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable
 from functools import partial
 
+from bridge.bus.handling import HandlingError, handling_in
 from bridge.bus.keys import KeyMistake, Keys
 from bridge.bus.messages import AgentStatus, CommandEvent, DecodeError, decode
 from bridge.bus.replies import reply_event
@@ -91,13 +92,14 @@ class RadioOnBus:
         key = str(item.came.key_expr)
         try:
             item.handler(key, item.came)
-        except (DecodeError, KeyMistake) as error:
+        except (DecodeError, KeyMistake, HandlingError) as error:
             self._radio.core.refused[Refused.MALFORMED] += 1
             self._radio.tell_refusal(f"{key}: {error}")
 
     def _packet_came(self, key: str, sample: Sample) -> None:
         address, payload = self._keys.address_of(key), sample.payload.to_bytes()
-        self._radio.packet(address, payload, encoding_said(sample), Stamp.from_sample(sample))
+        stamp, handling = Stamp.from_sample(sample), handling_in(sample)
+        self._radio.packet(address, payload, encoding_said(sample), stamp, handling)
 
     def _agent_came(self, key: str, sample: Sample) -> None:
         self._on_agent(self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus))

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bridge.bus.reception import attachment
+from bridge.bus.reception import Instants, attachment
 from bridge.bus.session import Session, Stamp
 from bridge.radio.measurements import Told, as_message
 from bridge.radio.picture import LINK_PERIOD_NS, Row
 from bridge.radio.radio import RecordedRadio, SettledTick
 from bridge.radio.virtual_radio import Settled
-from bridge.record.tables.deliveries import fates_message
+from bridge.record.tables.deliveries import INSTANTS, fates_message
 from bridge.run.directory import RunDirectory
 from channel.medium.reception import DELIVERED
 
@@ -52,9 +52,10 @@ class TickPublisher:
         receptions = settled.receptions
         chosen = np.flatnonzero((receptions.fate == DELIVERED) & wanted[receptions.rx])
         columns = (receptions.packet, receptions.rx, receptions.received_power_dbm, receptions.snr_db)
-        rows = zip(*(column[chosen].tolist() for column in columns), strict=True)
+        instants = (settled.columns[name] for name in INSTANTS)
+        rows = zip(*(column[chosen].tolist() for column in (*columns, *instants)), strict=True)
         stamps: dict[int, bytes] = {}
-        for number, rx, rssi_dbm, snr_db in rows:
+        for number, rx, rssi_dbm, snr_db, *when in rows:
             packet = settled.packets[number]
             if number not in stamps:
                 stamps[number] = Stamp(packet.seq, packet.sim_time_ns, b"").to_bytes()
@@ -62,7 +63,7 @@ class TickPublisher:
                 self._keys.rx(self._nodes[rx], self._nodes[packet.tx], packet.channel),
                 packet.payload,
                 encoding=packet.encoding,
-                attachment=attachment(stamps[number], rssi_dbm, snr_db),
+                attachment=attachment(stamps[number], rssi_dbm, snr_db, Instants(*when)),
                 must_arrive=True,
             )
 

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import Address
 from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Links, Truth, decode, encoding_of
 from bridge.bus.session import Stamp
@@ -22,10 +23,10 @@ from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.run.directory import RunDirectory
+from bridge.scenario.resolve.channel import channel_of
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
 from channel.medium.judge.judge import Judge
-from channel.medium.medium import Medium
 
 NO_PACKAGE = "no_data_package_on_the_data_channel"
 """Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
@@ -72,18 +73,11 @@ class RecordedRadio:
             tick_period_ns=scenario.tick_period_ns,
         )
         self._judge = Judge(len(nodes), scenario.seed)
-        medium = Medium(
-            radios,
-            seed=scenario.seed,
-            nodes=nodes,
-            judge=self._judge,
-            emitters=[each.name for each in emitters],
-            switches=switches_of(scenario),
-            bases=[node.node for node in scenario.ground],
-        )
+        channel = channel_of(scenario, radios, self._judge, switches_of(scenario))
+        medium = channel.medium
         self._shares_draws = any(radio.shares_draws for radio in radios.values())
         mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
-        self.core = VirtualRadio(medium, ring, mtu_bytes)
+        self.core = VirtualRadio(medium, ring, mtu_bytes, channel.network)
         self.picture = Picture(nodes)
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._data_channel = scenario.transmit.channel
@@ -101,9 +95,16 @@ class RecordedRadio:
         """Take a tick of the fleet clock."""
         self.core.on_tick(sim_time_ns)
 
-    def packet(self, address: Address, payload: bytes, encoding: str, stamp: Stamp | None) -> None:
+    def packet(
+        self,
+        address: Address,
+        payload: bytes,
+        encoding: str,
+        stamp: Stamp | None,
+        handling: Handling = PLAIN,
+    ) -> None:
         """Take what a node transmits."""
-        if not self.core.on_packet(address, payload, encoding, stamp):
+        if not self.core.on_packet(address, payload, encoding, stamp, handling):
             self.tell_refusal(f"a packet of node {address.node} to {address.to} on {address.channel}")
             return
         self._tell_if_free(address.node)

@@ -10,12 +10,14 @@ because the host was slow, and a run does not depend on how fast it went.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import ALL, MAIN, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
@@ -23,10 +25,12 @@ from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused, Senders, TxPacket
 from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
 from bridge.record.tables.schema import Columns
+from channel.access.packets import Reply
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, Packets, Receptions
+from channel.network.network import Lived, Network
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
@@ -34,6 +38,14 @@ ENCODING_MAX = 1000
 """Characters that a program may say of a payload."""
 AHEAD_MAX_NS = 1_000_000_000
 """A packet further ahead than this is: what waits for its truth has to be bounded."""
+
+
+class QueueOfNode(NamedTuple):
+    """What waits in a node's transmit queue."""
+
+    node: int
+    packets: int
+    length_bytes: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +58,8 @@ class Settled:
         gaps: packets that were lost before the channel.
         columns: of the receptions, as the table of deliveries has them.
         received_ns: the tick at which nodes get them.
+        replies: what senders learn of their unicasts.
+        queues: of nodes whose transmit queue changed.
     """
 
     packets: Sequence[TxPacket]
@@ -53,6 +67,8 @@ class Settled:
     gaps: Sequence[Gap]
     columns: Columns
     received_ns: int
+    replies: Sequence[Reply] = ()
+    queues: Sequence[QueueOfNode] = ()
 
 
 class VirtualRadio:
@@ -62,22 +78,26 @@ class VirtualRadio:
         medium: the channel's medium.
         ring: who is waited for.
         mtu_bytes: longest payload that each node's radio takes, by node id.
+        network: who transmits when; None: packets take no time.
     """
 
-    def __init__(self, medium: Medium, ring: Ring, mtu_bytes: Mapping[str, int]) -> None:
+    def __init__(
+        self, medium: Medium, ring: Ring, mtu_bytes: Mapping[str, int], network: Network | None = None
+    ) -> None:
         self.nodes = medium.nodes
         self.ring = ring
         self.words = Vocabulary()
         self.ledger = Ledger(self.nodes, causes=tuple(Cause))
         self.transmitted: list[TxPacket] = []
         """Packets given to the medium, in canonical order; whoever writes them clears the list."""
-        self._medium = medium
+        self._medium, self._network = medium, network
         self._index = {node: index for index, node in enumerate(self.nodes)}
         self._emitters = frozenset(medium.emitters.names)
         self._senders = Senders([mtu_bytes[node] for node in self.nodes], self._book_gap)
         self.refused = self._senders.refused
         self._latest_ns = 0
         self._in_flight: dict[tuple[int, int], TxPacket] = {}
+        self._queues: dict[int, tuple[int, int]] = {}
         self._gaps: list[Gap] = []
 
     # What comes in.
@@ -126,7 +146,14 @@ class VirtualRadio:
         place = truth.position_ned_m.xyz
         self._medium.emitters.observe([truth.header.frame_id], truth.header.stamp.ns, [place])
 
-    def on_packet(self, address: Address, payload: bytes, encoding: str, stamp: Stamp | None) -> bool:
+    def on_packet(
+        self,
+        address: Address,
+        payload: bytes,
+        encoding: str,
+        stamp: Stamp | None,
+        handling: Handling = PLAIN,
+    ) -> bool:
         """Take a packet with its sender's stamp; returns whether it was. `settle` decides its fate."""
         why = self._why_refused(address, encoding, stamp)
         if stamp is None or why is not None:
@@ -136,7 +163,7 @@ class VirtualRadio:
         route = f"{address.radio}/{address.to}/{address.channel}"
         tx = self._index[address.node]
         return self._senders.take(
-            TxPacket(stamp.seq, stamp.sim_time_ns, route, payload, encoding, tx=tx, to=to)
+            TxPacket(stamp.seq, stamp.sim_time_ns, route, payload, encoding, handling, tx=tx, to=to)
         )
 
     def _why_refused(self, address: Address, encoding: str, stamp: Stamp | None) -> Refused | None:
@@ -205,6 +232,8 @@ class VirtualRadio:
     def settle(self) -> Settled:
         """Give what was taken to the medium, and take from it what it can decide."""
         self._send()
+        if self._network is not None:
+            return self._lived(self._network, self._network.live(self.ring.received_ns))
         return self._settled(self._medium.settle())
 
     def finish(self) -> Settled:
@@ -214,7 +243,10 @@ class VirtualRadio:
             LedgerError: sent is not delivered plus lost: a defect of ours.
         """
         self._send()
-        settled = self._settled(self._medium.flush(), is_over=True)
+        if self._network is not None:
+            settled = self._lived(self._network, self._network.end())
+        else:
+            settled = self._settled(self._medium.flush(), is_over=True)
         self.ledger.check(in_flight=0)
         return settled
 
@@ -226,13 +258,16 @@ class VirtualRadio:
         self._in_flight.update(((packet.tx, packet.seq), packet) for packet in taken)
         packets = packets_of(taken)
         self.ledger.send(packets)
-        self._medium.send(packets)
+        if self._network is None:
+            self._medium.send(packets)
+        else:
+            self._network.send(packets, [packet.handling for packet in taken])
 
     def _settled(self, receptions: Receptions, *, is_over: bool = False) -> Settled:
         self.ledger.settle(receptions)
         done = receptions.packets
         packets = [self._in_flight.pop(key) for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
-        gaps, self._gaps = sorted(self._gaps, key=_place_of), []  # whoever was first
+        gaps = self._taken_gaps()
         came_ns = np.full(done.size, self.ring.received_ns)
         if is_over:  # what was stamped ahead would have come later
             period_ns = self.ring.tick_period_ns
@@ -240,6 +275,33 @@ class VirtualRadio:
         said = self.words.of(packets) | {"received_ns": came_ns}
         columns = columns_of(receptions, self._medium.counted_bytes(done), said)
         return Settled(packets, receptions, gaps, columns, self.ring.received_ns)
+
+    def _lived(self, network: Network, lived: Lived) -> Settled:
+        """What became of packets on a network, which may take long to be decided for all receivers."""
+        receptions, done = lived.receptions, lived.receptions.packets
+        self.ledger.book(receptions)
+        if lived.first:
+            self.ledger.place(Receptions.joined(lived.first))
+        packets = [self._in_flight[key] for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
+        for key in lived.done:
+            del self._in_flight[key]
+        said = self.words.of(packets) | {"received_ns": np.full(done.size, self.ring.received_ns)}
+        columns = columns_of(receptions, self._medium.counted_bytes(done), said, lived.instants)
+        replies, queues = lived.replies, tuple(self._changed_queues(network))
+        return Settled(
+            packets, receptions, self._taken_gaps(), columns, self.ring.received_ns, replies, queues
+        )
+
+    def _changed_queues(self, network: Network) -> Iterator[QueueOfNode]:
+        for node in range(len(self.nodes)):
+            queued = network.queued(node)
+            if queued != self._queues.get(node, (0, 0)):
+                self._queues[node] = queued
+                yield QueueOfNode(node, *queued)
+
+    def _taken_gaps(self) -> Sequence[Gap]:
+        gaps, self._gaps = sorted(self._gaps, key=_place_of), []  # whoever was first
+        return gaps
 
     def _book_gap(self, gap: Gap) -> None:
         to = None if gap.to == EVERYBODY else self.nodes[gap.to]

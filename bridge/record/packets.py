@@ -1,8 +1,8 @@
 """The payload of ``packets/<node>``: one packet that the node transmitted and the radio took.
 
-int64 sequence number, int64 sim time of transmission in ns, uint16 lengths of address and encoding, the address
-(``radio/to/channel``, as in the key) and the encoding in UTF-8, and the packet's own bytes; all numbers are
-little-endian.
+int64 sequence number, int64 sim time of transmission in ns, uint16 lengths of address, encoding and handling, the
+address (``radio/to/channel``, as in the key) and the encoding in UTF-8, the handling (`bridge.bus.handling`; nothing
+unless the agent asked for it), and the packet's own bytes; all numbers are little-endian.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Final
 
+from bridge.bus.handling import PLAIN, Handling, handling_bytes, handling_from_bytes
 from bridge.record import names
 from bridge.record.streams import decoded
 
-_HEAD: Final = struct.Struct("<qqHH")
+_HEAD: Final = struct.Struct("<qqHHH")
 TEXT_MAX_BYTES: Final = 0xFFFF
 
 
@@ -31,6 +32,7 @@ class SentPacket:
         address: ``radio/to/channel``, as in the key.
         payload: opaque.
         encoding: what the payload is said to be, as Zenoh names it; "" for bytes of which nothing is said.
+        handling: what the radio was to do with it.
     """
 
     seq: int
@@ -38,6 +40,7 @@ class SentPacket:
     address: str
     payload: bytes
     encoding: str = ""
+    handling: Handling = PLAIN
 
     @property
     def channel(self) -> str:
@@ -52,14 +55,15 @@ def encode_packet(packet: SentPacket) -> bytes:
         ValueError: a number does not fit 64 bits, or the address or the encoding is too long.
     """
     address, encoding = packet.address.encode(), packet.encoding.encode()
+    handling = handling_bytes(packet.handling)
     try:
-        head = _HEAD.pack(packet.seq, packet.sim_time_ns, len(address), len(encoding))
+        head = _HEAD.pack(packet.seq, packet.sim_time_ns, len(address), len(encoding), len(handling))
     except struct.error as error:
         raise ValueError(
             f"seq {packet.seq} and sim_time_ns {packet.sim_time_ns} have to fit int64, and the {len(address)} bytes "
             f"of the address and {len(encoding)} of the encoding must each be at most {TEXT_MAX_BYTES}"
         ) from error
-    return head + address + encoding + packet.payload
+    return head + address + encoding + handling + packet.payload
 
 
 def decode_packet(entry: bytes) -> SentPacket:
@@ -71,13 +75,14 @@ def decode_packet(entry: bytes) -> SentPacket:
     if len(entry) < _HEAD.size:
         raise ValueError(f"{len(entry)} bytes are too few for a packet")
     seq, sim_time_ns, *lengths = _HEAD.unpack_from(entry)
-    _, middle, end = accumulate(lengths, initial=_HEAD.size)
+    _, first, second, end = accumulate(lengths, initial=_HEAD.size)
     if len(entry) < end:
         raise ValueError(
-            f"{len(entry)} bytes are too few for an address and an encoding of {sum(lengths)} bytes"
+            f"{len(entry)} bytes are too few for an address, an encoding and a handling of {sum(lengths)} bytes"
         )
-    address, encoding = entry[_HEAD.size : middle].decode(), entry[middle:end].decode()
-    return SentPacket(seq, sim_time_ns, address, entry[end:], encoding)
+    address, encoding = entry[_HEAD.size : first].decode(), entry[first:second].decode()
+    handling = handling_from_bytes(entry[second:end])
+    return SentPacket(seq, sim_time_ns, address, entry[end:], encoding, handling)
 
 
 def packets_of(run: Path, node: str) -> Iterator[tuple[int, SentPacket]]:

@@ -122,11 +122,23 @@ class FlightDynamics(Part):
 
 
 class Transmit(Part):
-    """What every agent gives to the radio."""
+    """What every agent gives to the radio, and when its packets enter it on a medium that takes time.
+
+    Attributes:
+        channel: of the data packages.
+        every_ticks: how often they are sent.
+        frequency_mhz: that they name.
+        phase_s: between a tick and the instant at which a node acts; drawn: from 0 to a tick, for each node.
+        processing_s: between an agent's word and its radio, at least.
+        processing_spread_s: up to so much is added to it, drawn for each packet.
+    """
 
     channel: Slug = "team"
     every_ticks: Annotated[int, Field(strict=True, ge=1)] = 1
     frequency_mhz: Annotated[int, Field(strict=True, ge=1, le=65535)] = 2412
+    phase_s: Literal["drawn"] | Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = "drawn"
+    processing_s: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = 0.001
+    processing_spread_s: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = 0.001
 
 
 class Ports(Part):

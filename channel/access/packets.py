@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from channel.access.world import AirFrame
 
 
 class Loss(StrEnum):
@@ -24,6 +28,23 @@ class Loss(StrEnum):
     """Too weak, or too many errors of the channel alone."""
     RETRIES = "retries_exhausted"
     """A unicast was never acknowledged."""
+
+
+class Handling(NamedTuple):
+    """What an agent wants of its radio for a packet.
+
+    Attributes:
+        priority: packets of higher ones leave the queue first.
+        lifetime_ns: after so long in the queue it is dropped; None: it waits for ever.
+        key: a queued packet of the same node and key gives way to it; empty: none does.
+    """
+
+    priority: int = 0
+    lifetime_ns: int | None = None
+    key: str = ""
+
+
+PLAIN: Final = Handling()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +83,7 @@ class AirFate:
         started_ns, ended_ns: the transmission that decided; -1 if it never was on the air.
         attempts: how often it was on the air.
         loss: why it was lost; None: it arrived.
+        frame: that transmission; None if it never was on the air.
     """
 
     packet: AirPacket
@@ -71,6 +93,7 @@ class AirFate:
     ended_ns: int
     attempts: int
     loss: Loss | None
+    frame: AirFrame | None = None
 
 
 @dataclass(frozen=True, slots=True)

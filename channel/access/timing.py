@@ -17,6 +17,10 @@ class FrameTiming(Protocol):
     def max_length_bytes(self) -> int:
         """The longest packet."""
 
+    @property
+    def header_bytes(self) -> int:
+        """That each packet gets."""
+
     def duration_ns(self, length_bytes: int) -> int:
         """Of a frame that carries so much."""
 

@@ -110,9 +110,18 @@ class Ledger:
         np.add.at(self.sent, (packets.tx[~everybody], packets.to[~everybody]), 1)
 
     def settle(self, receptions: Receptions) -> None:
-        """Book the fates of packets that were booked out before."""
+        """Book the fates of packets that were booked out before, in the distance bins, too."""
+        self.book(receptions)
+        self.place(receptions)
+
+    def book(self, receptions: Receptions) -> None:
+        """Book the fates of packets that were booked out before, but not in the distance bins."""
         link = receptions.tx * len(self.nodes) + receptions.rx
         np.add.at(self.settled.reshape(-1), link * len(self.causes) + receptions.fate, 1)
+
+    def place(self, receptions: Receptions) -> None:
+        """Book what the channel let through and what not in the distance bins alone."""
+        link = receptions.tx * len(self.nodes) + receptions.rx
         placed = receptions.fate < UNDECIDED_FROM
         distance_m, arrived = receptions.distance_m, receptions.fate == DELIVERED
         steps = np.rint(receptions.probability_of_delivery * STEPS_PER_ONE).astype(np.int64)

@@ -46,6 +46,7 @@ class Medium:
         emitters: names of the run's emitters, which radios may hear (`Radio.emitters`).
         switches: of the nodes' radios; each is on until it is switched off.
         bases: names of the nodes that stand on the ground; the others are aircraft. For laws that distinguish them.
+        ahead_ns: for so long a node goes on as it last moved beyond its newest truth, for `drawing` (0: it stands).
 
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
@@ -69,29 +70,41 @@ class Medium:
         emitters: Iterable[str] = (),
         switches: Switches | None = None,
         bases: Iterable[str] = (),
+        ahead_ns: int = 0,
     ) -> None:
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
         if len(self.index) != len(self.nodes):
             raise ChannelInputError("nodes", self.nodes, "names that differ")
         self.draws = Draws(check_seed(seed))
-        self._tracks = Tracks(len(self.nodes), max_truth_age_ns)
+        self._tracks = Tracks(len(self.nodes), max_truth_age_ns, ahead_ns)
         self.radios = tuple(self._radio_of(node, radio) for node in self.nodes)
         self.emitters = EmitterTracks(emitters, max_truth_age_ns)
         heard = {each.name for each_radio in self.radios for each in each_radio.emitters}
         if not heard <= set(self.emitters.names):
             raise ChannelInputError("emitters", self.emitters.names, f"with {', '.join(sorted(heard))}")
         self._switches = switches or Switches(len(self.nodes))
-        self._settling = Settling(
+        self._bases = self._on_the_ground(bases)
+        self._settling = self.drawing(judge=judge, cull=True)
+        self._waiting: list[Packets] = []
+
+    def drawing(self, *, judge: Judge | None = None, cull: bool = False) -> Settling:
+        """Return what draws fates at once, where the nodes are by now, for whoever decides when a packet is on the air.
+
+        Args:
+            judge: takes in what is drawn.
+            cull: whether to leave out draws that cannot change a fate: then weak signals have no power.
+        """
+        return Settling(
             self.radios,
             LinkDraws(self.draws, self.nodes),
             self._tracks,
+            cull=cull,
             judge=judge,
             emitters=self.emitters,
             switches=self._switches,
-            bases=self._on_the_ground(bases),
+            bases=self._bases,
         )
-        self._waiting: list[Packets] = []
 
     def _on_the_ground(self, bases: Iterable[str]) -> NDArray[np.bool_]:
         out = np.zeros(len(self.nodes), dtype=bool)

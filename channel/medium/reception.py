@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -26,11 +27,24 @@ class Fate(Enum):
     NO_POSITION = "no_position"
     RADIO_OFF = "radio_off"
     """The radio of its sender or of its receiver was switched off when it was sent."""
+    QUEUE_FULL = "queue_full"
+    """Fates from here on are a medium's that takes time (`channel.access.packets.Loss`)."""
+    EXPIRED = "expired"
+    REPLACED = "replaced"
+    TOO_LONG_FOR_A_SLOT = "too_long_for_a_slot"
+    HALF_DUPLEX = "half_duplex"
+    COLLIDED = "collided"
+    RETRIES_EXHAUSTED = "retries_exhausted"
+    NO_PEER = "no_peer"
+    NO_LOCK = "no_lock"
+    OUTAGE = "outage"
+    RUN_ENDED = "run_ended"
+    """It waited, or was on the air, when the run ended."""
 
 
 FATES = tuple(Fate)
 """By the numbers in `Receptions.fate`."""
-DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, NO_POSITION, RADIO_OFF = range(len(FATES))
+DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, NO_POSITION, RADIO_OFF = range(7)
 UNDECIDED_FROM = NO_POSITION
 """With fates from here on the channel has nothing to do: it computes nothing for them, and no distance bin has them."""
 
@@ -114,6 +128,26 @@ class Receptions:
     per: FloatArray
     probability_of_delivery: FloatArray
     fate: NDArray[np.uint8]
+
+    @classmethod
+    def joined(cls, parts: Sequence[Receptions]) -> Receptions:
+        """Return the receptions of all parts, at least one, one after the other."""
+        starts = np.cumsum([0, *(part.packets.size for part in parts[:-1])])
+        columns = [
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("rx", "distance_m", "received_power_dbm", "snr_db", "per", "probability_of_delivery")
+        ]
+        return cls(
+            Packets.joined([part.packets for part in parts]),
+            np.concatenate([part.packet + start for part, start in zip(parts, starts.tolist(), strict=True)]),
+            columns[0],
+            columns[1],
+            columns[2],
+            columns[3],
+            columns[4],
+            columns[5],
+            np.concatenate([part.fate for part in parts]),
+        )
 
     @property
     def size(self) -> int:

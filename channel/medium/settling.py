@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.checks import FloatArray
-from channel.draws import LinkDraws
+from channel.draws import LinkDraws, Purpose
 from channel.link.radio import Radio
 from channel.link.tables.lengths import Lengths
 from channel.medium.judge.judge import Judge
@@ -83,6 +83,16 @@ class Settling:
         self._kinds.append(radio)
         return len(self._kinds) - 1
 
+    def radio(self, tx: int, rx: int) -> Radio:
+        """Return the radio of links from one node to another (`Radio.towards`)."""
+        pair: Pair = self._pairs[int(self._kind[tx] * len(self._kinds) + self._kind[rx])]
+        return pair.radio
+
+    def erasure_draws(self, packets: Packets, packet: Indices, rx: Indices) -> FloatArray:
+        """Return the numbers in (0, 1) that decide whether the error model loses packets, shape (L,)."""
+        uniforms = self._draws.uniforms((Purpose.ERASURE,), (packets.tx, packets.seq), packet, rx)
+        return np.asarray(uniforms[0])
+
     def counted_bytes(self, packets: Packets) -> NDArray[np.int64]:
         """Return the lengths of packets as the error model of their transmitter counts them, shape (P,)."""
         payloads = packets.length_bytes
@@ -94,10 +104,15 @@ class Settling:
         counted = {row: self._kinds[row[0]].length_bytes(row[1]) for row in set(rows)}
         return np.array([counted[row] for row in rows], dtype=np.int64)
 
-    def receptions(self, packets: Packets) -> Receptions:
-        """Return what becomes of packets, which are in canonical order, at all their receivers."""
+    def receptions(self, packets: Packets, counted: NDArray[np.int64] | None = None) -> Receptions:
+        """Return what becomes of packets, which are in canonical order, at all their receivers.
+
+        Args:
+            packets: the packets.
+            counted: their lengths for the error model; as it counts them unless given.
+        """
         packet, rx = self._links(packets)
-        counted = self.counted_bytes(packets)
+        counted = self.counted_bytes(packets) if counted is None else counted
         if not self._switches.are_used:
             return Receptions(packets, packet, rx, *self._settled(packets, counted, packet, rx))
         out, on = blank(rx.size), np.flatnonzero(~self._off(packets, packet, rx))

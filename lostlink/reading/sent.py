@@ -17,6 +17,7 @@ from bridge.record.streams import (
     entries_of,
     open_stream,
 )
+from channel.access.packets import Handling
 from channel.medium.reception import EVERYBODY
 
 NEAR_BYTES = 1 << 20
@@ -38,6 +39,7 @@ class SentPackets:
         to: place of the addressee, or EVERYBODY.
         channels: last part of each packet's key.
         encodings: what each payload is said to be; "" if nothing.
+        handling: what the radio was to do with each.
 
     Raises:
         StreamError: the stream is damaged, or has what is no packet.
@@ -49,6 +51,7 @@ class SentPackets:
         rows: list[tuple[int, int, int, int, int]] = []
         self.channels: list[str] = []
         self.encodings: list[str] = []
+        self.handling: list[Handling] = []
         addressees: dict[str, int] = {}
         offset = START_BYTES
         for tick_ns, entry in entries_of(self._path):
@@ -65,6 +68,7 @@ class SentPackets:
             rows.append((packet.seq, packet.sim_time_ns, length, to, offset - length))
             self.channels.append(packet.channel)
             self.encodings.append(packet.encoding)
+            self.handling.append(packet.handling)
         table = np.array(rows, dtype=np.int64).reshape(-1, 5)
         self.seq, self.sim_time_ns, self.length_bytes, self.to, self._offset = np.ascontiguousarray(table.T)
         self._near_from, self._near = 0, b""

@@ -22,13 +22,20 @@ class PacketFacts:
         before: what was recorded.
         sent: what each node transmitted.
         tick_period_ns: of the run.
+        took_no_time: whether the tick of reception is that of the packet; else receptions have one each.
 
     Raises:
         TableError, OSError: the deliveries cannot be read.
     """
 
     def __init__(
-        self, run: Path, before: DeliveryRows, sent: Sequence[SentPackets], tick_period_ns: int
+        self,
+        run: Path,
+        before: DeliveryRows,
+        sent: Sequence[SentPackets],
+        tick_period_ns: int,
+        *,
+        took_no_time: bool = True,
     ) -> None:
         self._nodes = len(sent)
         rows = before.columns
@@ -45,6 +52,8 @@ class PacketFacts:
         self._known, first = np.unique(np.concatenate([*keys, settled[long]]), return_index=True)
         self._words = {name: values[first] for name, values in words.items()}
         self._received_ns = np.concatenate([*due_ns, rows["received_ns"][long]])[first]
+        if not took_no_time:
+            return
         places, known = self._places(settled)
         self._received_ns[places[known]] = rows["received_ns"][known]
 

@@ -26,6 +26,7 @@ from bridge.record.tables.deliveries import (
     DELIVERIES,
     FATES,
     FIGURES,
+    INSTANTS,
     TOO_LONG,
     TRANSPORT,
     Cause,
@@ -41,19 +42,21 @@ from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.channel import channel_of, medium_settings
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
+from channel.access.packets import PLAIN, Handling
 from channel.link.radio import Radio
 from channel.medium.judge.check import Verdict
 from channel.medium.judge.judge import Judge
 from channel.medium.ledger import Ledger
-from channel.medium.medium import Medium
-from channel.medium.reception import EVERYBODY, Packets
+from channel.medium.reception import EVERYBODY, Packets, Receptions
+from channel.network.instants import NEVER_NS
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
 from lostlink.redecision.packet_facts import PacketFacts
-from lostlink.redecision.settling import last_whole_ns, settle, without_nonsense
+from lostlink.redecision.settling import last_whole_ns, live, settle, without_nonsense
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -148,33 +151,39 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
         raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
     places = {node: place for place, node in enumerate(nodes)}
     sent = [SentPackets(run, node, places) for node in nodes]
-    facts, packets = PacketFacts(run, before, sent, period_ns), _transmitted(sent, before)
+    was_ideal = not medium_settings(radios_of(RunDirectory(run).scenario)).takes_time
+    facts = PacketFacts(run, before, sent, period_ns, took_no_time=was_ideal)
+    packets = _transmitted(sent, before)
     if was_cut(run):
         packets = packets.at(packets.sim_time_ns <= last_whole_ns(positions))
     packets, too_long = _split(packets, [radios[node] for node in nodes])
     judge = Judge(len(nodes), scenario.seed)
-    names = [emitter.name for emitter in emitters]
-    medium = Medium(
-        radios,
-        seed=scenario.seed,
-        nodes=nodes,
-        judge=judge,
-        emitters=names,
-        switches=switches_of(scenario, run),
-        bases=[node.node for node in scenario.ground],
-    )
+    channel = channel_of(scenario, radios, judge, switches_of(scenario, run))
     ledger = Ledger(nodes, causes=tuple(Cause))
     ledger.send(packets)
     done, parts = 0, [_too_long_rows(too_long, len(nodes), facts), _missed(before)]
     for part in parts:
         _book(ledger, part)
-    for receptions in settle(medium, positions, packets, tick_of(packets.sim_time_ns, period_ns)):
-        ledger.settle(receptions)
-        settled = receptions.packets
-        came = {"received_ns": facts.received_ns(settled.seq, settled.tx)}
-        parts.append(columns_of(receptions, medium.counted_bytes(settled), came))
-        done += receptions.packets.size
-        on_progress(done / max(1, packets.size))
+    medium, due_ns = channel.medium, tick_of(packets.sim_time_ns, period_ns)
+    if channel.network is None:
+        for receptions in settle(medium, positions, packets, due_ns):
+            ledger.settle(receptions)
+            settled = receptions.packets
+            came = {"received_ns": facts.received_ns(settled.seq, settled.tx)}
+            parts.append(columns_of(receptions, medium.counted_bytes(settled), came))
+            done += receptions.packets.size
+            on_progress(done / max(1, packets.size))
+    else:
+        handling = _handling(sent)
+        for tick_ns, lived in live(channel.network, medium, positions, packets, due_ns, handling, period_ns):
+            ledger.book(lived.receptions)
+            if lived.first:
+                ledger.place(Receptions.joined(lived.first))
+            settled = lived.receptions.packets
+            came = {"received_ns": np.full(settled.size, tick_ns)}
+            parts.append(columns_of(lived.receptions, medium.counted_bytes(settled), came, lived.instants))
+            done += len(lived.done)
+            on_progress(done / max(1, packets.size))
     ledger.check(in_flight=0)
     after = DeliveryRows(nodes, joined(parts)).in_order_of(before)
     return Redecision(run, scenario, before, after, facts, ledger, judge.verdict())
@@ -197,6 +206,16 @@ def _transmitted(nodes: Sequence[SentPackets], before: DeliveryRows) -> Packets:
     return Packets.joined(parts).in_order()
 
 
+def _handling(nodes: Sequence[SentPackets]) -> dict[tuple[int, int], Handling]:
+    """What radios were asked to do with packets, by sender and number; the others are plain."""
+    return {
+        (tx, int(seq)): handling
+        for tx, sent in enumerate(nodes)
+        for seq, handling in zip(sent.seq, sent.handling, strict=True)
+        if handling != PLAIN
+    }
+
+
 def _split(packets: Packets, radios: list[Radio]) -> tuple[Packets, Packets]:
     """Packets that their senders' radios take, and those that are too long for them."""
     mtu_bytes = np.array([radio.config.mtu_bytes for radio in radios])
@@ -215,6 +234,8 @@ def _too_long_rows(packets: Packets, everybody: int, facts: PacketFacts) -> Colu
         **dict.fromkeys(FIGURES, np.full(packets.size, math.nan)),
         "fate": np.full(packets.size, TOO_LONG),
         "received_ns": facts.received_ns(packets.seq, packets.tx),
+        **dict.fromkeys(INSTANTS, np.full(packets.size, NEVER_NS)),
+        "attempts": np.zeros(packets.size, dtype=np.int32),
     }
 
 

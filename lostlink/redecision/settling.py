@@ -8,14 +8,16 @@ known when; they are settled one by one, as in the run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bridge.record.tables.truth import TrueStates
+from channel.access.packets import PLAIN, Handling
 from channel.medium.medium import Medium
 from channel.medium.reception import Packets, Receptions
+from channel.network.network import Lived, Network
 
 TICKS_AT_ONCE = 512
 """Fewer than the medium keeps samples of a node."""
@@ -57,6 +59,38 @@ def settle(
         yield medium.settle()
     medium.send(packets.at(slice(sent, None)))
     yield medium.flush()
+
+
+def live(
+    network: Network,
+    medium: Medium,
+    positions: TrueStates,
+    packets: Packets,
+    due_ns: NDArray[np.int64],
+    handling: Mapping[tuple[int, int], Handling],
+    tick_period_ns: int,
+) -> Iterator[tuple[int, Lived]]:
+    """Yield what comes of packets on a medium that takes time, as in a run tick by tick: the tick at which it comes, too.
+
+    Args:
+        network: of the medium, which got nothing yet.
+        medium: of the same nodes, which got nothing yet.
+        positions: where its nodes were and, behind them, its emitters.
+        packets: what they transmitted.
+        due_ns: the tick at which the radio had each packet, rising.
+        handling: of packets that are not plain, by sender and number.
+        tick_period_ns: of the run.
+    """
+    sent, came_ns = 0, 0
+    for tick, tick_ns in enumerate(positions.ticks_ns.tolist()):
+        _observe(medium, positions, tick)
+        until = int(np.searchsorted(due_ns, tick_ns, side="right"))
+        now = packets.at(slice(sent, until))
+        sent, came_ns = until, tick_ns + tick_period_ns
+        keys = zip(now.tx.tolist(), now.seq.tolist(), strict=True)
+        network.send(now, [handling.get(key, PLAIN) for key in keys])
+        yield came_ns, network.live(came_ns)
+    yield came_ns, network.end()
 
 
 def _observe(medium: Medium, positions: TrueStates, tick: int) -> None:

@@ -1,7 +1,7 @@
 """How an agent is fed, on board and beside the run: what comes waits for the tick, and then comes in the one order.
 
-That order is clock, state, who was heard, what its sensor measured, the packets that the radio delivered, what became
-of its commands, and then the tick itself.
+That order is clock, state, who was heard, what its sensor measured, what its own radio says (queue, unicasts), the
+packets that the radio delivered, what became of its commands, and then the tick itself.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from bridge.agents.client import LookAtStatus, UaClient
 from bridge.agents.commands import CommandFailed
 from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
+from bridge.agents.radio import QueueState, Reply
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
-from bridge.bus.reception import Reception
+from bridge.bus.reception import UNKNOWN, Instants, Reception
 from bridge.bus.session import Stamp
 
 log = logging.getLogger("agent")
@@ -41,7 +42,9 @@ class Arrivals:
         self._state: AircraftState | None = None
         self._comm_status: LookAtStatus | None = None
         self._measurements: list[Measurement] = []
-        self._packets: list[tuple[DeliveredPacket, float, float]] = []
+        self._packets: list[tuple[DeliveredPacket, float, float, Instants]] = []
+        self._replies: list[Reply] = []
+        self._queue: QueueState | None = None
         self._events: list[tuple[OnEvent, CommandEvent]] = []
 
     def state_came(self, state: AircraftState) -> None:
@@ -56,9 +59,19 @@ class Arrivals:
         """The node's RF sensor says what it measured."""
         self._measurements += measurements
 
-    def packet_came(self, packet: DeliveredPacket, rssi_dbm: float, snr_db: float) -> None:
-        """The radio delivered a packet, in this power and over this noise. They come in canonical order."""
-        self._packets.append((packet, rssi_dbm, snr_db))
+    def packet_came(
+        self, packet: DeliveredPacket, rssi_dbm: float, snr_db: float, instants: Instants = UNKNOWN
+    ) -> None:
+        """The radio delivered a packet, in this power and over this noise. They come in the order of arrival."""
+        self._packets.append((packet, rssi_dbm, snr_db, instants))
+
+    def reply_came(self, reply: Reply) -> None:
+        """The radio says what became of a unicast of the node's."""
+        self._replies.append(reply)
+
+    def queue_changed(self, queue: QueueState) -> None:
+        """The radio says what waits in the node's transmit queue."""
+        self._queue = queue
 
     def event_came(self, on_event: OnEvent, event: CommandEvent) -> None:
         """Something became of a command."""
@@ -75,15 +88,21 @@ class Arrivals:
             arrivals.append(lambda ua: ua.take_comm_status(status))
         measurements, self._measurements = self._measurements, []
         arrivals.append(lambda ua: ua.take_measurements(measurements))
+        queue, self._queue = self._queue, None
+        replies, self._replies = self._replies, []
+        if queue is not None or replies:
+            arrivals.append(lambda ua: ua.radio.take(queue, replies))
         packets, self._packets = self._packets, []
         arrivals += [partial(_give_packet, *packet) for packet in packets]
         events, self._events = self._events, []
         return arrivals + [partial(_give_event, on_event, event) for on_event, event in events]
 
 
-def _give_packet(packet: DeliveredPacket, rssi_dbm: float, snr_db: float, ua: UaClient) -> None:
+def _give_packet(
+    packet: DeliveredPacket, rssi_dbm: float, snr_db: float, instants: Instants, ua: UaClient
+) -> None:
     sender, channel, payload, stamp = packet
-    reception = Reception(stamp.seq, stamp.sim_time_ns, ua.sim_time_ns, rssi_dbm, snr_db)
+    reception = Reception(stamp.seq, stamp.sim_time_ns, ua.sim_time_ns, rssi_dbm, snr_db, instants)
     ua.take_packet(sender, channel, payload, reception)
 
 

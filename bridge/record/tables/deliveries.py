@@ -19,9 +19,13 @@ from bridge.record.tables.reader import no_rows, read_columns
 from bridge.record.tables.schema import COUNT, LABEL, NUMBER, TICK, Column, Columns, Table
 from channel.medium import reception
 from channel.medium.reception import EVERYBODY, Receptions
+from channel.network.instants import Instants
 
 WORDS: Final = ("channel", "encoding")
 """Columns with what senders say of their packets."""
+INSTANTS: Final = ("entered_ns", "started_ns", "ended_ns", "arrived_ns")
+"""When the packet entered its radio, when the transmission that decided began and ended at the sender, and when it was
+there or lost for good; -1 where it did not."""
 DELIVERIES: Final = Table(
     "deliveries",
     (
@@ -38,6 +42,8 @@ DELIVERIES: Final = Table(
         Column("fate", LABEL),
         *(Column(name, LABEL) for name in WORDS),
         Column("received_ns", TICK),
+        *(Column(name, TICK) for name in INSTANTS),
+        Column("attempts", COUNT),
     ),
     keys=("sim_time_ns", "tx", "rx", "seq"),
     tick="sim_time_ns",
@@ -129,6 +135,7 @@ class DeliveryWriter:
         packets: ArrayLike = 1,
         channel: ArrayLike = 0,
         encoding: ArrayLike = 0,
+        attempts: ArrayLike = 1,
         **columns: ArrayLike,
     ) -> None:
         """Append rows: arrays of that length, or one value for all of them.
@@ -138,14 +145,17 @@ class DeliveryWriter:
             packets: how many a row stands for: those that were lost together have one.
             channel: places in the words; of "" unless given.
             encoding: likewise.
-            columns: the other columns. ``tx`` has places in ``nodes``, ``rx`` too or ``everybody``, ``fate`` places in
-                FATES; ``length_bytes`` is as the error model counts it.
+            attempts: how often it was on the air.
+            columns: the other columns; the instants are ``sim_time_ns`` unless given. ``tx`` has places in ``nodes``,
+                ``rx`` too or ``everybody``, ``fate`` places in FATES; ``length_bytes`` is as the error model counts it.
 
         Raises:
             ValueError: a column is missing or unknown, or an array has another length.
             TypeError: an array has numbers of another kind.
         """
-        self._writer.append(rows, packets=packets, channel=channel, encoding=encoding, **columns)
+        at_once = {name: columns["sim_time_ns"] for name in INSTANTS if "sim_time_ns" in columns}
+        said = {"packets": packets, "channel": channel, "encoding": encoding, "attempts": attempts}
+        self._writer.append(rows, **(at_once | said | columns))
 
     def write(self, columns: Columns, gaps: Iterable[Gap], received_ns: int) -> None:
         """Append a row for each reception, and one for packets that were lost together.
@@ -171,6 +181,8 @@ class DeliveryWriter:
             fate=FATES.index(gap.cause),
             received_ns=received_ns,
             **self._words.of([gap]),
+            **dict.fromkeys(INSTANTS, -1),
+            attempts=0,
             **dict.fromkeys(FIGURES, math.nan),
         )
 
@@ -180,15 +192,19 @@ def labels_of(nodes: Sequence[str]) -> dict[str, Sequence[str]]:
     return {"tx": tuple(nodes), "rx": (*nodes, ALL), "fate": FATES}
 
 
-def columns_of(receptions: Receptions, counted_bytes: NDArray[np.int64], said: Columns) -> Columns:
+def columns_of(
+    receptions: Receptions, counted_bytes: NDArray[np.int64], said: Columns, instants: Instants | None = None
+) -> Columns:
     """A row per reception.
 
     Args:
         receptions: of some packets.
         counted_bytes: lengths of these packets as the error model counts them.
         said: of these packets: ``received_ns``, and what `Vocabulary` says.
+        instants: of the receptions; all at once unless given.
     """
     r, p = receptions, receptions.packets
+    instants = instants or Instants.at_once(receptions)
     return {
         "sim_time_ns": p.sim_time_ns[r.packet],
         "tx": p.tx[r.packet],
@@ -202,6 +218,8 @@ def columns_of(receptions: Receptions, counted_bytes: NDArray[np.int64], said: C
         "per": r.per,
         "fate": r.fate,
         **{name: values[r.packet] for name, values in said.items()},
+        **{name: getattr(instants, name) for name in INSTANTS},
+        "attempts": instants.attempts,
     }
 
 

@@ -243,8 +243,18 @@ class Station:
         now_ns, number = self._agenda.now_ns, self._frames
         self._frames += 1
         length_bytes = LENGTHS[kind] if packet is None else packet.length_bytes + self._timing.header_bytes
+        ended_ns = now_ns + duration_ns
         frame = AirFrame(
-            self._node, number, kind, length_bytes, now_ns, now_ns + duration_ns, packet, to, reserved_ns
+            self._node,
+            number,
+            kind,
+            length_bytes,
+            now_ns,
+            ended_ns,
+            packet,
+            to,
+            reserved_ns,
+            self.attempts,
         )
         if packet is not None:
             self._frame = frame

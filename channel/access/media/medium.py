@@ -93,7 +93,7 @@ class AccessMedium(ABC):
         """What became of a packet at a receiver, by the frame that decided; None: it never was on the air."""
         now_ns = self.agenda.now_ns
         started_ns, ended_ns = (-1, -1) if frame is None else (frame.started_ns, frame.ended_ns)
-        fate = AirFate(packet, receiver, max(now_ns, ended_ns), started_ns, ended_ns, attempts, loss)
+        fate = AirFate(packet, receiver, max(now_ns, ended_ns), started_ns, ended_ns, attempts, loss, frame)
         self._outcomes.append(fate)
 
     def _lost(self, packet: AirPacket, loss: Loss) -> None:

@@ -37,9 +37,8 @@ class PlainMedium(AccessMedium):
         number = self._numbers[node]
         self._numbers[node] += 1
         ended_ns = now_ns + self._timing.duration_ns(packet.length_bytes)
-        self._air.transmit(
-            AirFrame(node, number, "data", packet.length_bytes, now_ns, ended_ns, packet), then
-        )
+        length_bytes = packet.length_bytes + self._timing.header_bytes
+        self._air.transmit(AirFrame(node, number, "data", length_bytes, now_ns, ended_ns, packet), then)
 
     def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:
         packet = frame.packet

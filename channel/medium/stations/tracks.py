@@ -71,14 +71,16 @@ class Tracks:
         count: how many nodes.
         max_age_ns: a node whose newest truth is older than the newest of all by more than this is taken to
             stand where it was last seen.
+        ahead_ns: for so long a node goes on as it last moved beyond its newest truth; 0: it stands there.
 
     Attributes:
         known: which nodes were ever seen, shape (nodes,).
         all_known: whether all of them were.
     """
 
-    def __init__(self, count: int, max_age_ns: int) -> None:
+    def __init__(self, count: int, max_age_ns: int, ahead_ns: int = 0) -> None:
         self._max_age_ns = max_age_ns
+        self._ahead_ns = ahead_ns
         self._nodes = np.arange(count)
         self._first = self._nodes * FIRST_SAMPLES
         self._held = np.zeros(count, dtype=np.intp)
@@ -159,9 +161,9 @@ class Tracks:
     def at(self, instants_ns: Times, *, attitude: bool = False, velocity: bool = False) -> Snapshot:
         """Return where all nodes were at some instants.
 
-        Before a node's first sample it stands at it, after its last sample at that; a node never seen is at 0.
-        Its velocity is the slope of the line that it moves along: at a sample the slope up to there, 0 while it
-        stands.
+        Before a node's first sample it stands at it, after its last sample at that, unless it goes on for a while
+        (``ahead_ns``); a node never seen is at 0. Its velocity is the slope of the line that it moves along: at a
+        sample the slope up to there, 0 while it stands.
 
         Args:
             instants_ns: shape (U,), rising.
@@ -173,6 +175,8 @@ class Tracks:
             spans = self._spans_at(instants_ns)
         columns = slice(0, COLUMNS) if attitude else POSITION
         weight = (instants_ns[:, np.newaxis] - spans.start_ns) * spans.per_ns
+        if self._ahead_ns:
+            weight = np.minimum(weight, 1.0 + self._ahead_ns * spans.per_ns)
         moved = (spans.base[columns] + weight * spans.change[columns]).reshape(-1, weight.size)
         speed = None
         if velocity:
@@ -188,6 +192,8 @@ class Tracks:
             after = after[:1]
         inside, begun = after < self._held, after > 0
         moving = inside & begun
+        if self._ahead_ns:
+            moving |= ~inside & (self._held > 1)
         right = self._first + np.minimum(after, np.maximum(self._held - 1, 0))
         left = right - moving
         shape = (COLUMNS, *after.shape)

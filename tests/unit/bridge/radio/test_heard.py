@@ -5,6 +5,7 @@ from __future__ import annotations
 from bridge.agents.client import LookAtStatus
 from bridge.agents.running.feed import DeliveredPacket
 from bridge.bus.messages import CommunicationStatus, Header, Heard, decode, encode
+from bridge.bus.reception import Instants
 from bridge.host.arrivals import hand_out
 from bridge.radio.heard import Hosts
 from bridge.radio.picture import Picture
@@ -25,7 +26,7 @@ class Ear:
         self.signals: list[tuple[float, float]] = []
         self.looks: list[LookAtStatus] = []
 
-    def packet_came(self, packet: DeliveredPacket, rssi_dbm: float, snr_db: float) -> None:
+    def packet_came(self, packet: DeliveredPacket, rssi_dbm: float, snr_db: float, _: Instants) -> None:
         self.packets.append(packet)
         self.signals.append((rssi_dbm, snr_db))
 

@@ -180,7 +180,10 @@ def test_another_packet_is_told_by_its_row(tmp_path: Path) -> None:
     found = difference(tmp_path, lambda run: run.change_row(7, seq=9))
     row = "sim_time_ns 150000000, tx 1, rx 0, seq {}, packets 1, length_bytes 40, distance_m 100.0, "
     row += "received_power_dbm -70.0, snr_db 20.0, per 0.01, fate delivered, channel team, "
-    row += "encoding , received_ns 200000000"
+    row += (
+        "encoding , received_ns 200000000, entered_ns 150000000, started_ns 150000000, ended_ns 150000000, "
+    )
+    row += "arrived_ns 150000000, attempts 1"
     assert found == Difference(AT_3, "1", "deliveries", "row 7", row.format(3), row.format(9))
 
 
@@ -294,7 +297,7 @@ def test_killed_run_is_compared_as_far_as_its_files_go(tmp_path: Path) -> None:
     a, b = make_run(tmp_path / "a", is_finished=False), make_run(tmp_path / "b")
     assert compare(a, b) is None
     files = [TRUTH.journal_path(a), packets("1").path(a), DELIVERIES.journal_path(a)]
-    for file, size in zip(files, (3000, 100, 1000), strict=True):
+    for file, size in zip(files, (3000, 110, 2000), strict=True):
         file.write_bytes(file.read_bytes()[:size])
     from_autopilot("1").path(a).unlink()
     assert examine(a, b, 18 * TICK_NS, a_was_cut=True).difference is None

@@ -36,6 +36,11 @@ ROW: dict[str, Any] = {
     "channel": 0,
     "encoding": 0,
     "received_ns": 100_000_000,
+    "entered_ns": 60_000_000,
+    "started_ns": 70_000_000,
+    "ended_ns": 80_000_000,
+    "arrived_ns": 80_000_001,
+    "attempts": 2,
 }
 LAST_FATE = DELIVERIES.dtype.fields["fate"][1] + 1 - DELIVERIES.dtype.itemsize
 """Where the high byte of the last row's fate is, from the end."""

@@ -57,6 +57,8 @@ ROWS = st.lists(
         st.text(st.characters(codec="utf-8"), max_size=3),
         st.text(st.characters(codec="utf-8"), max_size=3),
         st.integers(0, 2**62),
+        *[st.integers(-1, 2**62)] * 4,
+        st.integers(0, 2**17),
     ),
     max_size=30,
 )

@@ -1,0 +1,64 @@
+"""A node's own radio as its agent sees it: what waits in its queue, and what became of its unicasts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+
+class QueueState(NamedTuple):
+    """What waits in a transmit queue.
+
+    Attributes:
+        packets: how many.
+        length_bytes: of all together.
+    """
+
+    packets: int = 0
+    length_bytes: int = 0
+
+
+class Reply(NamedTuple):
+    """What a node learns of its unicast.
+
+    Attributes:
+        seq: of the packet, as `UaClient.transmit` returned it.
+        acknowledged: whether its addressee has it; False: it was given up.
+        attempts: how often it was on the air.
+        at_ns: when that was known, sim time.
+    """
+
+    seq: int
+    acknowledged: bool
+    attempts: int
+    at_ns: int
+
+
+class OwnRadio:
+    """Of one node. On a medium that takes no time nothing waits, and nothing is acknowledged.
+
+    Attributes:
+        queue: what waited just before this tick.
+        replies: what became known of unicasts since the last tick.
+    """
+
+    def __init__(self) -> None:
+        self.queue = QueueState()
+        self.replies: tuple[Reply, ...] = ()
+        self._on_reply: list[Callable[[Reply], object]] = []
+
+    def on_reply(self, callback: Callable[[Reply], object]) -> None:
+        """Call ``callback(reply)`` for each unicast that was acknowledged or given up."""
+        self._on_reply.append(callback)
+
+    def begin(self) -> None:
+        """A tick begins: what was said before it is old."""
+        self.replies = ()
+
+    def take(self, queue: QueueState | None, replies: Sequence[Reply]) -> None:
+        """What the radio says; raises what the callbacks raise."""
+        self.queue = self.queue if queue is None else queue
+        self.replies = tuple(replies)
+        for reply in self.replies:
+            for callback in self._on_reply:
+                callback(reply)

@@ -1,0 +1,227 @@
+"""The media of `channel.access` as a radio's configuration names them: ``medium: {model: csma, rate_mbps: 6}``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from channel.access.air import Hearing
+from channel.access.media.airtime import AirTime
+from channel.access.media.csma import Csma, DcfSettings
+from channel.access.media.medium import AccessMedium
+from channel.access.media.tdma import Schedule, Tdma
+from channel.access.queue import QueueLimits
+from channel.access.timing import NS_PER_S, BitRate, Wifi, wifi_a, wifi_b, wifi_g
+from channel.access.world import World
+from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db
+from channel.own import own_models
+from channel.variant import Settings, Variant
+
+ENERGY_OVER_PREAMBLE_DB = 20.0
+"""IEEE 802.11-2020, 17.3.10.6: energy alone makes a medium busy 20 dB above the least sensitivity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a medium is opened in.
+
+    Attributes:
+        world: its nodes, and what lies between them.
+        nodes: the place of each id among them.
+        seed: of the run.
+        bit_rate_bps: of the radio.
+        noise_floor_dbm: of the quietest receiver.
+    """
+
+    world: World
+    nodes: Mapping[str, int]
+    seed: int
+    bit_rate_bps: float
+    noise_floor_dbm: float
+
+
+class Queue(Settings):
+    """Of each node, before its transmitter."""
+
+    packets: int = Field(default=64, ge=0, le=1_000_000, description="so many wait; 0: no limit")
+    length_bytes: int = Field(default=0, ge=0, description="of all that wait; 0: no limit")
+
+    @property
+    def limits(self) -> QueueLimits:
+        """As media take them."""
+        return QueueLimits(self.packets, self.length_bytes)
+
+
+class Ideal(Variant):
+    """A packet takes no time, no node waits, and packets do not disturb each other (Moon et al. 2020)."""
+
+    takes_time: ClassVar[bool] = False
+    model: Literal["ideal"] = "ideal"
+
+
+class Shared(Variant):
+    """What radios on one frequency have in common: a queue each, and receivers that hear one frame at a time."""
+
+    takes_time: ClassVar[bool] = True
+    queue: Queue = Field(default_factory=Queue)
+    preamble_dbm: float | None = Field(
+        default=None,
+        ge=-200.0,
+        le=100.0,
+        description="weakest signal that a receiver locks on to, and senses as a carrier; the noise floor unless given",
+    )
+    energy_dbm: float | None = Field(
+        default=None,
+        ge=-200.0,
+        le=100.0,
+        description="any power from here on is sensed as a carrier; 20 dB above preamble_dbm unless given",
+    )
+    capture_db: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=100.0,
+        description="a later signal stronger by so much takes a receiver over; none does unless given",
+    )
+
+    def hearing(self, surroundings: Surroundings) -> Hearing:
+        """How receivers hear."""
+        preamble_dbm = surroundings.noise_floor_dbm if self.preamble_dbm is None else self.preamble_dbm
+        energy_dbm = preamble_dbm + ENERGY_OVER_PREAMBLE_DB if self.energy_dbm is None else self.energy_dbm
+        capture = float("inf") if self.capture_db is None else float(ratio_from_db(self.capture_db))
+        return Hearing(float(ratio_from_db(preamble_dbm)), float(ratio_from_db(energy_dbm)), capture)
+
+
+class Serial(Shared):
+    """A plain radio: preamble, header and packet at one bit rate."""
+
+    bit_rate_bps: float | None = Field(
+        default=None, gt=0.0, le=1e12, description="on the air; the radio's unless given"
+    )
+    preamble_s: float = Field(default=0.0, ge=0.0, le=1.0, description="before each frame")
+    header_bytes: int = Field(default=0, ge=0, le=1000, description="that each packet gets")
+    max_length_bytes: int = Field(default=65_535, ge=1, description="the longest packet")
+
+    def timing(self, surroundings: Surroundings) -> BitRate:
+        """Of frames."""
+        bit_rate_bps = surroundings.bit_rate_bps if self.bit_rate_bps is None else self.bit_rate_bps
+        return BitRate(
+            bit_rate_bps, round(self.preamble_s * NS_PER_S), self.header_bytes, self.max_length_bytes
+        )
+
+    def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:
+        """Bits of packets of a length per second, if one sender sends them back to back."""
+        rate_bps = bit_rate_bps if self.bit_rate_bps is None else self.bit_rate_bps
+        duration_s = self.preamble_s + 8 * (length_bytes + self.header_bytes) / rate_bps
+        return 8 * length_bytes / duration_s
+
+
+class AirTimeMedium(Serial):
+    """Each node transmits as soon as its transmitter is free, without listening or acknowledgements."""
+
+    model: Literal["airtime"] = "airtime"
+
+    def open(self, surroundings: Surroundings) -> AccessMedium:
+        """Make the medium."""
+        hearing = self.hearing(surroundings)
+        return AirTime(surroundings.world, self.timing(surroundings), self.queue.limits, hearing)
+
+
+class TdmaMedium(Serial):
+    """Each node transmits in its slots."""
+
+    model: Literal["tdma"] = "tdma"
+    slot_s: float = Field(gt=0.0, le=10.0, description="how long each lasts, its guard time included")
+    guard_s: float = Field(default=0.0, ge=0.0, le=1.0, description="at the end of each")
+    slots: tuple[str, ...] = Field(default=(), description="whose each is; one each, as listed, unless given")
+
+    @model_validator(mode="after")
+    def _has_room(self) -> TdmaMedium:
+        if self.guard_s >= self.slot_s:
+            raise ValueError(f"slots of {self.slot_s:g} s with a guard of {self.guard_s:g} s have no room")
+        return self
+
+    def open(self, surroundings: Surroundings) -> AccessMedium:
+        """Make the medium.
+
+        Raises:
+            ValueError: a slot of a node that is not there, or slots too short for any packet.
+        """
+        unknown = [node for node in self.slots if node not in surroundings.nodes]
+        if unknown:
+            there = ", ".join(surroundings.nodes)
+            raise ValueError(f"medium.slots: nodes {', '.join(unknown)} are not there; there are {there}")
+        owners = [surroundings.nodes[node] for node in self.slots or surroundings.nodes]
+        slot_ns, guard_ns = round(self.slot_s * NS_PER_S), round(self.guard_s * NS_PER_S)
+        schedule = Schedule(tuple(owners), slot_ns, guard_ns)
+        timing, hearing = self.timing(surroundings), self.hearing(surroundings)
+        return Tdma(surroundings.world, timing, schedule, self.queue.limits, hearing)
+
+
+class CsmaMedium(Shared):
+    """IEEE 802.11 DCF without an access point."""
+
+    model: Literal["csma"] = "csma"
+    standard: Literal["11b", "11a", "11g"] = "11g"
+    rate_mbps: float = Field(default=6.0, gt=0.0, description="of unicasts")
+    basic_rate_mbps: float | None = Field(
+        default=None, gt=0.0, description="of broadcasts and control frames; the lowest unless given"
+    )
+    clock: float = Field(default=1.0, description="of the symbols: 0.5 and 0.25 are channels of 10 and 5 MHz")
+    short_preamble: bool = Field(default=False, description="of 11b")
+    attempts_max: int = Field(default=7, ge=1, le=255, description="of a unicast, then it is given up")
+    rts_from_bytes: int | None = Field(default=None, ge=0, description="unicasts from here on are announced")
+    reach_m: float = Field(
+        default=3000.0,
+        ge=0.0,
+        le=1e6,
+        description="acknowledgements are waited for from so far (coverage class)",
+    )
+    preamble_dbm: float | None = Field(default=-82.0, ge=-200.0, le=100.0, description="carrier sense")
+
+    @model_validator(mode="after")
+    def _has_a_timing(self) -> CsmaMedium:
+        self.timing()
+        return self
+
+    def timing(self) -> Wifi:
+        """Of frames, slots and windows."""
+        lowest = 1.0 if self.standard == "11b" else 6.0
+        basic_mbps = lowest if self.basic_rate_mbps is None else self.basic_rate_mbps
+        if self.standard == "11b":
+            timing = wifi_b(self.rate_mbps, basic_mbps, short_preamble=self.short_preamble)
+        elif self.standard == "11a":
+            return wifi_a(self.rate_mbps, basic_mbps, clock=self.clock)
+        else:
+            timing = wifi_g(self.rate_mbps, basic_mbps)
+        if self.clock != 1.0:
+            raise ValueError(f"clock {self.clock:g} is for 11a only")
+        return timing
+
+    def open(self, surroundings: Surroundings) -> AccessMedium:
+        """Make the medium."""
+        reach_ns = round(2.0 * self.reach_m / SPEED_OF_LIGHT_MPS * NS_PER_S)
+        settings = DcfSettings(self.attempts_max, self.rts_from_bytes, reach_ns=reach_ns)
+        return Csma(
+            surroundings.world,
+            self.timing(),
+            seed=surroundings.seed,
+            settings=settings,
+            limits=self.queue.limits,
+            hearing=self.hearing(surroundings),
+        )
+
+    def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
+        """Bits of broadcasts of a length per second, if one station sends them back to back."""
+        timing = self.timing()
+        cycle_ns = timing.difs_ns + timing.cw_min / 2 * timing.slot_ns + timing.broadcast_ns(length_bytes)
+        return 8 * length_bytes * NS_PER_S / cycle_ns
+
+
+MediumSettings = Annotated[
+    Ideal | AirTimeMedium | TdmaMedium | CsmaMedium,
+    Field(discriminator="model"),
+    *own_models("medium", "takes_time", "open", "capacity_bps"),
+]

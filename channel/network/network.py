@@ -1,0 +1,194 @@
+"""Packets of a run in, their receptions with all instants out, as columns: the side of a medium that takes time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from channel.access.media.medium import AccessMedium
+from channel.access.packets import AirFate, AirPacket, Handling, Loss, Reply
+from channel.access.world import World
+from channel.medium.judge.judge import Judge
+from channel.medium.medium import Medium
+from channel.medium.reception import DELIVERED, ERASED, FATES, NO_PACKETS, Fate, Packets, Receptions
+from channel.network.entry import Entry
+from channel.network.instants import NEVER_NS, Instants
+from channel.network.link_world import LinkWorld
+
+OF_LOSS: Final[dict[Loss, Fate]] = {
+    loss: Fate.TOO_LONG_FOR_A_SLOT if loss is Loss.TOO_LONG else Fate(loss.value)
+    for loss in Loss
+    if loss is not Loss.NOISE
+}
+"""What the record calls a loss; noise is what the channel says."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lived:
+    """What came of a stretch of time.
+
+    Attributes:
+        receptions: that were decided in it, in the order of their instants.
+        instants: of these.
+        replies: what senders learn of their unicasts, in order.
+        done: sender and number of the packets of which now all is decided.
+        first: what first transmissions met in it, alone on the air.
+    """
+
+    receptions: Receptions
+    instants: Instants
+    replies: Sequence[Reply]
+    done: Sequence[tuple[int, int]]
+    first: Sequence[Receptions]
+
+
+@dataclass(slots=True)
+class _Open:
+    """A packet on its way: when its agent sent it, and whose fate is open."""
+
+    packet: AirPacket
+    sim_time_ns: int
+    receivers: set[int]
+
+
+class Network:
+    """One radio network of a run.
+
+    Args:
+        medium: where the nodes are, and their radios.
+        open_medium: makes the medium in a world.
+        entry: when packets enter their radios.
+        judge: takes in what is drawn.
+    """
+
+    def __init__(
+        self,
+        medium: Medium,
+        open_medium: Callable[[World], AccessMedium],
+        entry: Entry,
+        judge: Judge | None = None,
+    ) -> None:
+        self._world = LinkWorld(medium, judge)
+        self._access = open_medium(self._world)
+        self._entry = entry
+        self._open: dict[tuple[int, int], _Open] = {}
+        """Packets on their way, by sender and number."""
+        self._now_ns = 0
+
+    @property
+    def phases_ns(self) -> Sequence[int]:
+        """Of all nodes."""
+        return self._entry.phases_ns
+
+    def queued(self, node: int) -> tuple[int, int]:
+        """How many packets of a node wait, and their length in bytes."""
+        return self._access.queued(node)
+
+    def send(self, packets: Packets, handling: Sequence[Handling]) -> None:
+        """Have packets enter their radios: in canonical order, none before the instant that `live` came to."""
+        columns = (column.tolist() for column in packets)
+        for (sim_time_ns, tx, seq, length_bytes, to), how in zip(
+            zip(*columns, strict=True), handling, strict=True
+        ):
+            at_ns = max(self._entry.at_ns(tx, seq, sim_time_ns), self._now_ns)
+            receiver = None if to < 0 else to
+            packet = AirPacket(tx, seq, receiver, length_bytes, at_ns, how.priority, how.lifetime_ns, how.key)
+            self._open[tx, seq] = _Open(packet, sim_time_ns, set(self._access.receivers_of(packet)))
+            self._access.offer(packet)
+
+    def live(self, until_ns: int) -> Lived:
+        """Let the network live until just before an instant; what was decided since the last call."""
+        outcomes = self._access.run(until_ns - 1)
+        self._now_ns = until_ns
+        fates = [outcome for outcome in outcomes if isinstance(outcome, AirFate)]
+        lived = self._lived(fates, [outcome for outcome in outcomes if isinstance(outcome, Reply)])
+        self._world.forget(until_ns)
+        return lived
+
+    def end(self) -> Lived:
+        """The run is over: what is not decided never will be."""
+        fates = [
+            AirFate(each.packet, rx, self._now_ns, NEVER_NS, NEVER_NS, 0, None)
+            for each in self._open.values()
+            for rx in sorted(each.receivers)
+        ]
+        lived = self._lived(fates, [])
+        lived.receptions.fate[:] = FATES.index(Fate.RUN_ENDED)
+        return lived
+
+    def _lived(self, fates: list[AirFate], replies: Sequence[Reply]) -> Lived:
+        fates.sort(key=lambda fate: (fate.at_ns, fate.packet.node, fate.packet.number, fate.receiver))
+        packets, rows = self._packets_of(fates)
+        table = np.array([self._figures(fate) for fate in fates]).reshape(-1, 6)
+        receptions = Receptions(
+            packets,
+            rows,
+            np.array([fate.receiver for fate in fates], dtype=np.intp),
+            table[:, 0],
+            table[:, 1],
+            table[:, 2],
+            table[:, 3],
+            table[:, 4],
+            table[:, 5].astype(np.uint8),
+        )
+        instants = Instants(
+            np.array([fate.packet.at_ns for fate in fates], dtype=np.int64),
+            np.array([fate.started_ns for fate in fates], dtype=np.int64),
+            np.array([fate.ended_ns for fate in fates], dtype=np.int64),
+            np.array([fate.at_ns for fate in fates], dtype=np.int64),
+            np.array([fate.attempts for fate in fates], dtype=np.int32),
+        )
+        return Lived(receptions, instants, replies, self._close(fates), self._world.first_transmissions())
+
+    def _close(self, fates: Sequence[AirFate]) -> Sequence[tuple[int, int]]:
+        """Take note of what is decided; the packets of which now all is."""
+        done = []
+        for fate in fates:
+            key = fate.packet.node, fate.packet.number
+            receivers = self._open[key].receivers
+            receivers.remove(fate.receiver)
+            if not receivers:
+                del self._open[key]
+                done.append(key)
+        return done
+
+    def _packets_of(self, fates: Sequence[AirFate]) -> tuple[Packets, NDArray[np.intp]]:
+        """The packets that fates are of, in canonical order, and the row of each fate's."""
+        keys = {(fate.packet.node, fate.packet.number) for fate in fates}
+        order = sorted((self._open[key].sim_time_ns, *key) for key in keys)
+        if not order:
+            return NO_PACKETS, np.zeros(0, dtype=np.intp)
+        row_of = {(tx, seq): row for row, (_, tx, seq) in enumerate(order)}
+        sent = [self._open[tx, seq].packet for _, tx, seq in order]
+        packets = Packets(
+            np.array([sim_time_ns for sim_time_ns, _, _ in order]),
+            np.array([tx for _, tx, _ in order], dtype=np.intp),
+            np.array([seq for _, _, seq in order]),
+            np.array([packet.length_bytes for packet in sent]),
+            np.array([-1 if packet.to is None else packet.to for packet in sent], dtype=np.intp),
+        )
+        rows = [row_of[fate.packet.node, fate.packet.number] for fate in fates]
+        return packets, np.array(rows, dtype=np.intp)
+
+    def _figures(self, fate: AirFate) -> tuple[float, float, float, float, float, int]:
+        """Distance, power, SNR, error rate, chance of delivery, and what became of it."""
+        if fate.frame is None:
+            return np.nan, np.nan, np.nan, np.nan, np.nan, self._fate(fate.loss, ERASED)
+        r, row = self._world.met(fate.frame, fate.receiver)
+        code = self._fate(fate.loss, int(r.fate[row]))
+        figures = (r.distance_m, r.received_power_dbm, r.snr_db, r.per, r.probability_of_delivery)
+        distance_m, power_dbm, snr_db, per, chance = (float(column[row]) for column in figures)
+        return distance_m, power_dbm, snr_db, per, chance, code
+
+    @staticmethod
+    def _fate(loss: Loss | None, alone: int) -> int:
+        """What the record calls it; a frame that is lost to noise is lost as the channel says, or went unnoticed."""
+        if loss is None:
+            return DELIVERED
+        if loss is Loss.NOISE:
+            return ERASED if alone == DELIVERED else alone
+        return FATES.index(OF_LOSS[loss])
