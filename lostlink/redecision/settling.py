@@ -70,7 +70,7 @@ def live(
     handling: Mapping[tuple[int, int], Handling],
     tick_period_ns: int,
 ) -> Iterator[tuple[int, Lived]]:
-    """Yield what comes of packets on a medium that takes time, as in a run tick by tick: the tick at which it comes, too.
+    """Yield what comes of packets on a medium that takes time, tick by tick as in a run, with the tick of its coming.
 
     Args:
         network: of the medium, which got nothing yet.

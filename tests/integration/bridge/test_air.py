@@ -1,0 +1,268 @@
+"""Media that take time, in runs: from the scenario's radio to the record, an effect at a time.
+
+Nodes stand; what is expected is reckoned here from lengths, rates and places.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lostlink import Run, fly, load_run, redecide
+from lostlink.compare.compare import compare
+
+CLASS = f"{Path(__file__).with_name('air_agents.py')}:Scripted"
+LIGHT_MPS = 299_792_458.0
+RADIO = {
+    "frequency_hz": 915e6,
+    "bandwidth_hz": 130e3,
+    "bit_rate_bps": 64e3,
+    "transmit_power_dbm": 20.0,
+    "propagation": {"model": "free-space"},
+    "noise": {"model": "thermal", "noise_figure_db": 6.0},
+    "error": {"model": "threshold", "snr_min_db": 10.0},
+}
+"""Free space, and nothing drawn: what is heard with 10 dB over noise and interference is received."""
+FLAT = {"phase_s": 0.0, "processing_s": 0.0, "processing_spread_s": 0.0, "every_ticks": 100_000}
+"""Packets enter at ticks, and the data package is sent once, at the first tick."""
+SLOW_BPS = 64e3
+NUMBERS = itertools.count()
+
+
+def node(number: int, north_m: float, height_m: float = 10.0, **options: Any) -> dict[str, Any]:
+    agent = {"type": "own", "class": CLASS, "options": options}
+    if number == 0:  # there has to be a UA
+        return {"id": 0, "kind": "ua", "home": {"north_m": north_m}, "agent": agent}
+    place = {"north_m": north_m, "height_m": height_m}
+    return {"id": f"g{number}", "kind": "ground", "place": place, "agent": agent}
+
+
+class Flown(Protocol):
+    """Flies nodes on a medium; returns the run."""
+
+    def __call__(
+        self, nodes: list[dict[str, Any]], medium: dict[str, Any], *, radio: Any = RADIO, **more: Any
+    ) -> Run: ...
+
+
+@pytest.fixture
+def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Flown:
+    def flown(nodes: list[dict[str, Any]], medium: dict[str, Any], *, radio: Any = RADIO, **more: Any) -> Run:
+        scenario = {
+            "schema": 1,
+            "name": "air",
+            "duration_s": 3.0,
+            "figure": False,
+            "origin": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_amsl_m": 50.0},
+            "fdm": {"standin_rate_hz": 100},
+            "transmit": FLAT,
+            "ports": {"first_slot": free_slot(1)},
+            "radio": radio | {"medium": medium},
+            "nodes": nodes,
+        } | more
+        return load_run(fly(scenario, directory=tmp_path / str(next(NUMBERS))).path)
+
+    return flown
+
+
+def rows(run: Run, tx: str, rx: str) -> pd.DataFrame:
+    """Receptions of what a script sent, in the order of numbers."""
+    found = run.packets
+    chosen = found[(found.tx == tx) & (found.rx == rx) & (found.channel == "test")]
+    return chosen.sort_values("seq").reset_index()
+
+
+def told(run: Run, node_id: str, name: str) -> list[dict[str, Any]]:
+    file = run.path / "agents" / node_id / f"{name}.jsonl"
+    return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+
+
+def balances(run: Run) -> bool:
+    """Each packet of each sender has one row for each receiver that it was for, and the ledger has these."""
+    ledger = json.loads((run.path / "ledger.json").read_text())
+    table = run.packets.groupby(["tx", "rx"], observed=True).packets.sum()
+    return all(
+        link["sent"] == link["delivered"] + sum(link["lost"].values()) == table[link["tx"], link["rx"]]
+        for link in ledger["links"]
+    )
+
+
+def test_a_packet_takes_its_time_and_comes_with_the_first_tick_after_it(flown: Flown) -> None:
+    medium = {"model": "airtime", "preamble_s": 0.002, "header_bytes": 14}
+    run = flown([node(0, 0.0), node(1, 3000.0, sends=[(1.0, "0", 1000)])], medium)
+    [row] = rows(run, "g1", "0").to_dict("records")
+    air_ns = 2_000_000 + round(8 * 1014 / SLOW_BPS * 1e9)
+    assert row["fate"] == "delivered"
+    assert (row["entered_ns"], row["started_ns"]) == (1_000_000_000, 1_000_000_000)
+    assert row["ended_ns"] == 1_000_000_000 + air_ns
+    # truth stands still: the way is that of the record's distance, which is to 1 mm
+    assert row["arrived_ns"] - row["ended_ns"] == round(row["distance_m"] / LIGHT_MPS * 1e9)
+    assert row["received_ns"] == 1_150_000_000  # 128.75 ms later, at 20 ticks a second
+    [heard] = [
+        each for each in told(run, "0", "heard") if each["sender"] == "g1" and each["seq"] == row["seq"]
+    ]
+    instants = ("entered_ns", "started_ns", "ended_ns", "arrived_ns", "received_ns")
+    assert {name: heard[name] for name in instants} == {name: row[name] for name in instants}
+    assert heard["delay_s"] == pytest.approx((row["arrived_ns"] - 1_000_000_000) / 1e9, abs=1e-12)
+    assert balances(run)
+
+
+def test_two_at_once_collide_and_are_deaf_to_each_other(flown: Flown) -> None:
+    sends = [(1.0, "all", 100)]
+    nodes = [node(0, 0.0), node(1, 100.0, sends=sends), node(2, 150.0, sends=sends)]
+    run = flown(nodes, {"model": "airtime"})
+    fates = {
+        ends: rows(run, *ends).fate.tolist()
+        for ends in (("g1", "0"), ("g2", "0"), ("g1", "g2"), ("g2", "g1"))
+    }
+    assert fates == {
+        ("g1", "0"): ["collided"],
+        ("g2", "0"): ["collided"],
+        ("g1", "g2"): ["half_duplex"],
+        ("g2", "g1"): ["half_duplex"],
+    }
+    assert balances(run)
+
+
+def test_the_much_stronger_of_two_captures_the_receiver(flown: Flown) -> None:
+    """At 100 m and 2 km: free space gives 26 dB, of which a threshold at 10 dB leaves 16."""
+    sends = [(1.0, "0", 100)]
+    near_first = [node(0, 0.0), node(1, 100.0, sends=sends), node(2, 2000.0, sends=[(1.0, "0", 100)])]
+    run = flown(near_first, {"model": "airtime"})
+    assert rows(run, "g1", "0").fate.tolist() == [
+        "delivered"
+    ]  # its signal is there first, and 26 dB stronger
+    assert rows(run, "g2", "0").fate.tolist() == ["collided"]
+    far_first = [node(0, 0.0), node(1, 100.0, sends=[(1.005, "0", 100)]), node(2, 2000.0, sends=sends)]
+    fates = {}
+    for capture_db in (None, 10.0, 40.0):
+        medium = {"model": "airtime", "capture_db": capture_db}
+        run = flown(far_first, medium, tick_rate_hz=100)
+        fates[capture_db] = rows(run, "g1", "0").fate.tolist()
+        assert rows(run, "g2", "0").fate.tolist() == ["collided"]
+    assert fates == {None: ["collided"], 10.0: ["delivered"], 40.0: ["collided"]}
+
+
+def test_a_queue_has_an_end_and_what_waits_too_long_is_dropped(flown: Flown) -> None:
+    """12.5 ms on the air each; ten at once into a queue of four: one on the air, four wait, five are lost."""
+    sends = [(1.0, "0", 100)] * 10 + [(2.0, "0", 100, 0, 0.03)] * 5
+    medium = {"model": "airtime", "queue": {"packets": 4}}
+    run = flown([node(0, 0.0), node(1, 50.0, sends=sends)], medium)
+    fates = rows(run, "g1", "0").fate.tolist()
+    assert fates[:10] == ["delivered"] * 5 + ["queue_full"] * 5
+    # life time 30 ms: the one on the air, those that start after 12.5 and 25 ms, not those after 37.5 and 50
+    assert fates[10:] == ["delivered"] * 3 + ["expired"] * 2
+    waited = [each["packets"] for each in told(run, "g1", "queue")]
+    assert max(waited) == 1  # 50 ms after ten at once: 12.5, 25, 37.5 are done, at 50 the last begins
+    assert balances(run)
+
+
+def test_higher_priorities_go_first_and_the_newest_of_a_key_stays(flown: Flown) -> None:
+    sends = [(1.0, "0", 100, 0), (1.0, "0", 100, 0), (1.0, "0", 100, 5), (1.0, "0", 100, 0, None, "state")]
+    sends += [(1.0, "0", 100, 0, None, "state")] * 2
+    run = flown([node(0, 0.0), node(1, 50.0, sends=sends)], {"model": "airtime"})
+    found = rows(run, "g1", "0")
+    assert found.fate.tolist() == ["delivered"] * 3 + ["replaced"] * 2 + ["delivered"]
+    came = found[found.fate == "delivered"].sort_values("arrived_ns")
+    assert (came.seq - found.seq.min()).tolist() == [0, 2, 1, 5]
+    heard = [each["seq"] - int(found.seq.min()) for each in told(run, "0", "heard") if each["sender"] == "g1"]
+    assert heard[-4:] == [0, 2, 1, 5]
+
+
+def test_a_unicast_of_802_11_is_acknowledged_or_given_up_and_its_sender_learns_it(flown: Flown) -> None:
+    """To a node in range at once; to one that nothing reaches seven times in vain."""
+    radio = {"preset": "disk", "max_range_m": 500.0, "frequency_hz": 2.4e9}
+    sends = [(1.0, "0", 200), (1.5, "g2", 200)]
+    nodes = [node(0, 0.0), node(1, 100.0, sends=sends), node(2, 5000.0)]
+    run = flown(nodes, {"model": "csma", "standard": "11a", "rate_mbps": 6.0}, radio=radio)
+    near, far = rows(run, "g1", "0").to_dict("records"), rows(run, "g1", "g2").to_dict("records")
+    assert [(row["fate"], row["attempts"]) for row in near] == [("delivered", 1)]
+    assert [(row["fate"], row["attempts"]) for row in far] == [("retries_exhausted", 7)]
+    assert near[0]["ended_ns"] - near[0]["started_ns"] == 20_000 + 4_000 * int(np.ceil((22 + 8 * 236) / 24))
+    replies = [(each["seq"], each["acknowledged"], each["attempts"]) for each in told(run, "g1", "replies")]
+    assert replies == [(near[0]["seq"], True, 1), (far[0]["seq"], False, 7)]
+    assert balances(run)
+
+
+def test_six_on_a_telemetry_radio_get_what_the_air_carries(flown: Flown) -> None:
+    """200 packets a second of 1400 B from each of six: 13.4 Mb/s offered to 64 kb/s, in turns."""
+    nodes = [node(n, 20.0 * n, period_s=0.05, count=10, size=1400) for n in range(6)]
+    medium = {"model": "tdma", "slot_s": 0.2, "guard_s": 0.001, "queue": {"packets": 20}}
+    run = flown(nodes, medium, duration_s=6.0)
+    found = run.packets[run.packets.channel == "test"]
+    came = found[found.fate == "delivered"]
+    per_receiver_bps = 8 * 1400 * len(came) / 5 / 6.0
+    assert 0.5 * SLOW_BPS < per_receiver_bps <= SLOW_BPS
+    assert ((came.arrived_ns - came.entered_ns) / 1e9 > 8 * 1400 / SLOW_BPS).all()
+    lost = found[found.fate != "delivered"].groupby("fate", observed=True).packets.sum()
+    assert lost["queue_full"] > 0.9 * lost.sum()
+    assert balances(run)
+
+
+def scripted(flown: Flown, **more: Any) -> Run:
+    """Transmissions at instants that ticks of 5, 20 and 50 Hz all have."""
+    sends = {n: [(1.0 + 0.2 * k, "all" if k % 3 else "g2", 300 + n) for k in range(8)] for n in (1, 3, 4)}
+    nodes = [
+        node(0, 0.0),
+        node(1, 200.0, sends=sends[1]),
+        node(2, 400.0),
+        node(3, 900.0, sends=sends[3]),
+        node(4, 600.0, sends=sends[4]),
+    ]
+    nodes += more.pop("bystanders", [])
+    radio = {"preset": "wifi-2.4", "bursts": {"model": "none"}}
+    return flown(nodes, {"model": "csma", "standard": "11g"}, radio=radio, **more)
+
+
+FATES = ["tx", "rx", "seq", "fate", "started_ns", "ended_ns", "arrived_ns", "attempts", "received_power_dbm"]
+
+
+def fates(run: Run) -> pd.DataFrame:
+    found = run.packets.astype(dict.fromkeys(("tx", "rx", "fate"), str))
+    is_far = found.tx.str.startswith("far") | found.rx.str.startswith("far")
+    return found[(found.channel == "test") & ~is_far][FATES].sort_values(
+        ["tx", "rx", "seq"], ignore_index=True
+    )
+
+
+def test_fates_do_not_depend_on_ticks_or_on_bystanders_out_of_range(flown: Flown) -> None:
+    """The radio's own draws are by node and transmission; nodes stand, so that no truth differs."""
+    first = fates(scripted(flown))
+    to_all, to_one = 5, 3
+    assert len(first) == 3 * (4 * to_all + to_one)
+    assert len(set(first.fate)) > 1
+    for rate_hz in (5, 50):
+        again = fates(scripted(flown, tick_rate_hz=rate_hz))
+        pd.testing.assert_frame_equal(first, again)
+    far = [node(n, 400_000.0 + 80_000.0 * n, period_s=0.05, size=100) | {"id": f"far{n}"} for n in (5, 6, 7)]
+    pd.testing.assert_frame_equal(first, fates(scripted(flown, bystanders=far)))
+
+
+@pytest.mark.parametrize("processes", ["many"])
+def test_one_process_and_many_have_the_same_air(flown: Flown, processes: str) -> None:
+    drawn = FLAT | {"phase_s": "drawn", "processing_s": 0.001, "processing_spread_s": 0.002}
+    one = scripted(flown, transmit=drawn)
+    other = scripted(flown, transmit=drawn, processes=processes)
+    assert compare(one.path, other.path) is None
+    assert one.digest == other.digest
+    entered = one.packets[one.packets.channel == "test"]
+    offsets = ((entered.entered_ns - entered.sim_time_ns) / 1e6).groupby(entered.tx.astype(str))
+    assert offsets.max().nunique() == 3  # each node has a phase of its own within the tick
+    assert (offsets.max() - offsets.min() < 2.0).all()
+    assert offsets.max().max() < 50.0 + 3.0
+
+
+def test_decided_anew_the_same_radio_gives_the_same(flown: Flown) -> None:
+    run = scripted(flown)
+    again = redecide(run.path)
+    assert again.table.equals(run.table("deliveries"))
+    ideal = redecide(run.path, radio={"preset": "wifi-2.4", "bursts": {"model": "none"}})
+    assert set(ideal.table.column("attempts").to_pylist()) == {1}
+    assert again.ledger.links == redecide(run.path).ledger.links
