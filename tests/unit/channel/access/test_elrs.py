@@ -95,8 +95,8 @@ def test_what_a_receiver_sends_in_full(name: str) -> None:
     alone = carried(Elrs(PlainWorld((0, 1)), never), 1, until_s)
     assert alone == pytest.approx(down_bytes_per_s(mode), rel=0.01)
     seen = carried(Elrs(PlainWorld((0, 1)), ElrsSettings(mode)), 1, until_s)
-    assert 0.92 * alone < seen <= alone
-    assert 0.87 < seen / mode.down_bytes_per_s < alone / mode.down_bytes_per_s < 0.97
+    assert 0.92 * alone < seen < 1.005 * alone  # which begins a chunk sooner or later
+    assert 0.87 < seen / mode.down_bytes_per_s < 0.97
 
 
 @pytest.mark.parametrize(("has_rc", "slots"), [(False, 2), (True, 4)])
