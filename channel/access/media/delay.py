@@ -77,7 +77,8 @@ class DelaySettings:
         rates_bps: of nodes that have another.
         header_bytes: that each packet gets.
         good_s, bad_s: mean durations of service and of outage of a node, exponential; ``bad_s`` 0: no outage.
-        keeps_order: whether a packet arrives no earlier than the one before it from the same sender.
+        keeps_order: whether a packet arrives no earlier than the one before it from the same sender: where packets
+            follow each other within the spread of delays, they are later on average than the distribution says.
     """
 
     delay: WayDelay
