@@ -28,6 +28,10 @@ class Loss(StrEnum):
     """Too weak, or too many errors of the channel alone."""
     RETRIES = "retries_exhausted"
     """A unicast was never acknowledged."""
+    NO_PEER = "no_peer"
+    """The radio has no link to that node."""
+    OUTAGE = "outage"
+    """The link of the sender or of the receiver was down."""
 
 
 class Handling(NamedTuple):

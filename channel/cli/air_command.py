@@ -13,6 +13,8 @@ import click
 from channel.access.air import Hearing
 from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma, DcfSettings
+from channel.access.media.delay import Delay, DelaySettings, WayDelay
+from channel.access.media.elrs import ELRS_MODES, Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
@@ -32,8 +34,8 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
 
 
 @click.command()
-@click.argument("medium", type=click.Choice(["airtime", "csma", "tdma"]))
-@click.option("--nodes", default=6, show_default=True, type=click.IntRange(2, 500), help="How many stations.")
+@click.argument("medium", type=click.Choice(["airtime", "csma", "delay", "elrs", "tdma"]))
+@click.option("--nodes", type=click.IntRange(2, 500), help="How many stations; 6 if not given, 2 of elrs.")
 @click.option(
     "--length-bytes", default=200, show_default=True, type=click.IntRange(1), help="Of each packet."
 )
@@ -58,10 +60,34 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
     help="Of csma: of broadcasts, ACK, RTS and CTS; the lowest of its standard if not given.",
 )
 @click.option("--rts-from-bytes", type=int, help="Of csma: unicasts of at least so much are announced.")
-@click.option("--bitrate-bps", default=64_000.0, show_default=True, help="Of airtime and tdma.")
+@click.option("--bitrate-bps", default=64_000.0, show_default=True, help="Of airtime, delay and tdma.")
 @click.option(
-    "--header-bytes", default=0, show_default=True, help="That each packet gets, of airtime and tdma."
+    "--header-bytes", default=0, show_default=True, help="That each packet gets, of airtime, delay and tdma."
 )
+@click.option(
+    "--delay-ms",
+    nargs=3,
+    default=(20.0, 40.0, 100.0),
+    show_default=True,
+    help="Of delay: the least, the median, and what 95 % do not exceed.",
+)
+@click.option(
+    "--outage-s",
+    nargs=2,
+    default=(60.0, 0.0),
+    show_default=True,
+    help="Of delay: mean durations of service and of outage of a node.",
+)
+@click.option(
+    "--in-order/--reorder",
+    default=True,
+    show_default=True,
+    help="Of delay: whether packets of a sender keep their order.",
+)
+@click.option(
+    "--mode", type=click.Choice(list(ELRS_MODES)), default="lora-500", show_default=True, help="Of elrs."
+)
+@click.option("--rc/--no-rc", default=True, show_default=True, help="Of elrs: beside a remote control.")
 @click.option(
     "--slot-ms",
     type=float,
@@ -111,8 +137,11 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
       lostlink air csma --nodes 20 --standard 11b --rate-mbps 11 --length-bytes 1500
       lostlink air airtime --bitrate-bps 64000 --nodes 6 --load-bps 20000 --load-bps 60000
       lostlink air tdma --slot-ms 20 --nodes 6 --to one --json
+      lostlink air delay --delay-ms 20 45 120 --outage-s 120 5 --bitrate-bps 1e6
+      lostlink air elrs --mode 900-200 --to one --length-bytes 40
       lostlink air csma --radio wifi-2.4 --ring-m 400 --plot air.png
     """
+    options["nodes"] = options["nodes"] or (2 if medium == "elrs" else 6)
     try:
         results = [_result(medium, load_bps, options) for load_bps in _loads(medium, options)]
     except ValueError as error:
@@ -131,7 +160,11 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
 def _loads(medium: str, options: dict[str, Any]) -> Sequence[float]:
     if options["loads_bps"]:
         return options["loads_bps"]  # type: ignore[no-any-return]
-    full_bps = _wifi(options).rate_mbps * 1e6 if medium == "csma" else options["bitrate_bps"]
+    full_bps = options["bitrate_bps"]
+    if medium == "csma":
+        full_bps = _wifi(options).rate_mbps * 1e6
+    elif medium == "elrs":
+        full_bps = 8.0 * ELRS_MODES[options["mode"]].down_bytes_per_s
     return [share * full_bps for share in CHOSEN_LOADS]
 
 
@@ -150,6 +183,11 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
         return Csma(
             world, _wifi(options), seed=options["seed"], settings=settings, limits=limits, hearing=hearing
         )
+    if medium == "delay":
+        return Delay(world, _lines(options), seed=options["seed"], limits=limits)
+    if medium == "elrs":
+        pairs = ElrsSettings(ELRS_MODES[options["mode"]], has_rc=options["rc"])
+        return Elrs(world, pairs, seed=options["seed"])
     timing = BitRate(options["bitrate_bps"], header_bytes=options["header_bytes"])
     if medium == "airtime":
         return AirTime(world, timing, limits, hearing)
@@ -159,6 +197,19 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
         timing.duration_ns(options["length_bytes"]) + guard_ns if slot_ms is None else int(1e6 * slot_ms)
     )
     return Tdma(world, timing, Schedule(tuple(world.nodes), slot_ns, guard_ns), limits, hearing)
+
+
+def _lines(options: dict[str, Any]) -> DelaySettings:
+    least_ns, median_ns, most_ns = (int(1e6 * value_ms) for value_ms in options["delay_ms"])
+    good_s, bad_s = options["outage_s"]
+    return DelaySettings(
+        WayDelay(least_ns, median_ns, most_ns),
+        rate_bps=options["bitrate_bps"],
+        header_bytes=options["header_bytes"],
+        good_s=good_s,
+        bad_s=bad_s,
+        keeps_order=options["in_order"],
+    )
 
 
 def _wifi(options: dict[str, Any]) -> Wifi:

@@ -40,6 +40,26 @@ def test_little_load_comes_through_at_once(medium: str) -> None:
     assert load["delay_median_s"] < (0.03 if medium == "tdma" else 0.005)
 
 
+def test_a_network_of_delays() -> None:
+    """95 % come within what is asked for, and the outage of two ends is 1 - (4/5)^2 on average."""
+    (load,) = results(
+        *("delay", "--delay-ms", "20", "45", "120", "--bitrate-bps", "1e9", "--outage-s", "0.4", "0.1"),
+        *("--reorder", "--load-bps", "20000", "--length-bytes", "50", "--duration", "300"),
+    )
+    assert load["delay_95_s"] == pytest.approx(0.120, rel=0.05)
+    assert load["lost"]["outage"] / load["sent"] == pytest.approx(0.36, abs=0.04)
+
+
+def test_what_a_mode_of_expresslrs_carries_down() -> None:
+    """Offered twice what the firmware promises: 490 B/s at 200 Hz, of which 62 of 65 are the user's."""
+    (load,) = results(
+        *("elrs", "--mode", "900-200", "--to", "one", "--length-bytes", "62"),
+        *("--load-bps", str(2 * 8 * 490), "--duration", "30"),
+    )
+    assert load["delivered_bps"] / 8 == pytest.approx(490 * 62 / 65, rel=0.02)
+    assert load["lost"]["queue_full"] > 0.4 * load["sent"]
+
+
 def test_far_nodes_hear_less() -> None:
     """With a radio its powers count."""
     shares = []

@@ -1,0 +1,89 @@
+"""Modes of ExpressLRS: how long a slot and a packet last, and when a link counts as lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+SYNC_MS: Final = 5000
+"""How often a transmitter that hears its receiver sends a sync packet."""
+STATS_BYTES: Final = 4
+"""Of link statistics, in the place of data."""
+STATS_EVERY_MS: Final = 512
+"""How often, at most, a receiver is to send link statistics; this sets the length of bursts."""
+LONG_PACKET_BYTES: Final = 13
+LEAST_LOST_MS: Final = 512
+LOST_PACKETS: Final = 5
+"""So many missed downward packets, or `LEAST_LOST_MS` if that is longer, and a transmitter takes its link for lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class ElrsMode:
+    """One mode, by the tables of the firmware (commit 7702d0f, `common.cpp` and `FHSS.cpp`).
+
+    Attributes:
+        interval_us: of slots.
+        sensitivity_dbm: that the firmware expects; nothing here acts on it, what a packet needs is the world's.
+        air_us: of a packet.
+        packet_bytes: on the air, 8 or 13.
+        hop_slots: slots on one frequency.
+        channels: frequencies; one of them is for sync.
+        lost_ms: a receiver that hears nothing for longer loses its link.
+        sync_lost_ms: how often a transmitter that does not hear its receiver sends a sync packet.
+    """
+
+    interval_us: int
+    sensitivity_dbm: float
+    air_us: int
+    packet_bytes: int
+    hop_slots: int
+    channels: int
+    lost_ms: int
+    sync_lost_ms: int
+
+    def __post_init__(self) -> None:
+        if not (0 < self.air_us < self.interval_us and self.hop_slots > 0 and self.channels > 0):
+            raise ValueError(
+                f"packets of {self.air_us} us in slots of {self.interval_us} us: shorter, above 0"
+            )
+
+    @property
+    def data_bytes(self) -> int:
+        """That a packet carries."""
+        return 10 if self.packet_bytes == LONG_PACKET_BYTES else 5
+
+    @property
+    def burst(self) -> int:
+        """Data packets of a receiver between two with link statistics, at a telemetry ratio of 1:2."""
+        return max(1, STATS_EVERY_MS * (1_000_000 // self.interval_us) // 2 // 1000 - 1)
+
+    @property
+    def down_bytes_per_s(self) -> float:
+        """What the firmware tells its users of a telemetry ratio of 1:2: data packets are full, nothing is lost."""
+        return self.data_bytes * (1_000_000 // self.interval_us) / 2 * self.burst / (self.burst + 1)
+
+    @property
+    def lost_down_ms(self) -> int:
+        """A transmitter that hears nothing for longer takes its link for lost."""
+        return max(LEAST_LOST_MS, 2 * self.interval_us * LOST_PACKETS // 1000) + 2
+
+
+GHZ_24, FCC_915 = 80, 40
+"""Frequencies of the bands at 2.4 GHz and, of those about 900 MHz, of FCC 915; EU 868 has 13."""
+ELRS_MODES: Final = MappingProxyType(
+    {
+        "flrc-1000": ElrsMode(1_000, -104.0, 389, 8, 2, GHZ_24, 2500, 3),
+        "lora-500": ElrsMode(2_000, -105.0, 1_507, 8, 4, GHZ_24, 2500, 3),
+        "lora-333-full": ElrsMode(3_003, -105.0, 2_374, 13, 4, GHZ_24, 2500, 4),
+        "lora-150": ElrsMode(6_666, -112.0, 5_871, 8, 4, GHZ_24, 3500, 10),
+        "lora-50": ElrsMode(20_000, -115.0, 10_798, 8, 2, GHZ_24, 4000, 0),
+        "900-200": ElrsMode(5_000, -112.0, 4_380, 8, 4, FCC_915, 3000, 600),
+        "900-100-full": ElrsMode(10_000, -112.0, 6_690, 13, 4, FCC_915, 3500, 600),
+        "900-25": ElrsMode(40_000, -123.0, 29_950, 8, 2, FCC_915, 6000, 600),
+    }
+)
+"""By band or modulation, and packets per second: SX1280 at 2.4 GHz, SX127x at 900 MHz.
+
+LR1121 has the same numbers but for FLRC, which it lacks (its FSK 1000 has 690 us and -103 dBm); LR2021 has all.
+"""
