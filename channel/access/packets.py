@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -97,7 +97,7 @@ class AirFate:
     ended_ns: int
     attempts: int
     loss: Loss | None
-    frame: AirFrame | None = None
+    frame: AirFrame | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

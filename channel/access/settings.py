@@ -6,11 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from channel.access.air import Hearing
+from channel.access.elrs_modes import ELRS_MODES
 from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma, DcfSettings
+from channel.access.media.delay import Delay, DelaySettings, WayDelay
+from channel.access.media.elrs import Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
@@ -41,6 +44,16 @@ class Surroundings:
     seed: int
     bit_rate_bps: float
     noise_floor_dbm: float
+
+    def place(self, node: str) -> int:
+        """The place of an id.
+
+        Raises:
+            ValueError: there is no such node.
+        """
+        if node not in self.nodes:
+            raise ValueError(f"medium: node {node} is not there; there are {', '.join(self.nodes)}")
+        return self.nodes[node]
 
 
 class Queue(Settings):
@@ -149,11 +162,7 @@ class TdmaMedium(Serial):
         Raises:
             ValueError: a slot of a node that is not there, or slots too short for any packet.
         """
-        unknown = [node for node in self.slots if node not in surroundings.nodes]
-        if unknown:
-            there = ", ".join(surroundings.nodes)
-            raise ValueError(f"medium.slots: nodes {', '.join(unknown)} are not there; there are {there}")
-        owners = [surroundings.nodes[node] for node in self.slots or surroundings.nodes]
+        owners = [surroundings.place(node) for node in self.slots or surroundings.nodes]
         slot_ns, guard_ns = round(self.slot_s * NS_PER_S), round(self.guard_s * NS_PER_S)
         schedule = Schedule(tuple(owners), slot_ns, guard_ns)
         timing, hearing = self.timing(surroundings), self.hearing(surroundings)
@@ -220,8 +229,89 @@ class CsmaMedium(Shared):
         return 8 * length_bytes * NS_PER_S / cycle_ns
 
 
+class DelayMedium(Variant):
+    """LTE, satellites: a distribution of delay, a rate, an outage that comes and goes; nodes do not disturb each other."""
+
+    takes_time: ClassVar[bool] = True
+    model: Literal["delay"] = "delay"
+    queue: Queue = Field(default_factory=Queue)
+    least_s: float = Field(ge=0.0, le=60.0, description="no packet is faster")
+    median_s: float = Field(ge=0.0, le=60.0, description="half are at most so late")
+    most_s: float = Field(ge=0.0, le=60.0, description="95 % are at most so late; as median_s: all are")
+    rate_bps: float = Field(gt=0.0, le=1e12, description="at which a node's packets enter the network")
+    header_bytes: int = Field(default=0, ge=0, le=1000, description="that each packet gets")
+    good_s: float = Field(default=60.0, gt=0.0, description="mean time of service of a node")
+    bad_s: float = Field(default=0.0, ge=0.0, description="mean time of outage; 0: none")
+    keeps_order: bool = Field(default=True, description="no packet of a sender overtakes another")
+    max_length_bytes: int = Field(default=65_535, ge=1, description="the longest packet")
+
+    @model_validator(mode="after")
+    def _is_a_delay(self) -> DelayMedium:
+        self._delay()
+        return self
+
+    def _delay(self) -> WayDelay:
+        return WayDelay(*(round(each * NS_PER_S) for each in (self.least_s, self.median_s, self.most_s)))
+
+    def open(self, surroundings: Surroundings) -> AccessMedium:
+        """Make the medium."""
+        settings = DelaySettings(
+            self._delay(),
+            self.rate_bps,
+            header_bytes=self.header_bytes,
+            good_s=self.good_s,
+            bad_s=self.bad_s,
+            keeps_order=self.keeps_order,
+        )
+        return Delay(
+            surroundings.world,
+            settings,
+            seed=surroundings.seed,
+            limits=self.queue.limits,
+            max_length_bytes=self.max_length_bytes,
+        )
+
+    def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
+        """Bits of packets of a length per second, of each sender."""
+        return self.rate_bps * length_bytes / (length_bytes + self.header_bytes)
+
+
+class ElrsMedium(Variant):
+    """ExpressLRS with MAVLink: a transmitter module and a receiver take turns."""
+
+    takes_time: ClassVar[bool] = True
+    model: Literal["elrs"] = "elrs"
+    mode: str = Field(default="lora-500", description=f"one of {', '.join(ELRS_MODES)}")
+    pairs: tuple[tuple[str, str], ...] = Field(
+        default=(), description="ids, the transmitter module's first; two by two as listed unless given"
+    )
+    has_rc: bool = Field(default=True, description="a remote control has every second slot up")
+    buffer_bytes: int = Field(default=1024, ge=1, le=1 << 20, description="that wait at each end")
+
+    @field_validator("mode")
+    @classmethod
+    def _is_known(cls, mode: str) -> str:
+        if mode not in ELRS_MODES:
+            raise ValueError(f"{mode}: there are {', '.join(ELRS_MODES)}")
+        return mode
+
+    def open(self, surroundings: Surroundings) -> AccessMedium:
+        """Make the medium.
+
+        Raises:
+            ValueError: a pair of a node that is not there.
+        """
+        pairs = tuple((surroundings.place(one), surroundings.place(other)) for one, other in self.pairs)
+        settings = ElrsSettings(ELRS_MODES[self.mode], pairs, self.has_rc, self.buffer_bytes)
+        return Elrs(surroundings.world, settings, seed=surroundings.seed)
+
+    def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
+        """Bits a second down, as the firmware counts them."""
+        return 8 * ELRS_MODES[self.mode].down_bytes_per_s
+
+
 MediumSettings = Annotated[
-    Ideal | AirTimeMedium | TdmaMedium | CsmaMedium,
+    Ideal | AirTimeMedium | TdmaMedium | CsmaMedium | DelayMedium | ElrsMedium,
     Field(discriminator="model"),
     *own_models("medium", "takes_time", "open", "capacity_bps"),
 ]
