@@ -230,7 +230,7 @@ class CsmaMedium(Shared):
 
 
 class DelayMedium(Variant):
-    """LTE, satellites: a distribution of delay, a rate, an outage that comes and goes; nodes do not disturb each other."""
+    """LTE, satellites: delays, a rate, an outage that comes and goes; nodes do not disturb each other."""
 
     takes_time: ClassVar[bool] = True
     model: Literal["delay"] = "delay"
