@@ -22,6 +22,8 @@ class Loss(StrEnum):
     """A newer packet with its key took its place in the queue."""
     HALF_DUPLEX = "half_duplex"
     """The receiver transmitted."""
+    INTERFERED = "interfered"
+    """It would have come through without what emitters and other sources of interference add to the noise."""
     COLLIDED = "collided"
     """It would have come through if no other frame of the network had been on the air."""
     NOISE = "noise"

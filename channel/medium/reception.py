@@ -33,6 +33,7 @@ class Fate(Enum):
     REPLACED = "replaced"
     TOO_LONG_FOR_A_SLOT = "too_long_for_a_slot"
     HALF_DUPLEX = "half_duplex"
+    INTERFERED = "interfered"
     COLLIDED = "collided"
     RETRIES_EXHAUSTED = "retries_exhausted"
     NO_PEER = "no_peer"

@@ -88,6 +88,17 @@ class Settling:
         pair: Pair = self._pairs[int(self._kind[tx] * len(self._kinds) + self._kind[rx])]
         return pair.radio
 
+    @property
+    def slots_ns(self) -> tuple[int, ...]:
+        """Lengths of the slots in which sources of interference are on or off."""
+        sources = (source for pair in self._pairs for source in pair.radio.sources)
+        return tuple(sorted({source.slot_ns for source in sources if 0.0 < source.duty < 1.0}))
+
+    @property
+    def has_sources(self) -> bool:
+        """Whether anything interferes."""
+        return any(pair.radio.sources for pair in self._pairs)
+
     def erasure_draws(self, packets: Packets, packet: Indices, rx: Indices) -> FloatArray:
         """Return the numbers in (0, 1) that decide whether the error model loses packets, shape (L,)."""
         uniforms = self._draws.uniforms((Purpose.ERASURE,), (packets.tx, packets.seq), packet, rx)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import accumulate, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.timing import NS_PER_S
 from channel.access.world import AirFrame, Arrival, Piece
+from channel.checks import FloatArray
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
 from channel.medium.reception import BASE_LOSS, BURST, DELIVERED, ERASED, EVERYBODY, Packets, Receptions
@@ -24,17 +28,33 @@ KEPT_NS = 10 * NS_PER_S
 """For so long after its end it is known what a frame met: a fate may be decided later than by it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Met:
     """What a frame met at all other nodes.
 
     Attributes:
         receptions: as if it were a packet, alone on the air.
         row: of each receiver in these.
+        noise: what it had for noise at receivers, piece by piece; without pieces it is that of its start.
+        lost_to_sources: receivers at which it came through but for sources of interference.
     """
 
     receptions: Receptions
     row: dict[int, int]
+    noise: NoisePieces | None = None
+    lost_to_sources: set[int] = field(default_factory=set)
+
+
+class NoisePieces(NamedTuple):
+    """Noise that changes while a frame is on the air.
+
+    Attributes:
+        durations_ns: of the pieces.
+        noise_mw: with all interference but that of the network's own frames, shape (pieces, receivers).
+    """
+
+    durations_ns: Sequence[int]
+    noise_mw: FloatArray
 
 
 class LinkWorld:
@@ -42,8 +62,8 @@ class LinkWorld:
 
     A frame is drawn as a packet is by the medium itself, with the number of the transmission for a sequence number: the
     fate that it would have alone on the air is that, by the same laws. Interference raises the error rate piece by
-    piece, against the same draw. Only first transmissions are judged: how often a frame is tried again depends on what
-    was drawn.
+    piece, against the same draw, and so does a source that is on in some slots and off in others. Only first
+    transmissions are judged: how often a frame is tried again depends on what was drawn.
 
     Args:
         medium: where the nodes are, and their radios.
@@ -54,15 +74,15 @@ class LinkWorld:
         self.nodes = tuple(range(len(medium.nodes)))
         self._judged = medium.drawing(judge=judge)
         self._other = self._judged if judge is None else medium.drawing()
+        self._slots_ns, self._has_sources = self._other.slots_ns, self._other.has_sources
         self._met: dict[AirFrame, Met] = {}
         self._first: list[Receptions] = []
         self._per = lru_cache(maxsize=65_536)(self._per_of)
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
-        receptions = self._draw(frame)
-        r = receptions
-        self._met[frame] = Met(r, {rx: row for row, rx in enumerate(r.rx.tolist())})
+        r = self._draw(frame)
+        self._met[frame] = Met(r, {rx: row for row, rx in enumerate(r.rx.tolist())}, self._noise_of(frame))
         delays_ns = np.rint(r.distance_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
         heard = np.isin(r.fate, HEARD_FATES) & (r.snr_db >= HEARD_DB)
         rows = np.flatnonzero(heard)
@@ -74,27 +94,65 @@ class LinkWorld:
     def survives(
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
-        """By one draw for both: who comes through with interference does so without."""
+        """By one draw for all: who comes through with interference does so without."""
         met = self._met[frame]
         row, r = met.row[receiver], met.receptions
-        alone = int(r.fate[row]) == DELIVERED
-        if not alone or not any(interference_mw for _, interference_mw in pieces):
-            return alone, alone
-        noise_mw = float(ratio_from_db(float(r.received_power_dbm[row] - r.snr_db[row])))
-        duration_ns = frame.ended_ns - frame.started_ns
+        fate = int(r.fate[row])
+        disturbed = any(interference_mw for _, interference_mw in pieces)
+        if fate not in (DELIVERED, ERASED) or not (disturbed or self._has_sources):
+            return fate == DELIVERED, fate == DELIVERED
+        drawn = self._drawn(met, receiver)
+        start_mw = float(ratio_from_db(float(r.received_power_dbm[row] - r.snr_db[row])))
+        own = _noise_at(met.noise, row, frame, start_mw)
+        alone = fate == DELIVERED
+        if met.noise is not None:
+            alone = drawn > self._lost(frame, receiver, power_mw, own)
+        if not alone:
+            quiet_mw = float(ratio_from_db(self._other.radio(frame.node, receiver).noise_floor_dbm))
+            quiet = [Piece(frame.ended_ns - frame.started_ns, quiet_mw)]
+            if self._has_sources and drawn > self._lost(frame, receiver, power_mw, quiet):
+                met.lost_to_sources.add(receiver)
+            return False, False
+        return not disturbed or drawn > self._lost(frame, receiver, power_mw, added(own, pieces)), True
+
+    def _lost(self, frame: AirFrame, receiver: int, power_mw: float, noise: Sequence[Piece]) -> float:
+        """The error rate of a frame by pieces of constant noise, which are the share of its bits that they last."""
+        duration_ns = sum(piece_ns for piece_ns, _ in noise)
         whole = 1.0
-        for piece_ns, interference_mw in pieces:
-            sinr = power_mw / (noise_mw + interference_mw)
+        for piece_ns, noise_mw in noise:
             share = frame.length_bytes * piece_ns / duration_ns
-            whole *= 1.0 - self._per(frame.node, receiver, sinr, share)
+            whole *= 1.0 - self._per(frame.node, receiver, power_mw / noise_mw, share)
+        return 1.0 - whole
+
+    def _drawn(self, met: Met, receiver: int) -> float:
         one = np.zeros(1, dtype=np.intp)
-        [drawn] = self._judged.erasure_draws(r.packets, one, np.array([receiver]))
-        return bool(drawn > 1.0 - whole), True
+        [drawn] = self._judged.erasure_draws(met.receptions.packets, one, np.array([receiver]))
+        return float(drawn)
+
+    def _noise_of(self, frame: AirFrame) -> NoisePieces | None:
+        """What changes in the noise while a frame is on the air; None: nothing does."""
+        if not self._slots_ns:
+            return None
+        changes = {frame.started_ns}
+        for slot_ns in self._slots_ns:
+            first = (frame.started_ns // slot_ns + 1) * slot_ns
+            changes.update(range(first, frame.ended_ns, slot_ns))
+        if len(changes) == 1:
+            return None
+        instants = sorted(changes)
+        r = self._other.receptions(*_as_packets(frame, instants))
+        noise_mw = ratio_from_db(r.received_power_dbm - r.snr_db)
+        durations = [end - begin for begin, end in pairwise((*instants, frame.ended_ns))]
+        return NoisePieces(durations, np.asarray(noise_mw).reshape(len(instants), -1))
 
     def met(self, frame: AirFrame, receiver: int) -> tuple[Receptions, int]:
         """What a frame met at a node: the receptions that have it, and the row there."""
         met = self._met[frame]
         return met.receptions, met.row[receiver]
+
+    def is_lost_to_sources(self, frame: AirFrame, receiver: int) -> bool:
+        """Whether a frame that was lost to noise would have come through without sources of interference."""
+        return receiver in self._met[frame].lost_to_sources
 
     def first_transmissions(self) -> list[Receptions]:
         """What first transmissions to all met since the last call, alone on the air."""
@@ -108,14 +166,7 @@ class LinkWorld:
             del self._met[frame]
 
     def _draw(self, frame: AirFrame) -> Receptions:
-        packets = Packets(
-            np.array([frame.started_ns]),
-            np.array([frame.node], dtype=np.intp),
-            np.array([frame.number]),
-            np.array([frame.length_bytes]),
-            np.array([EVERYBODY], dtype=np.intp),
-        )
-        counted: NDArray[np.int64] = packets.length_bytes
+        packets, counted = _as_packets(frame, [frame.started_ns])
         if frame.packet is None or frame.attempt > 1:
             return self._other.receptions(packets, counted)
         receptions = self._judged.receptions(packets, counted)
@@ -124,3 +175,39 @@ class LinkWorld:
 
     def _per_of(self, tx: int, rx: int, sinr: float, length_bytes: float) -> float:
         return float(self._judged.radio(tx, rx).per_unchecked(db_from_ratio(sinr), length_bytes))
+
+
+def _as_packets(frame: AirFrame, instants_ns: Sequence[int]) -> tuple[Packets, NDArray[np.int64]]:
+    """A frame as packets to everybody, sent at instants, with their lengths for the error model."""
+    count = len(instants_ns)
+    lengths = np.full(count, frame.length_bytes)
+    packets = Packets(
+        np.array(instants_ns),
+        np.full(count, frame.node, dtype=np.intp),
+        np.full(count, frame.number),
+        lengths,
+        np.full(count, EVERYBODY, dtype=np.intp),
+    )
+    return packets, lengths
+
+
+def _noise_at(noise: NoisePieces | None, row: int, frame: AirFrame, start_mw: float) -> Sequence[Piece]:
+    """Noise at one receiver over a frame."""
+    if noise is None:
+        return [Piece(frame.ended_ns - frame.started_ns, start_mw)]
+    return [Piece(*each) for each in zip(noise.durations_ns, noise.noise_mw[:, row].tolist(), strict=True)]
+
+
+def added(one: Sequence[Piece], other: Sequence[Piece]) -> list[Piece]:
+    """The sum of two powers that are constant piece by piece over the same time."""
+    sums: list[Piece] = []
+    ends = [list(accumulate(piece.duration_ns for piece in pieces)) for pieces in (one, other)]
+    begin_ns = 0
+    for end_ns in sorted({*ends[0], *ends[1]}):
+        powers = [
+            pieces[min(bisect_right(those, begin_ns), len(pieces) - 1)].interference_mw
+            for pieces, those in zip((one, other), ends, strict=True)
+        ]
+        sums.append(Piece(end_ns - begin_ns, sum(powers)))
+        begin_ns = end_ns
+    return sums

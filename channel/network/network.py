@@ -180,6 +180,8 @@ class Network:
             return np.nan, np.nan, np.nan, np.nan, np.nan, self._fate(fate.loss, ERASED)
         r, row = self._world.met(fate.frame, fate.receiver)
         code = self._fate(fate.loss, int(r.fate[row]))
+        if fate.loss is Loss.NOISE and self._world.is_lost_to_sources(fate.frame, fate.receiver):
+            code = FATES.index(Fate.INTERFERED)
         figures = (r.distance_m, r.received_power_dbm, r.snr_db, r.per, r.probability_of_delivery)
         distance_m, power_dbm, snr_db, per, chance = (float(column[row]) for column in figures)
         return distance_m, power_dbm, snr_db, per, chance, code

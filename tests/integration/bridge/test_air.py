@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -266,3 +267,31 @@ def test_decided_anew_the_same_radio_gives_the_same(flown: Flown) -> None:
     ideal = redecide(run.path, radio={"preset": "wifi-2.4", "bursts": {"model": "none"}})
     assert set(ideal.table.column("attempts").to_pylist()) == {1}
     assert again.ledger.links == redecide(run.path).ledger.links
+
+
+def test_a_jammer_spoils_what_meets_its_slots_also_in_part(flown: Flown) -> None:
+    """Slots of 0.4 s, on or off. A short packet in each shows which; a long one goes from each slot into the next."""
+    sends = [
+        send for slot in range(2, 20) for send in ((0.4 * slot + 0.1, "0", 20), (0.4 * slot + 0.3, "0", 1200))
+    ]
+    jammer = {
+        "id": "jammer",
+        "kind": "emitter",
+        "place": {"north_m": 50.0, "height_m": 10.0},
+        "frequency_hz": 915e6,
+        "power_dbm": 20.0,
+        "duty": 0.5,
+        "slot_s": 0.4,
+    }
+    run = flown(
+        [node(0, 0.0), node(1, 200.0, sends=sends), jammer], {"model": "airtime"}, duration_s=9.0, seed=5
+    )
+    found = rows(run, "g1", "0")
+    assert set(found.fate) == {"delivered", "interfered"}
+    is_off = (found.fate[::2] == "delivered").tolist()
+    came = (found.fate[1::2] == "delivered").tolist()
+    assert came[:-1] == [here and there for here, there in pairwise(is_off)]
+    assert any(
+        here and not there for here, there in pairwise(is_off)
+    )  # that slot's noise comes in the middle
+    assert balances(run)
