@@ -17,13 +17,22 @@ from channel.access.world import AirFrame, Arrival, Piece
 from channel.checks import FloatArray
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
-from channel.medium.reception import BASE_LOSS, BURST, DELIVERED, ERASED, EVERYBODY, Packets, Receptions
+from channel.medium.reception import (
+    BASE_LOSS,
+    BURST,
+    DELIVERED,
+    ERASED,
+    EVERYBODY,
+    FATES,
+    Packets,
+    Receptions,
+)
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
 HEARD_DB = -20.0
 """A signal so far below the noise, or further, is no signal, and no interference either."""
-HEARD_FATES = (DELIVERED, ERASED, BASE_LOSS, BURST)
-"""With others a link does not carry power."""
+IS_HEARD = np.isin(np.arange(len(FATES)), (DELIVERED, ERASED, BASE_LOSS, BURST))
+"""With which fates a link carries power."""
 KEPT_NS = 10 * NS_PER_S
 """For so long after its end it is known what a frame met: a fate may be decided later than by it."""
 
@@ -36,12 +45,14 @@ class Met:
         receptions: as if it were a packet, alone on the air.
         row: of each receiver in these.
         noise: what it had for noise at receivers, piece by piece; without pieces it is that of its start.
+        figures: of each row, once somebody asked for them.
         lost_to_sources: receivers at which it came through but for sources of interference.
     """
 
     receptions: Receptions
     row: dict[int, int]
     noise: NoisePieces | None = None
+    figures: Sequence[Sequence[float]] = ()
     lost_to_sources: set[int] = field(default_factory=set)
 
 
@@ -84,7 +95,7 @@ class LinkWorld:
         r = self._draw(frame)
         self._met[frame] = Met(r, {rx: row for row, rx in enumerate(r.rx.tolist())}, self._noise_of(frame))
         delays_ns = np.rint(r.distance_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
-        heard = np.isin(r.fate, HEARD_FATES) & (r.snr_db >= HEARD_DB)
+        heard = IS_HEARD[r.fate] & (r.snr_db >= HEARD_DB)
         rows = np.flatnonzero(heard)
         rows = rows[np.argsort(delays_ns[rows], kind="stable")]
         power_mw = ratio_from_db(r.received_power_dbm[rows])
@@ -145,10 +156,19 @@ class LinkWorld:
         durations = [end - begin for begin, end in pairwise((*instants, frame.ended_ns))]
         return NoisePieces(durations, np.asarray(noise_mw).reshape(len(instants), -1))
 
-    def met(self, frame: AirFrame, receiver: int) -> tuple[Receptions, int]:
-        """What a frame met at a node: the receptions that have it, and the row there."""
+    def figures(self, frame: AirFrame, receiver: int) -> Sequence[float]:
+        """Distance, m, power, dBm, SNR, dB, error rate and chance of delivery of a frame at a node, alone on the air."""
         met = self._met[frame]
-        return met.receptions, met.row[receiver]
+        if not met.figures:
+            r = met.receptions
+            columns = r.distance_m, r.received_power_dbm, r.snr_db, r.per, r.probability_of_delivery
+            met.figures = np.column_stack(columns).tolist()
+        return met.figures[met.row[receiver]]
+
+    def fate(self, frame: AirFrame, receiver: int) -> int:
+        """What becomes of a frame at a node, alone on the air."""
+        met = self._met[frame]
+        return int(met.receptions.fate[met.row[receiver]])
 
     def is_lost_to_sources(self, frame: AirFrame, receiver: int) -> bool:
         """Whether a frame that was lost to noise would have come through without sources of interference."""

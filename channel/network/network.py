@@ -19,12 +19,14 @@ from channel.network.entry import Entry
 from channel.network.instants import NEVER_NS, Instants
 from channel.network.link_world import LinkWorld
 
-OF_LOSS: Final[dict[Loss, Fate]] = {
-    loss: Fate.TOO_LONG_FOR_A_SLOT if loss is Loss.TOO_LONG else Fate(loss.value)
+OF_LOSS: Final[dict[Loss, int]] = {
+    loss: FATES.index(Fate.TOO_LONG_FOR_A_SLOT if loss is Loss.TOO_LONG else Fate(loss.value))
     for loss in Loss
     if loss is not Loss.NOISE
 }
 """What the record calls a loss; noise is what the channel says."""
+INTERFERED: Final = FATES.index(Fate.INTERFERED)
+NOTHING: Final = (float("nan"),) * 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +125,8 @@ class Network:
     def _lived(self, fates: list[AirFate], replies: Sequence[Reply]) -> Lived:
         fates.sort(key=lambda fate: (fate.at_ns, fate.packet.node, fate.packet.number, fate.receiver))
         packets, rows = self._packets_of(fates)
-        table = np.array([self._figures(fate) for fate in fates]).reshape(-1, 6)
+        table = np.array([self._figures(fate) for fate in fates]).reshape(-1, 5)
+        codes = [self._code(fate) for fate in fates]
         receptions = Receptions(
             packets,
             rows,
@@ -133,7 +136,7 @@ class Network:
             table[:, 2],
             table[:, 3],
             table[:, 4],
-            table[:, 5].astype(np.uint8),
+            np.array(codes, dtype=np.uint8),
         )
         instants = Instants(
             np.array([fate.packet.at_ns for fate in fates], dtype=np.int64),
@@ -174,23 +177,18 @@ class Network:
         rows = [row_of[fate.packet.node, fate.packet.number] for fate in fates]
         return packets, np.array(rows, dtype=np.intp)
 
-    def _figures(self, fate: AirFate) -> tuple[float, float, float, float, float, int]:
-        """Distance, power, SNR, error rate, chance of delivery, and what became of it."""
-        if fate.frame is None:
-            return np.nan, np.nan, np.nan, np.nan, np.nan, self._fate(fate.loss, ERASED)
-        r, row = self._world.met(fate.frame, fate.receiver)
-        code = self._fate(fate.loss, int(r.fate[row]))
-        if fate.loss is Loss.NOISE and self._world.is_lost_to_sources(fate.frame, fate.receiver):
-            code = FATES.index(Fate.INTERFERED)
-        figures = (r.distance_m, r.received_power_dbm, r.snr_db, r.per, r.probability_of_delivery)
-        distance_m, power_dbm, snr_db, per, chance = (float(column[row]) for column in figures)
-        return distance_m, power_dbm, snr_db, per, chance, code
+    def _figures(self, fate: AirFate) -> Sequence[float]:
+        """Distance, power, SNR, error rate and chance of delivery on the channel alone."""
+        return NOTHING if fate.frame is None else self._world.figures(fate.frame, fate.receiver)
 
-    @staticmethod
-    def _fate(loss: Loss | None, alone: int) -> int:
+    def _code(self, fate: AirFate) -> int:
         """What the record calls it; a frame that is lost to noise is lost as the channel says, or went unnoticed."""
+        loss, frame = fate.loss, fate.frame
         if loss is None:
             return DELIVERED
-        if loss is Loss.NOISE:
-            return ERASED if alone == DELIVERED else alone
-        return FATES.index(OF_LOSS[loss])
+        if loss is not Loss.NOISE or frame is None:
+            return OF_LOSS.get(loss, ERASED)
+        if self._world.is_lost_to_sources(frame, fate.receiver):
+            return INTERFERED
+        alone = self._world.fate(frame, fate.receiver)
+        return ERASED if alone == DELIVERED else alone
