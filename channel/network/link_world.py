@@ -157,7 +157,7 @@ class LinkWorld:
         return NoisePieces(durations, np.asarray(noise_mw).reshape(len(instants), -1))
 
     def figures(self, frame: AirFrame, receiver: int) -> Sequence[float]:
-        """Distance, m, power, dBm, SNR, dB, error rate and chance of delivery of a frame at a node, alone on the air."""
+        """Distance, m, power, dBm, SNR, dB, error rate, chance of delivery of a frame at a node, alone on the air."""
         met = self._met[frame]
         if not met.figures:
             r = met.receptions
