@@ -174,7 +174,7 @@ def test_intervals_of_independent_packets_are_not_held_against_those_that_share_
     ("radio", "shared"),
     [
         ("corrected", False),
-        ("wifi-2.4", True),
+        ("{preset: wifi-2.4, medium: {model: ideal}}", True),
         ("{preset: corrected, fading: {model: rician, k_db: 3.0, coherence: doppler}}", True),
         ("{preset: perfect, bursts: {model: gilbert-elliott, mean_good_s: 1, mean_bad_s: 1}}", True),
     ],
