@@ -31,6 +31,7 @@ class AirFrame:
         packet: what it carries; None for control.
         to: the node that a control frame is for.
         reserved_ns: how long after its end others keep quiet (NAV).
+        channel: on which only those hear it that listen there.
     """
 
     node: int
@@ -42,6 +43,7 @@ class AirFrame:
     packet: AirPacket | None = None
     to: int | None = None
     reserved_ns: int = 0
+    channel: int = 0
 
 
 class Arrival(NamedTuple):
