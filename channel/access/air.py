@@ -110,9 +110,9 @@ class Receiver:
         self.channel = 0
 
     @property
-    def is_locked(self) -> bool:
-        """Whether it follows a frame."""
-        return self._locked is not None
+    def follows(self) -> AirFrame | None:
+        """The frame that it is locked on to."""
+        return None if self._locked is None else self._locked.frame
 
     def tune(self, channel: int) -> None:
         """Listen on a channel from now on; what is under way there it has no preamble of, and does not lock on to."""

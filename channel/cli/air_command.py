@@ -14,6 +14,7 @@ from channel.access.air import Hearing
 from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma, DcfSettings
 from channel.access.media.medium import AccessMedium
+from channel.access.media.sik import Sik, SikSettings
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate, Wifi, wifi_a, wifi_b, wifi_g
@@ -32,7 +33,7 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
 
 
 @click.command()
-@click.argument("medium", type=click.Choice(["airtime", "csma", "tdma"]))
+@click.argument("medium", type=click.Choice(["airtime", "csma", "tdma", "sik"]))
 @click.option("--nodes", default=6, show_default=True, type=click.IntRange(2, 500), help="How many stations.")
 @click.option(
     "--length-bytes", default=200, show_default=True, type=click.IntRange(1), help="Of each packet."
@@ -69,11 +70,24 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
 )
 @click.option("--guard-ms", default=1.0, show_default=True, help="Of tdma, at the end of each slot.")
 @click.option(
+    "--air-kbps", default=64, show_default=True, type=int, help="Of sik: its rate on the air (AIR_SPEED)."
+)
+@click.option("--ecc", is_flag=True, help="Of sik: code frames by Golay(23,12).")
+@click.option(
+    "--framing/--no-framing",
+    default=True,
+    show_default=True,
+    help="Of sik: keep packets whole (MAVLINK = 1), or take them for a stream of bytes.",
+)
+@click.option(
+    "--cold", is_flag=True, help="Of sik: radios are switched on at the start, and have to find each other."
+)
+@click.option(
     "--queue",
     default=64,
     show_default=True,
     type=click.IntRange(0),
-    help="Packets that a node's queue holds; 0: any.",
+    help="Packets that a node's queue holds; 0: any. Of sik: any, in 1850 bytes.",
 )
 @click.option(
     "--radio",
@@ -96,7 +110,9 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
     help="Bits of packets a second that all offer together. Repeatable; a series if not given.",
 )
 @click.option("--duration", "duration_s", default=20.0, show_default=True, help="Sim time per load, s.")
-@click.option("--seed", default=1, show_default=True, type=int, help="Of traffic, back-off and errors.")
+@click.option(
+    "--seed", default=1, show_default=True, type=int, help="Of traffic, back-off, phases and errors."
+)
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
 @click.option(
     "--plot",
@@ -112,6 +128,10 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
       lostlink air airtime --bitrate-bps 64000 --nodes 6 --load-bps 20000 --load-bps 60000
       lostlink air tdma --slot-ms 20 --nodes 6 --to one --json
       lostlink air csma --radio wifi-2.4 --ring-m 400 --plot air.png
+      lostlink air sik --nodes 2 --air-kbps 64 --length-bytes 50 --duration 60
+
+    sik: nodes talk two by two in their order; what is for all goes to the other of the two, what is for a node
+    that is not it is lost (no peer).
     """
     try:
         results = [_result(medium, load_bps, options) for load_bps in _loads(medium, options)]
@@ -131,7 +151,10 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
 def _loads(medium: str, options: dict[str, Any]) -> Sequence[float]:
     if options["loads_bps"]:
         return options["loads_bps"]  # type: ignore[no-any-return]
-    full_bps = _wifi(options).rate_mbps * 1e6 if medium == "csma" else options["bitrate_bps"]
+    if medium == "csma":
+        full_bps = _wifi(options).rate_mbps * 1e6
+    else:
+        full_bps = 1e3 * options["air_kbps"] if medium == "sik" else options["bitrate_bps"]
     return [share * full_bps for share in CHOSEN_LOADS]
 
 
@@ -150,6 +173,11 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
         return Csma(
             world, _wifi(options), seed=options["seed"], settings=settings, limits=limits, hearing=hearing
         )
+    if medium == "sik":
+        radios = SikSettings(
+            options["air_kbps"], options["ecc"], framing=options["framing"], locked=not options["cold"]
+        )
+        return Sik(world, radios, seed=options["seed"], hearing=hearing)
     timing = BitRate(options["bitrate_bps"], header_bytes=options["header_bytes"])
     if medium == "airtime":
         return AirTime(world, timing, limits, hearing)

@@ -187,7 +187,9 @@ class Sik(AccessMedium):
             is_ahead = phase < timing.round // 2
             radios[1] = (radios[1][0], phase, hop + (1 if is_ahead else -1), sub_ns)
         for node, (words, phase, hop, sub_ns) in zip(pair, radios, strict=True):
-            self._radios[node] = SikRadio(self, node, words, order, phase=phase, hop=hop, sub_ns=sub_ns)
+            self._radios[node] = SikRadio(
+                self, node, self._peers[node], words, order, phase=phase, hop=hop, sub_ns=sub_ns
+            )
 
     def _wake(self, node: int) -> None:
         self._radios[node].wake()

@@ -38,6 +38,7 @@ class SikRadio:
     Args:
         medium: it is on.
         node: whose it is.
+        peer: whom it talks to.
         words: of its own draws.
         order: of its network's channels.
         phase: ticks since the start of its round at instant 0.
@@ -58,6 +59,7 @@ class SikRadio:
         "_heard_since_look",
         "_looks_without",
         "_medium",
+        "_peer",
         "_pending",
         "_quiet_since",
         "_receiver",
@@ -79,6 +81,7 @@ class SikRadio:
         self,
         medium: Sik,
         node: int,
+        peer: int,
         words: WordStream,
         order: tuple[int, ...],
         *,
@@ -86,7 +89,7 @@ class SikRadio:
         hop: int,
         sub_ns: int,
     ) -> None:
-        self._medium, self.node, self._words = medium, node, words
+        self._medium, self.node, self._peer, self._words = medium, node, peer, words
         self._agenda: Agenda = medium.agenda
         self._settings, self._timing = medium.settings, medium.timing
         self._epoch_ns, self._tick = -sub_ns, 0
@@ -194,10 +197,15 @@ class SikRadio:
             return NEVER
         if tdm.wait:
             return tdm.wait
-        if self._receiver.is_locked:
+        if self._is_receiving():
             tdm.wait = self._timing.latency
             return tdm.wait
         return NEVER if self._duty_wait else 0
+
+    def _is_receiving(self) -> bool:
+        """Whether a packet comes in; one of another network is dropped at its NETID, unless that is coded."""
+        frame = self._receiver.follows
+        return frame is not None and (self._settings.ecc or frame.node == self._peer)
 
     def _short_of_room(self) -> int:
         """Ticks before a packet fits in the window; 0: it does; `NEVER`: none does any more."""
