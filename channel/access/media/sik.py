@@ -165,6 +165,8 @@ class Sik(AccessMedium):
         netids = self.settings.netids or tuple(range(25, 25 + len(pairs)))
         if len(netids) != len(pairs):
             raise ValueError(f"{len(netids)} NETIDs for {len(pairs)} pairs")
+        if len(set(netids)) < len(netids):
+            raise ValueError(f"NETIDs {netids}: one of its own for each pair")
         return pairs, netids
 
     def _pair(self, pair: tuple[int, int], netid: int) -> None:

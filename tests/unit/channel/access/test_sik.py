@@ -308,5 +308,7 @@ def test_mistakes_are_said() -> None:
         Sik(PlainWorld((0, 1, 2)), SikSettings(pairs=((0, 1), (1, 2))))
     with pytest.raises(ValueError, match="1 NETIDs for 2 pairs"):
         Sik(PlainWorld(range(4)), SikSettings(netids=(3,)))
+    with pytest.raises(ValueError, match="one of its own for each pair"):
+        Sik(PlainWorld(range(4)), SikSettings(netids=(3, 3)))
     with pytest.raises(ValueError, match="60 channels: 1 to 50"):
         SikSettings(channels=60)
