@@ -6,8 +6,8 @@ queue       packets of one node that wait: bounded, with classes, life times and
 world       how strong a node hears another, and what survives: an interface, and a plain one
 radio_world the same by the physics of a radio
 air         transmissions that overlap: what each receiver hears, piece by piece
-media/      who transmits when: airtime (as soon as it can), csma (IEEE 802.11 DCF), tdma (slots), sik (telemetry radios in
-            pairs; sik_*: its parts); plain: what two share
+media/      who transmits when: airtime (as soon as it can), csma (IEEE 802.11 DCF), tdma (slots),
+            sik (telemetry radios in pairs; sik_*: its parts); plain: what two share
 timing      how long a frame lasts: 802.11b, 802.11a/g, plain bit rates
 words       numbers that are drawn
 trial       a medium under load, without a flight
