@@ -38,7 +38,7 @@ class SikSettings:
     Attributes:
         air_kbps: AIR_SPEED.
         ecc: ECC: Golay(23,12).
-        framing: MAVLINK = 1: packets stay whole where a frame can hold them; else they are a stream of bytes.
+        framing: MAVLINK = 1: packets up to 237 B (less at low rates and with ECC) stay whole; else they are a stream.
         max_window_ms: MAX_WINDOW.
         duty_cycle_percent: DUTY_CYCLE; 100: no limit.
         lbt: LBT_RSSI: whether radios listen before they talk.

@@ -98,8 +98,7 @@ class SikRadio:
         self.stream = ByteStream(
             lambda: medium.first_packet(node),
             lambda: medium.next_packet(node),
-            framing=self._settings.framing,
-            max_data_bytes=self._timing.max_data_bytes,
+            self._timing.framed_bytes if self._settings.framing else 0,
         )
         self._receiver: Receiver
         self._pending: Entry | None = None

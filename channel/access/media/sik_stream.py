@@ -39,21 +39,18 @@ class ByteStream:
 
     Args:
         look, take: the packet that is next, left where it is or taken out of its queue.
-        framing: whether packets are kept whole where one frame can hold them (MAVLINK = 1).
-        max_data_bytes: of a frame.
+        framed_bytes: packets up to this length are kept whole (MAVLINK = 1); 0: none.
     """
 
-    __slots__ = ("_begun", "_framing", "_look", "_max_data_bytes", "_take")
+    __slots__ = ("_begun", "_framed_bytes", "_look", "_take")
 
     def __init__(
         self,
         look: Callable[[], AirPacket | None],
         take: Callable[[], AirPacket | None],
-        *,
-        framing: bool,
-        max_data_bytes: int,
+        framed_bytes: int,
     ) -> None:
-        self._look, self._take, self._framing, self._max_data_bytes = look, take, framing, max_data_bytes
+        self._look, self._take, self._framed_bytes = look, take, framed_bytes
         self._begun: Passage | None = None
 
     @property
@@ -83,9 +80,9 @@ class ByteStream:
         packet = self._look()
         if packet is None:
             return None
-        if self._framing and packet.length_bytes > room_bytes:
-            fits_none = packet.length_bytes > self._max_data_bytes
-            if not (fits_none and is_first):
+        if self._framed_bytes and packet.length_bytes > room_bytes:
+            is_kept_whole = packet.length_bytes <= self._framed_bytes
+            if is_kept_whole or not is_first:
                 return None
         taken = self._take()
         assert taken is packet

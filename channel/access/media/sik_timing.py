@@ -27,6 +27,7 @@ UINT8: Final = 256
 _PREAMBLE_BYTES, _SYNC_BYTES, _NETID_BYTES, _LENGTH_BYTES, _CRC_BYTES = 8, 2, 2, 1, 2
 _GOLAY_HEADER_BYTES = 6
 """NETID and length, CRC and length, before they are coded."""
+_SIGNATURE_BYTES = 13
 _TDM_PREAMBLE_BYTES = 5
 """What windows and silence are reckoned with, whatever the preamble is."""
 _TICKS_PER_MS = 62
@@ -63,6 +64,11 @@ class SikTiming:
     def flight(self, data_bytes: int) -> int:
         """How long a packet is under way by the firmware's estimate, which is too long by some bytes."""
         return self.latency + (data_bytes + TRAILER_BYTES) * self.byte
+
+    @property
+    def framed_bytes(self) -> int:
+        """The longest MAVLink 2 packet that is kept whole: the firmware adds 13 B that a signature could take."""
+        return min((self.window - self.latency) // self.byte, self.max_data_bytes) - _SIGNATURE_BYTES
 
     def fits_bytes(self, remaining: int, *, uint8_fault: bool) -> int:
         """How many bytes fit in what is left of a window, before trailer and limits; -1: none.

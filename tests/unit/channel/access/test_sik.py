@@ -183,6 +183,19 @@ def test_packets_stay_whole_with_framing(framing: bool) -> None:
     assert frames == ({1} if framing else {1, 2})
 
 
+@pytest.mark.parametrize(
+    ("air_kbps", "length_bytes", "fault", "comes"),
+    [(16, 230, True, True), (32, 202, True, True), (32, 203, True, False), (32, 237, False, True)],
+)
+def test_a_whole_packet_needs_a_window_with_room(
+    air_kbps: int, length_bytes: int, fault: bool, comes: bool
+) -> None:
+    """32 kb/s: (8122 - 285) / 17 ticks = 461 B, modulo 256 less 3: 202. What no window holds anyway (16 kb/s) is cut."""
+    medium = Sik(PlainWorld((0, 1)), SikSettings(air_kbps, uint8_fault=fault))
+    medium.offer(AirPacket(0, 0, 1, length_bytes, 0))
+    assert [one.loss for one in fates(medium.run(60 * S))] == ([None] if comes else [])
+
+
 def test_a_long_packet_is_lost_with_any_of_its_frames() -> None:
     """1000 B in n frames come with 0.9^n."""
     medium = Sik(PlainWorld((0, 1), loss=0.1), SikSettings(), limits=UNLIMITED)
