@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
@@ -15,6 +15,8 @@ from channel.access.media.csma import Csma, DcfSettings
 from channel.access.media.delay import Delay, DelaySettings, WayDelay
 from channel.access.media.elrs import Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
+from channel.access.media.sik import Sik, SikSettings
+from channel.access.media.sik_timing import AIR_RATES_KBPS, NOMINAL_TICK_NS, REAL_TICK_NS
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
 from channel.access.timing import NS_PER_S, BitRate, Wifi, wifi_a, wifi_b, wifi_g
@@ -310,8 +312,99 @@ class ElrsMedium(Variant):
         return 8 * ELRS_MODES[self.mode].down_bytes_per_s
 
 
+class SikMedium(Shared):
+    """SiK telemetry radios: pairs share the time in windows, and hop; settings by the names of their parameters."""
+
+    model: Literal["sik"] = "sik"
+    queue: Queue = Field(
+        default_factory=lambda: Queue(packets=0, length_bytes=1850), description="bytes from the host"
+    )
+    pairs: tuple[tuple[str, str], ...] = Field(
+        default=(), description="ids; two by two as listed unless given"
+    )
+    netids: tuple[int, ...] = Field(
+        default=(), description="NETID of each pair; 25, 26 and so on unless given"
+    )
+    air_kbps: int = Field(default=64, description=f"AIR_SPEED: one of {', '.join(map(str, AIR_RATES_KBPS))}")
+    ecc: bool = Field(default=False, description="ECC: Golay(23,12); error.coding has to say so, too")
+    framing: bool = Field(
+        default=True, description="MAVLINK: packets stay whole where a frame holds them; else a stream"
+    )
+    max_window_ms: int = Field(default=131, ge=1, le=131, description="MAX_WINDOW")
+    duty_cycle_percent: int = Field(default=100, ge=0, le=100, description="DUTY_CYCLE; 100: no limit")
+    lbt: bool = Field(default=False, description="LBT_RSSI: listens before it talks, for energy_dbm")
+    channels: int = Field(
+        default=50, ge=1, le=50, description="NUM_CHANNELS: 50 at 915 MHz, 10 at 433 and 868"
+    )
+    uint8_fault: bool = Field(
+        default=True, description="the bytes that fit are taken modulo 256, as the firmware does"
+    )
+    tick: Literal["real", "nominal"] = Field(
+        default="real", description="15.673 us, as the hardware has it, or 16 us, as the firmware reckons"
+    )
+    takes_estimate: bool = Field(
+        default=False, description="a receiver takes the window of a trailer as it is, so that its own opens early"
+    )
+    locked: bool = Field(default=True, description="pairs have found each other before the run starts")
+
+    @model_validator(mode="after")
+    def _are_settings(self) -> SikMedium:
+        self._settings({node: 0 for pair in self.pairs for node in pair}.__getitem__).timing()
+        if self.netids and self.pairs and len(self.netids) != len(self.pairs):
+            raise ValueError(f"{len(self.netids)} NETIDs for {len(self.pairs)} pairs")
+        return self
+
+    def _settings(self, place: Callable[[str], int]) -> SikSettings:
+        return SikSettings(
+            air_kbps=self.air_kbps,
+            ecc=self.ecc,
+            framing=self.framing,
+            max_window_ms=self.max_window_ms,
+            duty_cycle_percent=self.duty_cycle_percent,
+            lbt=self.lbt,
+            channels=self.channels,
+            uint8_fault=self.uint8_fault,
+            tick_ns=REAL_TICK_NS if self.tick == "real" else NOMINAL_TICK_NS,
+            takes_estimate=self.takes_estimate,
+            locked=self.locked,
+            pairs=tuple((place(one), place(other)) for one, other in self.pairs) or None,
+            netids=self.netids or None,
+        )
+
+    def open(self, surroundings: Surroundings) -> AccessMedium:
+        """Make the medium.
+
+        Raises:
+            ValueError: a pair of a node that is not there, or a node in two pairs.
+        """
+        return Sik(
+            surroundings.world,
+            self._settings(surroundings.place),
+            seed=surroundings.seed,
+            limits=self.queue.limits,
+            hearing=self.hearing(surroundings),
+        )
+
+    def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
+        """Bits of packets of a length per second, if one of a pair sends them back to back and the other nothing.
+
+        Of a stream of bytes: the own window, and what is left of the peer's after its empty packet; without `uint8_fault`,
+        which costs 8 % from 128 kb/s on.
+        """
+        timing = self._settings(dict[str, int]().__getitem__).timing()
+        sent_bytes = 0
+        for left_ns in (
+            timing.window * NOMINAL_TICK_NS,
+            timing.window * NOMINAL_TICK_NS - timing.frame_ns(0) - timing.latency * NOMINAL_TICK_NS,
+        ):
+            while (room := timing.room_bytes(timing.fits_bytes(left_ns // NOMINAL_TICK_NS, uint8_fault=False))) > 0:
+                sent_bytes += room
+                left_ns -= timing.frame_ns(room) + timing.latency * NOMINAL_TICK_NS
+        return 8 * sent_bytes * NS_PER_S / (timing.round * NOMINAL_TICK_NS)
+
+
 MediumSettings = Annotated[
-    Ideal | AirTimeMedium | TdmaMedium | CsmaMedium | DelayMedium | ElrsMedium,
+    Ideal | AirTimeMedium | TdmaMedium | CsmaMedium | DelayMedium | ElrsMedium | SikMedium,
     Field(discriminator="model"),
     *own_models("medium", "takes_time", "open", "capacity_bps"),
 ]

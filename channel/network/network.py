@@ -77,6 +77,9 @@ class Network:
         self._world = LinkWorld(medium, judge)
         self._access = open_medium(self._world)
         self._entry = entry
+        self._everybody = frozenset(range(len(medium.nodes)))
+        self._unreached: list[AirFate] = []
+        """Of packets to all, at the nodes that their sender's radio has no link to."""
         self._open: dict[tuple[int, int], _Open] = {}
         """Packets on their way, by sender and number."""
         self._now_ns = 0
@@ -99,7 +102,12 @@ class Network:
             at_ns = max(self._entry.at_ns(tx, seq, sim_time_ns), self._now_ns)
             receiver = None if to < 0 else to
             packet = AirPacket(tx, seq, receiver, length_bytes, at_ns, how.priority, how.lifetime_ns, how.key)
-            self._open[tx, seq] = _Open(packet, sim_time_ns, set(self._access.receivers_of(packet)))
+            receivers = set(self._access.receivers_of(packet))
+            others = self._everybody - receivers - {tx} if receiver is None else frozenset()
+            self._unreached += [
+                AirFate(packet, other, at_ns, NEVER_NS, NEVER_NS, 0, Loss.NO_PEER) for other in sorted(others)
+            ]
+            self._open[tx, seq] = _Open(packet, sim_time_ns, receivers | others)
             self._access.offer(packet)
 
     def live(self, until_ns: int) -> Lived:
@@ -107,6 +115,8 @@ class Network:
         outcomes = self._access.run(until_ns - 1)
         self._now_ns = until_ns
         fates = [outcome for outcome in outcomes if isinstance(outcome, AirFate)]
+        fates += [fate for fate in self._unreached if fate.at_ns < until_ns]
+        self._unreached = [fate for fate in self._unreached if fate.at_ns >= until_ns]
         lived = self._lived(fates, [outcome for outcome in outcomes if isinstance(outcome, Reply)])
         self._world.forget(until_ns)
         return lived

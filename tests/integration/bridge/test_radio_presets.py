@@ -23,6 +23,8 @@ NETWORKS = {"lte-uav": 0.015, "satellite": 0.25}
 ALL_HEAR_ALL = ("wifi-2.4", "wifi-5.8", "xbee-900hp", *NETWORKS)
 LENGTH_BYTES = 100
 FAR_M = 400e3
+MAY_BE = {"collided", "channel_erasure", "retries_exhausted", "run_ended"}
+"""SiK's pairs meet on a channel now and then; the others are of what is beyond the horizon."""
 
 
 def ofdm_us(mbps: int) -> int:
@@ -103,9 +105,9 @@ def test_a_preset_flies(flown: Callable[[str], Run], preset: str) -> None:
     assert summary["outcome"] != "fail"
     assert all(check["passed"] for check in summary["checks"])
     assert balances(run)
+    found = fates(run)
     for ends, fate in expected(preset).items():
-        found = fates(run)[ends]
-        assert found == {fate} if fate != "lost" else not found & {"delivered", "no_peer"}, ends
+        assert sorted(found[ends] - MAY_BE) == ([] if fate == "lost" else [fate]), ends
     packets = run.packets
     came = packets[(packets.channel == "test") & (packets.fate == "delivered")]
     lasted_us = (came.ended_ns - came.started_ns) / 1e3
