@@ -53,7 +53,7 @@ def _of_medium(radio: Radio) -> Iterator[str]:
     medium = radio.config.medium
     if isinstance(medium, Ideal):
         yield from IDEAL
-    elif medium.model in BY_MEDIUM:
+    elif getattr(medium, "model", "") in BY_MEDIUM:
         yield BY_MEDIUM[medium.model]
 
 
