@@ -7,18 +7,28 @@ from collections.abc import Iterator
 from bridge.scenario.agents import FreeAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.sensing import emitters_of
+from channel.access.settings import Ideal
 from channel.link.radio import Radio
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from fdm.air.wind import WindConfig
 from fdm.model.sensor_noise import SensorNoise
 
-ALWAYS = (
+ALWAYS = ("frequency selectivity, Doppler shift within a packet, several antennas",)
+"""Of every radio."""
+IDEAL = (
     "airtime: a packet takes no time on the air and is delivered at the next tick, whatever its length",
     "collisions: packets of the fleet do not disturb each other, however many there are at once",
     "medium access: no carrier sense, waiting, queues, acknowledgements or retries; a node sends and receives at once",
-    "frequency selectivity, Doppler shift within a packet, several antennas",
 )
-"""Of every radio."""
+"""Of radios whose medium is ideal."""
+BY_MEDIUM = {
+    "airtime": "medium access: a node transmits whatever it hears; nothing is acknowledged or tried again",
+    "tdma": "medium access beyond the slots: nothing is acknowledged or tried again; clocks agree",
+    "csma": "access points, association, rate adaptation, aggregation, power save: stations have one rate",
+    "delay": "contention: nodes do not disturb each other; delays and outages are a distribution, whoever sends",
+    "elrs": "contention: pairs do not disturb each other; the search for a transmitter's mode",
+    "sik": "other networks on the hopping channels; multipoint firmware",
+}
 
 
 def left_out(scenario: Scenario, radio: Radio, wind: WindConfig) -> list[str]:
@@ -30,12 +40,21 @@ def left_out(scenario: Scenario, radio: Radio, wind: WindConfig) -> list[str]:
         wind: the wind that is flown in.
     """
     return [
+        *_of_medium(radio),
         *ALWAYS,
         *_of_radio(radio),
         *_of_roles(scenario, radio),
         *_of_others(scenario, radio),
         *_of_flight(scenario, wind),
     ]
+
+
+def _of_medium(radio: Radio) -> Iterator[str]:
+    medium = radio.config.medium
+    if isinstance(medium, Ideal):
+        yield from IDEAL
+    elif getattr(medium, "model", "") in BY_MEDIUM:
+        yield BY_MEDIUM[medium.model]
 
 
 def _of_radio(radio: Radio) -> Iterator[str]:

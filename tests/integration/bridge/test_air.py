@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lostlink import Run, fly, load_run, redecide
+from lostlink import Run, ScenarioError, fly, load_run, redecide
 from lostlink.compare.compare import compare
 
 CLASS = f"{Path(__file__).with_name('air_agents.py')}:Scripted"
@@ -295,3 +295,19 @@ def test_a_jammer_spoils_what_meets_its_slots_also_in_part(flown: Flown) -> None
         here and not there for here, there in pairwise(is_off)
     )  # that slot's noise comes in the middle
     assert balances(run)
+
+
+def test_a_medium_of_ones_own(flown: Flown) -> None:
+    own = {"class": f"{Path(__file__).with_name('own_medium.py')}:PatientMedium", "wait_s": 0.05}
+    run = flown([node(0, 0.0), node(1, 50.0, sends=[(1.0, "0", 100)])], own)
+    [row] = rows(run, "g1", "0").to_dict("records")
+    assert (row["fate"], row["started_ns"] - row["entered_ns"]) == ("delivered", 50_000_000)
+
+
+def test_radios_on_one_channel_share_its_medium(flown: Flown) -> None:
+    other = node(1, 50.0) | {"radio": RADIO | {"medium": {"model": "tdma", "slot_s": 0.1}}}
+    text = r"node 0 has airtime, and node g1 tdma or other settings of it: nodes that share a channel share its medium"
+    with pytest.raises(ScenarioError, match=text):
+        flown([node(0, 0.0), other], {"model": "airtime"})
+    with pytest.raises(ScenarioError, match=r"node g7 is not there; there are 0, g1"):
+        flown([node(0, 0.0), node(1, 5.0)], {"model": "tdma", "slot_s": 0.1, "slots": ["g7"]})
