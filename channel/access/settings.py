@@ -343,7 +343,8 @@ class SikMedium(Shared):
         default="real", description="15.673 us, as the hardware has it, or 16 us, as the firmware reckons"
     )
     takes_estimate: bool = Field(
-        default=False, description="a receiver takes the window of a trailer as it is, so that its own opens early"
+        default=False,
+        description="a receiver takes the window of a trailer as it is, so that its own opens early",
     )
     locked: bool = Field(default=True, description="pairs have found each other before the run starts")
 
@@ -388,8 +389,8 @@ class SikMedium(Shared):
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """Bits of packets of a length per second, if one of a pair sends them back to back and the other nothing.
 
-        Of a stream of bytes: the own window, and what is left of the peer's after its empty packet; without `uint8_fault`,
-        which costs 8 % from 128 kb/s on.
+        Of a stream of bytes: the own window, and what is left of the peer's after its empty packet; without
+        `uint8_fault`, which costs 8 % from 128 kb/s on.
         """
         timing = self._settings(dict[str, int]().__getitem__).timing()
         sent_bytes = 0
@@ -397,7 +398,9 @@ class SikMedium(Shared):
             timing.window * NOMINAL_TICK_NS,
             timing.window * NOMINAL_TICK_NS - timing.frame_ns(0) - timing.latency * NOMINAL_TICK_NS,
         ):
-            while (room := timing.room_bytes(timing.fits_bytes(left_ns // NOMINAL_TICK_NS, uint8_fault=False))) > 0:
+            while (
+                room := timing.room_bytes(timing.fits_bytes(left_ns // NOMINAL_TICK_NS, uint8_fault=False))
+            ) > 0:
                 sent_bytes += room
                 left_ns -= timing.frame_ns(room) + timing.latency * NOMINAL_TICK_NS
         return 8 * sent_bytes * NS_PER_S / (timing.round * NOMINAL_TICK_NS)

@@ -73,7 +73,9 @@ def fates(result: Redecision) -> set[str]:
 
 @pytest.mark.parametrize("preset", preset_names())
 def test_every_preset_decides_the_same_again(preset: str, tmp_path: Path) -> None:
-    run = flown(tmp_path / "run", scenario_of(without_time(preset), NODES, seed=11), 70, scale=SCALES.get(preset, 1.0))
+    run = flown(
+        tmp_path / "run", scenario_of(without_time(preset), NODES, seed=11), 70, scale=SCALES.get(preset, 1.0)
+    )
     result = redecide(run)
     assert result.comparison.is_same
     assert result.comparison.fates == 70 * 4 * 3
