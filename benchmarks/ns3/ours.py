@@ -23,6 +23,8 @@ from channel.presets import radio_from_mapping
 AFTER_S = 2.0
 """For what waits when the last packet has entered."""
 CLOSE_DELAY_NS = 3
+CCA_NS = 4_000
+"""ns-3 takes so long to detect a preamble."""
 STEP_M = 1.0
 """In which a moving node goes on."""
 HEIGHT_M = 40.0
@@ -113,6 +115,7 @@ def run(setting: Setting, seed: int) -> Counts:
     hearing = Hearing(
         *(float(ratio_from_db(dbm)) for dbm in (setting.preamble_dbm, setting.energy_dbm)),
         capture=float(ratio_from_db(setting.capture_db)) if setting.capture_db < inf else inf,
+        cca_ns=CCA_NS,
     )
     rts_from_bytes = 0 if setting.rts else None
     settings = DcfSettings(uses_eifs=setting.uses_eifs, rts_from_bytes=rts_from_bytes)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Protocol
 
-from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda
+from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda, Entry
 from channel.access.packets import Loss
 from channel.access.world import AirFrame, Piece, World
 
@@ -26,12 +26,14 @@ class Hearing:
         energy_mw: any power of at least this is sensed as a carrier.
         capture: how many times stronger a later signal has to be to take a receiver over; inf: never.
         interferes: whether frames of the same network disturb each other at all.
+        cca_ns: how long a carrier is there before it is sensed; 802.11's aCCATime is at most 4 us with OFDM.
     """
 
     preamble_mw: float = 1e-12
     energy_mw: float = 1e-12
     capture: float = inf
     interferes: bool = True
+    cca_ns: int = 0
 
 
 class Ear(Protocol):
@@ -61,11 +63,11 @@ class DeafEar:
 
 
 class _Reception:
-    __slots__ = ("alone", "frame", "interference_mw", "pieces", "power_mw", "since_ns")
+    __slots__ = ("alone", "frame", "interference_mw", "pieces", "power_mw", "since_ns", "until_ns")
 
     def __init__(self, frame: AirFrame, power_mw: float, interference_mw: float, now_ns: int) -> None:
         self.frame, self.power_mw, self.interference_mw = frame, power_mw, interference_mw
-        self.since_ns = now_ns
+        self.since_ns, self.until_ns = now_ns, now_ns + frame.ended_ns - frame.started_ns
         self.pieces: list[Piece] = []
 
     def change(self, interference_mw: float, now_ns: int) -> None:
@@ -89,6 +91,7 @@ class Receiver:
         "_ear",
         "_locked",
         "_lost",
+        "_noticing",
         "_signals",
         "is_busy",
         "node",
@@ -101,7 +104,13 @@ class Receiver:
         self._lost: dict[AirFrame, Loss] = {}
         self._locked: _Reception | None = None
         self._damaged = False
+        self._noticing: Entry | None = None
         self.transmits = self.is_busy = False
+
+    @property
+    def receives_until_ns(self) -> int:
+        """When what it receives ends; -1: it receives nothing."""
+        return -1 if self._locked is None else self._locked.until_ns
 
     def starts(self, frame: AirFrame, power_mw: float) -> None:
         """A signal arrives."""
@@ -162,18 +171,35 @@ class Receiver:
         self._sense()
 
     def _sense(self) -> None:
-        signals = self._signals
-        is_busy = (
-            self.transmits
-            or self._locked is not None
-            or (bool(signals) and sum(signals.values()) >= self._air.hearing.energy_mw)
-        )
+        is_busy, cca_ns = self._has_carrier(), self._air.hearing.cca_ns
+        if is_busy and not (self.is_busy or self.transmits) and cca_ns:
+            if self._noticing is None:
+                agenda = self._air.agenda
+                self._noticing = agenda.at(agenda.now_ns + cca_ns, SIGNAL_STARTS, self.node, self._notice)
+        else:
+            self._air.agenda.call_off(self._noticing)
+            self._noticing = None
+            self._tell(is_busy)
+
+    def _notice(self) -> None:
+        self._noticing = None
+        self._tell(self._has_carrier())
+
+    def _tell(self, is_busy: bool) -> None:
         if is_busy != self.is_busy:
             self.is_busy = is_busy
             if is_busy:
                 self._ear.busy()
             else:
                 self._ear.idle(self._damaged)
+
+    def _has_carrier(self) -> bool:
+        signals = self._signals
+        return (
+            self.transmits
+            or self._locked is not None
+            or (bool(signals) and sum(signals.values()) >= self._air.hearing.energy_mw)
+        )
 
 
 class Air:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 from channel.access.agenda import ACTS, Agenda, Entry
@@ -128,6 +127,7 @@ class Station:
         "_heard_from",
         "_idle_since_ns",
         "_ifs_ns",
+        "_immediate_ns",
         "_medium",
         "_nav_ns",
         "_node",
@@ -152,6 +152,7 @@ class Station:
         self.attempts = 0
         self._cw, self._backoff = timing.cw_min, NO_BACKOFF
         self._idle_since_ns, self._ifs_ns, self._nav_ns = -timing.eifs_ns, timing.difs_ns, 0
+        self._immediate_ns = 0
         self._pending: Entry | None = None
         self._timeout: Entry | None = None
         self._frames = 0
@@ -161,10 +162,19 @@ class Station:
     # Access.
 
     def wake(self) -> None:
-        """A packet waits, perhaps the first."""
-        if self._packet is None and self._take() and self.receiver.is_busy and self._backoff == NO_BACKOFF:
-            self._draw_backoff()
+        """A packet waits, perhaps the first: if the medium is idle, and stays so for DIFS, it needs no back-off."""
+        if self._packet is None and self._take() and self._has_counted_down():
+            now_ns = self._agenda.now_ns
+            if self.receiver.is_busy or now_ns < self._nav_ns:
+                self._draw_backoff()
+            else:
+                self._backoff, self._immediate_ns = NO_BACKOFF, now_ns + self._timing.difs_ns
         self._schedule()
+
+    def _has_counted_down(self) -> bool:
+        """Whether no back-off is left of the last transmission."""
+        ends_ns = self._counts_from_ns() + self._backoff * self._timing.slot_ns
+        return self._backoff == NO_BACKOFF or (not self.receiver.is_busy and ends_ns <= self._agenda.now_ns)
 
     def has_had(self, packet: AirPacket) -> bool:
         """Whether the latest unicast that came from its sender is this one."""
@@ -181,15 +191,17 @@ class Station:
         return self._packet is not None
 
     def _counts_from_ns(self) -> int:
-        """From when on idle slots count, if the medium stays idle."""
-        return max(self._idle_since_ns, self._nav_ns) + self._ifs_ns
+        """From when on idle slots count, if the medium stays idle; EIFS takes no notice of the NAV (10.3.2.3.7)."""
+        return max(self._idle_since_ns + self._ifs_ns, self._nav_ns + self._timing.difs_ns)
 
     def _schedule(self) -> None:
         """Plan the next transmission, if there is something to send and the medium is idle."""
         if self._packet is None or self._exchanging or self._pending is not None or self.receiver.is_busy:
             return
         slots = self._backoff if self._backoff > 0 else 0
-        at_ns = max(self._counts_from_ns() + slots * self._timing.slot_ns, self._agenda.now_ns)
+        at_ns = max(
+            self._counts_from_ns() + slots * self._timing.slot_ns, self._immediate_ns, self._agenda.now_ns
+        )
         self._pending = self._agenda.at(at_ns, ACTS, self._node, self._access)
 
     def _draw_backoff(self) -> None:
@@ -208,9 +220,8 @@ class Station:
             timing = self._timing
             rest_ns = timing.control_ns(CTS_BYTES) + timing.duration_ns(packet.length_bytes)
             reserved_ns = 3 * timing.sifs_ns + rest_ns + timing.control_ns(ACK_BYTES)
-            await_cts = partial(self._await, timing.control_ns(CTS_BYTES))
             self._transmit(
-                RTS, timing.control_ns(RTS_BYTES), await_cts, to=packet.to, reserved_ns=reserved_ns
+                RTS, timing.control_ns(RTS_BYTES), self._await, to=packet.to, reserved_ns=reserved_ns
             )
         else:
             self._send_unicast(packet)
@@ -225,7 +236,7 @@ class Station:
         self._transmit(
             DATA,
             timing.duration_ns(packet.length_bytes),
-            partial(self._await, ack_ns),
+            self._await,
             packet=packet,
             reserved_ns=timing.sifs_ns + ack_ns,
         )
@@ -259,17 +270,24 @@ class Station:
         self._draw_backoff()
         self._take()
 
-    def _await(self, reply_ns: int) -> None:
-        """An answer has to be here one slot after it could be, at the latest."""
+    def _await(self) -> None:
+        """An answer has to begin within SIFS, a slot and its preamble (ACKTimeout, CTSTimeout: 10.3.2.9, 10.3.2.11)."""
         timing = self._timing
-        at_ns = self._agenda.now_ns + timing.sifs_ns + reply_ns + timing.slot_ns + self._reach_ns
-        self._timeout = self._agenda.at(at_ns, ACTS, self._node, self._failed)
+        at_ns = self._agenda.now_ns + timing.sifs_ns + timing.slot_ns + timing.preamble_ns + self._reach_ns
+        self._timeout = self._agenda.at(at_ns, ACTS, self._node, self._overdue)
+
+    def _overdue(self) -> None:
+        """What has begun, if anything, may be the answer: its end is waited for."""
+        until_ns = self.receiver.receives_until_ns
+        if until_ns > self._agenda.now_ns:
+            self._timeout = self._agenda.at(until_ns, ACTS, self._node, self._failed)
+        else:
+            self._failed()
 
     def _failed(self) -> None:
-        """No answer came; the wait for it is not counted as idle slots."""
+        """No answer came; the wait for it is not counted as idle."""
         self._timeout, self._exchanging = None, False
-        waited_ns = self._timing.slot_ns + self._reach_ns
-        self._idle_since_ns = max(self._idle_since_ns, self._agenda.now_ns - waited_ns)
+        self._idle_since_ns = max(self._idle_since_ns, self._agenda.now_ns)
         packet = self._packet
         assert packet is not None
         if self.attempts >= self._medium.settings.attempts_max:
