@@ -104,8 +104,8 @@ def world_of(setting: Setting, seed: int) -> World:
 
 
 def timing_of(setting: Setting) -> Wifi:
-    """Broadcasts at the rate of data, acknowledgements at the basic rate."""
-    basic_mbps = setting.rate_mbps if setting.to is None else 2.0 if setting.is_b else 6.0
+    """Broadcasts at the rate of data; acknowledgements at 6 Mb/s, or at 11: what ns-3 answers with."""
+    basic_mbps = setting.rate_mbps if setting.to is None or setting.is_b else 6.0
     return (wifi_b if setting.is_b else wifi_a)(setting.rate_mbps, basic_mbps)
 
 

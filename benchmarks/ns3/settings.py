@@ -45,7 +45,7 @@ class Setting:
         seconds: that are simulated, for each seed.
         to: the node that packets are for; None: all, and the last node counts.
         a_second: packets that enter each sender's radio, a Poisson process; 0: always one waits.
-        is_b: 802.11b with an ACK at 2 Mb/s, else 802.11a with one at 6.
+        is_b: 802.11b with acknowledgements at the rate of data, else 802.11a with those at 6 Mb/s.
         rate_mbps: of all data.
         received_dbm: from all by all; None: by distance.
         exponent, transmit_dbm: of the law of distance, 46.6777 dB at 1 m.
@@ -129,9 +129,9 @@ SETTINGS: Mapping[str, Setting] = {
     "hidden pair": hidden(),
     "hidden pair, RTS": hidden(rts=True),
     "errors": Setting(((0.0, 0.0), (98.37, 0.0)), (0,), 1000, 20.0, 1, 100.0, preamble_dbm=-110.0),
-    "capture, none": capture(),
+    "capture, none": capture(whole_headers=True),
     "capture, same slot": capture(a_second=0.0, preamble_dbm=-95.0, capture_db=5.0),
-    "capture, 5 dB": capture(capture_db=5.0, note=WINDOW),
+    "capture, 5 dB": capture(whole_headers=True, capture_db=5.0, note=WINDOW),
     "moving receiver": Setting(
         ((0.0, 0.0), (50.0, 0.0)),
         (0,),

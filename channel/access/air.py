@@ -63,11 +63,11 @@ class DeafEar:
 
 
 class _Reception:
-    __slots__ = ("alone", "frame", "interference_mw", "pieces", "power_mw", "since_ns", "until_ns")
+    __slots__ = ("alone", "frame", "interference_mw", "pieces", "power_mw", "since_ns")
 
     def __init__(self, frame: AirFrame, power_mw: float, interference_mw: float, now_ns: int) -> None:
         self.frame, self.power_mw, self.interference_mw = frame, power_mw, interference_mw
-        self.since_ns, self.until_ns = now_ns, now_ns + frame.ended_ns - frame.started_ns
+        self.since_ns = now_ns
         self.pieces: list[Piece] = []
 
     def change(self, interference_mw: float, now_ns: int) -> None:
@@ -106,11 +106,6 @@ class Receiver:
         self._damaged = False
         self._noticing: Entry | None = None
         self.transmits = self.is_busy = False
-
-    @property
-    def receives_until_ns(self) -> int:
-        """When what it receives ends; -1: it receives nothing."""
-        return -1 if self._locked is None else self._locked.until_ns
 
     def starts(self, frame: AirFrame, power_mw: float) -> None:
         """A signal arrives."""

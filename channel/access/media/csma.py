@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from channel.access.agenda import ACTS, Agenda, Entry
@@ -220,8 +221,9 @@ class Station:
             timing = self._timing
             rest_ns = timing.control_ns(CTS_BYTES) + timing.duration_ns(packet.length_bytes)
             reserved_ns = 3 * timing.sifs_ns + rest_ns + timing.control_ns(ACK_BYTES)
+            await_cts = partial(self._await, timing.control_ns(CTS_BYTES))
             self._transmit(
-                RTS, timing.control_ns(RTS_BYTES), self._await, to=packet.to, reserved_ns=reserved_ns
+                RTS, timing.control_ns(RTS_BYTES), await_cts, to=packet.to, reserved_ns=reserved_ns
             )
         else:
             self._send_unicast(packet)
@@ -236,7 +238,7 @@ class Station:
         self._transmit(
             DATA,
             timing.duration_ns(packet.length_bytes),
-            self._await,
+            partial(self._await, ack_ns),
             packet=packet,
             reserved_ns=timing.sifs_ns + ack_ns,
         )
@@ -270,24 +272,17 @@ class Station:
         self._draw_backoff()
         self._take()
 
-    def _await(self) -> None:
-        """An answer has to begin within SIFS, a slot and its preamble (ACKTimeout, CTSTimeout: 10.3.2.9, 10.3.2.11)."""
+    def _await(self, reply_ns: int) -> None:
+        """An answer has to be here one slot after it could be, at the latest."""
         timing = self._timing
-        at_ns = self._agenda.now_ns + timing.sifs_ns + timing.slot_ns + timing.preamble_ns + self._reach_ns
-        self._timeout = self._agenda.at(at_ns, ACTS, self._node, self._overdue)
-
-    def _overdue(self) -> None:
-        """What has begun, if anything, may be the answer: its end is waited for."""
-        until_ns = self.receiver.receives_until_ns
-        if until_ns > self._agenda.now_ns:
-            self._timeout = self._agenda.at(until_ns, ACTS, self._node, self._failed)
-        else:
-            self._failed()
+        at_ns = self._agenda.now_ns + timing.sifs_ns + reply_ns + timing.slot_ns + self._reach_ns
+        self._timeout = self._agenda.at(at_ns, ACTS, self._node, self._failed)
 
     def _failed(self) -> None:
-        """No answer came; the wait for it is not counted as idle."""
+        """No answer came; the wait for it is not counted as idle slots."""
         self._timeout, self._exchanging = None, False
-        self._idle_since_ns = max(self._idle_since_ns, self._agenda.now_ns)
+        waited_ns = self._timing.slot_ns + self._reach_ns
+        self._idle_since_ns = max(self._idle_since_ns, self._agenda.now_ns - waited_ns)
         packet = self._packet
         assert packet is not None
         if self.attempts >= self._medium.settings.attempts_max:
