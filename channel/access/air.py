@@ -166,35 +166,33 @@ class Receiver:
         self._sense()
 
     def _sense(self) -> None:
-        is_busy, cca_ns = self._has_carrier(), self._air.hearing.cca_ns
-        if is_busy and not (self.is_busy or self.transmits) and cca_ns:
-            if self._noticing is None:
-                agenda = self._air.agenda
-                self._noticing = agenda.at(agenda.now_ns + cca_ns, SIGNAL_STARTS, self.node, self._notice)
-        else:
-            self._air.agenda.call_off(self._noticing)
-            self._noticing = None
-            self._tell(is_busy)
+        signals = self._signals
+        is_busy = (
+            self.transmits
+            or self._locked is not None
+            or (bool(signals) and sum(signals.values()) >= self._air.hearing.energy_mw)
+        )
+        if is_busy != self.is_busy or self._noticing is not None:
+            self._changes(is_busy)
 
-    def _notice(self) -> None:
-        self._noticing = None
-        self._tell(self._has_carrier())
+    def _changes(self, is_busy: bool) -> None:
+        """A carrier of others is noticed when it has been there for a while, all else at once."""
+        agenda, cca_ns = self._air.agenda, self._air.hearing.cca_ns
+        if is_busy and cca_ns and not self.transmits:
+            if self._noticing is None:
+                self._noticing = agenda.at(agenda.now_ns + cca_ns, SIGNAL_STARTS, self.node, self._tell, True)
+            return
+        agenda.call_off(self._noticing)
+        self._tell(is_busy)
 
     def _tell(self, is_busy: bool) -> None:
+        self._noticing = None
         if is_busy != self.is_busy:
             self.is_busy = is_busy
             if is_busy:
                 self._ear.busy()
             else:
                 self._ear.idle(self._damaged)
-
-    def _has_carrier(self) -> bool:
-        signals = self._signals
-        return (
-            self.transmits
-            or self._locked is not None
-            or (bool(signals) and sum(signals.values()) >= self._air.hearing.energy_mw)
-        )
 
 
 class Air:
