@@ -122,6 +122,7 @@ class Station:
         "_agenda",
         "_backoff",
         "_cw",
+        "_difs_ns",
         "_exchanging",
         "_frame",
         "_frames",
@@ -153,7 +154,7 @@ class Station:
         self.attempts = 0
         self._cw, self._backoff = timing.cw_min, NO_BACKOFF
         self._idle_since_ns, self._ifs_ns, self._nav_ns = -timing.eifs_ns, timing.difs_ns, 0
-        self._immediate_ns = 0
+        self._difs_ns, self._immediate_ns = timing.difs_ns, 0
         self._pending: Entry | None = None
         self._timeout: Entry | None = None
         self._frames = 0
@@ -169,7 +170,7 @@ class Station:
             if self.receiver.is_busy or now_ns < self._nav_ns:
                 self._draw_backoff()
             else:
-                self._backoff, self._immediate_ns = NO_BACKOFF, now_ns + self._timing.difs_ns
+                self._backoff, self._immediate_ns = NO_BACKOFF, now_ns + self._difs_ns
         self._schedule()
 
     def _has_counted_down(self) -> bool:
@@ -193,7 +194,8 @@ class Station:
 
     def _counts_from_ns(self) -> int:
         """From when on idle slots count, if the medium stays idle; EIFS takes no notice of the NAV (10.3.2.3.7)."""
-        return max(self._idle_since_ns + self._ifs_ns, self._nav_ns + self._timing.difs_ns)
+        idle_ns, nav_ns = self._idle_since_ns + self._ifs_ns, self._nav_ns + self._difs_ns
+        return idle_ns if idle_ns > nav_ns else nav_ns
 
     def _schedule(self) -> None:
         """Plan the next transmission, if there is something to send and the medium is idle."""
@@ -313,7 +315,7 @@ class Station:
         """The medium is idle from now on."""
         timing = self._timing
         self._idle_since_ns = self._agenda.now_ns
-        self._ifs_ns = timing.eifs_ns if damaged and self._medium.settings.uses_eifs else timing.difs_ns
+        self._ifs_ns = timing.eifs_ns if damaged and self._medium.settings.uses_eifs else self._difs_ns
         self._schedule()
 
     def heard(self, frame: AirFrame) -> None:
