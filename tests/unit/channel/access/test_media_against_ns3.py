@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from math import hypot
 from pathlib import Path
 from statistics import fmean
@@ -19,7 +20,9 @@ QUICK = ("broadcast, 2 saturated", "hidden pair", "hidden pair, RTS", "errors", 
 DIFFER = {("capture, 5 dB", "from 33 m")}
 """lostlink goes over to the stronger frame at any time, ns-3 in the first 16 us alone."""
 SIGMAS = 4.0
-MODELS = 0.005
+RARE = 1e-3
+"""Of a figure: where none, or one, of ns-3's packets was lost, its seeds do not scatter."""
+MODELS = {"errors": 5e-3, "moving receiver": 5e-3}
 """Of a figure: ns-3's headers, tails and pad bits can fail, too; lostlink's have no bits of their own."""
 
 
@@ -42,14 +45,14 @@ def means(setting: Setting, seeds: int) -> dict[tuple[str, str], float]:
     return {key: fmean(run[key] for run in runs) for key in runs[0]}
 
 
-def hold(name: str, seeds: int) -> None:
+def hold(name: str, seeds: int, setting: Setting | None = None) -> None:
     """Four standard errors of the difference, as many seeds here scattering as much as those of ns-3."""
-    found = means(SETTINGS[name], seeds)
+    found = means(setting or SETTINGS[name], seeds)
     assert found.keys() == RECORDED[name].keys()
     for (group, figure), (ns3, ns3_seeds) in RECORDED[name].items():
         if (name, group) not in DIFFER:
             error = ns3.standard_error * hypot(1.0, (ns3_seeds / seeds) ** 0.5)
-            bound = SIGMAS * error + MODELS * ns3.value
+            bound = SIGMAS * error + (RARE + MODELS.get(name, 0.0)) * ns3.value
             assert found[group, figure] == pytest.approx(ns3.value, abs=bound), (group, figure)
 
 
@@ -68,12 +71,21 @@ def test_all_settings(name: str) -> None:
     hold(name, SEEDS)
 
 
-def test_bounds_tell_a_wrong_medium_from_a_right_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A carrier that is sensed at once is outside of them: fewer of twenty broadcasters collide."""
-    hold("broadcast, 20 at 50 a second", 2)
+def test_bounds_tell_other_stations() -> None:
+    """Ten that do not wait EIFS collide more often than ns-3's ten that do, though only half a second is looked at."""
+    name = "broadcast, 10 saturated, EIFS"
+    short = replace(SETTINGS[name], seconds=0.5)
+    hold(name, QUICK_SEEDS, short)
+    with pytest.raises(AssertionError, match="received per frame|carried"):
+        hold(name, QUICK_SEEDS, replace(short, uses_eifs=False))
+
+
+@pytest.mark.slow
+def test_bounds_tell_when_a_carrier_is_sensed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sensed at once, fewer of twenty broadcasters collide."""
     monkeypatch.setattr(ours, "CCA_NS", 0)
-    with pytest.raises(AssertionError):
-        hold("broadcast, 20 at 50 a second", 2)
+    with pytest.raises(AssertionError, match="received of offered"):
+        hold("broadcast, 20 at 50 a second", SEEDS)
 
 
 @pytest.fixture(scope="module")
