@@ -87,6 +87,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             if options.only in name:
                 expected = means(theirs.run(program, setting, options.seeds), setting)
                 print_setting(name, ours_of(setting, options.seeds), expected)
+                if setting.note:
+                    print(f"    {setting.note}")
                 rows += [(name, *key, *_rounded(mean), options.seeds) for key, mean in expected.items()]
     if options.record:
         _record(options.record, rows, options.seeds)

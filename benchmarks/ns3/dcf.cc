@@ -1,8 +1,8 @@
 // IEEE 802.11 DCF by ns-3's own models, for `python -m benchmarks ns3`: one setting, several seeds, CSV on stdout.
 //
-// A program of its own: lostlink neither imports, links nor ships it. The file is under lostlink's licence (Apache 2.0);
-// what it is linked to, ns-3, is under the GPL version 2, which then governs the binary. It needs ns-3.37 with its
-// headers, as in Debian's libns3-dev; to build it:
+// A program of its own: lostlink neither imports, links nor ships it. This file is under lostlink's licence (Apache 2.0),
+// ns-3 under the GPL, version 2 only. The two do not go together in one work that is passed on: build the program where
+// it is run, and pass no binary on. It needs ns-3.37 with its headers, as in Debian's libns3-dev; to build it:
 //
 //   g++ -std=c++17 -O2 dcf.cc -o dcf -lns3-wifi -lns3-propagation -lns3-mobility -lns3-network -lns3-core
 //
