@@ -17,7 +17,7 @@ from channel.fading.shadowing import (
     OneSidedNormalShadowing,
 )
 from channel.own import own_models
-from channel.phy.error_model import ErfcBytes, Lossless, SnrTable, Threshold, UncodedAwgn
+from channel.phy.error_model import ErfcBytes, Lossless, NoncoherentFsk, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
 from channel.phy.noise import FixedNoise, ManMadeNoise, ThermalNoise
 from channel.phy.ofdm import OfdmNist, OfdmYans
@@ -80,7 +80,7 @@ Noise = Annotated[
     *own_models("noise", "noise_floor_dbm"),
 ]
 Error = Annotated[
-    ErfcBytes | UncodedAwgn | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
+    ErfcBytes | UncodedAwgn | NoncoherentFsk | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
     Field(discriminator="model"),
     *own_models("error", "breaks_db", "ber", "per"),
 ]

@@ -7,7 +7,7 @@ world       how strong a node hears another, and what survives: an interface, an
 radio_world the same by the physics of a radio
 air         transmissions that overlap: what each receiver hears, piece by piece
 media/      who transmits when: airtime (as soon as it can), csma (IEEE 802.11 DCF), delay (a line per node), elrs
-            (ExpressLRS), tdma (slots); plain: what two share
+            (ExpressLRS), sik (telemetry radios in pairs; sik_*: its parts), tdma (slots); plain: what two share
 elrs_modes  slots and packets of ExpressLRS
 stubborn    its stop and wait
 timing      how long a frame lasts: 802.11b, 802.11a/g, plain bit rates

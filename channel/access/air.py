@@ -83,16 +83,19 @@ class Receiver:
     Attributes:
         transmits: whether it is on the air itself.
         is_busy: whether it senses a carrier.
+        channel: where it listens.
     """
 
     __slots__ = (
         "_air",
         "_damaged",
         "_ear",
+        "_elsewhere",
         "_locked",
         "_lost",
         "_noticing",
         "_signals",
+        "channel",
         "is_busy",
         "node",
         "transmits",
@@ -103,12 +106,38 @@ class Receiver:
         self._signals: dict[AirFrame, float] = {}
         self._lost: dict[AirFrame, Loss] = {}
         self._locked: _Reception | None = None
+        self._elsewhere: dict[AirFrame, float] = {}
+        """Signals on other channels."""
         self._damaged = False
         self._noticing: Entry | None = None
         self.transmits = self.is_busy = False
+        self.channel = 0
+
+    @property
+    def follows(self) -> AirFrame | None:
+        """The frame that it is locked on to."""
+        return None if self._locked is None else self._locked.frame
+
+    def tune(self, channel: int) -> None:
+        """Listen on a channel from now on; what is under way there it has no preamble of, and does not lock on to."""
+        if channel == self.channel:
+            return
+        self.channel = channel
+        here = {**self._signals, **self._elsewhere}
+        for frame in here:
+            self._lost.setdefault(frame, Loss.NO_LOCK)
+        self._signals = {frame: power for frame, power in here.items() if frame.channel == channel}
+        self._elsewhere = {frame: power for frame, power in here.items() if frame.channel != channel}
+        self._locked = None
+        self._damaged = False
+        self._sense()
 
     def starts(self, frame: AirFrame, power_mw: float) -> None:
         """A signal arrives."""
+        if frame.channel != self.channel:
+            self._elsewhere[frame] = power_mw
+            self._lost[frame] = Loss.HALF_DUPLEX if self.transmits else Loss.NO_LOCK
+            return
         hearing, locked, signals = self._air.hearing, self._locked, self._signals
         now_ns = self._air.agenda.now_ns
         others_mw = sum(signals.values()) if signals and hearing.interferes else 0.0
@@ -134,6 +163,10 @@ class Receiver:
     def ends(self, frame: AirFrame) -> None:
         """A signal has passed."""
         air, locked = self._air, self._locked
+        if frame.channel != self.channel:
+            del self._elsewhere[frame]
+            air.on_fate(frame, self.node, self._lost.pop(frame))
+            return
         del self._signals[frame]
         loss = self._lost.pop(frame, None)
         if locked is not None:

@@ -30,6 +30,8 @@ class Loss(StrEnum):
     """Too weak, or too many errors of the channel alone."""
     RETRIES = "retries_exhausted"
     """A unicast was never acknowledged."""
+    NO_LOCK = "no_lock"
+    """The receiver listened on another channel: hopping radios that have not found each other."""
     NO_PEER = "no_peer"
     """The radio has no link to that node."""
     OUTAGE = "outage"

@@ -93,25 +93,26 @@ def under_load(medium: AccessMedium, load: Load) -> Carried:
     """Send a load over a medium that nothing was sent over yet."""
     senders = [node for node in medium.world.nodes if node != load.to]
     a_second = load.offered_bps / (8 * load.length_bytes) / len(senders)
-    sent = 0
+    sent = packets = 0
     for node in senders:
         for number, at_ns in enumerate(instants(node, a_second, load)):
             packet = AirPacket(node, number, load.to, load.length_bytes, at_ns)
             medium.offer(packet)
+            packets += 1
             sent += len(medium.receivers_of(packet))
     outcomes = medium.run(int(load.duration_s * NS_PER_S))
-    return _result(load, sent, [one for one in outcomes if isinstance(one, AirFate)], len(senders))
+    return _result(load, sent, [one for one in outcomes if isinstance(one, AirFate)], packets)
 
 
-def _result(load: Load, sent: int, fates: Sequence[AirFate], senders: int) -> Carried:
+def _result(load: Load, sent: int, fates: Sequence[AirFate], packets: int) -> Carried:
     came = [fate for fate in fates if fate.loss is None]
-    receivers = 1 if load.to is not None else senders - 1
+    receivers = sent / packets if sent else 1.0
     delays = sorted((fate.at_ns - fate.packet.at_ns) / NS_PER_S for fate in came)
     return Carried(
         load.offered_bps,
         sent,
         len(came),
-        len(came) * 8 * load.length_bytes / load.duration_s / max(receivers, 1),
+        len(came) * 8 * load.length_bytes / load.duration_s / receivers,
         (sum(delays) / len(delays), delays[len(delays) // 2], delays[int(0.95 * (len(delays) - 1))])
         if delays
         else None,

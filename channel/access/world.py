@@ -32,6 +32,7 @@ class AirFrame:
         to: the node that a control frame is for.
         reserved_ns: how long after its end others keep quiet (NAV).
         attempt: the how-manieth transmission of the same.
+        channel: on which only those hear it that listen there.
     """
 
     node: int
@@ -44,6 +45,7 @@ class AirFrame:
     to: int | None = None
     reserved_ns: int = 0
     attempt: int = 1
+    channel: int = 0
 
 
 class Arrival(NamedTuple):

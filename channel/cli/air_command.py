@@ -16,6 +16,7 @@ from channel.access.media.csma import Csma, DcfSettings
 from channel.access.media.delay import Delay, DelaySettings, WayDelay
 from channel.access.media.elrs import ELRS_MODES, Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
+from channel.access.media.sik import Sik, SikSettings
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate, Wifi, wifi_a, wifi_b, wifi_g
@@ -34,7 +35,7 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
 
 
 @click.command()
-@click.argument("medium", type=click.Choice(["airtime", "csma", "delay", "elrs", "tdma"]))
+@click.argument("medium", type=click.Choice(["airtime", "csma", "delay", "elrs", "sik", "tdma"]))
 @click.option("--nodes", type=click.IntRange(2, 500), help="How many stations; 6 if not given, 2 of elrs.")
 @click.option(
     "--length-bytes", default=200, show_default=True, type=click.IntRange(1), help="Of each packet."
@@ -95,11 +96,24 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
 )
 @click.option("--guard-ms", default=1.0, show_default=True, help="Of tdma, at the end of each slot.")
 @click.option(
+    "--air-kbps", default=64, show_default=True, type=int, help="Of sik: its rate on the air (AIR_SPEED)."
+)
+@click.option("--ecc", is_flag=True, help="Of sik: code frames by Golay(23,12).")
+@click.option(
+    "--framing/--no-framing",
+    default=True,
+    show_default=True,
+    help="Of sik: keep packets whole (MAVLINK = 1), or take them for a stream of bytes.",
+)
+@click.option(
+    "--cold", is_flag=True, help="Of sik: radios are switched on at the start, and have to find each other."
+)
+@click.option(
     "--queue",
     default=64,
     show_default=True,
     type=click.IntRange(0),
-    help="Packets that a node's queue holds; 0: any.",
+    help="Packets that a node's queue holds; 0: any. Of sik: any, in 1850 bytes.",
 )
 @click.option(
     "--radio",
@@ -122,7 +136,9 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
     help="Bits of packets a second that all offer together. Repeatable; a series if not given.",
 )
 @click.option("--duration", "duration_s", default=20.0, show_default=True, help="Sim time per load, s.")
-@click.option("--seed", default=1, show_default=True, type=int, help="Of traffic, back-off and errors.")
+@click.option(
+    "--seed", default=1, show_default=True, type=int, help="Of traffic, back-off, phases and errors."
+)
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable output.")
 @click.option(
     "--plot",
@@ -140,6 +156,10 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
       lostlink air delay --delay-ms 20 45 120 --outage-s 120 5 --bitrate-bps 1e6
       lostlink air elrs --mode 900-200 --to one --length-bytes 40
       lostlink air csma --radio wifi-2.4 --ring-m 400 --plot air.png
+      lostlink air sik --nodes 2 --air-kbps 64 --length-bytes 50 --duration 60
+
+    sik: nodes talk two by two in their order; what is for all goes to the other of the two, what is for a node
+    that is not it is lost (no peer).
     """
     options["nodes"] = options["nodes"] or (2 if medium == "elrs" else 6)
     try:
@@ -165,6 +185,8 @@ def _loads(medium: str, options: dict[str, Any]) -> Sequence[float]:
         full_bps = _wifi(options).rate_mbps * 1e6
     elif medium == "elrs":
         full_bps = 8.0 * ELRS_MODES[options["mode"]].down_bytes_per_s
+    elif medium == "sik":
+        full_bps = 1e3 * options["air_kbps"]
     return [share * full_bps for share in CHOSEN_LOADS]
 
 
@@ -188,6 +210,11 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
     if medium == "elrs":
         pairs = ElrsSettings(ELRS_MODES[options["mode"]], has_rc=options["rc"])
         return Elrs(world, pairs, seed=options["seed"])
+    if medium == "sik":
+        radios = SikSettings(
+            options["air_kbps"], options["ecc"], framing=options["framing"], locked=not options["cold"]
+        )
+        return Sik(world, radios, seed=options["seed"], hearing=hearing)
     timing = BitRate(options["bitrate_bps"], header_bytes=options["header_bytes"])
     if medium == "airtime":
         return AirTime(world, timing, limits, hearing)

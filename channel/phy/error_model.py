@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from channel import checks
 from channel.checks import FloatArray
 from channel.numbers.units import ratio_from_db
-from channel.phy import modulation
+from channel.phy import golay, modulation
 from channel.variant import Variant
 
 MAX_BER = 1.0 - 2.0**-53
@@ -123,6 +123,28 @@ _AWGN_BER: dict[str, Callable[[ArrayLike], FloatArray]] = {
     "16qam": lambda ebn0: modulation.ber_square_qam(ebn0, 16),
     "64qam": lambda ebn0: modulation.ber_square_qam(ebn0, 64),
 }
+
+
+class NoncoherentFsk(Smooth):
+    """Binary FSK or GFSK of index 1 or more, detected without its phase, plain or coded by Golay(23,12).
+
+    Coded, 12 bits of the packet become a word of 23 bits, of which any three may be wrong. The length is that before
+    coding: what counts as a part of a word.
+    """
+
+    model: Literal["noncoherent-fsk"] = "noncoherent-fsk"
+    coding: Literal["none", "golay"] = Field(default="none", description="golay: Golay(23,12), as SiK's ECC")
+
+    def ber(self, snr_db: FloatArray, band: Band, /) -> FloatArray:
+        """Return the bit error rate on the air, before decoding."""
+        return modulation.ber_noncoherent_fsk(linear_snr(snr_db) * (band.bandwidth_hz / band.bit_rate_bps))
+
+    def per(self, snr_db: FloatArray, length_bytes: FloatArray | float, band: Band, /) -> FloatArray:
+        """Return 1 - (1 - p)^n: of bits, or of words."""
+        ber, bits = self.ber(snr_db, band), np.multiply(length_bytes, BITS_PER_BYTE)
+        if self.coding == "none":
+            return packet_error(ber, bits)
+        return packet_error(golay.word_error(ber), np.divide(bits, golay.DATA_BITS))
 
 
 class Lossless(Smooth):

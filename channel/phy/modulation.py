@@ -34,6 +34,15 @@ def ber_qpsk(ebn0: ArrayLike) -> FloatArray:
     return ber_bpsk(ebn0)
 
 
+def ber_noncoherent_fsk(ebn0: ArrayLike) -> FloatArray:
+    """Return 0.5 exp(-Eb / 2 N0): orthogonal binary FSK, detected without its phase (Proakis, eq. 4.5-46).
+
+    Raises:
+        ChannelInputError: `ebn0` is negative or not finite.
+    """
+    return np.asarray(0.5 * np.exp(-0.5 * finite("ebn0", ebn0, 0.0)))
+
+
 def ber_square_qam(ebn0: ArrayLike, order: int) -> FloatArray:
     """Return the exact bit error rate of Gray-coded square M-QAM.
 

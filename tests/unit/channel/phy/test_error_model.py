@@ -5,9 +5,11 @@ import pytest
 from scipy.special import erfc
 
 from channel import presets
+from channel.access.media.sik_timing import sik_timing
 from channel.checks import ChannelInputError
 from channel.phy import modulation
-from channel.phy.error_model import Band, ErfcBytes, Threshold, UncodedAwgn, packet_error_rate
+from channel.phy.error_model import Band, ErfcBytes, NoncoherentFsk, Threshold, UncodedAwgn, packet_error_rate
+from channel.phy.golay import word_error
 
 BAND = Band(20e6, 20e6)
 SNR_DB = np.array([6.0, 8.0, 10.0])
@@ -104,3 +106,26 @@ def test_gz_example_world_means():
     link = Radio(config).link(52.0)
     assert float(link.received_power_dbm) == pytest.approx(-64.616, abs=5e-4)
     assert float(link.snr_db) == pytest.approx(25.384, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("ber", "word", "coded", "plain"),
+    [(1e-3, 8.7e-9, 0.0, 0.376), (1e-2, 7.6e-5, 0.003, 0.991), (5e-2, 2.6e-2, None, None)],
+)
+def test_golay_keeps_a_sik_packet(ber, word, coded, plain):
+    """50 B of a SiK radio: 59 B that errors can hit; coded 60 B, in 40 words."""
+    snr_db = np.asarray([10.0 * math.log10(2.0 * math.log(0.5 / ber))])
+    golay, none = (NoncoherentFsk(coding=coding) for coding in ("golay", "none"))
+    assert none.ber(snr_db, BAND) == pytest.approx([ber])
+    assert golay.per(snr_db, 1.5, BAND) == pytest.approx([word], rel=0.01)
+    if coded is not None:
+        assert golay.per(snr_db, sik_timing(ecc=True).fragile_bytes(50), BAND) == pytest.approx(
+            [coded], abs=5e-4
+        )
+        assert none.per(snr_db, sik_timing().fragile_bytes(50), BAND) == pytest.approx([plain], abs=1e-3)
+
+
+def test_golay_words_by_counting_errors():
+    """Of 200000 words drawn at a bit error rate of 0.1, so many have more than three errors."""
+    wrong = np.random.default_rng(1).random((200_000, 23)) < 0.1
+    assert word_error(0.1) == pytest.approx(np.mean(wrong.sum(axis=1) > 3), rel=0.02)
