@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Protocol
 
-from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda
+from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda, Entry
 from channel.access.packets import Loss
 from channel.access.world import AirFrame, Piece, World
 
@@ -26,12 +26,14 @@ class Hearing:
         energy_mw: any power of at least this is sensed as a carrier.
         capture: how many times stronger a later signal has to be to take a receiver over; inf: never.
         interferes: whether frames of the same network disturb each other at all.
+        cca_ns: how long a carrier is there before it is sensed; 802.11's aCCATime is at most 4 us with OFDM.
     """
 
     preamble_mw: float = 1e-12
     energy_mw: float = 1e-12
     capture: float = inf
     interferes: bool = True
+    cca_ns: int = 0
 
 
 class Ear(Protocol):
@@ -91,6 +93,7 @@ class Receiver:
         "_elsewhere",
         "_locked",
         "_lost",
+        "_noticing",
         "_signals",
         "channel",
         "is_busy",
@@ -106,6 +109,7 @@ class Receiver:
         self._elsewhere: dict[AirFrame, float] = {}
         """Signals on other channels."""
         self._damaged = False
+        self._noticing: Entry | None = None
         self.transmits = self.is_busy = False
         self.channel = 0
 
@@ -201,6 +205,21 @@ class Receiver:
             or self._locked is not None
             or (bool(signals) and sum(signals.values()) >= self._air.hearing.energy_mw)
         )
+        if is_busy != self.is_busy or self._noticing is not None:
+            self._changes(is_busy)
+
+    def _changes(self, is_busy: bool) -> None:
+        """A carrier of others is noticed when it has been there for a while, all else at once."""
+        agenda, cca_ns = self._air.agenda, self._air.hearing.cca_ns
+        if is_busy and cca_ns and not self.transmits:
+            if self._noticing is None:
+                self._noticing = agenda.at(agenda.now_ns + cca_ns, SIGNAL_STARTS, self.node, self._tell, True)
+            return
+        agenda.call_off(self._noticing)
+        self._tell(is_busy)
+
+    def _tell(self, is_busy: bool) -> None:
+        self._noticing = None
         if is_busy != self.is_busy:
             self.is_busy = is_busy
             if is_busy:

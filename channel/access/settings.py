@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -27,6 +27,9 @@ from channel.variant import Settings, Variant
 
 ENERGY_OVER_PREAMBLE_DB = 20.0
 """IEEE 802.11-2020, 17.3.10.6: energy alone makes a medium busy 20 dB above the least sensitivity."""
+
+CCA_OFDM_NS, CCA_DSSS_NS = 4_000, 15_000
+"""aCCATime of 802.11a and g, and of b (IEEE 802.11-2020, tables 17-21 and 16-4): until a carrier is sensed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +213,11 @@ class CsmaMedium(Shared):
         if self.clock != 1.0:
             raise ValueError(f"clock {self.clock:g} is for 11a only")
         return timing
+
+    def hearing(self, surroundings: Surroundings) -> Hearing:
+        """How stations hear."""
+        cca_ns = CCA_DSSS_NS if self.standard == "11b" else CCA_OFDM_NS
+        return replace(super().hearing(surroundings), cca_ns=cca_ns)
 
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium."""
@@ -411,3 +419,8 @@ MediumSettings = Annotated[
     Field(discriminator="model"),
     *own_models("medium", "takes_time", "open", "capacity_bps"),
 ]
+
+
+def name_of(settings: MediumSettings) -> str:
+    """What a medium is called: of one's own by its class."""
+    return str(getattr(settings, "model", type(settings).__name__))

@@ -55,6 +55,8 @@ MAC_HEADER_BYTES, FCS_BYTES, LLC_BYTES = 24, 4, 8
 ACK_BYTES, CTS_BYTES, RTS_BYTES = 14, 14, 20
 """IEEE 802.11-2020, 9.3: a data frame with three addresses, LLC and SNAP in its body; control frames with FCS."""
 
+LOWEST_B_MBPS, LOWEST_OFDM_MBPS = 1.0, 6.0
+
 
 @dataclass(frozen=True, slots=True)
 class Wifi:
@@ -70,6 +72,7 @@ class Wifi:
         extension_ns: signal extension after an OFDM frame at 2.4 GHz.
         header_bytes: MAC header, LLC and FCS.
         max_length_bytes: the longest packet.
+        lowest_rate_mbps: that the PHY must have; None: the basic rate.
     """
 
     rate_mbps: float
@@ -83,6 +86,7 @@ class Wifi:
     extension_ns: int = 0
     header_bytes: int = MAC_HEADER_BYTES + LLC_BYTES + FCS_BYTES
     max_length_bytes: int = 2304
+    lowest_rate_mbps: float | None = None
 
     @property
     def difs_ns(self) -> int:
@@ -92,7 +96,9 @@ class Wifi:
     @property
     def eifs_ns(self) -> int:
         """SIFS, an ACK at the lowest rate, DIFS (10.3.2.3.7)."""
-        return self.sifs_ns + self.control_ns(ACK_BYTES) + self.difs_ns
+        return (
+            self.sifs_ns + self._ns(ACK_BYTES, self.lowest_rate_mbps or self.basic_rate_mbps) + self.difs_ns
+        )
 
     def duration_ns(self, length_bytes: int) -> int:
         """Of a data frame at the data rate."""
@@ -118,7 +124,9 @@ def wifi_b(rate_mbps: float = 11.0, basic_rate_mbps: float = 1.0, *, short_pream
     """802.11b."""
     _known("802.11b", rate_mbps, (1.0, 2.0, 5.5, 11.0))
     preamble_ns = (96 if short_preamble else 192) * US
-    return Wifi(rate_mbps, basic_rate_mbps, 20 * US, 10 * US, 31, 1023, preamble_ns)
+    return Wifi(
+        rate_mbps, basic_rate_mbps, 20 * US, 10 * US, 31, 1023, preamble_ns, lowest_rate_mbps=LOWEST_B_MBPS
+    )
 
 
 def wifi_a(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0, *, clock: float = 1.0) -> Wifi:
@@ -143,13 +151,25 @@ def wifi_a(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0, *, clock: float
         1023,
         int(20 * US / clock),
         int(4 * US / clock),
+        lowest_rate_mbps=LOWEST_OFDM_MBPS * clock,
     )
 
 
 def wifi_g(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0) -> Wifi:
     """802.11g alone (no 802.11b about): as 802.11a, with a SIFS of 10 us and a signal extension of 6 us."""
     _known("802.11g", rate_mbps, (6.0, 9.0, 12.0, 18.0, 24.0, 36.0, 48.0, 54.0))
-    return Wifi(rate_mbps, basic_rate_mbps, 9 * US, 10 * US, 15, 1023, 20 * US, 4 * US, 6 * US)
+    return Wifi(
+        rate_mbps,
+        basic_rate_mbps,
+        9 * US,
+        10 * US,
+        15,
+        1023,
+        20 * US,
+        4 * US,
+        6 * US,
+        lowest_rate_mbps=LOWEST_OFDM_MBPS,
+    )
 
 
 def _known(standard: str, rate_mbps: float, rates: tuple[float, ...]) -> None:

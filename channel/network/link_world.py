@@ -187,7 +187,7 @@ class LinkWorld:
 
     def _draw(self, frame: AirFrame) -> Receptions:
         packets, counted = _as_packets(frame, [frame.started_ns])
-        if frame.packet is None or frame.attempt > 1:
+        if frame.kind != "data" or frame.attempt > 1:
             return self._other.receptions(packets, counted)
         receptions = self._judged.receptions(packets, counted)
         self._first.append(receptions)

@@ -20,6 +20,8 @@ from bridge.scenario.own_measures import FunctionExpectation
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_from
 from bridge.scenario.resolve.sensing import check_antenna
+from channel.access.settings import Ideal, Surroundings, name_of
+from channel.access.world import PlainWorld
 from channel.config import RadioConfig
 from channel.presets import PresetError, seen_from
 from channel.propagation.air_to_ground import RmaAv, UmaAv
@@ -76,6 +78,7 @@ class _Radios:
     def scenario(self) -> Scenario:
         """The scenario with the tables of its radios read in."""
         common, config = self._read(self._scenario.radio, ("radio",))
+        self._see_medium(("radio",), config)
         self._see_roles(("radio",), config, [n.node for n in self._scenario.transceivers if n.radio is None])
         nodes: list[NodeConfig] = []
         for index, node in enumerate(self._scenario.nodes):
@@ -94,8 +97,24 @@ class _Radios:
                     run_hz = config.frequency_hz
                     text = f"its frequency is {own.frequency_hz:g} Hz, that of the run's radio {run_hz:g} Hz"
                     self.mistakes.append(_told(self._root, path, f"{text}: all have to be on one"))
+                if own is not None and config is not None and own.medium != config.medium:
+                    media = f"{name_of(own.medium)}, that of the run's radio {name_of(config.medium)}"
+                    text = f"its medium is {media}, or has other settings: nodes that share a channel share its medium"
+                    self.mistakes.append(_told(self._root, path, text))
             nodes.append(node)
         return self._scenario.model_copy(update={"radio": common, "nodes": tuple(nodes)})
+
+    def _see_medium(self, path: Path_, config: RadioConfig | None) -> None:
+        """Refuse a medium that cannot be that of these nodes."""
+        if config is None or isinstance(config.medium, Ideal):
+            return
+        nodes = {node: index for index, node in enumerate(self._scenario.transceiver_ids)}
+        world = PlainWorld(tuple(nodes.values()))
+        surroundings = Surroundings(world, nodes, self._scenario.seed, config.bit_rate_bps, 0.0)
+        try:
+            config.medium.open(surroundings)
+        except ValueError as error:
+            self.mistakes.append(_told(self._root, (*path, "medium"), error))
 
     def _see_roles(self, path: Path_, config: RadioConfig | None, senders: list[str]) -> None:
         """Refuse links of a radio that its propagation law knows nothing of."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.media.medium import AccessMedium
-from channel.access.settings import Ideal, MediumSettings, Surroundings
+from channel.access.settings import Ideal, MediumSettings, Surroundings, name_of
 from channel.access.world import World
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
@@ -43,16 +43,11 @@ def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
     for node, other in media.items():
         if other != settings:
             text = (
-                f"node {first} has {name_of(settings)}, and node {node} {name_of(other)} or other settings of it: nodes "
-                "that share a channel share its medium"
+                f"node {first} has {name_of(settings)}, and node {node} {name_of(other)} or other settings of it: "
+                "nodes that share a channel share its medium"
             )
             raise PresetError(text, key="radio.medium")
     return settings
-
-
-def name_of(settings: MediumSettings) -> str:
-    """What a medium is called: of one's own by its class."""
-    return str(getattr(settings, "model", type(settings).__name__))
 
 
 def channel_of(scenario: Scenario, radios: Mapping[str, Radio], judge: Judge, switches: Switches) -> Channel:

@@ -122,12 +122,14 @@ class Station:
         "_agenda",
         "_backoff",
         "_cw",
+        "_difs_ns",
         "_exchanging",
         "_frame",
         "_frames",
         "_heard_from",
         "_idle_since_ns",
         "_ifs_ns",
+        "_immediate_ns",
         "_medium",
         "_nav_ns",
         "_node",
@@ -152,6 +154,7 @@ class Station:
         self.attempts = 0
         self._cw, self._backoff = timing.cw_min, NO_BACKOFF
         self._idle_since_ns, self._ifs_ns, self._nav_ns = -timing.eifs_ns, timing.difs_ns, 0
+        self._difs_ns, self._immediate_ns = timing.difs_ns, 0
         self._pending: Entry | None = None
         self._timeout: Entry | None = None
         self._frames = 0
@@ -161,10 +164,19 @@ class Station:
     # Access.
 
     def wake(self) -> None:
-        """A packet waits, perhaps the first."""
-        if self._packet is None and self._take() and self.receiver.is_busy and self._backoff == NO_BACKOFF:
-            self._draw_backoff()
+        """A packet waits, perhaps the first: if the medium is idle, and stays so for DIFS, it needs no back-off."""
+        if self._packet is None and self._take() and self._has_counted_down():
+            now_ns = self._agenda.now_ns
+            if self.receiver.is_busy or now_ns < self._nav_ns:
+                self._draw_backoff()
+            else:
+                self._backoff, self._immediate_ns = NO_BACKOFF, now_ns + self._difs_ns
         self._schedule()
+
+    def _has_counted_down(self) -> bool:
+        """Whether no back-off is left of the last transmission."""
+        ends_ns = self._counts_from_ns() + self._backoff * self._timing.slot_ns
+        return self._backoff == NO_BACKOFF or (not self.receiver.is_busy and ends_ns <= self._agenda.now_ns)
 
     def has_had(self, packet: AirPacket) -> bool:
         """Whether the latest unicast that came from its sender is this one."""
@@ -181,15 +193,18 @@ class Station:
         return self._packet is not None
 
     def _counts_from_ns(self) -> int:
-        """From when on idle slots count, if the medium stays idle."""
-        return max(self._idle_since_ns, self._nav_ns) + self._ifs_ns
+        """From when on idle slots count, if the medium stays idle; EIFS takes no notice of the NAV (10.3.2.3.7)."""
+        idle_ns, nav_ns = self._idle_since_ns + self._ifs_ns, self._nav_ns + self._difs_ns
+        return idle_ns if idle_ns > nav_ns else nav_ns
 
     def _schedule(self) -> None:
         """Plan the next transmission, if there is something to send and the medium is idle."""
         if self._packet is None or self._exchanging or self._pending is not None or self.receiver.is_busy:
             return
         slots = self._backoff if self._backoff > 0 else 0
-        at_ns = max(self._counts_from_ns() + slots * self._timing.slot_ns, self._agenda.now_ns)
+        at_ns = max(
+            self._counts_from_ns() + slots * self._timing.slot_ns, self._immediate_ns, self._agenda.now_ns
+        )
         self._pending = self._agenda.at(at_ns, ACTS, self._node, self._access)
 
     def _draw_backoff(self) -> None:
@@ -310,7 +325,7 @@ class Station:
         """The medium is idle from now on."""
         timing = self._timing
         self._idle_since_ns = self._agenda.now_ns
-        self._ifs_ns = timing.eifs_ns if damaged and self._medium.settings.uses_eifs else timing.difs_ns
+        self._ifs_ns = timing.eifs_ns if damaged and self._medium.settings.uses_eifs else self._difs_ns
         self._schedule()
 
     def heard(self, frame: AirFrame) -> None:

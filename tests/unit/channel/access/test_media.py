@@ -306,3 +306,69 @@ def test_a_packet_that_does_not_fit_into_its_slot_waits_in_the_queue() -> None:
     assert medium.queued(0) == (2, 1600)
     fates = [(one.packet.number, one.loss) for one in medium.run(S) if isinstance(one, AirFate)]
     assert fates == [(3, None), (1, Loss.EXPIRED), (2, None)]
+
+
+def test_a_packet_that_finds_the_medium_idle_waits_difs() -> None:
+    """However long it was idle before (10.3.4.2): 34 us with 802.11a, also when a back-off ran out unused."""
+    medium = Csma(PlainWorld((0, 1)), wifi_a())
+    for number in range(3):
+        medium.offer(AirPacket(0, number, None, 100, number * 100 * MS))
+    fates = [one for one in medium.run(S) if isinstance(one, AirFate)]
+    assert [fate.started_ns - fate.packet.at_ns for fate in fates] == [34_000] * 3
+
+
+def test_a_packet_draws_a_back_off_when_the_medium_gets_busy_within_its_difs() -> None:
+    """It may not go on right after the other's frame: its slots are those of a back-off, 0 to 15."""
+    slots = set()
+    for seed in range(30):
+        medium = Csma(PlainWorld((0, 1, 2)), wifi_a(), seed=seed)
+        medium.offer(AirPacket(0, 0, None, 100, 0))
+        medium.offer(AirPacket(1, 0, None, 100, 20_000))
+        first, second = sorted({one.started_ns for one in medium.run(S) if isinstance(one, AirFate)})
+        assert first == 34_000
+        slots.add((second - first - wifi_a().broadcast_ns(100) - 34_000) / 9_000)
+    assert slots <= set(range(16))
+    assert len(slots) > 8
+
+
+def test_a_packet_that_finds_the_nav_set_draws_a_back_off() -> None:
+    """An RTS that nobody answers: the medium is busy by virtual carrier sense, though nothing is on the air."""
+    slots = set()
+    rts_ns, cts_ns, ack_ns = 52_000, 44_000, 44_000  # 20, 14, 14 bytes: 8, 6, 6 symbols
+    for seed in range(30):
+        world = PlainWorld((0, 1, 2), deaf=((0, 1),))
+        medium = Csma(world, wifi_a(), seed=seed, settings=DcfSettings(1, rts_from_bytes=0))
+        medium.offer(AirPacket(0, 0, 1, 1000, 0))
+        medium.offer(AirPacket(2, 0, None, 100, 34_000 + rts_ns + 100_000))
+        fates = [one for one in medium.run(S) if isinstance(one, AirFate)]
+        [started_ns] = [one.started_ns for one in fates if (one.packet.node, one.receiver) == (2, 1)]
+        nav_ns = 34_000 + rts_ns + cts_ns + wifi_a().duration_ns(1000) + ack_ns + 3 * 16_000
+        slots.add((started_ns - nav_ns - 34_000) / 9_000)
+    assert slots <= set(range(16))
+    assert len(slots) > 8
+
+
+def test_eifs_is_as_long_at_every_basic_rate() -> None:
+    """By an ACK at the lowest rate of the PHY: 10 + 304 + 50 us for 802.11b, 16 + 44 + 34 for 802.11a."""
+    assert {wifi_b(11.0, basic).eifs_ns for basic in (1.0, 2.0, 11.0)} == {364_000}
+    assert {wifi_a(24.0, basic).eifs_ns for basic in (6.0, 24.0)} == {94_000}
+    assert wifi_a(clock=0.5).eifs_ns == 32_000 + 88_000 + 58_000
+
+
+def test_the_nav_is_followed_by_difs_though_a_frame_was_damaged() -> None:
+    """EIFS counts from the damaged frame alone (10.3.2.3.7): a NAV that lasts longer ends it."""
+    station = Csma(PlainWorld((0, 1)), wifi_a())._stations[0]
+    station.idle(damaged=True)
+    assert station._counts_from_ns() == 94_000
+    station.heard(AirFrame(1, 0, "cts", 14, 0, 1, to=5, reserved_ns=80_000))
+    assert station._counts_from_ns() == 80_000 + 34_000
+
+
+@pytest.mark.parametrize(("apart_ns", "collide"), [(3_000, True), (5_000, False)])
+def test_a_carrier_takes_its_time_to_be_sensed(apart_ns: int, collide: bool) -> None:
+    """Two whose packets come within it collide, though both listen."""
+    medium = Csma(PlainWorld((0, 1, 2)), wifi_a(), hearing=Hearing(cca_ns=4_000))
+    medium.offer(AirPacket(0, 0, None, 100, 0))
+    medium.offer(AirPacket(1, 0, None, 100, apart_ns))
+    lost = {one.loss for one in medium.run(S) if isinstance(one, AirFate) and one.receiver == 2}
+    assert lost == {Loss.COLLIDED if collide else None}

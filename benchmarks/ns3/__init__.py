@@ -1,0 +1,1 @@
+"""IEEE 802.11 DCF by ns-3 and by lostlink, in the same settings."""
