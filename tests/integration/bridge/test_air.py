@@ -264,7 +264,7 @@ def test_decided_anew_the_same_radio_gives_the_same(flown: Flown) -> None:
     run = scripted(flown)
     again = redecide(run.path)
     assert again.table.equals(run.table("deliveries"))
-    ideal = redecide(run.path, radio={"preset": "wifi-2.4", "bursts": {"model": "none"}})
+    ideal = redecide(run.path, radio={"preset": "wifi-2.4", "medium": {"model": "ideal"}})
     assert set(ideal.table.column("attempts").to_pylist()) == {1}
     assert again.ledger.links == redecide(run.path).ledger.links
 
@@ -311,3 +311,48 @@ def test_radios_on_one_channel_share_its_medium(flown: Flown) -> None:
         flown([node(0, 0.0), other], {"model": "airtime"})
     with pytest.raises(ScenarioError, match=r"node g7 is not there; there are 0, g1"):
         flown([node(0, 0.0), node(1, 5.0)], {"model": "tdma", "slot_s": 0.1, "slots": ["g7"]})
+
+
+def test_sik_radios_are_pairs_by_id_and_what_does_not_fit_in_a_frame_takes_several(flown: Flown) -> None:
+    """ECC: 11 bytes, then twice 6 and what is sent, in threes; at most 118 bytes of a packet in a frame."""
+    sends = [(1.0, "g3", 100), (1.5, "0", 100), (2.0, "all", 300), (2.5, "g3", 1000), (2.5, "g3", 1000)]
+    nodes = [node(0, 0.0), node(1, 100.0, sends=sends), node(2, 150.0), node(3, 200.0)]
+    medium = {"model": "sik", "ecc": True, "pairs": [["g1", "g3"]], "netids": [42]}
+    run = flown(nodes, medium, duration_s=4.0)
+    one, parted, first, second = rows(run, "g1", "g3").to_dict("records")
+    assert (one["fate"], one["attempts"]) == ("delivered", 1)
+    assert one["ended_ns"] - one["started_ns"] == 8 * (11 + 2 * (6 + 102)) * 1_000_000 // 64
+    assert parted["fate"] == "delivered"
+    assert parted["attempts"] >= 3  # 118, 118, 64; more where a window ends
+    assert (first["fate"], second["fate"]) == ("delivered", "queue_full")  # 1850 bytes from the host
+    assert rows(run, "g1", "0").fate.tolist() == ["no_peer"] * 2
+    assert rows(run, "g1", "g2").fate.tolist() == ["no_peer"]
+    assert balances(run)
+
+
+def test_two_sik_radios_that_are_busy_share_the_time_as_their_firmware_reckons(flown: Flown) -> None:
+    """64 kb/s and a stream of bytes: by simulating the firmware's arithmetic apart from this code 3240 B/s each."""
+    nodes = [node(n, 50.0 * n, period_s=0.05, count=2, size=100) for n in range(2)]
+    medium = {"model": "sik", "framing": False, "tick": "nominal"}
+    run = flown(nodes, medium, duration_s=12.0)
+    for tx, rx in (("0", "g1"), ("g1", "0")):
+        found = rows(run, tx, rx)
+        came = found[(found.fate == "delivered") & (found.arrived_ns > 2e9)]
+        assert 100 * len(came) / 10.0 == pytest.approx(3240.0, rel=0.03)
+        assert set(found.fate) == {"delivered", "queue_full", "run_ended"}
+    assert balances(run)
+
+
+@pytest.mark.parametrize(
+    ("medium", "problem"),
+    [
+        ({"pairs": [["0", "g7"]]}, "g7"),
+        ({"pairs": [["0", "g1"], ["g1", "g2"]]}, "at most once"),
+        ({"pairs": [["0", "g1"]], "netids": [1, 2]}, "2 NETIDs for 1 pairs"),
+        ({"air_kbps": 65}, "65"),
+        ({"ecc": True, "max_window_ms": 1}, "no packet fits"),
+    ],
+)
+def test_what_sik_radios_cannot_be_is_said(flown: Flown, medium: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ValueError, match=problem):
+        flown([node(n, 50.0 * n) for n in range(3)], {"model": "sik"} | medium)
