@@ -17,7 +17,7 @@ class Agenda:
     """Events to come. Two agendas that were given the same do the same."""
 
     def __init__(self) -> None:
-        self.now_ns = 0
+        self.now_ns = self._until_ns = 0
         self.handled = 0
         self._entries: list[Entry] = []
         self._number = 0
@@ -51,9 +51,16 @@ class Agenda:
             heapq.heappop(entries)
         return entries[0][0] if entries else None
 
+    def goes_on_to(self, at_ns: int) -> bool:
+        """Come to a later instant, if nothing else is due by then: an event may go on without an entry of its own."""
+        if at_ns > self._until_ns or (self._entries and self._entries[0][0] <= at_ns):
+            return False
+        self.now_ns = at_ns
+        return True
+
     def run(self, until_ns: int) -> None:
         """Let everything happen that is due by ``until_ns``, and come to it."""
-        entries, pop = self._entries, heapq.heappop
+        entries, pop, self._until_ns = self._entries, heapq.heappop, until_ns
         while entries and entries[0][0] <= until_ns:
             at_ns, _, _, _, callback, arguments = pop(entries)
             if callback is not None:

@@ -312,8 +312,10 @@ class _Front:
         while self._place < count:
             at_ns, (call, arguments) = steps[self._place]
             if at_ns > now_ns:
-                self.go()
-                return
+                if not self._agenda.goes_on_to(at_ns):
+                    self.go()
+                    return
+                now_ns = at_ns
             self._place += 1
             self._agenda.handled += 1
             call(*arguments)

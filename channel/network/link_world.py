@@ -5,8 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from itertools import accumulate, pairwise
+from functools import lru_cache, partial
+from itertools import accumulate, pairwise, takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -181,8 +181,8 @@ class LinkWorld:
 
     def forget(self, now_ns: int) -> None:
         """Nobody asks any more for what ended long ago."""
-        old = [frame for frame in self._met if frame.ended_ns < now_ns - KEPT_NS]
-        for frame in old:
+        is_old = partial(_ended_before, now_ns - KEPT_NS)
+        for frame in list(takewhile(is_old, self._met)):  # they are there in the order of their starts
             del self._met[frame]
 
     def _draw(self, frame: AirFrame) -> Receptions:
@@ -195,6 +195,10 @@ class LinkWorld:
 
     def _per_of(self, tx: int, rx: int, sinr: float, length_bytes: float) -> float:
         return float(self._judged.radio(tx, rx).per_unchecked(db_from_ratio(sinr), length_bytes))
+
+
+def _ended_before(at_ns: int, frame: AirFrame) -> bool:
+    return frame.ended_ns < at_ns
 
 
 def _as_packets(frame: AirFrame, instants_ns: Sequence[int]) -> tuple[Packets, NDArray[np.int64]]:
