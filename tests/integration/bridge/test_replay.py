@@ -71,11 +71,17 @@ JAMMED = (
 
 
 @pytest.mark.slow
-def test_emitters_that_disturb_packets_do_so_again(start_run: StartRun, tmp_path: Path) -> None:
-    run = start_run(scenario=JAMMED, duration_s=6.0)
+@pytest.mark.parametrize(
+    ("medium", "cause"), [("csma, standard: 11g", "interfered"), ("ideal", "channel_erasure")]
+)
+def test_emitters_that_disturb_packets_do_so_again(
+    start_run: StartRun, tmp_path: Path, medium: str, cause: str
+) -> None:
+    radio = f"radio: {{{{preset: wifi-2.4, medium: {{{{model: {medium}}}}}}}}}"
+    run = start_run(scenario=JAMMED.replace("radio: wifi-2.4", radio), duration_s=6.0)
     fates = recorded(run)
     summary = json.loads((run.directory / "summary.json").read_text())
-    assert any(link["lost"].get("channel_erasure") for link in summary["links"])
+    assert any(link["lost"].get(cause) for link in summary["links"])
     assert decided_again(run.directory, tmp_path) == fates
 
 
