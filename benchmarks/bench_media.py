@@ -2,8 +2,9 @@
 
     python -m benchmarks.bench_media [--nodes 50] [--duration 10] [--rounds 3]
 
-Saturated 802.11a stations with unicasts to one (Bianchi's case); and nodes on a ring that broadcast 100 bytes at 10 Hz
-over `csma`, all hearing all, by a radio's powers and errors. The last line is JSON.
+Saturated 802.11a stations with unicasts to one (Bianchi's case); nodes on a ring that broadcast 100 bytes at 10 Hz
+over `csma`, all hearing all, by a radio's powers and errors; and the same with moving nodes and all that is drawn, as a
+run has it. The last line is JSON.
 """
 
 from __future__ import annotations
@@ -15,17 +16,24 @@ from collections.abc import Sequence
 from math import cos, pi, sin
 from time import process_time
 
+import numpy as np
+
 from channel.access.media.csma import Csma
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirPacket
+from channel.access.packets import PLAIN, AirPacket
 from channel.access.queue import QueueLimits
 from channel.access.radio_world import RadioWorld
 from channel.access.timing import wifi_a, wifi_g
 from channel.access.world import PlainWorld
 from channel.link.radio import Radio
+from channel.medium.judge.judge import Judge
+from channel.medium.medium import Medium
+from channel.network.entry import Entry, EntrySettings
+from channel.network.network import Network
 from channel.presets import load_radio
 
 NS_PER_S = 1_000_000_000
+TICK_NS = NS_PER_S // 20
 RING_M = 100.0
 
 
@@ -58,6 +66,43 @@ def measured(medium: AccessMedium, duration_s: float) -> tuple[float, float]:
     return medium.agenda.handled / took_s, duration_s / took_s
 
 
+class Fleet:
+    """Nodes of a run on a network, that move and broadcast ten times a second.
+
+    Args:
+        nodes: how many.
+    """
+
+    def __init__(self, nodes: int) -> None:
+        names = [str(node) for node in range(nodes)]
+        radio = Radio(load_radio("wifi-2.4"))
+        self._names, self._tick, self._number = names, 0, 0
+        self._medium = Medium(radio, seed=1, nodes=names, ahead_ns=2 * TICK_NS)
+        entry = Entry(names, EntrySettings(None, 0.001, 0.001), TICK_NS, self._medium.draws)
+        self._network = Network(self._medium, lambda world: Csma(world, wifi_g()), entry, Judge(nodes))
+        turn = 2.0 * pi / nodes
+        self._places = np.array(
+            [(RING_M * cos(turn * n), RING_M * sin(turn * n), -40.0) for n in range(nodes)]
+        )
+
+    def measured(self, duration_s: float) -> tuple[float, float]:
+        """Receptions a second of CPU time, and sim time over CPU time."""
+        receptions, begin_s = 0, process_time()
+        for _ in range(int(duration_s * NS_PER_S / TICK_NS)):
+            self._places += (0.25, 0.1, 0.0)
+            now_ns = self._tick * TICK_NS
+            self._medium.observe(self._names, now_ns, self._places)
+            if self._tick % 2 == 0:
+                seq = np.full(len(self._names), self._number)
+                packets = self._medium.packets(tx=self._names, seq=seq, sim_time_ns=now_ns, length_bytes=100)
+                self._network.send(packets, [PLAIN] * packets.size)
+                self._number += 1
+            self._tick += 1
+            receptions += self._network.live(self._tick * TICK_NS).receptions.size
+        took_s = process_time() - begin_s
+        return receptions / took_s, duration_s / took_s
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print both."""
     parser = argparse.ArgumentParser(
@@ -78,6 +123,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"{options.nodes} nodes, {name}: {events:,.0f} events a second, {factor:.1f} times real time",
             flush=True,
         )
+    fleet = Fleet(options.nodes)
+    fleet.measured(1.0)
+    rounds = [fleet.measured(options.duration / 4.0) for _ in range(options.rounds)]
+    receptions, factor = (statistics.median(column) for column in zip(*rounds, strict=True))
+    found["fleet"] = {"receptions_per_s": round(receptions), "real_time_factor": round(factor, 1)}
+    print(
+        f"{options.nodes} nodes of a run: {receptions:,.0f} receptions a second, {factor:.1f} times real time"
+    )
     print(json.dumps({"bench": "media", "nodes": options.nodes} | found))
 
 

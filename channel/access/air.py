@@ -8,8 +8,9 @@ takes a locked receiver over.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
+from types import MappingProxyType
 from typing import Protocol
 
 from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda, Entry
@@ -27,6 +28,8 @@ class Hearing:
         capture: how many times stronger a later signal has to be to take a receiver over; inf: never.
         interferes: whether frames of the same network disturb each other at all.
         cca_ns: how long a carrier is there before it is sensed; 802.11's aCCATime is at most 4 us with OFDM.
+        channels: on which nodes listen and transmit; 0 unless given.
+        adjacent: shares of power that a receiver takes in from signals 1, 2, ... channels away; nothing beyond.
     """
 
     preamble_mw: float = 1e-12
@@ -34,6 +37,12 @@ class Hearing:
     capture: float = inf
     interferes: bool = True
     cca_ns: int = 0
+    channels: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
+    adjacent: tuple[float, ...] = ()
+
+    def leak(self, channels: int) -> float:
+        """The share of a signal so many channels away."""
+        return self.adjacent[channels - 1] if channels <= len(self.adjacent) else 0.0
 
 
 class Ear(Protocol):
@@ -111,7 +120,7 @@ class Receiver:
         self._damaged = False
         self._noticing: Entry | None = None
         self.transmits = self.is_busy = False
-        self.channel = 0
+        self.channel = air.hearing.channels.get(node, 0)
 
     @property
     def follows(self) -> AirFrame | None:
@@ -137,10 +146,11 @@ class Receiver:
         if frame.channel != self.channel:
             self._elsewhere[frame] = power_mw
             self._lost[frame] = Loss.HALF_DUPLEX if self.transmits else Loss.NO_LOCK
+            self._leaks()
             return
         hearing, locked, signals = self._air.hearing, self._locked, self._signals
         now_ns = self._air.agenda.now_ns
-        others_mw = sum(signals.values()) if signals and hearing.interferes else 0.0
+        others_mw = self._heard_mw() if hearing.interferes else 0.0
         signals[frame] = power_mw
         if self.transmits:
             self._lost[frame] = Loss.HALF_DUPLEX
@@ -165,6 +175,7 @@ class Receiver:
         air, locked = self._air, self._locked
         if frame.channel != self.channel:
             del self._elsewhere[frame]
+            self._leaks()
             air.on_fate(frame, self.node, self._lost.pop(frame))
             return
         del self._signals[frame]
@@ -177,11 +188,28 @@ class Receiver:
                 loss = None if came else Loss.COLLIDED if alone else Loss.NOISE
                 self._damaged = not came
             elif air.hearing.interferes:
-                left_mw = sum(power for other, power in self._signals.items() if other is not locked.frame)
-                locked.change(left_mw, air.agenda.now_ns)
+                locked.change(self._heard_mw(but=locked.frame), air.agenda.now_ns)
         air.on_fate(frame, self.node, loss)
         if loss is None:
             self._ear.heard(frame)
+        self._sense()
+
+    def _heard_mw(self, but: AirFrame | None = None) -> float:
+        """The power of all signals but one, with what leaks in from other channels."""
+        heard_mw = sum(power for frame, power in self._signals.items() if frame is not but)
+        hearing = self._air.hearing
+        if self._elsewhere and hearing.adjacent:
+            for frame, power in self._elsewhere.items():
+                heard_mw += power * hearing.leak(abs(frame.channel - self.channel))
+        return heard_mw
+
+    def _leaks(self) -> None:
+        """What is on other channels has changed."""
+        hearing, locked = self._air.hearing, self._locked
+        if not hearing.adjacent:
+            return
+        if locked is not None and hearing.interferes:
+            locked.change(self._heard_mw(but=locked.frame), self._air.agenda.now_ns)
         self._sense()
 
     def begins_to_transmit(self) -> None:
@@ -199,11 +227,13 @@ class Receiver:
         self._sense()
 
     def _sense(self) -> None:
-        signals = self._signals
         is_busy = (
             self.transmits
             or self._locked is not None
-            or (bool(signals) and sum(signals.values()) >= self._air.hearing.energy_mw)
+            or (
+                (bool(self._signals) or bool(self._elsewhere))
+                and self._heard_mw() >= self._air.hearing.energy_mw
+            )
         )
         if is_busy != self.is_busy or self._noticing is not None:
             self._changes(is_busy)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -23,7 +23,11 @@ from channel.access.timing import NS_PER_S, BitRate, Wifi, wifi_a, wifi_b, wifi_
 from channel.access.world import World
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db
 from channel.own import own_models
+from channel.phy.spectrum import Rows, captured_db, reaches
 from channel.variant import Settings, Variant
+
+if TYPE_CHECKING:
+    from channel.config import RadioConfig
 
 ENERGY_OVER_PREAMBLE_DB = 20.0
 """IEEE 802.11-2020, 17.3.10.6: energy alone makes a medium busy 20 dB above the least sensitivity."""
@@ -42,6 +46,8 @@ class Surroundings:
         seed: of the run.
         bit_rate_bps: of the radio.
         noise_floor_dbm: of the quietest receiver.
+        bandwidth_hz: of the radio.
+        filter_rows: of its receiver (`channel.phy.spectrum`).
     """
 
     world: World
@@ -49,6 +55,27 @@ class Surroundings:
     seed: int
     bit_rate_bps: float
     noise_floor_dbm: float
+    bandwidth_hz: float
+    filter_rows: Rows
+
+    @classmethod
+    def of(
+        cls, world: World, nodes: Mapping[str, int], seed: int, config: RadioConfig, noise_floor_dbm: float
+    ) -> Surroundings:
+        """Those of nodes with a radio."""
+        filter_rows = config.interference.filter_rows(config.bandwidth_hz)
+        bit_rate_bps = config.bit_rate_bps
+        return cls(world, nodes, seed, bit_rate_bps, noise_floor_dbm, config.bandwidth_hz, filter_rows)
+
+    def leaks(self, spacing_hz: float, count: int) -> tuple[float, ...]:
+        """The shares of power that a receiver takes in from signals 1, 2, ... ``count`` channels away."""
+        found = []
+        for distance in range(1, count + 1):
+            offset_hz = distance * spacing_hz
+            if not reaches(offset_hz, self.bandwidth_hz, self.filter_rows):
+                break
+            found.append(float(ratio_from_db(captured_db(offset_hz, self.bandwidth_hz, self.filter_rows))))
+        return tuple(found)
 
     def place(self, node: str) -> int:
         """The place of an id.
@@ -80,8 +107,8 @@ class Ideal(Variant):
     model: Literal["ideal"] = "ideal"
 
 
-class Shared(Variant):
-    """What radios on one frequency have in common: a queue each, and receivers that hear one frame at a time."""
+class Locking(Variant):
+    """Radios with a queue each, and receivers that hear one frame at a time."""
 
     takes_time: ClassVar[bool] = True
     queue: Queue = Field(default_factory=Queue)
@@ -110,6 +137,32 @@ class Shared(Variant):
         energy_dbm = preamble_dbm + ENERGY_OVER_PREAMBLE_DB if self.energy_dbm is None else self.energy_dbm
         capture = float("inf") if self.capture_db is None else float(ratio_from_db(self.capture_db))
         return Hearing(float(ratio_from_db(preamble_dbm)), float(ratio_from_db(energy_dbm)), capture)
+
+
+class Shared(Locking):
+    """Radios on channels that each keeps."""
+
+    channels: dict[str, int] = Field(
+        default_factory=dict,
+        description="of nodes, by id; 0 unless given: only those on one channel hear each other",
+    )
+    channel_spacing_hz: float = Field(
+        default=5e6,
+        gt=0.0,
+        le=1e10,
+        description="between two channels: what leaks from one into another is by the radio's spectrum and filter",
+    )
+
+    def hearing(self, surroundings: Surroundings) -> Hearing:
+        """How receivers hear.
+
+        Raises:
+            ValueError: a channel of a node that is not there.
+        """
+        channels = {surroundings.place(node): channel for node, channel in self.channels.items()}
+        used = set(channels.values()) | {0}
+        adjacent = surroundings.leaks(self.channel_spacing_hz, max(used) - min(used)) if channels else ()
+        return replace(super().hearing(surroundings), channels=channels, adjacent=adjacent)
 
 
 class Serial(Shared):
@@ -320,7 +373,7 @@ class ElrsMedium(Variant):
         return 8 * ELRS_MODES[self.mode].down_bytes_per_s
 
 
-class SikMedium(Shared):
+class SikMedium(Locking):
     """SiK telemetry radios: pairs share the time in windows, and hop; settings by the names of their parameters."""
 
     model: Literal["sik"] = "sik"

@@ -110,9 +110,8 @@ class _Radios:
             return
         nodes = {node: index for index, node in enumerate(self._scenario.transceiver_ids)}
         world = PlainWorld(tuple(nodes.values()))
-        surroundings = Surroundings(world, nodes, self._scenario.seed, config.bit_rate_bps, 0.0)
         try:
-            config.medium.open(surroundings)
+            config.medium.open(Surroundings.of(world, nodes, self._scenario.seed, config, 0.0))
         except ValueError as error:
             self.mistakes.append(_told(self._root, (*path, "medium"), error))
 

@@ -72,11 +72,10 @@ def channel_of(scenario: Scenario, radios: Mapping[str, Radio], judge: Judge, sw
     if isinstance(settings, Ideal):
         return Channel(medium, None)
     noise_floor_dbm = min(radio.noise_floor_dbm for radio in radios.values())
-    bit_rate_bps = max(radio.config.bit_rate_bps for radio in radios.values())
+    config = next(iter(radios.values())).config
 
     def opened(world: World) -> AccessMedium:
-        surroundings = Surroundings(world, medium.index, scenario.seed, bit_rate_bps, noise_floor_dbm)
-        return settings.open(surroundings)
+        return settings.open(Surroundings.of(world, medium.index, scenario.seed, config, noise_floor_dbm))
 
     transmit = scenario.transmit
     entry = Entry(

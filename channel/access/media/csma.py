@@ -270,6 +270,7 @@ class Station:
             to,
             reserved_ns,
             self.attempts,
+            self.receiver.channel,
         )
         if packet is not None:
             self._frame = frame

@@ -38,7 +38,9 @@ class PlainMedium(AccessMedium):
         self._numbers[node] += 1
         ended_ns = now_ns + self._timing.duration_ns(packet.length_bytes)
         length_bytes = packet.length_bytes + self._timing.header_bytes
-        self._air.transmit(AirFrame(node, number, "data", length_bytes, now_ns, ended_ns, packet), then)
+        channel = self._receivers[node].channel
+        frame = AirFrame(node, number, "data", length_bytes, now_ns, ended_ns, packet, channel=channel)
+        self._air.transmit(frame, then)
 
     def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:
         packet = frame.packet

@@ -313,6 +313,28 @@ def test_radios_on_one_channel_share_its_medium(flown: Flown) -> None:
         flown([node(0, 0.0), node(1, 5.0)], {"model": "tdma", "slot_s": 0.1, "slots": ["g7"]})
 
 
+def test_a_neighbour_channel_leaks_by_spectrum_and_filter(flown: Flown) -> None:
+    """Node g3 is loud and near; on a channel beside, nobody hears it, and what is left of it decides.
+
+    In free space g1, 100.5 m away, is 17 dB weaker than g3 at 14.1 m, and needs 10 dB over interference: the filter has
+    to take 27 dB. Both masks (802.11's, of 20 MHz) leave -1.2 dB at 5 MHz, -16 at 20 and -32 at 30.
+    """
+    wide = RADIO | {"frequency_hz": 2.4e9, "bandwidth_hz": 20e6, "bit_rate_bps": 1e6}
+    nodes = [
+        node(0, 0.0),
+        node(1, 100.0, sends=[(1.0, "0", 200), (2.0, "0", 200)]),
+        node(3, 10.0, sends=[(1.0, "all", 400)]),
+    ]
+    fates = {}
+    for channel in (0, 1, 4, 6):
+        medium = {"model": "airtime", "channels": {"g3": channel}}
+        run = flown(nodes, medium, radio=wide)
+        fates[channel] = rows(run, "g1", "0").fate.tolist()
+        assert rows(run, "g3", "0").fate.tolist() == ["no_lock" if channel else "delivered"]
+    assert [first for first, _ in fates.values()] == ["collided", "collided", "collided", "delivered"]
+    assert {second for _, second in fates.values()} == {"delivered"}
+
+
 def test_sik_radios_are_pairs_by_id_and_what_does_not_fit_in_a_frame_takes_several(flown: Flown) -> None:
     """ECC: 11 bytes, then twice 6 and what is sent, in threes; at most 118 bytes of a packet in a frame."""
     sends = [(1.0, "g3", 100), (1.5, "0", 100), (2.0, "all", 300), (2.5, "g3", 1000), (2.5, "g3", 1000)]

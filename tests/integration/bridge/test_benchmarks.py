@@ -9,6 +9,7 @@ import pytest
 from benchmarks import (
     bench_access,
     bench_fleet,
+    bench_media,
     bench_messages,
     bench_record,
     bench_recording,
@@ -51,6 +52,13 @@ def test_the_router_and_agents_are_measured(capsys: pytest.CaptureFixture[str]) 
     assert row["hosts us"] > 0
     assert 0 < result["fleet"]["delivered_share"] < 0.3
     assert result["agent"]["looks at none us"] > 0
+
+
+def test_media_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_media.main(["--nodes", "4", "--duration", "2", "--rounds", "1"])
+    found = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert found["saturated"]["events_per_s"] > 0
+    assert found["fleet"]["receptions_per_s"] > 0
 
 
 def test_redecision_and_replay_are_measured(tmp_path: Path) -> None:
