@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from bridge.scenario.agents import FreeAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.sensing import emitters_of
+from channel.access.settings import Ideal
 from channel.link.radio import Radio
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from fdm.air.wind import WindConfig
 from fdm.model.sensor_noise import SensorNoise
 
-ALWAYS = (
+IDEAL = (
     "airtime: a packet takes no time on the air and is delivered at the next tick, whatever its length",
     "collisions: packets of the fleet do not disturb each other, however many there are at once",
     "medium access: no carrier sense, waiting, queues, acknowledgements or retries; a node sends and receives at once",
-    "frequency selectivity, Doppler shift within a packet, several antennas",
 )
+"""Of the medium ideal."""
+ALWAYS = ("frequency selectivity, Doppler shift within a packet, several antennas",)
 """Of every radio."""
 
 
@@ -30,12 +32,20 @@ def left_out(scenario: Scenario, radio: Radio, wind: WindConfig) -> list[str]:
         wind: the wind that is flown in.
     """
     return [
+        *_of_medium(radio),
         *ALWAYS,
         *_of_radio(radio),
         *_of_roles(scenario, radio),
         *_of_others(scenario, radio),
         *_of_flight(scenario, wind),
     ]
+
+
+def _of_medium(radio: Radio) -> Sequence[str]:
+    medium = radio.config.medium
+    if isinstance(medium, Ideal):
+        return IDEAL
+    return (f"of the medium {medium.model} what docs/reference/air.md leaves out",)
 
 
 def _of_radio(radio: Radio) -> Iterator[str]:

@@ -7,7 +7,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from lostlink.flight.verdict import RunOutcome
-from lostlink.report.page.words import count, num, share
+from lostlink.reading.air import BUSY_S
+from lostlink.reading.capacity import rate_text
+from lostlink.report.page.words import NOTHING, count, num, share
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -21,6 +23,7 @@ SECTIONS = (
     ("delivery", "Delivery and power"),
     ("links", "Links"),
     ("losses", "Losses"),
+    ("air", "Air"),
     ("ages", "Ages and latency"),
     ("machine", "Machine"),
     ("events", "Events"),
@@ -77,6 +80,7 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         links=[_link(link) for link in _worst(content["links"])],
         links_caption=_links_caption(len(content["links"])),
         causes=_causes(content["totals"]),
+        air=[row for each in content["air"] for row in _air(each)],
         timed=_timed(content["totals"]),
         machine=_machine(content),
         counters=[
@@ -186,6 +190,37 @@ def _causes(totals: dict[str, Any]) -> list[Row]:
         [cause.replace("_", " "), count(number), share(number / totals["sent"])]
         for cause, number in totals["lost"].items()
     ]
+
+
+def _air(air: dict[str, Any]) -> list[Row]:
+    whose = "carries" if air["is_shared"] else "carries, of each sender"
+    capacity = air["capacity_bps"]
+    carries = (
+        f"such packets that it {whose}"
+        if air["takes_time"]
+        else "such packets that the radio’s bit rate would carry"
+    )
+    rows: list[Row] = [
+        ["medium", air["medium"] if air["takes_time"] else f"{air['medium']}: packets take no time"],
+        ["packets given to the radio", count(air["packets"])],
+        ["their payload", rate_text(air["offered_bps"])],
+        [carries, NOTHING if capacity is None else rate_text(capacity)],
+        ["load offered, as a share of that", share(air["share"])],
+        [f"in the busiest {BUSY_S:g} s", share(air["busiest_share"])],
+        [f"most payload received, by node {air['received_most_node']}", rate_text(air["received_most_bps"])],
+    ]
+    if air["takes_time"]:
+        rows += [
+            ["time in which frames were on the air, added up", share(air["use_share"])],
+            ["wait before the transmission, median and 95 %", _two(air, "wait")],
+            ["delay from the agent’s word to arrival, median and 95 %", _two(air, "delay")],
+            ["receptions lost for want of time on the air", count(air["lost_waiting"])],
+        ]
+    return rows
+
+
+def _two(air: dict[str, Any], name: str) -> str:
+    return f"{num(air[f'{name}_p50_s'])} s, {num(air[f'{name}_p95_s'])} s"
 
 
 def _timed(totals: dict[str, Any]) -> list[Row]:
