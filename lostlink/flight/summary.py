@@ -144,7 +144,8 @@ def _air(scenario: Scenario, run: RunDirectory, timing: Timing) -> list[AirAccou
         return []  # why it cannot be read is reported where it should have become Parquet
     if not len(rows):
         return []
-    return [account_of(rows, Capacity.of(scenario), round(timing.sim_duration_s * NS_PER_S))]
+    end_ns = round(timing.sim_duration_s * NS_PER_S) + scenario.tick_period_ns
+    return [account_of(rows, Capacity.of(scenario), end_ns)]
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

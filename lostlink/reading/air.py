@@ -33,16 +33,17 @@ NEEDED: Final = (
     "attempts",
 )
 """Columns that `DeliveryRows` have to have for this."""
-BUSY_S: Final = 10.0
-"""What a network is busiest in: a queue that holds more than this is no radio's."""
+BUSY_NS: Final = 10_000_000_000
+"""A network is busiest in a period of so long: a queue that holds more than this is no radio's."""
 SHARES: Final = (0.5, 0.95)
 Numbers = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 
-def edges_of(end_ns: int, period_ns: float) -> Whole:
-    """Edges of equal periods that are a run; each is at least ``period_ns``, if the run is."""
-    return np.linspace(0, max(end_ns, 1), max(1, int(end_ns // period_ns)) + 1).astype(np.int64)
+def edges_of(end_ns: int, period_ns: int) -> Whole:
+    """Edges of periods that are a run: of ``period_ns``, and the last also has what is left, or all of a short run."""
+    begins = np.arange(max(1, end_ns // period_ns), dtype=np.int64) * period_ns
+    return np.append(begins, max(end_ns, 1))
 
 
 def places_in(edges_ns: Whole, at_ns: Whole) -> NDArray[np.intp]:

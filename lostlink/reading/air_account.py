@@ -11,7 +11,7 @@ from bridge.bus.keys import MAIN
 from bridge.record.tables.deliveries import FATES
 from channel.medium.reception import Fate
 from lostlink.reading.air import (
-    BUSY_S,
+    BUSY_NS,
     NS_PER_S,
     Numbers,
     delays_of,
@@ -41,7 +41,7 @@ class AirAccount:
         capacity_bps: what the network carries of such packets; with `ideal`, what the radio's bit rate could. None
             without packets.
         share: ``offered_bps`` as a share of that; if it is not shared, of the sender with the most.
-        busiest_share: the same in the busiest of equal periods of at least `BUSY_S`.
+        busiest_share: the same in the busiest period of `BUSY_NS`.
         use_share: of the time in which frames were on the air, added up over senders. None if nothing takes time.
         wait_p50_s, wait_p95_s: from entering the radio to the transmission that decided. None as above.
         delay_p50_s, delay_p95_s: from the sender's stamp to arrival. None as above.
@@ -93,8 +93,8 @@ class AirAccount:
             whose = "" if self.is_shared else " of one sender"
             return (
                 f"the nodes offered {rate_text(self.offered_bps)} to the medium {self.medium}, in the busiest "
-                f"{BUSY_S:g} s {self.busiest_share:.3g} times the {rate_text(self.capacity_bps)}{whose} that it "
-                f"carries of such packets: {self.lost_waiting} receptions were lost for want of time on the air"
+                f"{BUSY_NS / NS_PER_S:g} s {self.busiest_share:.3g} times the {rate_text(self.capacity_bps)}{whose} "
+                f"that it carries of such packets: {self.lost_waiting} receptions were lost for want of time on the air"
             )
         return f"the medium is ideal, where packets take no time: {self._too_much}; give it a medium: radio.medium"
 
@@ -120,10 +120,10 @@ def account_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> AirAccoun
     Args:
         rows: with `lostlink.reading.air.NEEDED`, one for each receiver.
         capacity: of the network.
-        end_ns: the end of the run.
+        end_ns: the end of the run, its last tick included.
     """
     offered, whole = offered_of(rows, capacity), edges_of(end_ns, max(end_ns, 1))
-    busy = edges_of(end_ns, BUSY_S * NS_PER_S)
+    busy = edges_of(end_ns, BUSY_NS)
     bits, need_s = 8.0 * float(offered.payload_bytes.sum()), float(offered.need_s.sum())
     waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
     waiting = [FATES.index(fate.value) for fate in WAITING]

@@ -60,7 +60,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     tell("sorts powers by distance")
     found["powers"] = packets.powers_of(rows)
     tell("adds up the use of the air")
-    found["air"] = air_of(rows, Capacity.of(run.scenario), end_ns)
+    found["air"] = air_of(rows, Capacity.of(run.scenario), end_ns + run.scenario.tick_period_ns)
     bins = run.summary.get("bins") or packets.bins_of(rows)
     found |= {"bins": bins, "model": _model(run.scenario, bins)}
     tell("reads the true states")
@@ -91,6 +91,7 @@ def _run(run: Run) -> Content:
         "seed": scenario.seed,
         "autopilot": scenario.autopilot,
         "radio": radio_name(scenario),
+        "medium": Capacity.of(scenario).medium,
         "speed": scenario.speed,
         "tick_rate_hz": scenario.tick_rate_hz,
         "ending": run.ending or KILLED,

@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from lostlink.flight.verdict import RunOutcome
-from lostlink.reading.air import BUSY_S
+from lostlink.reading.air import BUSY_NS, NS_PER_S
 from lostlink.reading.capacity import rate_text
 from lostlink.report.page.words import NOTHING, count, num, share
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 LINKS_MAX = 100
 EVENTS_MAX = 200
+MULTIPLE_FROM = 10.0
+"""Shares from here on are told as multiples."""
 SECTIONS = (
     ("ran", "What ran"),
     ("judged", "Verdict"),
@@ -104,6 +106,7 @@ def _facts(run: dict[str, Any]) -> list[Row]:
     rows: list[Row] = [
         ["scenario", run["scenario"]],
         ["radio", run["radio"]],
+        ["medium", run["medium"]],
         ["autopilot", run["autopilot"]],
         ["seed", run["seed"]],
         ["speed asked for", run["speed"]],
@@ -193,20 +196,16 @@ def _causes(totals: dict[str, Any]) -> list[Row]:
 
 
 def _air(air: dict[str, Any]) -> list[Row]:
-    whose = "carries" if air["is_shared"] else "carries, of each sender"
+    whose = ", of each sender" if not air["is_shared"] else ""
+    carrier = f"the medium carries{whose}" if air["takes_time"] else "the radio’s bit rate would carry"
     capacity = air["capacity_bps"]
-    carries = (
-        f"such packets that it {whose}"
-        if air["takes_time"]
-        else "such packets that the radio’s bit rate would carry"
-    )
     rows: list[Row] = [
         ["medium", air["medium"] if air["takes_time"] else f"{air['medium']}: packets take no time"],
         ["packets given to the radio", count(air["packets"])],
         ["their payload", rate_text(air["offered_bps"])],
-        [carries, NOTHING if capacity is None else rate_text(capacity)],
-        ["load offered, as a share of that", share(air["share"])],
-        [f"in the busiest {BUSY_S:g} s", share(air["busiest_share"])],
+        [f"what {carrier} of such packets", NOTHING if capacity is None else rate_text(capacity)],
+        ["load offered, as a share of that", _times(air["share"])],
+        [f"in the busiest {BUSY_NS / NS_PER_S:g} s", _times(air["busiest_share"])],
         [f"most payload received, by node {air['received_most_node']}", rate_text(air["received_most_bps"])],
     ]
     if air["takes_time"]:
@@ -217,6 +216,11 @@ def _air(air: dict[str, Any]) -> list[Row]:
             ["receptions lost for want of time on the air", count(air["lost_waiting"])],
         ]
     return rows
+
+
+def _times(value: float) -> str:
+    """A share in per cent, or as a multiple where it is one."""
+    return share(value) if value < MULTIPLE_FROM else f"{value:.3g} times"
 
 
 def _two(air: dict[str, Any], name: str) -> str:

@@ -27,10 +27,9 @@ def draw_air_use(air: dict[str, Any]) -> str:
         axes.axhline(1.0, color=FAINT, lw=1, ls="--", zorder=1)
         for name, shares, color in lines:
             _step(axes, air, shares, color, name)
-        axes.set(xlabel="sim time, s", ylabel="share of the time", xlim=(0, _end_s(air)))
+        axes.set(xlabel="sim time, s", ylabel="share of the time", xlim=(0, air["end_s"]))
         if max((share for _, shares, _ in lines for share in shares), default=0.0) > LOG_FROM:
-            axes.set_yscale("log")
-            axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            _logarithmic(axes)
         else:
             axes.set_ylim(bottom=0)
         axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
@@ -47,20 +46,26 @@ def draw_air_delay(air: dict[str, Any]) -> str:
             for told, of, style in (("median", "p50", "-"), ("95 %", "p95", ":")):
                 values = [np.nan if v is None else v for v in air["series"][f"{key}_{of}_s"]]
                 _step(axes, air, values, color, f"{name}, {told}", style)
-        axes.set(xlabel="sim time, s", ylabel="time, s", yscale="log", xlim=(0, _end_s(air)))
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.set(xlabel="sim time, s", ylabel="time, s", xlim=(0, air["end_s"]))
+        _logarithmic(axes)
         axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
         return svg_of(figure, "air-delay", "Waits and delays of packets over sim time: medians and 95 %.")
 
 
-def _end_s(air: dict[str, Any]) -> float:
-    return float(air["sim_time_s"][-1] + air["period_s"])
+def _logarithmic(axes: Axes) -> None:
+    """Ticks at 1, 2 and 5, as plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _step(axes: Axes, air: dict[str, Any], values: Any, color: str, name: str, style: str = "-") -> None:
     """A line that stands for each period, to its end."""
     axes.step(
-        [*air["sim_time_s"], _end_s(air)],
+        [*air["sim_time_s"], air["end_s"]],
         [*values, values[-1]],
         where="post",
         color=color,
