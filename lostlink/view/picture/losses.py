@@ -27,7 +27,7 @@ class Losses:
         self.heard = np.zeros((nodes, nodes), dtype=np.bool_)
         """[rx, tx]: whether the latest one arrived."""
         self.delay_s = np.zeros((nodes, nodes))
-        """[rx, tx]: of the latest packet that arrived, since its sender's stamp; 0 if none did, or nothing takes time."""
+        """[rx, tx]: of the latest packet that arrived, since its stamp; 0 if none did, or nothing takes time."""
         self.total: Counter[str] = Counter()
         """Packets by fate, since somebody looks."""
         self.since_s: float | None = None
