@@ -39,7 +39,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[[Any], Ru
 
 
 def test_more_than_a_radio_can_carry_is_warned_of_with_ideal(flown: Callable[[Any], Run]) -> None:
-    """A megabit a second over 64 kb/s passed without a word."""
+    """Eleven megabits a second over 64 kb/s passed without a word."""
     run = flown("telemetry-915")
     (air,) = run.summary["air"]
     assert (air["medium"], air["takes_time"], air["use_share"]) == ("ideal", False, None)
