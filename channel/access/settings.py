@@ -104,6 +104,8 @@ class Ideal(Variant):
     """A packet takes no time, no node waits, and packets do not disturb each other (Moon et al. 2020)."""
 
     takes_time: ClassVar[bool] = False
+    is_shared: ClassVar[bool] = True
+    """Whether `capacity_bps` is for all nodes together; else each sender has so much."""
     model: Literal["ideal"] = "ideal"
 
 
@@ -111,6 +113,7 @@ class Locking(Variant):
     """Radios with a queue each, and receivers that hear one frame at a time."""
 
     takes_time: ClassVar[bool] = True
+    is_shared: ClassVar[bool] = True
     queue: Queue = Field(default_factory=Queue)
     preamble_dbm: float | None = Field(
         default=None,
@@ -184,9 +187,12 @@ class Serial(Shared):
 
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:
         """Bits of packets of a length per second, if one sender sends them back to back."""
+        return 8 * length_bytes / self.duration_s(length_bytes, bit_rate_bps)
+
+    def duration_s(self, length_bytes: int, bit_rate_bps: float) -> float:
+        """Of a frame, on a radio of that bit rate."""
         rate_bps = bit_rate_bps if self.bit_rate_bps is None else self.bit_rate_bps
-        duration_s = self.preamble_s + 8 * (length_bytes + self.header_bytes) / rate_bps
-        return 8 * length_bytes / duration_s
+        return self.preamble_s + 8 * (length_bytes + self.header_bytes) / rate_bps
 
 
 class AirTimeMedium(Serial):
@@ -225,6 +231,12 @@ class TdmaMedium(Serial):
         schedule = Schedule(tuple(owners), slot_ns, guard_ns)
         timing, hearing = self.timing(surroundings), self.hearing(surroundings)
         return Tdma(surroundings.world, timing, schedule, self.queue.limits, hearing)
+
+    def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:
+        """Bits of packets of a length per second, if every slot is filled with what fits in it; 0 if none does."""
+        room_ns = round(self.slot_s * NS_PER_S) - round(self.guard_s * NS_PER_S)
+        in_a_slot = room_ns // max(1, round(self.duration_s(length_bytes, bit_rate_bps) * NS_PER_S))
+        return 8 * length_bytes * in_a_slot / self.slot_s
 
 
 class CsmaMedium(Shared):
@@ -296,6 +308,7 @@ class DelayMedium(Variant):
     """LTE, satellites: delays, a rate, an outage that comes and goes; nodes do not disturb each other."""
 
     takes_time: ClassVar[bool] = True
+    is_shared: ClassVar[bool] = False
     model: Literal["delay"] = "delay"
     queue: Queue = Field(default_factory=Queue)
     least_s: float = Field(ge=0.0, le=60.0, description="no packet is faster")
@@ -343,6 +356,7 @@ class ElrsMedium(Variant):
     """ExpressLRS with MAVLink: a transmitter module and a receiver take turns."""
 
     takes_time: ClassVar[bool] = True
+    is_shared: ClassVar[bool] = False
     model: Literal["elrs"] = "elrs"
     mode: str = Field(default="lora-500", description=f"one of {', '.join(ELRS_MODES)}")
     pairs: tuple[tuple[str, str], ...] = Field(

@@ -16,7 +16,11 @@ from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.verdict import UNJUDGED, verdict_of
+from lostlink.reading.air import NEEDED, NS_PER_S
+from lostlink.reading.air_account import AirAccount, account_of
+from lostlink.reading.capacity import Capacity
 from lostlink.reading.links import link_counts
+from lostlink.reading.rows import DeliveryRows
 
 SCHEMA = 3
 BIN_SENT_MIN = 50
@@ -55,8 +59,15 @@ def summarise(
     within = sum(not is_outside(row) for row in judged)
     found, reports = digests(run.path), read_reports(run.path)
     judgements = judge(run.path, scenario, ending, as_far_as_possible=True)
+    air = _air(scenario, run, timing)
     verdict = verdict_of(
-        ledger["checks"], ledger["links"], ending, judgements, unfinished, ledger["unjudged"]
+        ledger["checks"],
+        ledger["links"],
+        ending,
+        judgements,
+        unfinished,
+        ledger["unjudged"],
+        [account.remark for account in air],
     )
     return {
         "schema": SCHEMA,
@@ -74,6 +85,8 @@ def summarise(
         "links": ledger["links"],
         "bins": ledger["bins"],
         "refused": ledger["refused"],
+        "air": [account.plain for account in air],
+        "warnings": [account.warning for account in air if account.warning],
         "digest": digest_line(found),
         "digests": found,
         "may_not_repeat": list(reports.may_not_repeat),
@@ -121,6 +134,18 @@ def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:
         | {"lost": {name: n for name, n in row.items() if name not in ends and n}}
         for row in rows
     ]
+
+
+def _air(scenario: Scenario, run: RunDirectory, timing: Timing) -> list[AirAccount]:
+    """The account of each network; none if there are no deliveries, or they cannot be read."""
+    try:
+        rows = DeliveryRows.read(run.path, scenario.transceiver_ids, NEEDED).each()
+    except (OSError, TableError):
+        return []  # why it cannot be read is reported where it should have become Parquet
+    if not len(rows):
+        return []
+    end_ns = round(timing.sim_duration_s * NS_PER_S) + scenario.tick_period_ns
+    return [account_of(rows, Capacity.of(scenario), end_ns)]
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

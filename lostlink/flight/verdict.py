@@ -53,6 +53,7 @@ def verdict_of(
     judgements: Sequence[Judgement] = (),
     unfinished: Sequence[str] = (),
     unjudged: Sequence[dict[str, Any]] = (),
+    remarks: Sequence[str] = (),
 ) -> RunVerdict:
     """Whether packets are what the radio says, and the run what its scenario expects.
 
@@ -63,9 +64,12 @@ def verdict_of(
         judgements: what came of each expectation.
         unfinished: nodes that had not finished.
         unjudged: what the run says too little about, as in `summary.json`.
+        remarks: on what it was flown, for runs that came to their end.
     """
     outcome = UNJUDGED.get(ending) or _judged(checks, judgements)
     told = [*_of_expectations(judgements), *_of_checks(checks, unjudged, outcome), _counts(links, outcome)]
+    if outcome not in UNJUDGED.values():
+        told += remarks
     if unfinished:
         told.append(f"node{'s' * (len(unfinished) > 1)} {', '.join(unfinished)} had not finished")
     return RunVerdict(outcome, f"{outcome.word}: {'; '.join(told)}")

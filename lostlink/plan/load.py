@@ -9,7 +9,9 @@ from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint, en
 from bridge.scenario.agents import FreeAgent, OutAndBackAgent, OwnAgent, StillAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft, GroundNode
+from bridge.scenario.resolve.channel import medium_settings
 from channel.link.radio import Radio
+from lostlink.reading.capacity import Capacity
 
 ON_GROUND = ("STABILIZE", "CUSTOM_MODE_ENABLED|STABILIZE_ENABLED|MANUAL_INPUT_ENABLED")
 IN_FLIGHT = (
@@ -30,7 +32,8 @@ class NodeLoad:
         packets_per_s: of sim time; None if only the node's program knows.
         payload_bytes: of each packet.
         on_air_bits_per_s: with what the radio adds to a payload; None as above.
-        airtime_share: of the radio's time, at its bit rate.
+        airtime_share: of the time that the medium has; with `ideal`, of the radio's at its bit rate. 0 if it has no
+            room for such packets.
         is_guess: whether code that we have not run may send more, less, or something else.
     """
 
@@ -44,18 +47,28 @@ class NodeLoad:
 
 @dataclass(frozen=True, slots=True)
 class OfferedLoad:
-    """What all nodes offer together, on the one frequency that they share.
+    """What all nodes offer together, to the one network that they share.
 
     Attributes:
         nodes: of each.
+        medium: its name.
+        takes_time: whether packets take time on it.
+        is_shared: whether nodes share what it carries; else each sender has so much.
         packets_per_s, on_air_bits_per_s: sums of what is known.
-        airtime_share: sum; above 1 no real channel could carry it.
+        payload_bits_per_s: likewise, without what the radio adds.
+        capacity_bps: payload that it carries in packets of these lengths; None if no packet is known that fits.
+        airtime_share: sum, or if it is not shared the greatest; above 1 it cannot carry it.
         is_guess: whether any of it is.
     """
 
     nodes: tuple[NodeLoad, ...]
+    medium: str
+    takes_time: bool
+    is_shared: bool
     packets_per_s: float
     on_air_bits_per_s: float
+    payload_bits_per_s: float
+    capacity_bps: float | None
     airtime_share: float
     is_guess: bool
 
@@ -67,23 +80,32 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
         scenario: what is to be flown.
         radios: of each node.
     """
-    nodes = tuple(_load_of(scenario, node, radios[node.node]) for node in scenario.transceivers)
+    capacity = Capacity(medium_settings(radios), radios)
+    nodes = tuple(_load_of(scenario, node, capacity) for node in scenario.transceivers)
+    shares = [node.airtime_share for node in nodes]
+    payload_bits_per_s = sum(8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes)
     return OfferedLoad(
         nodes,
+        capacity.medium,
+        capacity.takes_time,
+        capacity.is_shared,
         sum(node.packets_per_s or 0.0 for node in nodes),
         sum(node.on_air_bits_per_s or 0.0 for node in nodes),
-        sum(node.airtime_share for node in nodes),
+        payload_bits_per_s,
+        payload_bits_per_s / sum(shares) if sum(shares) > 0.0 else None,
+        sum(shares) if capacity.is_shared else max(shares, default=0.0),
         any(node.is_guess for node in nodes),
     )
 
 
-def _load_of(scenario: Scenario, node: Aircraft | GroundNode, radio: Radio) -> NodeLoad:
+def _load_of(scenario: Scenario, node: Aircraft | GroundNode, capacity: Capacity) -> NodeLoad:
     if isinstance(node.agent, FreeAgent):
         return NodeLoad(node.node, None, None, None, 0.0, is_guess=True)
     rate_hz = scenario.tick_rate_hz / scenario.transmit.every_ticks
     payload = package_bytes(node)
-    bits_per_s = 8.0 * rate_hz * max(payload, int(radio.length_bytes(payload)))  # a fixed length may be less
-    share = bits_per_s / radio.config.bit_rate_bps
+    counted = int(capacity.radios[node.node].length_bytes(payload))  # a fixed length may be less
+    bits_per_s = 8.0 * rate_hz * max(payload, counted)
+    share = rate_hz * capacity.packet_s(node.node, payload)
     return NodeLoad(node.node, rate_hz, payload, bits_per_s, share, isinstance(node.agent, OwnAgent))
 
 

@@ -37,9 +37,10 @@ class NodePlan:
 
 @dataclass(frozen=True, slots=True)
 class RadioPlan:
-    """The radio of all nodes, and how far it gets a data package."""
+    """The radio of all nodes, its medium, and how far it gets a data package."""
 
     name: str
+    medium: str
     frequency_hz: float
     bit_rate_bps: float
     reach: Reach
@@ -103,7 +104,9 @@ def plan_of(scenario: Scenario) -> RunPlan:
         _processes(scenario),
         tuple(str(use) for use in ports_of(scenario)),
         {ua.node: places for ua in scenario.ua if (places := scenario.udp_outputs(ua))},
-        RadioPlan(config.name, config.frequency_hz, config.bit_rate_bps, reach_of(common, payload)),
+        RadioPlan(
+            config.name, load.medium, config.frequency_hz, config.bit_rate_bps, reach_of(common, payload)
+        ),
         load,
         tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),
         (*_warnings(load, radios), *_late_outages(scenario)),
@@ -150,18 +153,34 @@ def _late_outages(scenario: Scenario) -> Iterator[str]:
 
 
 def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
-    lines: list[str] = []
-    if load.airtime_share > AIRTIME_MAX:
-        lines.append(
-            f"the nodes offer {load.on_air_bits_per_s:.4g} bit/s, {load.airtime_share:.3g} times what the radio's bit "
-            "rate carries: a real channel would lose most of it, and this one, which has no airtime, does not; raise "
-            "transmit.every_ticks, or take a faster radio"
-        )
+    lines = [_overload(load)] if load.airtime_share > AIRTIME_MAX else []
     for node in load.nodes:
+        if node.payload_bytes is None:
+            continue
         mtu = radios[node.node].config.mtu_bytes
-        if node.payload_bytes is not None and node.payload_bytes > mtu:
+        if node.payload_bytes > mtu:
             lines.append(
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, more than mtu_bytes of its radio, "
                 f"{mtu}: none would be delivered"
             )
+        if not node.airtime_share:
+            lines.append(
+                f"node {node.node}: its data package has {node.payload_bytes} bytes, for which the medium "
+                f"{load.medium} has no room: none would be delivered"
+            )
     return lines
+
+
+def _overload(load: OfferedLoad) -> str:
+    """What happens to more than a medium carries, or would happen to more than the radio's bit rate does."""
+    if not load.takes_time:
+        return (
+            f"the nodes offer {load.on_air_bits_per_s:.4g} bit/s, {load.airtime_share:.3g} times what the radio's bit "
+            "rate carries: a real channel would lose most of it, and the medium ideal, which has no airtime, does not; "
+            "raise transmit.every_ticks, take a faster radio, or give it a medium (radio.medium)"
+        )
+    who = "the nodes offer" if load.is_shared else "a node offers"
+    return (
+        f"{who} {load.airtime_share:.3g} times what the medium {load.medium} carries: packets wait in queues until "
+        "these are full, and what does not fit is lost (queue_full); raise transmit.every_ticks, or take a faster radio"
+    )

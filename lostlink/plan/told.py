@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 
+from lostlink.plan.load import OfferedLoad
 from lostlink.plan.plan import NodePlan, RunPlan
 from lostlink.plan.reach import FARTHEST_M
 
@@ -52,7 +53,7 @@ def _node(node: NodePlan) -> str:
 
 def _radio(plan: RunPlan) -> Iterator[str]:
     radio = plan.radio
-    yield f"{radio.name}: {radio.frequency_hz / 1e6:g} MHz, {radio.bit_rate_bps:g} bit/s on air"
+    yield f"{radio.name}: {radio.frequency_hz / 1e6:g} MHz, {radio.bit_rate_bps:g} bit/s on air, medium {radio.medium}"
     if radio.reach.limit_m is None:
         yield "its reach depends on places, or its model refuses short distances: lostlink link shows one link"
         return
@@ -74,10 +75,9 @@ def _distance(distance_m: float | None, limit_m: float) -> str:
 
 def _load(plan: RunPlan) -> Iterator[str]:
     load, guess = plan.load, "about " if plan.load.is_guess else ""
-    yield (
-        f"all nodes: {guess}{load.packets_per_s:g} packets/s, {load.on_air_bits_per_s:.4g} bit/s on air, "
-        f"{load.airtime_share:.1%} of the radio's bit rate"
-    )
+    yield f"all nodes: {guess}{load.packets_per_s:g} packets/s, {_over_capacity(load)}"
+    if load.is_guess:
+        yield "data packages only: what own agents and programs beside the run send besides is not known"
     kinds: dict[tuple[float | None, int | None, bool], list[str]] = defaultdict(list)
     for node in load.nodes:
         kinds[node.packets_per_s, node.payload_bytes, node.is_guess].append(node.node)
@@ -88,3 +88,17 @@ def _load(plan: RunPlan) -> Iterator[str]:
         else:
             own = ", unless its own agent sends otherwise" if is_guess else ""
             yield f"{who}: {rate_hz:g} packets/s of {payload} bytes{own}"
+
+
+def _over_capacity(load: OfferedLoad) -> str:
+    """The load as a share of what the medium carries."""
+    if not load.takes_time:
+        bits = f"{load.on_air_bits_per_s:.4g} bit/s on air"
+        return f"{bits}, {load.airtime_share:.1%} of the radio's bit rate (medium ideal: nothing takes time)"
+    bits = f"{load.payload_bits_per_s:.4g} bit/s of payload"
+    if load.capacity_bps is None:
+        return f"{bits}; the medium {load.medium} carries none of it"
+    each = "" if load.is_shared else " of each sender"
+    carried = f"{load.capacity_bps:.4g} bit/s{each} that the medium {load.medium} carries of such packets"
+    most = "" if load.is_shared else "the busiest sender "
+    return f"{bits}, {most}{load.airtime_share:.1%} of the {carried}"

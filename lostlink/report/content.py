@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
@@ -17,10 +17,12 @@ from channel.checks import ChannelInputError
 from channel.validity import OutsideValidityError
 from lostlink.flight.figure import model_curve
 from lostlink.reading.ages import times_of
+from lostlink.reading.capacity import Capacity
 from lostlink.reading.places import places_of, separation_m
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.run import Run
 from lostlink.report import packets
+from lostlink.report.air import OF_AIR, air_of
 from lostlink.report.scales import plain
 from lostlink.report.tracks import tracks_of
 
@@ -43,7 +45,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
         TableError, OSError, ValueError: a file of the run is damaged, or cannot be read.
     """
     tell("reads the deliveries")
-    rows, end_ns = rows_of_packets(run), run.end_ns
+    rows, end_ns = rows_of_packets(run, (*packets.COLUMNS, *OF_AIR)), run.end_ns
     tell("counts packets")
     times = times_of(rows)
     links = packets.links_of(rows, times, end_ns)
@@ -57,6 +59,8 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     found["ages"] = packets.ages_of(times, rows.nodes, end_ns)
     tell("sorts powers by distance")
     found["powers"] = packets.powers_of(rows)
+    tell("adds up the use of the air")
+    found["air"] = air_of(rows, Capacity.of(run.scenario), end_ns + run.scenario.tick_period_ns)
     bins = run.summary.get("bins") or packets.bins_of(rows)
     found |= {"bins": bins, "model": _model(run.scenario, bins)}
     tell("reads the true states")
@@ -73,9 +77,9 @@ def least_separation_m(run: Run) -> float | None:
     return separation_m(places[ua.node] for ua in run.scenario.ua)[0]
 
 
-def rows_of_packets(run: Run) -> DeliveryRows:
+def rows_of_packets(run: Run, columns: Sequence[str] = packets.COLUMNS) -> DeliveryRows:
     """The deliveries of a run; no rows if it broke off before there were any."""
-    return DeliveryRows.read(run.path, run.scenario.transceiver_ids, packets.COLUMNS).each()
+    return DeliveryRows.read(run.path, run.scenario.transceiver_ids, columns).each()
 
 
 def _run(run: Run) -> Content:
@@ -87,6 +91,7 @@ def _run(run: Run) -> Content:
         "seed": scenario.seed,
         "autopilot": scenario.autopilot,
         "radio": radio_name(scenario),
+        "medium": Capacity.of(scenario).medium,
         "speed": scenario.speed,
         "tick_rate_hz": scenario.tick_rate_hz,
         "ending": run.ending or KILLED,

@@ -244,6 +244,7 @@ class Fates(Message):
     per: Column[float] = ()
     fate: bytes = b""
     packets: Column[int] = ()
+    delay_s: Column[float] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -211,6 +211,9 @@ def _tell(
             style = "red" if line.startswith("FAILED") else ""
             flight.console.print(line, highlight=False, soft_wrap=True, markup=False, style=style)
         flight.console.print(f"{flight.directory.path}", highlight=False, soft_wrap=True)
+        for warning in summary["warnings"]:
+            line = f"warning: {warning}"
+            flight.console.print(line, highlight=False, soft_wrap=True, markup=False, style="yellow")
         for reason in summary["may_not_repeat"]:
             flight.console.print(f"may not repeat: {reason}", highlight=False, soft_wrap=True)
         flight.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")

@@ -7,13 +7,17 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from lostlink.flight.verdict import RunOutcome
-from lostlink.report.page.words import count, num, share
+from lostlink.reading.air import BUSY_NS, NS_PER_S
+from lostlink.reading.capacity import rate_text
+from lostlink.report.page.words import NOTHING, count, num, share
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 LINKS_MAX = 100
 EVENTS_MAX = 200
+MULTIPLE_FROM = 10.0
+"""Shares from here on are told as multiples."""
 SECTIONS = (
     ("ran", "What ran"),
     ("judged", "Verdict"),
@@ -21,6 +25,7 @@ SECTIONS = (
     ("delivery", "Delivery and power"),
     ("links", "Links"),
     ("losses", "Losses"),
+    ("air", "Air"),
     ("ages", "Ages and latency"),
     ("machine", "Machine"),
     ("events", "Events"),
@@ -77,6 +82,7 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         links=[_link(link) for link in _worst(content["links"])],
         links_caption=_links_caption(len(content["links"])),
         causes=_causes(content["totals"]),
+        air=[row for each in content["air"] for row in _air(each)],
         timed=_timed(content["totals"]),
         machine=_machine(content),
         counters=[
@@ -100,6 +106,7 @@ def _facts(run: dict[str, Any]) -> list[Row]:
     rows: list[Row] = [
         ["scenario", run["scenario"]],
         ["radio", run["radio"]],
+        ["medium", run["medium"]],
         ["autopilot", run["autopilot"]],
         ["seed", run["seed"]],
         ["speed asked for", run["speed"]],
@@ -186,6 +193,38 @@ def _causes(totals: dict[str, Any]) -> list[Row]:
         [cause.replace("_", " "), count(number), share(number / totals["sent"])]
         for cause, number in totals["lost"].items()
     ]
+
+
+def _air(air: dict[str, Any]) -> list[Row]:
+    whose = ", of each sender" if not air["is_shared"] else ""
+    carrier = f"the medium carries{whose}" if air["takes_time"] else "the radio’s bit rate would carry"
+    capacity = air["capacity_bps"]
+    rows: list[Row] = [
+        ["medium", air["medium"] if air["takes_time"] else f"{air['medium']}: packets take no time"],
+        ["packets given to the radio", count(air["packets"])],
+        ["their payload", rate_text(air["offered_bps"])],
+        [f"what {carrier} of such packets", NOTHING if capacity is None else rate_text(capacity)],
+        ["load offered, as a share of that", _times(air["share"])],
+        [f"in the busiest {BUSY_NS / NS_PER_S:g} s", _times(air["busiest_share"])],
+        [f"most payload received, by node {air['received_most_node']}", rate_text(air["received_most_bps"])],
+    ]
+    if air["takes_time"]:
+        rows += [
+            ["time in which frames were on the air, added up", share(air["use_share"])],
+            ["wait before the transmission, median and 95 %", _two(air, "wait")],
+            ["delay from the agent’s word to arrival, median and 95 %", _two(air, "delay")],
+            ["receptions lost for want of time on the air", count(air["lost_waiting"])],
+        ]
+    return rows
+
+
+def _times(value: float) -> str:
+    """A share in per cent, or as a multiple where it is one."""
+    return share(value) if value < MULTIPLE_FROM else f"{value:.3g} times"
+
+
+def _two(air: dict[str, Any], name: str) -> str:
+    return f"{num(air[f'{name}_p50_s'])} s, {num(air[f'{name}_p95_s'])} s"
 
 
 def _timed(totals: dict[str, Any]) -> list[Row]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from lostlink.report.pictures.air import draw_air_delay, draw_air_use
 from lostlink.report.pictures.motion import draw_heights, draw_map
 from lostlink.report.pictures.radio import draw_ages, draw_delivery, draw_losses, draw_matrix, draw_powers
 
@@ -18,7 +19,7 @@ def draw_all(content: dict[str, Any], tell: Callable[[str], object] = lambda _st
         content: of the report.
         tell: called with what is drawn next.
     """
-    has_packets = bool(content["links"])
+    has_packets, air = bool(content["links"]), content["air"]
     wanted: list[tuple[str, bool, Callable[[], str]]] = [
         ("map", bool(content["tracks"]), lambda: draw_map(content)),
         ("heights", any(t["kind"] == "ua" for t in content["tracks"]), lambda: draw_heights(content)),
@@ -35,6 +36,8 @@ def draw_all(content: dict[str, Any], tell: Callable[[str], object] = lambda _st
             any(link["age_mean_s"] is not None for link in content["links"]),
             lambda: draw_matrix(content, "age_mean_s", "mean age of information, s", share=False),
         ),
+        ("air_use", bool(air), lambda: draw_air_use(air[0])),
+        ("air_delay", any(_came(each) for each in air), lambda: draw_air_delay(air[0])),
         ("ages", has_packets and bool(content["ages"]["sim_time_s"]), lambda: draw_ages(content)),
     ]
     found = {}
@@ -43,3 +46,8 @@ def draw_all(content: dict[str, Any], tell: Callable[[str], object] = lambda _st
             tell(f"draws {name}")
             found[name] = draw()
     return found
+
+
+def _came(air: dict[str, Any]) -> bool:
+    """Whether there are delays to be drawn, above 0 as a logarithm needs it."""
+    return any(air["series"]["delay_p95_s"] or ())

@@ -21,6 +21,17 @@ CAUSE_COLOURS = {
     "burst": "#c2497c",
     "no_position": "#888888",
     "radio_off": "#4d4d4d",
+    "queue_full": "#1f78b4",
+    "expired": "#6baed6",
+    "replaced": "#9ecae1",
+    "too_long_for_a_slot": "#08519c",
+    "half_duplex": "#b2df8a",
+    "collided": "#e31a1c",
+    "retries_exhausted": "#fb9a99",
+    "no_peer": "#a6761d",
+    "no_lock": "#cab2d6",
+    "outage": "#6a3d9a",
+    "run_ended": "#bdbdbd",
 }
 
 

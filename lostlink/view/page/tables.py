@@ -29,6 +29,7 @@ FLEET_COLUMNS = _columns(
     ("speed", "m/s", "right"),
     ("hears", "hears", "right"),
     ("heard", "heard by", "right"),
+    ("delay", "delay s", "right"),
     sortable=True,
 )
 AGENT_COLUMNS = _columns(
@@ -72,6 +73,7 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
                 "speed": _number(float(np.linalg.norm(view.velocity_ned_mps[number]))),
                 "hears": f"{int(hears[number])}/{int(view.losses.known[number].sum())}",
                 "heard": f"{int(heard[number])}/{int(view.losses.known[:, number].sum())}",
+                "delay": _delay(float(view.losses.delay_s[number].max(initial=0.0))) or "-",
             }
         )
     return rows
@@ -160,6 +162,7 @@ def link_words(view: FleetView, tx: int, rx: int) -> str:
     names = f"{view.nodes[tx].title} to {view.nodes[rx].title}"
     if not np.isfinite(sent):
         return f"{names}: no packet yet"
+    late = _delay(float(view.losses.delay_s[rx, tx]))
     silent = [view.nodes[end].title for end in (tx, rx) if end in view.radios_off]
     if silent:
         off = f"radio of {' and of '.join(silent)} off"
@@ -167,7 +170,13 @@ def link_words(view: FleetView, tx: int, rx: int) -> str:
     return (
         f"{names}: {distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
         f"{view.links.probability[tx, rx]:.2f}; {delivered:.0f} of {sent:.0f} packets delivered"
+        f"{f', the latest after {late} s' if late else ''}"
     )
+
+
+def _delay(delay_s: float) -> str:
+    """A delay in seconds, to 1 ms; empty if nothing takes time."""
+    return f"{delay_s:.3f}" if delay_s > 0.0 else ""
 
 
 def _number(value: float) -> str:

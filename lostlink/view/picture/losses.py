@@ -26,6 +26,8 @@ class Losses:
         """[rx, tx]: whether a packet was meant for rx."""
         self.heard = np.zeros((nodes, nodes), dtype=np.bool_)
         """[rx, tx]: whether the latest one arrived."""
+        self.delay_s = np.zeros((nodes, nodes))
+        """[rx, tx]: of the latest packet that arrived, since its stamp; 0 if none did, or nothing takes time."""
         self.total: Counter[str] = Counter()
         """Packets by fate, since somebody looks."""
         self.since_s: float | None = None
@@ -45,6 +47,9 @@ class Losses:
         tx, rx = np.asarray(fates.tx, dtype=np.intp), np.asarray(fates.rx, dtype=np.intp)
         self.known[rx, tx] = True
         self.heard[rx, tx] = fate == DELIVERED
+        if len(fates.delay_s) == len(fate):
+            came = fate == DELIVERED
+            self.delay_s[rx[came], tx[came]] = np.asarray(fates.delay_s)[came]
         counts = np.bincount(fate, minlength=len(fates.cause)).tolist()
         found = {cause: n for cause, n in zip(fates.cause, counts, strict=False) if n}
         self.total.update(found)

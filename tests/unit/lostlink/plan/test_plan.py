@@ -13,6 +13,7 @@ from bridge.scenario.resolve.radio import radio_from
 from lostlink.cli.flying.check import check
 from lostlink.plan.plan import plan_of
 from lostlink.plan.reach import reach_of
+from lostlink.plan.told import lines_of
 
 HOLDS_BYTES, FLIES_OUT_BYTES = 328, 376
 """Lengths of data packages in flight, read from the record of a run with this radio, which counts payloads."""
@@ -138,6 +139,58 @@ def test_more_than_the_bit_rate_is_warned_of() -> None:
     assert f"{share:.3g} times what the radio's bit rate carries" in warning
 
 
+def on_medium(*medium: str) -> dict[str, Any]:
+    return plan_with("radio=telemetry-915", *(f"radio.medium.{each}" for each in medium))
+
+
+def test_load_on_a_medium_is_over_what_it_carries() -> None:
+    """Two of 20 packets a second, in slots of 50 ms that have room for one each (41 and 47 ms): 40 for 20."""
+    plan = on_medium("model=tdma", "slot_s=0.05", "guard_s=0.001")
+    load, payload_bps = plan["load"], 20 * 8 * (HOLDS_BYTES + FLIES_OUT_BYTES)
+    assert (load["medium"], load["takes_time"], load["is_shared"]) == ("tdma", True, True)
+    assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([1.0, 1.0])
+    assert load["payload_bits_per_s"] == payload_bps
+    assert load["capacity_bps"] == pytest.approx(payload_bps / 2.0)
+    (warning,) = plan["warnings"]
+    assert warning.startswith(
+        "the nodes offer 2 times what the medium tdma carries: packets wait in queues until"
+    )
+    assert plan["radio"]["medium"] == "tdma"
+    assert not any(
+        line.startswith(("airtime", "collisions", "medium access")) for line in plan["not_modelled"]
+    )
+
+
+def test_load_on_lines_of_each_sender_is_that_of_the_busiest() -> None:
+    load = on_medium("model=delay", "least_s=0", "median_s=0.04", "most_s=0.1", "rate_bps=100e3")["load"]
+    assert (load["is_shared"], load["capacity_bps"]) == (False, pytest.approx(100e3))
+    assert load["airtime_share"] == pytest.approx(20 * 8 * FLIES_OUT_BYTES / 100e3)
+
+
+def test_a_package_that_fits_no_slot_is_warned_of() -> None:
+    """41 ms of 64 kb/s are 328 bytes and no more."""
+    plan = on_medium("model=tdma", "slot_s=0.041")
+    (warning,) = plan["warnings"]
+    assert warning.startswith(
+        f"node 1: its data package has {FLIES_OUT_BYTES} bytes, for which the medium tdma has no"
+    )
+
+
+def test_load_on_a_medium_reads_well() -> None:
+    options = ["radio.medium={model: tdma, slot_s: 0.05}", "transmit.every_ticks=20"]
+    said = checked(
+        "separation", "--radio", "telemetry-915", *(part for each in options for part in ("--set", each))
+    )
+    line = (
+        "  all nodes: 2 packets/s, 5632 bit/s of payload, 10.0% of the 5.632e+04 bit/s that the medium tdma carries of "
+        "such packets"
+    )
+    assert line in said.output.splitlines()
+    assert "data packages only" not in said.output
+    guess = plan_of(parse_scenario(TEXT, "planned.yaml"))
+    assert any(line.startswith("  data packages only: what own agents") for line in lines_of(guess))
+
+
 def test_an_outage_after_the_end_is_warned_of() -> None:
     late = TEXT.replace("radio: {preset", "radio_off: [{from_s: 5, to_s: 60}, {from_s: 60}], radio: {preset")
     assert "node 9: its radio goes off at 60 s" in plan_of(parse_scenario(late, "late.yaml")).warnings[-1]
@@ -171,7 +224,8 @@ def test_it_reads_well() -> None:
     assert done.exit_code == 0
     for line in (
         "  0: UA, f450 (copter) at 0 m N, -7 m E, agent hold",
-        "  all nodes: 40 packets/s, 1.126e+05 bit/s on air, 0.5% of the radio's bit rate",
+        "  all nodes: 40 packets/s, 1.126e+05 bit/s on air, 0.5% of the radio's bit rate "
+        "(medium ideal: nothing takes time)",
         f"  node 1: 20 packets/s of {FLIES_OUT_BYTES} bytes",
     ):
         assert line in done.output.splitlines()

@@ -17,7 +17,7 @@ from lostlink.report.page.page import LINKS_MAX, page_of
 from lostlink.report.pictures.all import draw_all
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
-PICTURES = {"map", "heights", "delivery", "powers", "matrix", "losses", "age_matrix", "ages"}
+PICTURES = {"map", "heights", "delivery", "powers", "matrix", "losses", "air_use", "age_matrix", "ages"}
 VOID = {"meta", "br", "link", "img", "hr", "input"}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,6 +115,14 @@ def test_a_link_in_words() -> None:
     assert link_words(view, 0, 1) == (
         "UA 0 to node gcs: 123 m, -80.0 dBm, SNR 12.0 dB, probability of delivery 0.75; 30 of 40 packets delivered"
     )
+
+
+def test_delays_in_words() -> None:
+    view = view_of_two()
+    view.take(links(1.0, 123.4, 0.25, 40, 30))
+    view.take(replace(fates(1.0, [(0, 1, 0)]), delay_s=(0.3504,)))
+    assert link_words(view, 0, 1).endswith("; 30 of 40 packets delivered, the latest after 0.350 s")
+    assert [row["delay"] for row in fleet_rows(view)] == ["-", "0.350"]
 
 
 def test_what_an_agent_logged_in_words() -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from bridge.record.tables.deliveries import FATES, fates_message
 from lostlink.view.picture import losses as module
 from lostlink.view.picture.losses import Losses
 from tests.unit.lostlink.view.fleet import fates
@@ -31,6 +35,29 @@ def test_the_latest_packet_says_who_hears_whom() -> None:
     losses.take(fates(0.2, [(0, 1, 1)]))
     assert not losses.heard.any()
     assert losses.known.tolist() == [[False, True], [True, False]]
+
+
+def test_the_delay_is_that_of_the_latest_packet_that_arrived() -> None:
+    """Sent at 1, 2 and 3 s: there after 0.25 s, lost, and in the other direction there after 1.5 s."""
+    names, second = (
+        ("length_bytes", "distance_m", "received_power_dbm", "snr_db", "per", "seq"),
+        1_000_000_000,
+    )
+    columns = {name: np.zeros(3, dtype=np.int64) for name in names} | {
+        "tx": np.array([0, 0, 1]),
+        "rx": np.array([1, 1, 0]),
+        "fate": np.array([FATES.index(fate) for fate in ("delivered", "collided", "delivered")]),
+        "packets": np.ones(3, dtype=np.int64),
+        "sim_time_ns": np.array([1, 2, 3]) * second,
+        "arrived_ns": np.array([1_250_000_000, 9 * second, 4_500_000_000]),
+    }
+    message = fates_message(9 * second, ("0", "gcs"), columns)
+    assert np.isnan(message.delay_s).tolist() == [False, True, False]
+    losses = Losses(2)
+    losses.take(message)
+    assert losses.delay_s.tolist() == [[0.0, 1.5], [0.25, 0.0]]
+    losses.take(replace(message, delay_s=()))  # of a record from before there were any
+    assert losses.delay_s.tolist() == [[0.0, 1.5], [0.25, 0.0]]
 
 
 def test_losses_are_told_once() -> None:

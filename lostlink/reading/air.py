@@ -1,0 +1,207 @@
+"""Use of the air: what was offered to a network, and how long packets waited, over time. Computed from the deliveries.
+
+The load offered is that of all packets that were given to the radio, once each whoever they were for, as a share of
+the time that the network has (`Capacity.packet_s`): above 1 it cannot carry them. What was lost before the radio
+(``transport``, ``too_long``) is no load. Payloads are lengths as the error model counts them, less its overhead.
+
+The air is in use while a frame is on it: durations of distinct transmissions are added up, so that frames of several
+senders at once count several times. Of a packet that was tried more than once the record has the last frame; each
+attempt counts as long as that. Acknowledgements, preambles of slots and what is no packet are not in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lostlink.reading.capacity import Capacity
+from lostlink.reading.rows import DeliveryRows
+
+NS_PER_S: Final = 1e9
+NEEDED: Final = (
+    "sim_time_ns",
+    "seq",
+    "length_bytes",
+    "entered_ns",
+    "started_ns",
+    "ended_ns",
+    "arrived_ns",
+    "attempts",
+)
+"""Columns that `DeliveryRows` have to have for this."""
+BUSY_NS: Final = 10_000_000_000
+"""A network is busiest in a period of so long: a queue that holds more than this is no radio's."""
+SHARES: Final = (0.5, 0.95)
+Numbers = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+
+def edges_of(end_ns: int, period_ns: int) -> Whole:
+    """Edges of periods that are a run: of ``period_ns``, and the last also has what is left, or all of a short run."""
+    begins = np.arange(max(1, end_ns // period_ns), dtype=np.int64) * period_ns
+    return np.append(begins, max(end_ns, 1))
+
+
+def places_in(edges_ns: Whole, at_ns: Whole) -> NDArray[np.intp]:
+    """The period of each instant; the first and the last have what is outside."""
+    return np.clip(np.searchsorted(edges_ns, at_ns, side="right") - 1, 0, len(edges_ns) - 2)
+
+
+def durations_s(edges_ns: Whole) -> Numbers:
+    """Of the periods."""
+    return np.asarray(np.diff(edges_ns) / NS_PER_S, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Offered:
+    """Packets that were given to the radio, once each.
+
+    Attributes:
+        at_ns: when, by the sender's stamp.
+        tx: place of the sender.
+        payload_bytes: of each.
+        need_s: the time that the network needs for each.
+        nodes: how many there are.
+        is_shared: whether they share the network's time.
+    """
+
+    at_ns: Whole
+    tx: Whole
+    payload_bytes: Whole
+    need_s: Numbers
+    nodes: int
+    is_shared: bool
+
+    def bits_per_s(self, edges_ns: Whole) -> Numbers:
+        """Payload of all packets in each period."""
+        place = places_in(edges_ns, self.at_ns)
+        return np.bincount(place, 8.0 * self.payload_bytes, len(edges_ns) - 1) / durations_s(edges_ns)
+
+    def shares(self, edges_ns: Whole) -> Numbers:
+        """Of the network's time in each period; if it is not shared, that of the busiest sender."""
+        periods = len(edges_ns) - 1
+        cells = places_in(edges_ns, self.at_ns) * self.nodes + self.tx
+        needs_s = np.bincount(cells, self.need_s, periods * self.nodes).reshape(periods, self.nodes)
+        need_s = needs_s.sum(axis=1) if self.is_shared else needs_s.max(axis=1, initial=0.0)
+        return np.asarray(need_s / durations_s(edges_ns), dtype=np.float64)
+
+
+def offered_of(rows: DeliveryRows, capacity: Capacity) -> Offered:
+    """What was offered to a network, of rows with `NEEDED`."""
+    given = rows.at(~rows.is_gap)
+    tx, seq = given.columns["tx"].astype(np.int64), given.columns["seq"]
+    _, first = np.unique(tx * (int(seq.max(initial=0)) + 1) + seq, return_index=True)
+    once, nodes = given.at(first), rows.nodes
+    payload_bytes = payloads_of(once, capacity)
+    need_s = _for_each(tx[first], payload_bytes, lambda tx, payload: capacity.packet_s(nodes[tx], payload))
+    at_ns = once.columns["sim_time_ns"]
+    return Offered(at_ns, tx[first], payload_bytes, need_s, len(nodes), capacity.is_shared)
+
+
+def payloads_of(rows: DeliveryRows, capacity: Capacity) -> Whole:
+    """The payload of each row's packet, bytes."""
+    nodes, tx = rows.nodes, rows.columns["tx"].astype(np.int64)
+    counted = rows.columns["length_bytes"].astype(np.int64)
+    found = _for_each(tx, counted, lambda tx, length: capacity.payload_bytes(nodes[tx], length))
+    return found.astype(np.int64)
+
+
+def _for_each(tx: Whole, length_bytes: Whole, figure: Callable[[int, int], float]) -> Numbers:
+    """A figure of a sender and a length, for each packet; it is asked for once for each two."""
+    longest = int(length_bytes.max(initial=0)) + 1
+    kinds, place = np.unique(tx * longest + length_bytes, return_inverse=True)
+    figures = [figure(*divmod(kind, longest)) for kind in kinds.tolist()]
+    return np.array(figures, dtype=np.float64)[place]
+
+
+class Frames(NamedTuple):
+    """Distinct transmissions, by sender and begin.
+
+    Attributes:
+        started_ns, ended_ns: of the last attempt.
+        waited_s: from when its packet entered the radio until that.
+        attempts: how often the packet was on the air.
+    """
+
+    started_ns: Whole
+    ended_ns: Whole
+    waited_s: Numbers
+    attempts: Whole
+
+    def use(self, edges_ns: Whole) -> Numbers:
+        """The share of each period in which frames are on the air, added up over senders."""
+        busy_ns = np.diff(
+            _passed(edges_ns, self.started_ns, self.attempts)
+            - _passed(edges_ns, self.ended_ns, self.attempts)
+        )
+        return np.asarray(busy_ns / NS_PER_S / durations_s(edges_ns), dtype=np.float64)
+
+    def waits(self, edges_ns: Whole) -> Numbers:
+        """`SHARES` of waits in each period, s, shape (SHARES, periods)."""
+        return quantiles(places_in(edges_ns, self.started_ns), self.waited_s, len(edges_ns) - 1)
+
+
+def _passed(at_ns: Whole, since_ns: Whole, weights: Whole) -> Numbers:
+    """The time that has passed at each instant since all those before it, ns, by weight."""
+    order = np.argsort(since_ns, kind="stable")
+    since, weight = since_ns[order], weights[order].astype(np.float64)
+    before = np.searchsorted(since, at_ns, side="left")
+    count = np.concatenate([[0.0], np.cumsum(weight)])[before]
+    total = np.concatenate([[0.0], np.cumsum(weight * since)])[before]
+    return np.asarray(at_ns * count - total, dtype=np.float64)
+
+
+def frames_of(rows: DeliveryRows) -> Frames:
+    """The transmissions in rows with `NEEDED`; none if packets take no time."""
+    c = rows.columns
+    sent = np.flatnonzero((c["started_ns"] >= 0) & (c["ended_ns"] > c["started_ns"]))
+    key = c["started_ns"][sent] * len(rows.nodes) + c["tx"][sent]
+    _, first = np.unique(key, return_index=True)
+    started, ended, entered, attempts = (
+        c[name][sent[first]] for name in ("started_ns", "ended_ns", "entered_ns", "attempts")
+    )
+    return Frames(started, ended, (started - entered) / NS_PER_S, np.maximum(attempts, 1).astype(np.int64))
+
+
+class Delays(NamedTuple):
+    """Of packets that were delivered: when each arrived, and how long after its sender's stamp."""
+
+    arrived_ns: Whole
+    delay_s: Numbers
+
+    def over_time(self, edges_ns: Whole) -> Numbers:
+        """`SHARES` of delays in each period, s, shape (SHARES, periods)."""
+        return quantiles(places_in(edges_ns, self.arrived_ns), self.delay_s, len(edges_ns) - 1)
+
+
+def delays_of(rows: DeliveryRows) -> Delays:
+    """The delays in rows with `NEEDED`, one for each receiver. With `ideal` all are 0: latency is another figure."""
+    came = np.flatnonzero(rows.is_delivered & (rows.columns["arrived_ns"] >= 0))
+    arrived, sent = (rows.columns[name][came] for name in ("arrived_ns", "sim_time_ns"))
+    return Delays(arrived, (arrived - sent) / NS_PER_S)
+
+
+def quantiles(place: NDArray[np.intp], values: Numbers, periods: int) -> Numbers:
+    """The least value that a share of each period's values do not exceed, shape (SHARES, periods); nan of none."""
+    order = np.lexsort((values, place))
+    values = values[order]
+    begins = np.searchsorted(place[order], np.arange(periods + 1))
+    counts = np.diff(begins)
+    found = np.full((len(SHARES), periods), np.nan)
+    has_any = counts > 0
+    for row, share in enumerate(SHARES):
+        at = begins[:-1] + np.maximum(np.ceil(share * counts - 1e-9).astype(np.int64) - 1, 0)
+        found[row, has_any] = values[at[has_any]]
+    return found
+
+
+def received_bits_per_s(rows: DeliveryRows, capacity: Capacity, edges_ns: Whole) -> Numbers:
+    """Payload that each node received in each period, by the time of sending, shape (nodes, periods)."""
+    came, nodes, periods = rows.at(rows.is_delivered), len(rows.nodes), len(edges_ns) - 1
+    cells = came.columns["rx"] * periods + places_in(edges_ns, came.columns["sim_time_ns"])
+    bits = np.bincount(cells, 8.0 * payloads_of(came, capacity), nodes * periods)
+    return np.asarray(bits.reshape(nodes, periods) / durations_s(edges_ns), dtype=np.float64)

@@ -1,0 +1,163 @@
+"""What a run says of its air in the end: its medium, the load on it, waits, delays, and a warning of too much."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from bridge.bus.keys import MAIN
+from bridge.record.tables.deliveries import FATES
+from channel.medium.reception import Fate
+from lostlink.reading.air import (
+    BUSY_NS,
+    NS_PER_S,
+    Numbers,
+    delays_of,
+    edges_of,
+    frames_of,
+    offered_of,
+    received_bits_per_s,
+)
+from lostlink.reading.capacity import Capacity, rate_text
+from lostlink.reading.rows import DeliveryRows
+
+WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
+"""Fates of packets for which there was no time on the air."""
+
+
+@dataclass(frozen=True, slots=True)
+class AirAccount:
+    """The air of one network over a run.
+
+    Attributes:
+        radio: which of the nodes' radios are on it.
+        medium: its name.
+        takes_time: whether packets take time on it.
+        is_shared: whether nodes share ``capacity_bps``; else each sender has so much.
+        packets: given to the radio.
+        offered_bps: payload of these.
+        capacity_bps: what the network carries of such packets; with `ideal`, what the radio's bit rate could. None
+            without packets.
+        share: ``offered_bps`` as a share of that; if it is not shared, of the sender with the most.
+        busiest_share: the same in the busiest period of `BUSY_NS`.
+        use_share: of the time in which frames were on the air, added up over senders. None if nothing takes time.
+        wait_p50_s, wait_p95_s: from entering the radio to the transmission that decided. None as above.
+        delay_p50_s, delay_p95_s: from the sender's stamp to arrival. None as above.
+        lost_waiting: receptions for which there was no time on the air.
+        received_most_bps: payload that one node received in its busiest such period.
+        received_most_node: that node; that with the most for its bit rate.
+        received_most_share: the same over the bit rate of its radio.
+    """
+
+    radio: str
+    medium: str
+    takes_time: bool
+    is_shared: bool
+    packets: int
+    offered_bps: float
+    capacity_bps: float | None
+    share: float
+    busiest_share: float
+    use_share: float | None
+    wait_p50_s: float | None
+    wait_p95_s: float | None
+    delay_p50_s: float | None
+    delay_p95_s: float | None
+    lost_waiting: int
+    received_most_bps: float
+    received_most_node: str
+    received_most_share: float
+
+    @property
+    def is_overloaded(self) -> bool:
+        """Whether more was offered than it can carry, and it showed: packets came that could not, or had no time."""
+        if self.takes_time:
+            return self.busiest_share > 1.0 and self.lost_waiting > 0
+        return self.busiest_share > 1.0
+
+    @property
+    def remark(self) -> str:
+        """For the line of a verdict."""
+        if not self.is_overloaded:
+            return f"medium {self.medium}"
+        return f"medium {self.medium}, offered {self.busiest_share:.3g} times what it could carry"
+
+    @property
+    def warning(self) -> str:
+        """What is likely not meant; empty if nothing is."""
+        if not self.is_overloaded or self.capacity_bps is None:
+            return ""
+        if self.takes_time:
+            whose = "" if self.is_shared else " of one sender"
+            return (
+                f"the nodes offered {rate_text(self.offered_bps)} to the medium {self.medium}, in the busiest "
+                f"{BUSY_NS / NS_PER_S:g} s {self.busiest_share:.3g} times the {rate_text(self.capacity_bps)}{whose} "
+                f"that it carries of such packets: {self.lost_waiting} receptions were lost for want of time on the air"
+            )
+        return f"the medium is ideal, where packets take no time: {self._too_much}; give it a medium: radio.medium"
+
+    @property
+    def _too_much(self) -> str:
+        """What no radio of that bit rate could have done."""
+        times = f"{self.busiest_share:.3g} times what the radio's bit rate carries"
+        if self.received_most_share <= 1.0:
+            return f"the nodes offered {rate_text(self.offered_bps)}, {times}"
+        bit_rate = rate_text(self.received_most_bps / self.received_most_share)
+        received = f"node {self.received_most_node} received {rate_text(self.received_most_bps)}"
+        return f"{received} over a radio of {bit_rate}, and the nodes offered {times}"
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """As `summary.json` has it."""
+        return asdict(self)
+
+
+def account_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> AirAccount:
+    """The account of a run.
+
+    Args:
+        rows: with `lostlink.reading.air.NEEDED`, one for each receiver.
+        capacity: of the network.
+        end_ns: the end of the run, its last tick included.
+    """
+    offered, whole = offered_of(rows, capacity), edges_of(end_ns, max(end_ns, 1))
+    busy = edges_of(end_ns, BUSY_NS)
+    bits, need_s = 8.0 * float(offered.payload_bytes.sum()), float(offered.need_s.sum())
+    waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
+    waiting = [FATES.index(fate.value) for fate in WAITING]
+    is_waiting = np.isin(rows.columns["fate"], waiting)
+    received_bps = received_bits_per_s(rows, capacity, busy).max(axis=1, initial=0.0)
+    bit_rates_bps = np.array([capacity.radios[node].config.bit_rate_bps for node in rows.nodes])
+    most = int(np.argmax(received_bps / bit_rates_bps))
+    return AirAccount(
+        radio=MAIN,
+        medium=capacity.medium,
+        takes_time=capacity.takes_time,
+        is_shared=capacity.is_shared,
+        packets=len(offered.tx),
+        offered_bps=float(offered.bits_per_s(whole)[0]),
+        capacity_bps=bits / need_s if need_s > 0.0 else None,
+        share=float(offered.shares(whole)[0]),
+        busiest_share=float(offered.shares(busy).max()),
+        use_share=use,
+        wait_p50_s=_number(waits, 0),
+        wait_p95_s=_number(waits, 1),
+        delay_p50_s=_number(delays, 0),
+        delay_p95_s=_number(delays, 1),
+        lost_waiting=int(rows.columns["packets"][is_waiting].sum()),
+        received_most_bps=float(received_bps[most]),
+        received_most_node=rows.nodes[most],
+        received_most_share=float(received_bps[most] / bit_rates_bps[most]),
+    )
+
+
+def _times(rows: DeliveryRows, whole: Any) -> tuple[Numbers, Numbers, float]:
+    """Quantiles of waits and delays over the run, and the use of the air."""
+    frames, delays = frames_of(rows), delays_of(rows)
+    return frames.waits(whole)[:, 0], delays.over_time(whole)[:, 0], float(frames.use(whole)[0])
+
+
+def _number(values: Numbers | None, row: int) -> float | None:
+    return None if values is None or np.isnan(values[row]) else float(values[row])

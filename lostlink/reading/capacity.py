@@ -1,0 +1,80 @@
+"""What a network can carry: how much of its time packets of a length need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.channel import medium_settings
+from bridge.scenario.resolve.radio import radios_of
+from channel.access.settings import Ideal, MediumSettings
+from channel.link.radio import Radio
+
+UNITS = ((1e9, "Gbit/s"), (1e6, "Mbit/s"), (1e3, "kbit/s"))
+
+
+def rate_text(bits_per_s: float) -> str:
+    """A bit rate with three digits: ``10.9 Mbit/s``."""
+    for size, unit in UNITS:
+        if bits_per_s >= size:
+            return f"{bits_per_s / size:.3g} {unit}"
+    return f"{bits_per_s:.3g} bit/s"
+
+
+@dataclass(frozen=True, slots=True)
+class Capacity:
+    """What the network of a run can carry.
+
+    With `ideal`, where nothing takes time, it is what a radio's bit rate could: packets one after the other, without
+    pauses. Otherwise it is what the medium's ``capacity_bps`` says.
+
+    Attributes:
+        settings: of the medium.
+        radios: by node.
+    """
+
+    settings: MediumSettings
+    radios: Mapping[str, Radio]
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Capacity:
+        """Of a scenario whose names are known to be right."""
+        radios = radios_of(scenario)
+        return cls(medium_settings(radios), radios)
+
+    @property
+    def medium(self) -> str:
+        """Its name; of a medium of one's own, that of its class."""
+        return str(getattr(self.settings, "model", type(self.settings).__name__))
+
+    @property
+    def takes_time(self) -> bool:
+        """Whether packets take time on it."""
+        return not isinstance(self.settings, Ideal)
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether all nodes share it; else each has so much for itself."""
+        return bool(getattr(self.settings, "is_shared", True))
+
+    @property
+    def bit_rate_bps(self) -> float:
+        """Of the fastest radio."""
+        return max(radio.config.bit_rate_bps for radio in self.radios.values())
+
+    def packet_s(self, node: str, payload_bytes: int) -> float:
+        """The time that the network needs for a packet of a node: 0 if it has no room for it at all."""
+        if isinstance(self.settings, Ideal):
+            radio = self.radios[node]  # a fixed length may be less than the payload's
+            return 8.0 * max(payload_bytes, radio.length_bytes(payload_bytes)) / radio.config.bit_rate_bps
+        length_bytes = max(payload_bytes, 1)
+        capacity_bps = self.settings.capacity_bps(length_bytes, self.bit_rate_bps)
+        return 8.0 * length_bytes / capacity_bps if capacity_bps > 0.0 else 0.0
+
+    def payload_bytes(self, node: str, counted_bytes: int) -> int:
+        """The payload of a packet by the length that the error model counts; that length, if all have one."""
+        radio = self.radios[node]
+        overhead_bytes = radio.length_bytes(0)
+        is_fixed = radio.length_bytes(1) == overhead_bytes
+        return counted_bytes if is_fixed else counted_bytes - overhead_bytes

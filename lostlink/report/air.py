@@ -1,0 +1,40 @@
+"""The use of the air over time, as a report has it."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from lostlink.reading.air import NEEDED, NS_PER_S, delays_of, edges_of, frames_of, offered_of
+from lostlink.reading.air_account import account_of
+from lostlink.reading.capacity import Capacity
+from lostlink.reading.rows import DeliveryRows
+from lostlink.report.packets import COLUMNS, period_of
+
+OF_AIR: Final = tuple(name for name in NEEDED if name not in COLUMNS)
+"""Columns of the deliveries that this is made of, beside those of packets."""
+PERIOD_LEAST_NS: Final = 1_000_000_000
+"""Below this what agents send at every tick, or second, would be seen as peaks."""
+
+
+def air_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> list[dict[str, Any]]:
+    """Of each network its account as in `summary.json`, its ``warning``, and ``series``.
+
+    Series are by ``sim_time_s``, begins of periods, the last of which ends at ``end_s``: ``offered_share`` and, where
+    packets take time, ``use_share``, ``wait_p50_s``, ``wait_p95_s``, ``delay_p50_s``, ``delay_p95_s``; else these are
+    null.
+    """
+    if not len(rows):
+        return []
+    account, edges_ns = (
+        account_of(rows, capacity, end_ns),
+        edges_of(end_ns, max(period_of(end_ns), PERIOD_LEAST_NS)),
+    )
+    series: dict[str, Any] = {"offered_share": offered_of(rows, capacity).shares(edges_ns)}
+    series |= dict.fromkeys(("use_share", "wait_p50_s", "wait_p95_s", "delay_p50_s", "delay_p95_s"))
+    if capacity.takes_time:
+        frames = frames_of(rows)
+        series["use_share"] = frames.use(edges_ns)
+        series["wait_p50_s"], series["wait_p95_s"] = frames.waits(edges_ns)
+        series["delay_p50_s"], series["delay_p95_s"] = delays_of(rows).over_time(edges_ns)
+    times = {"sim_time_s": edges_ns[:-1] / NS_PER_S, "end_s": end_ns / NS_PER_S}
+    return [{**account.plain, "warning": account.warning, **times, "series": series}]

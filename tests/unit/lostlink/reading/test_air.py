@@ -1,0 +1,202 @@
+"""Load, use, waits and delays of hand-made rows, against sums written out; capacities against arithmetic of frames."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bridge.record.tables.deliveries import FATES
+from lostlink.reading.air import (
+    BUSY_NS,
+    NEEDED,
+    delays_of,
+    edges_of,
+    frames_of,
+    offered_of,
+    quantiles,
+    received_bits_per_s,
+)
+from lostlink.reading.air_account import account_of
+from lostlink.reading.capacity import Capacity, rate_text
+from lostlink.reading.rows import LINK, DeliveryRows
+from tests.unit.lostlink.replay.flown import scenario_of
+
+MS, S = 1_000_000, 1_000_000_000
+NODES = ("0", "1", "2")
+"""On telemetry-915, which adds 8 bytes to a payload and has 64 kb/s."""
+MOON_BPS = 20e6
+TDMA = "{preset: telemetry-915, medium: {model: tdma, slot_s: 0.1, guard_s: 0.01}}"
+AIRTIME = "{preset: telemetry-915, medium: {model: airtime, preamble_s: 0.002, header_bytes: 12}}"
+DELAY = "{preset: telemetry-915, medium: {model: delay, least_s: 0, median_s: 0, most_s: 0, rate_bps: 1000}}"
+
+
+def capacity(radio: str) -> Capacity:
+    return Capacity.of(scenario_of(radio, NODES))
+
+
+def rows(*given: dict[str, Any]) -> DeliveryRows:
+    """A row of each, all at once, one packet of 92 bytes from 0 to 1 that is delivered unless it says otherwise."""
+    plain = {
+        "tx": 0,
+        "rx": 1,
+        "packets": 1,
+        "fate": "delivered",
+        "length_bytes": 100,
+        "seq": 0,
+        "attempts": 1,
+    }
+    found = []
+    for row in given:
+        at_ns = row.get("sim_time_ns", 0)
+        instants = dict.fromkeys(("sim_time_ns", "entered_ns", "started_ns", "ended_ns", "arrived_ns"), at_ns)
+        found.append(plain | instants | row)
+    columns = {name: np.array([row[name] for row in found]) for name in (*LINK, *NEEDED) if name != "fate"}
+    return DeliveryRows(NODES, columns | {"fate": np.array([FATES.index(row["fate"]) for row in found])})
+
+
+def test_periods_are_whole_and_the_last_has_what_is_left() -> None:
+    assert edges_of(25 * S, 10 * S).tolist() == [0, 10 * S, 25 * S]
+    assert edges_of(3 * S, 10 * S).tolist() == [0, 3 * S]
+    assert edges_of(0, 10 * S).tolist() == [0, 1]
+
+
+def test_a_packet_counts_once_whoever_it_is_for_and_what_the_host_lost_not_at_all() -> None:
+    given = rows(
+        {"rx": 1},
+        {"rx": 2, "fate": "queue_full"},
+        {"tx": 1, "rx": 0},
+        {"seq": 1, "sim_time_ns": 3 * S, "length_bytes": 48},
+        {"tx": 2, "rx": 1, "packets": 50, "fate": "transport"},
+    )
+    offered = offered_of(given, capacity("telemetry-915"))
+    edges = np.array([0, 2 * S, 4 * S])
+    assert offered.payload_bytes.tolist() == [92, 40, 92]
+    assert offered.bits_per_s(edges).tolist() == [8 * (92 + 92) / 2, 8 * 40 / 2]
+    assert offered.shares(edges) == pytest.approx([8 * 200 / 2 / 64e3, 8 * 48 / 2 / 64e3])
+
+
+def test_a_line_of_each_sender_is_as_full_as_the_fullest() -> None:
+    given = rows({}, {"seq": 1}, {"tx": 1, "rx": 0})
+    offered = offered_of(given, capacity(DELAY))
+    assert not offered.is_shared
+    assert offered.shares(np.array([0, S])) == pytest.approx([2 * 8 * 92 / 1000])
+
+
+def test_use_is_the_sum_of_frames_each_once_with_its_attempts() -> None:
+    """300 ms across an edge, heard by two; one of another sender at once; one of 50 ms that was tried twice."""
+    given = rows(
+        {"rx": 1, "started_ns": 900 * MS, "ended_ns": 1200 * MS},
+        {"rx": 2, "started_ns": 900 * MS, "ended_ns": 1200 * MS, "fate": "collided"},
+        {"tx": 1, "rx": 2, "started_ns": 900 * MS, "ended_ns": 1000 * MS},
+        {"tx": 2, "rx": 0, "started_ns": 1500 * MS, "ended_ns": 1550 * MS, "attempts": 2},
+        {"seq": 9, "started_ns": -1, "ended_ns": -1, "fate": "queue_full", "attempts": 0},
+    )
+    use = frames_of(given).use(np.array([0, S, 2 * S]))
+    assert use == pytest.approx([0.1 + 0.1, 0.2 + 2 * 0.05])
+    assert frames_of(rows({}, {"seq": 1})).use(np.array([0, S])).tolist() == [0.0]  # nothing takes time
+
+
+def test_quantiles_are_values_that_a_share_does_not_exceed() -> None:
+    place = np.array([2] * 20 + [0])
+    values = np.array([*range(20, 0, -1), 7.0])
+    found = quantiles(place, values, 3)
+    assert found[:, 2].tolist() == [10.0, 19.0]  # of 1 to 20: ten are at most 10, nineteen at most 19
+    assert found[:, 0].tolist() == [7.0, 7.0]
+    assert np.isnan(found[:, 1]).all()
+
+
+def test_waits_and_delays_are_differences_of_instants() -> None:
+    first = {"entered_ns": 20 * MS, "started_ns": 50 * MS, "ended_ns": 60 * MS}
+    given = rows(
+        first | {"rx": 1, "arrived_ns": 61 * MS},
+        first | {"rx": 2, "arrived_ns": 65 * MS, "fate": "channel_erasure"},
+        {
+            "seq": 1,
+            "sim_time_ns": S,
+            "entered_ns": S,
+            "started_ns": S,
+            "ended_ns": S + MS,
+            "arrived_ns": S + 2 * MS,
+        },
+    )
+    edges = np.array([0, S, 2 * S])
+    assert frames_of(given).waits(edges)[0] == pytest.approx([0.03, 0.0])
+    delays = delays_of(given)
+    assert delays.delay_s == pytest.approx([0.061, 0.002])
+    assert delays.over_time(edges)[1] == pytest.approx([0.061, 0.002])
+
+
+def test_what_a_node_receives_is_payload() -> None:
+    given = rows({}, {"seq": 1, "sim_time_ns": 3 * S}, {"seq": 2, "fate": "collided"})
+    found = received_bits_per_s(given, capacity("telemetry-915"), np.array([0, 2 * S, 4 * S]))
+    assert found.tolist() == [[0, 0], [8 * 92 / 2, 8 * 92 / 2], [0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("radio", "payload", "packet_s"),
+    [
+        ("telemetry-915", 92, 8 * 100 / 64e3),
+        ("moon2020", 400, 8 * 400 / MOON_BPS),  # all packets count as 40 bytes, but longer ones are longer
+        (AIRTIME, 92, 0.002 + 8 * 104 / 64e3),
+        (TDMA, 92, 0.1 / 7),  # 90 ms of a slot have room for 7 frames of 11.5 ms
+        (TDMA, 721, 0.0),  # 90.125 ms: for none
+        (DELAY, 92, 8 * 92 / 1000),
+    ],
+)
+def test_what_a_packet_needs(radio: str, payload: int, packet_s: float) -> None:
+    assert capacity(radio).packet_s("0", payload) == pytest.approx(packet_s)
+
+
+def test_an_account_of_too_much_for_a_bit_rate_warns_and_says_it_in_numbers() -> None:
+    """1400 B and 8 of header, 10 from each of two in a second: 225280 bits where 64 kb/s carry 64000."""
+    given = rows(
+        *({"tx": tx, "rx": 2, "seq": seq, "length_bytes": 1408} for tx in (0, 1) for seq in range(10))
+    )
+    account = account_of(given, capacity("telemetry-915"), S)
+    assert account.offered_bps == account.received_most_bps == 20 * 8 * 1400
+    assert account.share == account.busiest_share == pytest.approx(20 * 8 * 1408 / 64e3)
+    assert account.capacity_bps == pytest.approx(64e3 * 1400 / 1408)
+    assert (account.received_most_node, account.received_most_share) == ("2", pytest.approx(3.5))
+    assert (account.use_share, account.delay_p95_s) == (None, None)
+    assert account.warning == (
+        "the medium is ideal, where packets take no time: node 2 received 224 kbit/s over a radio of 64 kbit/s, and "
+        "the nodes offered 3.52 times what the radio's bit rate carries; give it a medium: radio.medium"
+    )
+    assert account.remark == "medium ideal, offered 3.52 times what it could carry"
+    json.dumps(account.plain, allow_nan=False)
+
+
+def test_too_much_in_the_busiest_ten_seconds_counts_also_in_a_long_run() -> None:
+    burst = [{"seq": seq, "length_bytes": 8008, "sim_time_ns": 15 * S, "fate": "burst"} for seq in range(15)]
+    account = account_of(rows(*burst), capacity("telemetry-915"), 100 * S)
+    assert account.busiest_share == pytest.approx(10 * account.share) == pytest.approx(15 * 8 * 8008 / 64e4)
+    assert "the nodes offered 9.6 kbit/s, 1.5 times" in account.warning
+    assert BUSY_NS == 10 * S
+
+
+@pytest.mark.parametrize(("fate", "warns"), [("queue_full", True), ("delivered", False)])
+def test_on_a_medium_too_much_is_warned_of_if_it_shows(fate: str, warns: bool) -> None:
+    given = rows(*({"seq": seq, "fate": fate, "ended_ns": 11_500_000} for seq in range(100)))
+    account = account_of(given, capacity(TDMA), S)
+    assert account.busiest_share == pytest.approx(100 * 0.1 / 7)
+    assert account.capacity_bps == pytest.approx(8 * 92 * 7 / 0.1)
+    assert account.lost_waiting == (100 if warns else 0)
+    assert ("1.43 times the 51.5 kbit/s that it carries" in account.warning) is warns
+    assert account.remark.startswith("medium tdma, offered" if warns else "medium tdma")
+
+
+def test_a_network_without_packets_has_an_account() -> None:
+    account = account_of(rows({"fate": "transport", "packets": 3}), capacity(TDMA), S)
+    assert (account.packets, account.offered_bps, account.capacity_bps, account.warning) == (0, 0.0, None, "")
+    assert (account.wait_p50_s, account.use_share) == (None, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("bits_per_s", "text"),
+    [(10.94e6, "10.9 Mbit/s"), (64e3, "64 kbit/s"), (12.0, "12 bit/s"), (2e9, "2 Gbit/s")],
+)
+def test_bit_rates_in_words(bits_per_s: float, text: str) -> None:
+    assert rate_text(bits_per_s) == text
