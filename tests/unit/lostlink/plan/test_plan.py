@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -133,14 +134,25 @@ def test_offered_load_is_rate_times_length_over_bit_rate() -> None:
 
 
 def test_more_than_the_bit_rate_is_warned_of() -> None:
-    assert plan_with("radio=telemetry-915", "transmit.every_ticks=20")["warnings"] == []
-    (warning,) = plan_with("radio=telemetry-915")["warnings"]
+    assert on_medium("model=ideal", more=["transmit.every_ticks=20"])["warnings"] == []
+    (warning,) = on_medium("model=ideal")["warnings"]
     share = 20 * 8 * (HOLDS_BYTES + 8 + FLIES_OUT_BYTES + 8) / 64e3
     assert f"{share:.3g} times what the radio's bit rate carries" in warning
 
 
-def on_medium(*medium: str) -> dict[str, Any]:
-    return plan_with("radio=telemetry-915", *(f"radio.medium.{each}" for each in medium))
+def on_medium(*medium: str, more: Sequence[str] = ()) -> dict[str, Any]:
+    return plan_with("radio=telemetry-915", *(f"radio.medium.{each}" for each in medium), *more)
+
+
+def test_load_on_a_pair_of_sik_radios_is_over_what_their_firmware_carries() -> None:
+    """64 kb/s: 3240 B/s each while both are busy, by simulating the firmware's arithmetic apart from this code."""
+    plan = plan_with("radio=telemetry-915")
+    load, both_bps = plan["load"], 8 * 2 * 3240
+    assert load["medium"] == "sik"
+    assert load["capacity_bps"] == pytest.approx(both_bps, rel=0.03)
+    (warning,) = plan["warnings"]
+    share = 20 * 8 * (HOLDS_BYTES + FLIES_OUT_BYTES) / load["capacity_bps"]
+    assert f"{share:.2g} times what the medium sik carries" in warning
 
 
 def test_load_on_a_medium_is_over_what_it_carries() -> None:
