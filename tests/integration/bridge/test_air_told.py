@@ -40,7 +40,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[[Any], Ru
 
 def test_more_than_a_radio_can_carry_is_warned_of_with_ideal(flown: Callable[[Any], Run]) -> None:
     """Eleven megabits a second over 64 kb/s passed without a word."""
-    run = flown("telemetry-915")
+    run = flown({"preset": "telemetry-915", "medium": {"model": "ideal"}})
     (air,) = run.summary["air"]
     assert (air["medium"], air["takes_time"], air["use_share"]) == ("ideal", False, None)
     assert air["offered_bps"] == pytest.approx(OFFERED_BPS, rel=0.02)

@@ -28,6 +28,7 @@ MS, S = 1_000_000, 1_000_000_000
 NODES = ("0", "1", "2")
 """On telemetry-915, which adds 8 bytes to a payload and has 64 kb/s."""
 MOON_BPS = 20e6
+IDEAL = "{preset: telemetry-915, medium: {model: ideal}}"
 TDMA = "{preset: telemetry-915, medium: {model: tdma, slot_s: 0.1, guard_s: 0.01}}"
 AIRTIME = "{preset: telemetry-915, medium: {model: airtime, preamble_s: 0.002, header_bytes: 12}}"
 DELAY = "{preset: telemetry-915, medium: {model: delay, least_s: 0, median_s: 0, most_s: 0, rate_bps: 1000}}"
@@ -71,7 +72,7 @@ def test_a_packet_counts_once_whoever_it_is_for_and_what_the_host_lost_not_at_al
         {"seq": 1, "sim_time_ns": 3 * S, "length_bytes": 48},
         {"tx": 2, "rx": 1, "packets": 50, "fate": "transport"},
     )
-    offered = offered_of(given, capacity("telemetry-915"))
+    offered = offered_of(given, capacity(IDEAL))
     edges = np.array([0, 2 * S, 4 * S])
     assert offered.payload_bytes.tolist() == [92, 40, 92]
     assert offered.bits_per_s(edges).tolist() == [8 * (92 + 92) / 2, 8 * 40 / 2]
@@ -131,14 +132,14 @@ def test_waits_and_delays_are_differences_of_instants() -> None:
 
 def test_what_a_node_receives_is_payload() -> None:
     given = rows({}, {"seq": 1, "sim_time_ns": 3 * S}, {"seq": 2, "fate": "collided"})
-    found = received_bits_per_s(given, capacity("telemetry-915"), np.array([0, 2 * S, 4 * S]))
+    found = received_bits_per_s(given, capacity(IDEAL), np.array([0, 2 * S, 4 * S]))
     assert found.tolist() == [[0, 0], [8 * 92 / 2, 8 * 92 / 2], [0, 0]]
 
 
 @pytest.mark.parametrize(
     ("radio", "payload", "packet_s"),
     [
-        ("telemetry-915", 92, 8 * 100 / 64e3),
+        (IDEAL, 92, 8 * 100 / 64e3),
         ("moon2020", 400, 8 * 400 / MOON_BPS),  # all packets count as 40 bytes, but longer ones are longer
         (AIRTIME, 92, 0.002 + 8 * 104 / 64e3),
         (TDMA, 92, 0.1 / 7),  # 90 ms of a slot have room for 7 frames of 11.5 ms
@@ -155,7 +156,7 @@ def test_an_account_of_too_much_for_a_bit_rate_warns_and_says_it_in_numbers() ->
     given = rows(
         *({"tx": tx, "rx": 2, "seq": seq, "length_bytes": 1408} for tx in (0, 1) for seq in range(10))
     )
-    account = account_of(given, capacity("telemetry-915"), S)
+    account = account_of(given, capacity(IDEAL), S)
     assert account.offered_bps == account.received_most_bps == 20 * 8 * 1400
     assert account.share == account.busiest_share == pytest.approx(20 * 8 * 1408 / 64e3)
     assert account.capacity_bps == pytest.approx(64e3 * 1400 / 1408)
@@ -171,7 +172,7 @@ def test_an_account_of_too_much_for_a_bit_rate_warns_and_says_it_in_numbers() ->
 
 def test_too_much_in_the_busiest_ten_seconds_counts_also_in_a_long_run() -> None:
     burst = [{"seq": seq, "length_bytes": 8008, "sim_time_ns": 15 * S, "fate": "burst"} for seq in range(15)]
-    account = account_of(rows(*burst), capacity("telemetry-915"), 100 * S)
+    account = account_of(rows(*burst), capacity(IDEAL), 100 * S)
     assert account.busiest_share == pytest.approx(10 * account.share) == pytest.approx(15 * 8 * 8008 / 64e4)
     assert "the nodes offered 9.6 kbit/s, 1.5 times" in account.warning
     assert BUSY_NS == 10 * S
