@@ -16,7 +16,13 @@ from channel.access.media.delay import Delay, DelaySettings, WayDelay
 from channel.access.media.elrs import Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
 from channel.access.media.sik import Sik, SikSettings
-from channel.access.media.sik_timing import AIR_RATES_KBPS, NOMINAL_TICK_NS, REAL_TICK_NS
+from channel.access.media.sik_timing import (
+    AIR_RATES_KBPS,
+    NOMINAL_TICK_NS,
+    REAL_TICK_NS,
+    SikTiming,
+    sik_timing,
+)
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
 from channel.access.timing import NS_PER_S, BitRate, Wifi, wifi_a, wifi_b, wifi_g
@@ -425,10 +431,13 @@ class SikMedium(Locking):
 
     @model_validator(mode="after")
     def _are_settings(self) -> SikMedium:
-        self._settings({node: 0 for pair in self.pairs for node in pair}.__getitem__).timing()
+        self._timing()
         if self.netids and self.pairs and len(self.netids) != len(self.pairs):
             raise ValueError(f"{len(self.netids)} NETIDs for {len(self.pairs)} pairs")
         return self
+
+    def _timing(self) -> SikTiming:
+        return sik_timing(self.air_kbps, ecc=self.ecc, max_window_ms=self.max_window_ms, lbt=self.lbt)
 
     def _settings(self, place: Callable[[str], int]) -> SikSettings:
         return SikSettings(
@@ -467,7 +476,7 @@ class SikMedium(Locking):
         Of a stream of bytes: the own window, and what is left of the peer's after its empty packet; without
         `uint8_fault`, which costs 8 % from 128 kb/s on.
         """
-        timing = self._settings(dict[str, int]().__getitem__).timing()
+        timing = self._timing()
         sent_bytes = 0
         for left_ns in (
             timing.window * NOMINAL_TICK_NS,
