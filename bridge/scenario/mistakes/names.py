@@ -95,7 +95,16 @@ class _Radios:
                     text = f"its frequency is {own.frequency_hz:g} Hz, that of the run's radio {run_hz:g} Hz"
                     self.mistakes.append(_told(self._root, path, f"{text}: all have to be on one"))
             nodes.append(node)
-        return self._scenario.model_copy(update={"radio": common, "nodes": tuple(nodes)})
+        changes = {"radio": common, "networks": self._networks(), "nodes": tuple(nodes)}
+        return self._scenario.model_copy(update=changes)
+
+    def _networks(self) -> dict[str, Any]:
+        """The radios of the further networks with their tables read in."""
+        networks = {}
+        for name, setting in self._scenario.networks.items():
+            networks[name], config = self._read(setting, ("networks", name))
+            self._see_roles(("networks", name), config, [n.node for n in self._scenario.nodes_on(name)])
+        return networks
 
     def _see_roles(self, path: Path_, config: RadioConfig | None, senders: list[str]) -> None:
         """Refuse links of a radio that its propagation law knows nothing of."""
