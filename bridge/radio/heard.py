@@ -71,7 +71,7 @@ def _share(
         tuple(each.channel for each in packets),
         np.cumsum(lengths, dtype=np.uint32),
         b"".join(each.payload for each in packets),
-        np.array([each.network for each in packets], dtype=np.uint8),
+        np.array([each.network for each in packets], dtype=np.uint16),
         row.astype(np.uint32),
         receptions.rx[mine].astype(np.uint16),
         receptions.received_power_dbm[mine].astype(np.float32),
