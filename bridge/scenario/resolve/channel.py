@@ -114,4 +114,5 @@ def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Chan
     try:
         return Channel(name, medium, Network(medium, opened, entry, judge), judge)
     except ValueError as error:
-        raise PresetError(str(error), key="radio.medium") from error
+        key = "radio" if name == MAIN else f"networks.{name}"
+        raise PresetError(str(error), key=f"{key}.medium") from error
