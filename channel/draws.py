@@ -71,14 +71,20 @@ def uniform_from_words(words: Words) -> FloatArray:
 
 
 class Draws:
-    """All random numbers of one run.
+    """All random numbers of one run, or of one of its further radio networks.
 
     Args:
         seed: the run's seed, any integer.
+        network: name of the network, whose numbers are others; "": those of the run.
+
+    Attributes:
+        seed: what all streams are keyed by.
+        common: those of the run, for what is the same on all its networks.
     """
 
-    def __init__(self, seed: int) -> None:
-        self.seed = seed
+    def __init__(self, seed: int, network: str = "") -> None:
+        self.seed = int(stream_key(seed, "network", network)[0]) if network else seed
+        self.common = Draws(seed) if network else self
         self._runs = PhiloxRuns()
         self._keys: dict[tuple[str, ...], Words] = {}
 

@@ -31,7 +31,7 @@ from bridge.agents.running.feed import Arrivals, DeliveredPacket, Feeder
 from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.identity.roster import node_identity
 from bridge.bus.inbox import Inbox
-from bridge.bus.keys import Keys
+from bridge.bus.keys import MAIN, Keys
 from bridge.bus.messages import (
     AgentStatus,
     AircraftState,
@@ -44,7 +44,7 @@ from bridge.bus.messages import (
     Measurements,
     decode,
 )
-from bridge.bus.reception import signal_of
+from bridge.bus.reception import radio_of, signal_of
 from bridge.bus.replies import event_of
 from bridge.bus.session import Sample, Session, SessionError, Stamp
 from bridge.record.logged import LoggedValue
@@ -98,6 +98,7 @@ class ScriptOutlet(FreeOutlet):
         encoding: str,  # noqa: ARG002
         stamp: Stamp,  # noqa: ARG002
         handling: Handling = PLAIN,  # noqa: ARG002
+        radio: str = MAIN,  # noqa: ARG002
     ) -> None:
         """Refuse, as the node's agent numbers its packets.
 
@@ -225,7 +226,7 @@ class _TicksOnBus:
         stamp = Stamp.from_sample(sample)
         if stamp is None:
             raise DecodeError("a packet without its number and time")
-        packet = DeliveredPacket(sender, channel, sample.payload.to_bytes(), stamp)
+        packet = DeliveredPacket(sender, channel, sample.payload.to_bytes(), stamp, radio_of(sample))
         self._arrivals.packet_came(packet, *signal_of(sample))
 
 
@@ -275,15 +276,16 @@ async def connect_ua(
         PermissionError: ``is_sender``, and the node has an agent that is not ``free``.
         SessionError: if there is no such run, or it is over; the text says which.
     """
-    frames = None
+    frames, reach = None, {}
     if access is None:
         access = access_of(run, node_identity(node))
-        frames = frames_of(directory_of(run).scenario, node)
+        scenario = directory_of(run).scenario
+        frames, reach = frames_of(scenario, node), scenario.reach_of(node)
     with access.open() as session:
         keys, arrivals = Keys(access.run), Arrivals()
         inbox: Inbox[_Came] = Inbox(asyncio.get_running_loop(), lambda came: came())
         outlet = (FreeOutlet if is_sender else ScriptOutlet)(session, keys, node, inbox, arrivals)
-        ua = UaClient(node, outlet, frames=frames)
+        ua = UaClient(node, outlet, reach=reach, frames=frames)
         ticks = _TicksOnBus(session, keys, ua, inbox, arrivals)
         if is_sender:
             ua.go_on_from(await _next_packet(session, keys, node))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bridge.bus.handling import PLAIN, Handling, handling_bytes
-from bridge.bus.keys import Keys
+from bridge.bus.keys import MAIN, Keys
 from bridge.bus.messages import AgentStatus, AircraftState, Header, RadioSwitch
 from bridge.bus.session import Session, Stamp
 from bridge.record.logged import LoggedValue, as_json
@@ -32,10 +32,11 @@ class BusOutlet:
         encoding: str,
         stamp: Stamp,
         handling: Handling = PLAIN,
+        radio: str = MAIN,
     ) -> None:
         """Give a packet to the radio."""
         self._session.put_bytes(
-            self._keys.tx(self._node, channel, to=to),
+            self._keys.tx(self._node, channel, to=to, radio=radio),
             payload,
             encoding=encoding,
             attachment=stamp.to_bytes() + handling_bytes(handling),

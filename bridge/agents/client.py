@@ -9,8 +9,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeVar
 
 from bridge.agents.commands import CommandFailed, Commands, failure
@@ -20,7 +21,7 @@ from bridge.agents.outlet import AgentOutlet
 from bridge.agents.own_files import OwnFiles
 from bridge.agents.radio import OwnRadio
 from bridge.bus.handling import handling_of
-from bridge.bus.keys import ALL, checked_chunk
+from bridge.bus.keys import ALL, MAIN, checked_chunk
 from bridge.bus.messages import (
     AgentStatus,
     AircraftState,
@@ -63,7 +64,7 @@ class UaClient(Commands):
         outlet: where what it says goes.
         seed: of the run, for the agent's own random numbers.
         folder: where its own files go; ``None``: nowhere.
-        nodes: ids of all nodes of the run that exchange packets, if they are known.
+        reach: ids of the nodes on the network of each of the node's radios, by its name, if they are known.
         sensor: what the node knows of its RF sensor; None: it has none.
         frames: the node's and the fleet's frame, if they are known.
         take_off_at_s: sim time before which no aircraft of the run is to take off.
@@ -81,14 +82,14 @@ class UaClient(Commands):
         seed: int = 0,
         folder: Path | None = None,
         *,
-        nodes: Collection[str] = (),
+        reach: Mapping[str, Collection[str]] = MappingProxyType({}),
         sensor: Sensor | None = None,
         frames: Frames | None = None,
         take_off_at_s: float = 0.0,
     ) -> None:
         self.node = node
         self.files = OwnFiles(folder)
-        self._others = tuple(each for each in nodes if each != node)
+        self._others = {name: tuple(each for each in nodes if each != node) for name, nodes in reach.items()}
         self.seed = seed
         self.state: AircraftState | None = None
         self.told = AircraftState()
@@ -105,8 +106,9 @@ class UaClient(Commands):
         """Whether the run is over; what is still transmitted or commanded has no effect, as nobody could hear it."""
         self.sent = 0
         self.received = 0
-        self.radio = OwnRadio()
-        """What waits in the node's transmit queue, and what became of its unicasts."""
+        self.radios = {name: OwnRadio() for name in (MAIN, *reach)}
+        """What waits in the transmit queues of the node's radios, and what became of its unicasts, by radio."""
+        self.radio = self.radios[MAIN]
         self._outlet = outlet
         self._waiters: dict[int, _Waiter] = {}
         self._waited = 0
@@ -188,41 +190,54 @@ class UaClient(Commands):
         payload: bytes | Message,
         *,
         to: str = ALL,
+        radio: str = MAIN,
         priority: int = 0,
         lifetime_s: float | None = None,
         key: str = "",
     ) -> int:
-        """Give a packet to the radio, stamped with the present sim time. Returns its sequence number.
+        """Give a packet to a radio, stamped with the present sim time. Returns its sequence number.
 
-        The last three matter where packets wait, which is on media that take time.
+        A node counts the packets of all its radios together. The last three matter where packets wait, which is on
+        media that take time.
 
         Args:
             channel: last part of the keys.
             payload: what is transmitted.
-            to: the node that it is for; every other one if not given.
+            to: the node that it is for; every other one on the network if not given.
+            radio: name of the node's radio, which is that of the network.
             priority: packets of higher ones leave the queue first; from -128 to 127.
             lifetime_s: after so long in the queue it is dropped, s; it waits for ever if not given.
             key: in the queue a newer packet takes the place of the older one with its key.
 
         Raises:
-            ValueError: ``channel`` or ``to`` cannot be part of a key, there is no such node, or one of the last
-                three cannot be.
+            ValueError: ``channel``, ``to`` or ``radio`` cannot be part of a key, the node has no such radio, there is
+                no such node on its network, or one of the last three cannot be.
             TypeError: ``payload`` is neither bytes nor a message.
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
         checked_chunk(channel)
         checked_chunk(to)
-        if self._others and to != ALL and to not in self._others:
-            raise ValueError(f"to={to!r}: there are {ALL} and {', '.join(self._others)}")
+        self._check_reach(radio, to)
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else ""
         raw = encode(payload) if isinstance(payload, Message) else _checked_bytes(payload)
         seq = self.sent
         if self.is_over:
             return seq
         handling = handling_of(priority, lifetime_s, key)
-        self._outlet.transmit(to, channel, raw, encoding, Stamp(seq, self.sim_time_ns), handling)
+        self._outlet.transmit(to, channel, raw, encoding, Stamp(seq, self.sim_time_ns), handling, radio)
         self.sent += 1
         return seq
+
+    def _check_reach(self, radio: str, to: str) -> None:
+        """See that the node has a radio, and who is on its network, as far as that is known."""
+        if not self._others:
+            checked_chunk(radio)
+            return
+        if radio not in self._others:
+            raise ValueError(f"radio={radio!r}: node {self.node} has {', '.join(self._others)}")
+        others = self._others[radio]
+        if others and to != ALL and to not in others:
+            raise ValueError(f"to={to!r}: there are {ALL} and {', '.join(others)}")
 
     def report(self, activity: str, *, done: bool = False, failed: bool = False) -> None:
         """Say what the agent is doing.
@@ -309,7 +324,8 @@ class UaClient(Commands):
                 n: (met, future, at + passed_ns) for n, (met, future, at) in self._waiters.items()
             }
         self.sim_time_ns = sim_time_ns
-        self.radio.begin()
+        for radio in self.radios.values():
+            radio.begin()
         for _, future, deadline_ns in tuple(self._waiters.values()):
             if sim_time_ns > deadline_ns and not future.done():
                 future.set_exception(TimeoutError(f"still waiting at {sim_time_ns / 1e9:.1f} s of sim time"))

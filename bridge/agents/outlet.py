@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from bridge.bus.handling import PLAIN, Handling
+from bridge.bus.keys import MAIN
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.session import Stamp
 from bridge.record.logged import LoggedValue
@@ -30,6 +31,7 @@ class Outlet(Protocol):
         encoding: str,
         stamp: Stamp,
         handling: Handling = PLAIN,
+        radio: str = MAIN,
     ) -> None:
         """Give a packet to the radio; called in the agent's thread.
 
@@ -40,6 +42,7 @@ class Outlet(Protocol):
             encoding: what the payload is, as Zenoh names it; "" for bytes of which nothing is said.
             stamp: its number and time.
             handling: what its radio is to do with it.
+            radio: name of the radio.
 
         Raises:
             PermissionError: whoever says it is not the node's agent.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 ROOT = "lostlink"
 MAIN = "main"
-"""The radio of a node that has one."""
+"""The radio network that all nodes are on, and their radios there."""
 ALL = "all"
 """Addressee of a packet that is for every other node."""
 _CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")

@@ -12,34 +12,49 @@ import numpy as np
 from bridge.agents.measurements import measurements_by_node
 from bridge.agents.radio import QueueState, Reply
 from bridge.agents.running.feed import Arrivals, DeliveredPacket
+from bridge.bus.keys import MAIN
 from bridge.bus.messages import CommunicationStatus, Header, Heard
 from bridge.bus.reception import Instants
 from bridge.bus.session import Stamp
 
 
-def hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Arrivals]) -> None:
+def hand_out(
+    heard: Heard,
+    nodes: Sequence[str],
+    receivers: Mapping[str, Arrivals],
+    networks: Sequence[str] = (MAIN,),
+) -> None:
     """Give each node what is for it; packets are shared between those that get them.
 
     Args:
         heard: the message.
         nodes: ids of all nodes of the run, in the order of their indices.
         receivers: the nodes of this host by id.
+        networks: names of all radio networks of the run, likewise.
 
     Raises:
         ValueError: the message does not fit the run.
     """
     try:
-        _hand_out(heard, nodes, receivers)
+        _hand_out(heard, nodes, receivers, networks)
     except (IndexError, KeyError) as error:
         raise ValueError(f"not for a host with nodes {', '.join(receivers)}: {error!r}") from error
 
 
-def _hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Arrivals]) -> None:
+def _hand_out(
+    heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Arrivals], networks: Sequence[str]
+) -> None:
     ends = plain(heard.end)
     packets = [
-        DeliveredPacket(nodes[tx], channel, heard.data[begin:end], Stamp(seq, sim_time_ns))
-        for tx, channel, (begin, end), seq, sim_time_ns in zip(
-            heard.tx, heard.channel, pairwise((0, *ends)), heard.seq, heard.sim_time_ns, strict=True
+        DeliveredPacket(nodes[tx], channel, heard.data[begin:end], Stamp(seq, sim_time_ns), networks[radio])
+        for tx, channel, (begin, end), seq, sim_time_ns, radio in zip(
+            heard.tx,
+            heard.channel,
+            pairwise((0, *ends)),
+            heard.seq,
+            heard.sim_time_ns,
+            heard.radio,
+            strict=True,
         )
     ]
     by_index = {index: receivers[node] for index, node in enumerate(nodes) if node in receivers}
@@ -50,10 +65,11 @@ def _hand_out(heard: Heard, nodes: Sequence[str], receivers: Mapping[str, Arriva
     for index, rx, rssi_dbm, snr_db, *when in zip(*columns, *instants, strict=True):
         by_index[rx].packet_came(packets[index], rssi_dbm, snr_db, Instants(*when))
     replies = heard.reply_seq, heard.reply_acknowledged, heard.reply_attempts, heard.reply_ns
-    for node, *reply in zip(heard.reply_to, *replies, strict=True):
-        by_index[node].reply_came(Reply(*reply))
-    for node, *queue in zip(heard.queue_of, heard.queue_packets, heard.queue_bytes, strict=True):
-        by_index[node].queue_changed(QueueState(*queue))
+    for node, radio, *reply in zip(heard.reply_to, heard.reply_radio, *replies, strict=True):
+        by_index[node].reply_came(Reply(*reply), networks[radio])
+    queues = heard.queue_radio, heard.queue_packets, heard.queue_bytes
+    for node, radio, *queue in zip(heard.queue_of, *queues, strict=True):
+        by_index[node].queue_changed(QueueState(*queue), networks[radio])
     for node, (begin, end) in zip(heard.status_of, pairwise((0, *plain(heard.status_end))), strict=True):
         by_index[node].comm_status_came(partial(_status, heard, nodes, nodes[node], begin, end))
     for node, measurements in measurements_by_node(heard.measurements).items():

@@ -91,7 +91,7 @@ class HostedNode:
                 held,
                 self._scenario.seed,
                 self._agent_folder,
-                nodes=self._scenario.transceiver_ids,
+                reach=self._scenario.reach_of(self.id),
                 sensor=self._sensor(),
                 frames=frames_of(self._scenario, self.id),
                 take_off_at_s=self._scenario.take_off_at_s,

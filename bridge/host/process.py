@@ -50,6 +50,7 @@ class _Listener:
     def __init__(self, run: RunDirectory, name: str, hosted: Sequence[HostedNode], report: Report) -> None:
         self._run, self._keys, self._name = run, run.keys, name
         self._stations = run.scenario.transceiver_ids
+        self._networks = run.scenario.network_names
         self._hosted = Hosted(hosted, self._exchanged)
         self._arrivals = {one.id: one.node.arrivals for one in hosted}
         self._report = report
@@ -81,7 +82,7 @@ class _Listener:
             log.warning("%s: %s", sample.key_expr, error)
 
     def _heard_came(self, sample: Sample) -> None:
-        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._arrivals)
+        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._arrivals, self._networks)
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)

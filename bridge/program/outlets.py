@@ -64,9 +64,10 @@ class CalledOutlet:
         encoding: str,
         stamp: Stamp,
         handling: Handling = PLAIN,
+        radio: str = MAIN,
     ) -> None:
         """Give a packet to the radio."""
-        address = Address(self._node, MAIN, to, channel)
+        address = Address(self._node, radio, to, channel)
         self._said.append(_Packet(address, bytes(payload), encoding, stamp, handling))
 
     def report(self, status: AgentStatus) -> None:

@@ -284,7 +284,7 @@ class Program:
             return
         tick = self._radio.settle(closed.sim_time_ns)
         for share in self._hosts.shares(tick).values():
-            hand_out(share, self._nodes, self._arrivals)
+            hand_out(share, self._nodes, self._arrivals, self._run.scenario.network_names)
         if self._bus is not None:
             self._bus.settled(tick, is_end=closed.is_end)
         if not closed.is_end:

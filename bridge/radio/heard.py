@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import Header, Heard
+from bridge.radio.air import QueueOfNode, ReplyToNode, Settled
 from bridge.radio.measurements import as_message
 from bridge.radio.picture import Row
 from bridge.radio.radio import SettledTick
-from bridge.radio.virtual_radio import QueueOfNode, Settled
 from bridge.record.tables.deliveries import INSTANTS
-from channel.access.packets import Reply
 from channel.medium.reception import DELIVERED
 
 
@@ -42,7 +41,7 @@ class Hosts:
             mine = arrived[hosts == host]
             statuses = [row for row in rows if self._host_of[row.node] == host]
             measured = [each for each in told if self._host_of[each.node] == host]
-            replies = [each for each in settled.replies if self._host_of[each.packet.node] == host]
+            replies = [each for each in settled.replies if self._host_of[each.node] == host]
             queues = [each for each in settled.queues if self._host_of[each.node] == host]
             if statuses or measured or mine.size or replies or queues:
                 header = Header.at(sim_time_ns, name)
@@ -56,7 +55,7 @@ def _share(
     settled: Settled,
     mine: NDArray[np.intp],
     statuses: Sequence[Row],
-    replies: Sequence[Reply],
+    replies: Sequence[ReplyToNode],
     queues: Sequence[QueueOfNode],
 ) -> Heard:
     receptions = settled.receptions
@@ -72,6 +71,7 @@ def _share(
         tuple(each.channel for each in packets),
         np.cumsum(lengths, dtype=np.uint32),
         b"".join(each.payload for each in packets),
+        np.array([each.network for each in packets], dtype=np.uint16),
         row.astype(np.uint32),
         receptions.rx[mine].astype(np.uint16),
         receptions.received_power_dbm[mine].astype(np.float32),
@@ -80,14 +80,16 @@ def _share(
         started_ns,
         ended_ns,
         arrived_ns,
-        [each.packet.node for each in replies],
-        [each.packet.number for each in replies],
-        [each.at_ns for each in replies],
-        [each.acknowledged for each in replies],
-        [each.attempts for each in replies],
+        [each.node for each in replies],
+        [each.reply.packet.number for each in replies],
+        [each.reply.at_ns for each in replies],
+        [each.reply.acknowledged for each in replies],
+        [each.reply.attempts for each in replies],
+        [each.network for each in replies],
         [each.node for each in queues],
         [each.packets for each in queues],
         [each.length_bytes for each in queues],
+        [each.network for each in queues],
         [each.node for each in statuses],
         np.cumsum([len(each.others) for each in statuses], dtype=np.uint32),
         _joined([each.others for each in statuses], np.uint16),

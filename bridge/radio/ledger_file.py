@@ -3,39 +3,88 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, NamedTuple, TypeVar
 
+from bridge.bus.keys import MAIN
 from channel.medium.judge.check import Verdict
 from channel.medium.ledger import Ledger
 
 LEDGER = "ledger.json"
 NOTHING_JUDGED = Verdict(())
 Refusal = TypeVar("Refusal", bound=StrEnum)
+OnProgress = Callable[[float], object]
+
+
+class Books(NamedTuple):
+    """The books of one radio network.
+
+    Attributes:
+        ledger: what was sent and what became of it.
+        verdict: of the channel's judge.
+        shares_draws: whether packets share what is drawn: then their ratio has no binomial interval.
+        radio: name of the network.
+    """
+
+    ledger: Ledger
+    verdict: Verdict = NOTHING_JUDGED
+    shares_draws: bool = False
+    radio: str = MAIN
 
 
 def write_ledger(
     path: Path,
-    ledger: Ledger,
+    books: Sequence[Books],
     refused: Mapping[Refusal, int],
-    progress: Callable[[float], object] = lambda _: None,
-    verdict: Verdict = NOTHING_JUDGED,
-    *,
-    shares_draws: bool = False,
+    progress: OnProgress = lambda _: None,
 ) -> None:
     """Write the counters: per directed link, what was measured and predicted per bin, what was not taken; the verdict.
 
-    ``progress`` is called now and then with the share of the bins that is done. The ratio of packets that share what is
-    drawn has no binomial interval.
+    ``progress`` is called now and then with the share of the bins that is done.
     """
-    links = [
-        {"tx": tx, "rx": rx, "sent": a.sent, "delivered": a.delivered, "lost": dict(sorted(a.lost.items()))}
-        for (tx, rx), a in sorted(ledger.links.items())
-    ]
-    bins = [
-        {
+    content = {
+        "links": [link for each in books for link in _links(each)],
+        "bins": [
+            row
+            for number, each in enumerate(books)
+            for row in _bins(each, partial(_share, progress, number, len(books)))
+        ],
+        "refused": {r.value: n for r, n in sorted(refused.items())},
+        **judged_in(books),
+    }
+    partial_path = path.with_suffix(".partial")
+    partial_path.write_text(json.dumps(content, indent=1) + "\n", encoding="ascii")
+    partial_path.replace(path)
+
+
+def judged_in(books: Sequence[Books]) -> dict[str, list[dict[str, Any]]]:
+    """The checks of all networks, and what could not be judged; of several each with its network's name."""
+    checks, unjudged = [], []
+    for each in books:
+        prefix = f"{each.radio}: " if len(books) > 1 else ""
+        checks += [check._replace(name=prefix + check.name).plain for check in each.verdict.checks]
+        unjudged += [item._replace(name=prefix + item.name)._asdict() for item in each.verdict.unjudged]
+    return {"checks": checks, "unjudged": unjudged}
+
+
+def _share(progress: OnProgress, number: int, of: int, done: float) -> None:
+    progress((number + done) / of)
+
+
+def _links(books: Books) -> Iterator[dict[str, Any]]:
+    for (tx, rx), a in sorted(books.ledger.links.items()):
+        lost = dict(sorted(a.lost.items()))
+        ends = {"radio": books.radio, "tx": tx, "rx": rx}
+        yield ends | {"sent": a.sent, "delivered": a.delivered, "lost": lost}
+
+
+def _bins(books: Books, progress: OnProgress) -> Iterator[dict[str, Any]]:
+    for b in books.ledger.bins(progress):
+        yield {
+            "radio": books.radio,
             "tx": b.tx,
             "rx": b.rx,
             "distance_min_m": b.distance_min_m,
@@ -44,23 +93,5 @@ def write_ledger(
             "delivered": b.delivered,
             "measured": b.measured,
             "predicted": b.predicted,
-            "ci99": None if shares_draws else [b.ci99_low, b.ci99_high],
+            "ci99": None if books.shares_draws else [b.ci99_low, b.ci99_high],
         }
-        for b in ledger.bins(progress)
-    ]
-    partial = path.with_suffix(".partial")
-    partial.write_text(
-        json.dumps(
-            {
-                "links": links,
-                "bins": bins,
-                "refused": {r.value: n for r, n in sorted(refused.items())},
-                "checks": [check.plain for check in verdict.checks],
-                "unjudged": [each._asdict() for each in verdict.unjudged],
-            },
-            indent=1,
-        )
-        + "\n",
-        encoding="ascii",
-    )
-    partial.replace(path)

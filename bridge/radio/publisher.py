@@ -8,10 +8,10 @@ import numpy as np
 
 from bridge.bus.reception import Instants, attachment
 from bridge.bus.session import Session, Stamp
+from bridge.radio.air import Settled
 from bridge.radio.measurements import Told, as_message
 from bridge.radio.picture import LINK_PERIOD_NS, Row
 from bridge.radio.radio import RecordedRadio, SettledTick
-from bridge.radio.virtual_radio import Settled
 from bridge.record.tables.deliveries import INSTANTS, fates_message
 from bridge.run.directory import RunDirectory
 from channel.medium.reception import DELIVERED
@@ -63,7 +63,7 @@ class TickPublisher:
                 self._keys.rx(self._nodes[rx], self._nodes[packet.tx], packet.channel),
                 packet.payload,
                 encoding=packet.encoding,
-                attachment=attachment(stamps[number], rssi_dbm, snr_db, Instants(*when)),
+                attachment=attachment(stamps[number], rssi_dbm, snr_db, Instants(*when), packet.radio),
                 must_arrive=True,
             )
 

@@ -1,4 +1,4 @@
-"""The radio of a run: virtual radio, RF sensors, and the record of both. No bus: whoever has it calls it."""
+"""The radio of a run, all networks: virtual radio, RF sensors, and the record of both. No bus: it is called."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import Address
 from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Links, Truth, decode, encoding_of
 from bridge.bus.session import Stamp
-from bridge.radio.ledger_file import LEDGER, write_ledger
+from bridge.radio.air import Air, Settled
+from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.radio.measurements import SensorsOfRun, Told
 from bridge.radio.picture import Picture, Row
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused
-from bridge.radio.virtual_radio import Settled, VirtualRadio
+from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names
 from bridge.record.events import Report
 from bridge.record.packets import encode_packet
@@ -24,9 +25,7 @@ from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.run.directory import RunDirectory
 from bridge.scenario.resolve.channel import channel_of
-from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
-from channel.medium.judge.judge import Judge
 
 NO_PACKAGE = "no_data_package_on_the_data_channel"
 """Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
@@ -62,8 +61,6 @@ class RecordedRadio:
 
     def __init__(self, run: RunDirectory, report: Report) -> None:
         scenario = run.scenario
-        emitters = emitters_of(scenario)
-        radios = radios_of(scenario, emitters)
         nodes = scenario.transceiver_ids
         self._run, self._report = run, report
         ring = Ring(
@@ -72,18 +69,22 @@ class RecordedRadio:
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
-        self._judge = Judge(len(nodes), scenario.seed)
-        channel = channel_of(scenario, radios, self._judge, switches_of(scenario))
-        medium = channel.medium
-        self._shares_draws = any(radio.shares_draws for radio in radios.values())
-        mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
-        self.core = VirtualRadio(medium, ring, mtu_bytes, channel.network)
+        self._channels = [
+            channel_of(scenario, switches_of(scenario, network=name), name) for name in scenario.network_names
+        ]
+        airs = [
+            Air(each.medium, each.network, name=each.name, nodes=nodes, place=place)
+            for place, each in enumerate(self._channels)
+        ]
+        self.core = VirtualRadio(airs, ring)
         self.picture = Picture(nodes)
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
         self._writer = DeliveryWriter(run.path, nodes, self.core.words)
-        self._sensors = SensorsOfRun.of(run, sensors_of(scenario), emitters, medium)
+        self._sensors = SensorsOfRun.of(
+            run, sensors_of(scenario), emitters_of(scenario), self._channels[0].medium
+        )
 
     # What comes in.
 
@@ -196,14 +197,11 @@ class RecordedRadio:
             self.close()
         self._tell_overload(dropped)
         self._report.close()
-        write_ledger(
-            self._run.path / LEDGER,
-            self.core.ledger,
-            self.core.refused,
-            tell_progress,
-            self._judge.verdict(),
-            shares_draws=self._shares_draws,
-        )
+        books = [
+            Books(air.ledger, channel.judge.verdict(), channel.shares_draws, air.name)
+            for air, channel in zip(self.core.airs, self._channels, strict=True)
+        ]
+        write_ledger(self._run.path / LEDGER, books, self.core.refused, tell_progress)
 
     def close(self) -> None:
         """Close the files of the record as they are."""

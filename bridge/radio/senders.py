@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -39,26 +39,29 @@ class TxPacket(SentPacket):
     Attributes:
         tx: index of the sender.
         to: index of the addressee, or EVERYBODY.
+        network: place of its radio network among those of the run.
     """
 
     tx: int
     to: int
+    network: int = 0
 
 
 class Senders:
     """Takes packets of numbered senders.
 
     Args:
-        mtu_bytes: of each node's radio, by index.
+        mtu_bytes: by network, of each node's radio, by index.
         on_gap: called with packets that are lost before the channel.
     """
 
-    def __init__(self, mtu_bytes: Iterable[int], on_gap: Callable[[Gap], object]) -> None:
+    def __init__(self, mtu_bytes: Iterable[Sequence[int]], on_gap: Callable[[Gap], object]) -> None:
         self._mtu_bytes = tuple(mtu_bytes)
-        self._next_seq = [0] * len(self._mtu_bytes)
-        self._bytes = [0] * len(self._mtu_bytes)
-        self._counts = [0] * len(self._mtu_bytes)
-        self._latest_ns = [0] * len(self._mtu_bytes)
+        nodes = len(self._mtu_bytes[0])
+        self._next_seq = [0] * nodes
+        self._bytes = [0] * nodes
+        self._counts = [0] * nodes
+        self._latest_ns = [0] * nodes
         self._on_gap = on_gap
         self._taken: list[TxPacket] = []
         self.refused: Counter[Refused] = Counter()
@@ -76,8 +79,8 @@ class Senders:
         self._latest_ns[packet.tx] = packet.sim_time_ns
         self._counts[packet.tx] += 1
         length = len(packet.payload)
-        if length > self._mtu_bytes[packet.tx]:
-            what = (length, Cause.TOO_LONG, packet.channel, packet.encoding)
+        if length > self._mtu_bytes[packet.network][packet.tx]:
+            what = (length, Cause.TOO_LONG, packet.channel, packet.encoding, packet.radio)
             self._on_gap(Gap(packet.sim_time_ns, packet.tx, packet.to, packet.seq, 1, *what))
             return True
         self._bytes[packet.tx] += length

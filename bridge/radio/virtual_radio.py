@@ -10,27 +10,23 @@ because the host was slow, and a run does not depend on how fast it went.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.handling import PLAIN, Handling
-from bridge.bus.keys import ALL, MAIN, Address
+from bridge.bus.keys import ALL, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
+from bridge.radio.air import Air, Settled, books_of, joined
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused, Senders, TxPacket
-from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
-from bridge.record.tables.schema import Columns
-from channel.access.packets import Reply
+from bridge.record.tables.deliveries import Gap, Vocabulary
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
-from channel.medium.medium import Medium
-from channel.medium.reception import EVERYBODY, Packets, Receptions
-from channel.network.network import Lived, Network
+from channel.medium.reception import EVERYBODY
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
@@ -40,65 +36,35 @@ AHEAD_MAX_NS = 1_000_000_000
 """A packet further ahead than this is: what waits for its truth has to be bounded."""
 
 
-class QueueOfNode(NamedTuple):
-    """What waits in a node's transmit queue."""
-
-    node: int
-    packets: int
-    length_bytes: int
-
-
-@dataclass(frozen=True, slots=True)
-class Settled:
-    """What became of packets.
-
-    Attributes:
-        packets: those that were settled; ``receptions.packet`` is an index into them.
-        receptions: their fates, as columns.
-        gaps: packets that were lost before the channel.
-        columns: of the receptions, as the table of deliveries has them.
-        received_ns: the tick at which nodes get them.
-        replies: what senders learn of their unicasts.
-        queues: of nodes whose transmit queue changed.
-    """
-
-    packets: Sequence[TxPacket]
-    receptions: Receptions
-    gaps: Sequence[Gap]
-    columns: Columns
-    received_ns: int
-    replies: Sequence[Reply] = ()
-    queues: Sequence[QueueOfNode] = ()
-
-
 class VirtualRadio:
     """Settles the fate of each packet for each node that it is meant for. No I/O, no clock.
 
     Args:
-        medium: the channel's medium.
+        airs: the radio networks; all nodes are on the first.
         ring: who is waited for.
-        mtu_bytes: longest payload that each node's radio takes, by node id.
-        network: who transmits when; None: packets take no time.
     """
 
-    def __init__(
-        self, medium: Medium, ring: Ring, mtu_bytes: Mapping[str, int], network: Network | None = None
-    ) -> None:
-        self.nodes = medium.nodes
+    def __init__(self, airs: Sequence[Air], ring: Ring) -> None:
+        self.airs = tuple(airs)
+        self.nodes = self.airs[0].nodes
         self.ring = ring
         self.words = Vocabulary()
-        self.ledger = Ledger(self.nodes, causes=tuple(Cause))
         self.transmitted: list[TxPacket] = []
         """Packets given to the medium, in canonical order; whoever writes them clears the list."""
-        self._medium, self._network = medium, network
-        self._index = {node: index for index, node in enumerate(self.nodes)}
-        self._emitters = frozenset(medium.emitters.names)
-        self._senders = Senders([mtu_bytes[node] for node in self.nodes], self._book_gap)
+        self._by_name = {air.name: air for air in self.airs}
+        self._index = self.airs[0].index
+        self._emitters = frozenset(self.airs[0].medium.emitters.names)
+        self._senders = Senders([air.mtu_bytes for air in self.airs], self._book_gap)
         self.refused = self._senders.refused
         self._latest_ns = 0
-        self._in_flight: dict[tuple[int, int], TxPacket] = {}
-        self._queues: dict[int, tuple[int, int]] = {}
         self._gaps: list[Gap] = []
+
+    @property
+    def ledger(self) -> Ledger:
+        """The books of all networks; of several together without distance bins, which each has of its own."""
+        if len(self.airs) == 1:
+            return self.airs[0].ledger
+        return books_of([(air.ledger, air.index) for air in self.airs], self.nodes)
 
     # What comes in.
 
@@ -134,17 +100,12 @@ class VirtualRadio:
         return True
 
     def _observe(self, truths: Sequence[Truth]) -> None:
-        self._medium.observe(
-            [truth.header.frame_id for truth in truths],
-            np.array([truth.header.stamp.ns for truth in truths]),
-            [truth.position_ned_m.xyz for truth in truths],
-            [(q.w, q.x, q.y, q.z) for q in (truth.attitude for truth in truths)],
-        )
+        for air in self.airs:
+            air.observe(truths)
 
     def _observe_emitter(self, truths: Sequence[Truth]) -> None:
-        [truth] = truths
-        place = truth.position_ned_m.xyz
-        self._medium.emitters.observe([truth.header.frame_id], truth.header.stamp.ns, [place])
+        for air in self.airs:
+            air.observe_emitter(truths)
 
     def on_packet(
         self,
@@ -155,25 +116,38 @@ class VirtualRadio:
         handling: Handling = PLAIN,
     ) -> bool:
         """Take a packet with its sender's stamp; returns whether it was. `settle` decides its fate."""
-        why = self._why_refused(address, encoding, stamp)
-        if stamp is None or why is not None:
+        air = self._by_name.get(address.radio)
+        why = self._why_refused(address, air, encoding, stamp)
+        if stamp is None or air is None or why is not None:
             self.refused[why or Refused.WITHOUT_STAMP] += 1
             return False
         to = EVERYBODY if address.to == ALL else self._index[address.to]
         route = f"{address.radio}/{address.to}/{address.channel}"
         tx = self._index[address.node]
         return self._senders.take(
-            TxPacket(stamp.seq, stamp.sim_time_ns, route, payload, encoding, handling, tx=tx, to=to)
+            TxPacket(
+                stamp.seq,
+                stamp.sim_time_ns,
+                route,
+                payload,
+                encoding,
+                handling,
+                tx=tx,
+                to=to,
+                network=air.place,
+            )
         )
 
-    def _why_refused(self, address: Address, encoding: str, stamp: Stamp | None) -> Refused | None:
+    def _why_refused(
+        self, address: Address, air: Air | None, encoding: str, stamp: Stamp | None
+    ) -> Refused | None:
         if address.node not in self._index:
             return Refused.UNKNOWN_NODE
         if stamp is None:
             return Refused.WITHOUT_STAMP
-        if address.radio != MAIN:
+        if air is None or address.node not in air.index:
             return Refused.UNKNOWN_RADIO
-        if address.to == address.node or (address.to != ALL and address.to not in self._index):
+        if address.to == address.node or (address.to != ALL and address.to not in air.index):
             return Refused.UNKNOWN_ADDRESS
         if len(encoding) > ENCODING_MAX:
             return Refused.MALFORMED
@@ -191,13 +165,14 @@ class VirtualRadio:
         self.ring.tick(sim_time_ns)
 
     def on_switch(self, node: str, sim_time_ns: int, *, on: bool) -> None:
-        """Take a node's word that an operator switched its radio; it comes ahead of its answer to that instant."""
+        """Take a node's word that an operator switched its radios; it comes ahead of its answer to that instant."""
         if node not in self._index:
             self.refused[Refused.UNKNOWN_NODE] += 1
         elif not self._is_plausible(sim_time_ns):
             self.refused[Refused.MALFORMED] += 1
         else:
-            self._medium.switch_radio(node, sim_time_ns, on=on)
+            for air in self.airs:
+                air.switch_radio(node, sim_time_ns, on=on)
 
     def on_answer(self, node: str, sim_time_ns: int) -> Closed | None:
         """Take a node's word that it has done all it will do at a tick, or at an exchange of MAVLink between two."""
@@ -208,7 +183,7 @@ class VirtualRadio:
 
     def radios_off(self, sim_time_ns: int) -> NDArray[np.bool_]:
         """Which radios are off at an instant, in the order of `nodes`."""
-        return self._medium.radios_off(sim_time_ns)
+        return self.airs[0].medium.radios_off(sim_time_ns)
 
     def on_sent_total(self, node: str, sent: int) -> None:
         """Take a sender's own count of what it gave to the radio; what never came here is booked."""
@@ -230,11 +205,9 @@ class VirtualRadio:
     # What becomes of it.
 
     def settle(self) -> Settled:
-        """Give what was taken to the medium, and take from it what it can decide."""
+        """Give what was taken to the networks, and take from them what they can decide."""
         self._send()
-        if self._network is not None:
-            return self._lived(self._network, self._network.live(self.ring.received_ns))
-        return self._settled(self._medium.settle())
+        return self._settled([air.settle(self.words, self.ring.received_ns) for air in self.airs])
 
     def finish(self) -> Settled:
         """Settle what still waits, with the newest positions, and balance the books.
@@ -243,83 +216,34 @@ class VirtualRadio:
             LedgerError: sent is not delivered plus lost: a defect of ours.
         """
         self._send()
-        if self._network is not None:
-            settled = self._lived(self._network, self._network.end())
-        else:
-            settled = self._settled(self._medium.flush(), is_over=True)
-        self.ledger.check(in_flight=0)
-        return settled
+        received_ns, period_ns = self.ring.received_ns, self.ring.tick_period_ns
+        return self._settled([air.finish(self.words, received_ns, period_ns) for air in self.airs])
 
     def _send(self) -> None:
         taken = self._senders.taken()
         if not taken:
             return
         self.transmitted += taken
-        self._in_flight.update(((packet.tx, packet.seq), packet) for packet in taken)
-        packets = packets_of(taken)
-        self.ledger.send(packets)
-        if self._network is None:
-            self._medium.send(packets)
-        else:
-            self._network.send(packets, [packet.handling for packet in taken])
+        if len(self.airs) == 1:
+            self.airs[0].send(taken)
+            return
+        for air in self.airs:
+            mine = [packet for packet in taken if packet.network == air.place]
+            if mine:
+                air.send(mine)
 
-    def _settled(self, receptions: Receptions, *, is_over: bool = False) -> Settled:
-        self.ledger.settle(receptions)
-        done = receptions.packets
-        packets = [self._in_flight.pop(key) for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
-        gaps = self._taken_gaps()
-        came_ns = np.full(done.size, self.ring.received_ns)
-        if is_over:  # what was stamped ahead would have come later
-            period_ns = self.ring.tick_period_ns
-            came_ns = np.maximum(came_ns, tick_of(done.sim_time_ns, period_ns) + period_ns)
-        said = self.words.of(packets) | {"received_ns": came_ns}
-        columns = columns_of(receptions, self._medium.counted_bytes(done), said)
-        return Settled(packets, receptions, gaps, columns, self.ring.received_ns)
-
-    def _lived(self, network: Network, lived: Lived) -> Settled:
-        """What became of packets on a network, which may take long to be decided for all receivers."""
-        receptions, done = lived.receptions, lived.receptions.packets
-        self.ledger.book(receptions)
-        if lived.first:
-            self.ledger.place(Receptions.joined(lived.first))
-        packets = [self._in_flight[key] for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
-        for key in lived.done:
-            del self._in_flight[key]
-        said = self.words.of(packets) | {"received_ns": np.full(done.size, self.ring.received_ns)}
-        columns = columns_of(receptions, self._medium.counted_bytes(done), said, lived.instants)
-        replies, queues = lived.replies, tuple(self._changed_queues(network))
-        return Settled(
-            packets, receptions, self._taken_gaps(), columns, self.ring.received_ns, replies, queues
-        )
-
-    def _changed_queues(self, network: Network) -> Iterator[QueueOfNode]:
-        for node in range(len(self.nodes)):
-            queued = network.queued(node)
-            if queued != self._queues.get(node, (0, 0)):
-                self._queues[node] = queued
-                yield QueueOfNode(node, *queued)
+    def _settled(self, parts: Sequence[Settled]) -> Settled:
+        settled = parts[0] if len(parts) == 1 else joined(parts)
+        return replace(settled, gaps=self._taken_gaps())
 
     def _taken_gaps(self) -> Sequence[Gap]:
         gaps, self._gaps = sorted(self._gaps, key=_place_of), []  # whoever was first
         return gaps
 
     def _book_gap(self, gap: Gap) -> None:
-        to = None if gap.to == EVERYBODY else self.nodes[gap.to]
-        self.ledger.lose(self.nodes[gap.tx], gap.cause.value, gap.packets, to)
-        self._gaps.append(gap)
+        self._gaps += self._by_name[gap.radio].lose(gap)
 
 
 def _place_of(gap: Gap) -> tuple[int, int, int]:
     """Where a gap stands among those of a tick."""
     return gap.sim_time_ns, gap.tx, gap.first_seq
-
-
-def packets_of(taken: Sequence[TxPacket]) -> Packets:
-    """Packets as columns."""
-    return Packets(
-        np.array([p.sim_time_ns for p in taken], dtype=np.int64),
-        np.array([p.tx for p in taken], dtype=np.intp),
-        np.array([p.seq for p in taken], dtype=np.int64),
-        np.array([len(p.payload) for p in taken], dtype=np.int64),
-        np.array([p.to for p in taken], dtype=np.intp),
-    )

@@ -43,6 +43,11 @@ class SentPacket:
     handling: Handling = PLAIN
 
     @property
+    def radio(self) -> str:
+        """First part of the address."""
+        return self.address.partition("/")[0]
+
+    @property
     def channel(self) -> str:
         """Last part of the address."""
         return self.address.rpartition("/")[2]

@@ -17,7 +17,7 @@ from pydantic import (
 
 from bridge.scenario.expectations import Expectation
 from bridge.scenario.mcap import McapSettings
-from bridge.scenario.nodes import Aircraft, EmitterNode, GroundNode, NodeConfig, Transceiver
+from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, GroundNode, NodeConfig, Transceiver
 from bridge.scenario.parts import (
     Finite,
     Latitude,
@@ -194,7 +194,8 @@ class Scenario(Part):
         api: whether each UA's HTTP API is served.
         figure: whether the probability of delivery is drawn at the end.
         origin: zero of the fleet's north-east-down frame.
-        radio: a preset, a file, or a mapping with `preset` and what differs.
+        radio: of the network `main`: a preset, a file, or a mapping with `preset` and what differs.
+        networks: further radio networks, each with the radio of its nodes, by the name that their radios have.
         wind: a wind that ships, a file, or a mapping.
         weather: temperature and pressure.
         transmit: what agents give to the radio.
@@ -224,6 +225,7 @@ class Scenario(Part):
     figure: bool = True
     origin: Origin
     radio: RadioSetting
+    networks: dict[Slug, RadioSetting] = Field(default_factory=dict)
     wind: WindSetting = "calm"
     weather: WeatherConfig = WeatherConfig()
     transmit: Transmit = Transmit()
@@ -288,6 +290,27 @@ class Scenario(Part):
             raise ValueError("there has to be a UA: the flight dynamics keep the time")
         return nodes
 
+    @field_validator("networks")
+    @classmethod
+    def _names_are_free(cls, networks: dict[str, RadioSetting]) -> dict[str, RadioSetting]:
+        if MAIN in networks:
+            raise ValueError(f"{MAIN}: that is the network of the key radio")
+        if RESERVED_ID in networks:
+            raise ValueError(f"{RESERVED_ID}: that is the address of packets for every node")
+        return networks
+
+    @model_validator(mode="after")
+    def _networks_are_there(self) -> Self:
+        for node in self.transceivers:
+            for name in node.networks or ():
+                if name not in self.network_names:
+                    known = ", ".join(self.network_names)
+                    raise ValueError(f"networks: node {node.node} is on {name}; there are: {known}")
+        for name in self.networks:
+            if len(self.nodes_on(name)) < min(2, len(self.transceivers)):
+                raise ValueError(f"networks: fewer than two nodes are on {name}: nobody would hear anybody")
+        return self
+
     @model_validator(mode="after")
     def _one_process_is_one(self) -> Self:
         if self.processes == "one" and self.asks_for_processes:
@@ -343,6 +366,20 @@ class Scenario(Part):
     def transceiver_ids(self) -> tuple[str, ...]:
         """Ids of the nodes that exchange packets: columns of packets name a node by its place here."""
         return tuple(node.node for node in self.transceivers)
+
+    @property
+    def network_names(self) -> tuple[str, ...]:
+        """Names of the radio networks: `main`, then the others."""
+        return (MAIN, *self.networks)
+
+    def nodes_on(self, network: str) -> tuple[Transceiver, ...]:
+        """The nodes that are on a radio network."""
+        return tuple(node for node in self.transceivers if node.networks is None or network in node.networks)
+
+    def reach_of(self, node_id: str) -> dict[str, tuple[str, ...]]:
+        """The radios of a node by name, and the ids of all nodes on the network of each."""
+        reach = {name: tuple(node.node for node in self.nodes_on(name)) for name in self.network_names}
+        return {name: ids for name, ids in reach.items() if node_id in ids}
 
     @property
     def stations(self) -> tuple[str, ...]:

@@ -20,6 +20,8 @@ from channel.link.emitters.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
 
 GROUND_HEIGHT_M = 2.0
+MAIN = "main"
+"""The radio network that all nodes are on (`bridge.bus.keys.MAIN`)."""
 SIM_TIME_MAX_S = 1e9
 
 
@@ -59,6 +61,15 @@ def _in_order(outages: tuple[RadioOutage, ...]) -> tuple[RadioOutage, ...]:
     return outages
 
 
+def _with_main(networks: tuple[str, ...] | None) -> tuple[str, ...] | None:
+    """See that the network that all nodes are on is among those of a node."""
+    if networks is not None and MAIN not in networks:
+        raise ValueError(f"all nodes are on {MAIN}: name it, too")
+    return networks
+
+
+NetworkNames = Annotated[tuple[Slug, ...] | None, AfterValidator(_with_main)]
+"""The radio networks that a node is on; None: all."""
 RadioOutages = Annotated[tuple[RadioOutage, ...], AfterValidator(_in_order)]
 
 
@@ -72,6 +83,7 @@ class Aircraft(Part):
     sensor_noise: SensorNoise | None = None
     parameters: Parameters = Field(default_factory=dict)
     radio: RadioSetting | None = None
+    networks: NetworkNames = None
     radio_off: RadioOutages = ()
     sensor: RfSensor | None = None
     agent: AgentConfig
@@ -124,6 +136,7 @@ class GroundNode(Part):
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None
+    networks: NetworkNames = None
     radio_off: RadioOutages = ()
     sensor: RfSensor | None = None
     agent: GroundAgentConfig

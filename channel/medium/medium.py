@@ -47,6 +47,7 @@ class Medium:
         switches: of the nodes' radios; each is on until it is switched off.
         bases: names of the nodes that stand on the ground; the others are aircraft. For laws that distinguish them.
         ahead_ns: for so long a node goes on as it last moved beyond its newest truth, for `drawing` (0: it stands).
+        network: name of a further radio network of the run, whose draws are others; "": the run's own.
 
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
@@ -71,12 +72,13 @@ class Medium:
         switches: Switches | None = None,
         bases: Iterable[str] = (),
         ahead_ns: int = 0,
+        network: str = "",
     ) -> None:
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
         if len(self.index) != len(self.nodes):
             raise ChannelInputError("nodes", self.nodes, "names that differ")
-        self.draws = Draws(check_seed(seed))
+        self.draws = Draws(check_seed(seed), network)
         self._tracks = Tracks(len(self.nodes), max_truth_age_ns, ahead_ns)
         self.radios = tuple(self._radio_of(node, radio) for node in self.nodes)
         self.emitters = EmitterTracks(emitters, max_truth_age_ns)

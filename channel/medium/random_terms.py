@@ -158,7 +158,7 @@ class RandomTerms:
             for i, each in enumerate(self._config.interference.interferers)
         )
         emitters = tuple(
-            each.is_on(run, times_ns)[links.packet] if each.is_pulsed else each.duty > 0.0
+            each.is_on(run.common, times_ns)[links.packet] if each.is_pulsed else each.duty > 0.0
             for each in self._emitters
         )
         return (*interferers, *emitters)

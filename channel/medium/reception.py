@@ -150,6 +150,20 @@ class Receptions:
             np.concatenate([part.fate for part in parts]),
         )
 
+    def at(self, rows: NDArray[np.intp]) -> Receptions:
+        """Return some of the receptions, of the same packets, in the order of ``rows``."""
+        return Receptions(
+            self.packets,
+            self.packet[rows],
+            self.rx[rows],
+            self.distance_m[rows],
+            self.received_power_dbm[rows],
+            self.snr_db[rows],
+            self.per[rows],
+            self.probability_of_delivery[rows],
+            self.fate[rows],
+        )
+
     @property
     def size(self) -> int:
         """How many receptions."""

@@ -37,6 +37,7 @@ class SentPackets:
         sim_time_ns: when each was transmitted, int64.
         length_bytes: of the payloads, int64.
         to: place of the addressee, or EVERYBODY.
+        radios: name of the radio of each.
         channels: last part of each packet's key.
         encodings: what each payload is said to be; "" if nothing.
         handling: what the radio was to do with each.
@@ -49,6 +50,7 @@ class SentPackets:
     def __init__(self, run: Path, node: str, places: dict[str, int]) -> None:
         self._path = names.packets(node).path(run)
         rows: list[tuple[int, int, int, int, int]] = []
+        self.radios: list[str] = []
         self.channels: list[str] = []
         self.encodings: list[str] = []
         self.handling: list[Handling] = []
@@ -66,6 +68,7 @@ class SentPackets:
             length = len(packet.payload)
             to = addressees[packet.address]
             rows.append((packet.seq, packet.sim_time_ns, length, to, offset - length))
+            self.radios.append(packet.radio)
             self.channels.append(packet.channel)
             self.encodings.append(packet.encoding)
             self.handling.append(packet.handling)

@@ -146,7 +146,10 @@ def _lost(counts: NDArray[np.int64]) -> dict[str, int]:
 
 def _bins(before: DeliveryRows, after: Sequence[BinSummary]) -> tuple[BinChange, ...]:
     was = _measured(before)
-    is_now = {(b.tx, b.rx, b.distance_min_m): b for b in after}
+    is_now: dict[tuple[str, str, float], BinSummary] = {}
+    for row in after:
+        key = row.tx, row.rx, row.distance_min_m
+        is_now[key] = _together(is_now[key], row) if key in is_now else row
     found = []
     for key in sorted(was.keys() | is_now.keys()):
         sent, delivered = was.get(key, (0, 0))
@@ -163,6 +166,13 @@ def _bins(before: DeliveryRows, after: Sequence[BinSummary]) -> tuple[BinChange,
             )
         )
     return tuple(found)
+
+
+def _together(one: BinSummary, other: BinSummary) -> BinSummary:
+    """One bin of what two networks have of a link at a distance."""
+    sent, delivered = one.sent + other.sent, one.delivered + other.delivered
+    predicted = (one.sent * one.predicted + other.sent * other.predicted) / sent
+    return one._replace(sent=sent, delivered=delivered, measured=delivered / sent, predicted=predicted)
 
 
 def _measured(decided: DeliveryRows) -> dict[tuple[str, str, float], tuple[int, int]]:

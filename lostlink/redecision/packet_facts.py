@@ -8,21 +8,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.bus.keys import MAIN
 from bridge.record.tables.deliveries import TOO_LONG, WORDS, Vocabulary, read_deliveries, tick_of
 from bridge.record.tables.schema import Columns
+from channel.medium.reception import Packets
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
 
 
 class PacketFacts:
-    """Channel, encoding and tick of reception of packets, by sender and number.
+    """Radio, channel, encoding and tick of reception of packets, by sender and number.
 
     Args:
         run: directory of the run.
         before: what was recorded.
         sent: what each node transmitted.
         tick_period_ns: of the run.
-        took_no_time: whether the tick of reception is that of the packet; else receptions have one each.
+        took_no_time: names of the networks on which the tick of reception is that of the packet; on others receptions
+            have one each.
 
     Raises:
         TableError, OSError: the deliveries cannot be read.
@@ -35,13 +38,14 @@ class PacketFacts:
         sent: Sequence[SentPackets],
         tick_period_ns: int,
         *,
-        took_no_time: bool = True,
+        took_no_time: Sequence[str] = (MAIN,),
     ) -> None:
         self._nodes = len(sent)
         rows = before.columns
         settled, [long] = self._keys(rows["seq"], rows["tx"]), np.nonzero(rows["fate"] == TOO_LONG)
         keys = [self._keys(each.seq, tx) for tx, each in enumerate(sent)]
         words: Columns = {
+            "radio": np.array([word for each in sent for word in each.radios], dtype=object),
             "channel": np.array([word for each in sent for word in each.channels], dtype=object),
             "encoding": np.array([word for each in sent for word in each.encodings], dtype=object),
         }
@@ -52,9 +56,10 @@ class PacketFacts:
         self._known, first = np.unique(np.concatenate([*keys, settled[long]]), return_index=True)
         self._words = {name: values[first] for name, values in words.items()}
         self._received_ns = np.concatenate([*due_ns, rows["received_ns"][long]])[first]
-        if not took_no_time:
+        if not len(self._known):
             return
         places, known = self._places(settled)
+        known &= np.isin(self._words["radio"][places].astype(str), took_no_time)
         self._received_ns[places[known]] = rows["received_ns"][known]
 
     def _keys(self, seq: NDArray[np.int64], tx: NDArray[np.intp] | int) -> NDArray[np.int64]:
@@ -70,12 +75,18 @@ class PacketFacts:
         """The ticks at which receivers have packets that are there, or would have them."""
         return self._received_ns[self._places(self._keys(seq, tx))[0]]
 
+    def radios(self, packets: Packets) -> NDArray[np.object_]:
+        """Names of the radios of packets that came to the radio."""
+        if not packets.size:
+            return np.zeros(0, dtype=object)
+        return self._words["radio"][self._places(self._keys(packets.seq, packets.tx))[0]]
+
     def words(self, rows: Columns, words: Vocabulary) -> Columns:
-        """Channel and encoding of rows, as places among ``words``; "" of packets that never came to the radio."""
+        """Radio, channel and encoding of rows, as places among ``words``; the first of packets that never came."""
         places, known = self._places(self._keys(rows["seq"], rows["tx"]))
         found = {}
         for name, values in self._words.items():
-            texts = np.full(len(places), "", dtype=object)
+            texts = np.full(len(places), words.names[name][0], dtype=object)
             texts[known] = values[places[known]]
             found[name] = words.places(name, texts.tolist())
         return found

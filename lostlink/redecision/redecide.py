@@ -11,7 +11,6 @@ radio takes is its own.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,21 +19,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bridge.bus.keys import MAIN
+from bridge.radio.ledger_file import Books
 from bridge.record.ending import was_cut
 from bridge.record.radio_switches import switches_of
-from bridge.record.tables.deliveries import (
-    DELIVERIES,
-    FATES,
-    FIGURES,
-    INSTANTS,
-    TOO_LONG,
-    TRANSPORT,
-    Cause,
-    Vocabulary,
-    columns_of,
-    labels_of,
-    tick_of,
-)
+from bridge.record.tables.deliveries import DELIVERIES, TOO_LONG, TRANSPORT, Vocabulary, labels_of
 from bridge.record.tables.parquet import array_of
 from bridge.record.tables.reader import joined
 from bridge.record.tables.schema import Columns
@@ -44,19 +33,15 @@ from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import channel_of, medium_settings
 from bridge.scenario.resolve.radio import radios_of
-from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.packets import PLAIN, Handling
-from channel.link.radio import Radio
-from channel.medium.judge.check import Verdict
-from channel.medium.judge.judge import Judge
 from channel.medium.ledger import Ledger
-from channel.medium.reception import EVERYBODY, Packets, Receptions
-from channel.network.instants import NEVER_NS
+from channel.medium.reception import EVERYBODY, Packets
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
+from lostlink.redecision.on_network import NetworkAnew, Transmissions
 from lostlink.redecision.packet_facts import PacketFacts
-from lostlink.redecision.settling import last_whole_ns, live, settle, without_nonsense
+from lostlink.redecision.settling import last_whole_ns, without_nonsense
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -74,8 +59,7 @@ class Redecision:
         before: what was recorded.
         after: what is decided anew.
         facts: what is known of the packets.
-        ledger: the books of ``after``.
-        verdict: of the channel's judge, as in a run.
+        books: of ``after``, with the verdict of the channel's judge: of `main`, then of the other networks.
     """
 
     run: Path
@@ -83,13 +67,19 @@ class Redecision:
     before: DeliveryRows
     after: DeliveryRows
     facts: PacketFacts
-    ledger: Ledger
-    verdict: Verdict
+    books: tuple[Books, ...]
+
+    @property
+    def ledger(self) -> Ledger:
+        """The books of `main`."""
+        return self.books[0].ledger
 
     @cached_property
     def comparison(self) -> DecisionComparison:
         """Before and after, side by side."""
-        return compare_decisions(self.before, self.after, self.ledger.bins())
+        return compare_decisions(
+            self.before, self.after, [row for each in self.books for row in each.ledger.bins()]
+        )
 
     @property
     def table(self) -> pa.Table:
@@ -115,8 +105,8 @@ def redecide(
 
     Args:
         run: directory of a run, finished or killed.
-        radio: a preset's name, a file or a mapping, as in a scenario; the run's own unless given. A node that has a
-            radio of its own keeps it.
+        radio: of the network `main`: a preset's name, a file or a mapping, as in a scenario; the run's own unless
+            given. A node that has a radio of its own keeps it, and so do the other networks.
         seed: of all draws; the run's own unless given.
         on_progress: called now and then with the share that is done.
 
@@ -143,50 +133,48 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
         ValueError, OSError: as `redecide`.
     """
     nodes, period_ns = scenario.transceiver_ids, scenario.tick_period_ns
-    emitters = emitters_of(scenario)
-    radios = radios_of(scenario, emitters)
     before = DeliveryRows.read(run, nodes)
     positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
     if not positions.ticks_ns.size:
         raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
     places = {node: place for place, node in enumerate(nodes)}
     sent = [SentPackets(run, node, places) for node in nodes]
-    was_ideal = not medium_settings(radios_of(RunDirectory(run).scenario)).takes_time
-    facts = PacketFacts(run, before, sent, period_ns, took_no_time=was_ideal)
-    packets = _transmitted(sent, before)
+    facts = PacketFacts(run, before, sent, period_ns, took_no_time=_ideal_networks(run))
+    packets, last_ns = _transmitted(sent, before), last_whole_ns(positions)
     if was_cut(run):
-        packets = packets.at(packets.sim_time_ns <= last_whole_ns(positions))
-    packets, too_long = _split(packets, [radios[node] for node in nodes])
-    judge = Judge(len(nodes), scenario.seed)
-    channel = channel_of(scenario, radios, judge, switches_of(scenario, run))
-    ledger = Ledger(nodes, causes=tuple(Cause))
-    ledger.send(packets)
-    done, parts = 0, [_too_long_rows(too_long, len(nodes), facts), _missed(before)]
-    for part in parts:
-        _book(ledger, part)
-    medium, due_ns = channel.medium, tick_of(packets.sim_time_ns, period_ns)
-    if channel.network is None:
-        for receptions in settle(medium, positions, packets, due_ns):
-            ledger.settle(receptions)
-            settled = receptions.packets
-            came = {"received_ns": facts.received_ns(settled.seq, settled.tx)}
-            parts.append(columns_of(receptions, medium.counted_bytes(settled), came))
-            done += receptions.packets.size
-            on_progress(done / max(1, packets.size))
-    else:
-        handling = _handling(sent)
-        for tick_ns, lived in live(channel.network, medium, positions, packets, due_ns, handling, period_ns):
-            ledger.book(lived.receptions)
-            if lived.first:
-                ledger.place(Receptions.joined(lived.first))
-            settled = lived.receptions.packets
-            came = {"received_ns": np.full(settled.size, tick_ns)}
-            parts.append(columns_of(lived.receptions, medium.counted_bytes(settled), came, lived.instants))
-            done += len(lived.done)
-            on_progress(done / max(1, packets.size))
-    ledger.check(in_flight=0)
+        packets = packets.at(packets.sim_time_ns <= last_ns)
+    radios, handling, missed = facts.radios(packets), _handling(sent), _missed(before)
+    if unknown := sorted(set(radios) - set(scenario.network_names)):
+        raise ValueError(f"{run}: it has packets of radio {unknown[0]}, of which the scenario has no network")
+    tell = _Progress(on_progress, packets.size)
+    parts, books = [], []
+    for name in scenario.network_names:
+        mine = _once(packets.at(np.flatnonzero(radios == name)))
+        lost = missed if name == MAIN else {column: values[:0] for column, values in missed.items()}
+        what = Transmissions(nodes, mine, handling, lost, positions, period_ns, facts)
+        anew = NetworkAnew(channel_of(scenario, switches_of(scenario, run, name), name), what)
+        parts += anew.decide(tell.done)
+        books.append(anew.books)
     after = DeliveryRows(nodes, joined(parts)).in_order_of(before)
-    return Redecision(run, scenario, before, after, facts, ledger, judge.verdict())
+    return Redecision(run, scenario, before, after, facts, tuple(books))
+
+
+class _Progress:
+    """Adds up what is done."""
+
+    def __init__(self, on_progress: OnProgress, packets: int) -> None:
+        self._on_progress, self._packets, self._done = on_progress, max(1, packets), 0
+
+    def done(self, packets: int) -> None:
+        self._done += packets
+        self._on_progress(self._done / self._packets)
+
+
+def _ideal_networks(run: Path) -> list[str]:
+    """Those of a run on which packets took no time."""
+    scenario = RunDirectory(run).scenario
+    media = {name: medium_settings(radios_of(scenario, (), name)) for name in scenario.network_names}
+    return [name for name, settings in media.items() if not settings.takes_time]
 
 
 def _transmitted(nodes: Sequence[SentPackets], before: DeliveryRows) -> Packets:
@@ -216,36 +204,19 @@ def _handling(nodes: Sequence[SentPackets]) -> dict[tuple[int, int], Handling]:
     }
 
 
-def _split(packets: Packets, radios: list[Radio]) -> tuple[Packets, Packets]:
-    """Packets that their senders' radios take, and those that are too long for them."""
-    mtu_bytes = np.array([radio.config.mtu_bytes for radio in radios])
-    fits = packets.length_bytes <= mtu_bytes[packets.tx]
-    return packets.at(fits), packets.at(~fits)
+def _once(packets: Packets) -> Packets:
+    """Each packet once: one for all that was too long for its radio has a row for each receiver.
 
-
-def _too_long_rows(packets: Packets, everybody: int, facts: PacketFacts) -> Columns:
-    return {
-        "sim_time_ns": packets.sim_time_ns,
-        "tx": packets.tx,
-        "rx": np.where(packets.to == EVERYBODY, everybody, packets.to),
-        "seq": packets.seq,
-        "packets": np.ones(packets.size, dtype=np.int32),
-        "length_bytes": packets.length_bytes.astype(np.int32),
-        **dict.fromkeys(FIGURES, np.full(packets.size, math.nan)),
-        "fate": np.full(packets.size, TOO_LONG),
-        "received_ns": facts.received_ns(packets.seq, packets.tx),
-        **dict.fromkeys(INSTANTS, np.full(packets.size, NEVER_NS)),
-        "attempts": np.zeros(packets.size, dtype=np.int32),
-    }
+    That is so on networks that not all nodes are on, where a second node alone cannot be told from an addressee.
+    """
+    again = (packets.tx[1:] == packets.tx[:-1]) & (packets.seq[1:] == packets.seq[:-1])
+    if not again.any():
+        return packets
+    is_last = np.append(~again, True)
+    is_one_of_many = ~is_last | np.append(False, again)
+    return packets._replace(to=np.where(is_one_of_many, EVERYBODY, packets.to)).at(is_last)
 
 
 def _missed(before: DeliveryRows) -> Columns:
     """What never came to the radio, as recorded."""
     return before.at(before.columns["fate"] == TRANSPORT).columns
-
-
-def _book(ledger: Ledger, rows: Columns) -> None:
-    """Book out, and lost at once, what no channel had to do with."""
-    names = (*ledger.nodes, None)
-    for tx, rx, fate, count in zip(*(rows[n].tolist() for n in ("tx", "rx", "fate", "packets")), strict=True):
-        ledger.lose(ledger.nodes[tx], FATES[fate], count, names[rx])

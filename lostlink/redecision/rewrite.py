@@ -11,8 +11,6 @@ from bridge.record.names import INPUT_FOLDER, PROVENANCE_FILE, REPORT_FOLDER, ST
 from bridge.record.tables.deliveries import DELIVERIES, DeliveryWriter, Vocabulary
 from bridge.record.tables.every import TABLES, finish_tables
 from bridge.run.directory import RunDirectory
-from bridge.scenario.resolve.radio import radios_of
-from bridge.scenario.resolve.sensing import emitters_of
 from lostlink.redecision.redecide import Redecision
 
 ROWS_AT_ONCE = 1 << 13
@@ -49,10 +47,7 @@ def write_run(
             copy = directory / path.relative_to(result.run)
             copy.parent.mkdir(exist_ok=True)
             shutil.copyfile(path, copy)
-    shared = any(
-        radio.shares_draws for radio in radios_of(result.scenario, emitters_of(result.scenario)).values()
-    )
-    write_ledger(directory / LEDGER, result.ledger, {}, verdict=result.verdict, shares_draws=shared)
+    write_ledger(directory / LEDGER, result.books, {})
     write_deliveries(result, directory, on_progress)
     return made
 

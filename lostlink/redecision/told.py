@@ -9,6 +9,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from bridge.radio.ledger_file import judged_in
 from lostlink.flight.verdict import RunVerdict, verdict_of
 from lostlink.redecision.comparison import BinChange, DecisionComparison, LinkChange
 from lostlink.redecision.redecide import Redecision
@@ -19,9 +20,9 @@ LINKS_SHOWN_MAX = 12
 
 def verdict_on(result: Redecision) -> RunVerdict:
     """Whether the new fates are what the radio says."""
-    accounts = result.ledger.links.values()
+    accounts = [account for each in result.books for account in each.ledger.links.values()]
     links = [{"sent": account.sent, "delivered": account.delivered} for account in accounts]
-    judged = _judged(result)
+    judged = judged_in(result.books)
     return verdict_of(judged["checks"], links, "done", unjudged=judged["unjudged"])
 
 
@@ -30,14 +31,7 @@ def plain_of(result: Redecision) -> dict[str, Any]:
     verdict, scenario = verdict_on(result), result.scenario
     what = {"schema": SCHEMA, "run": str(result.run), "radio": scenario.radio, "seed": scenario.seed}
     worth = {"outcome": verdict.outcome, "verdict": verdict.text}
-    return what | result.comparison.as_plain() | _judged(result) | worth
-
-
-def _judged(result: Redecision) -> dict[str, list[dict[str, Any]]]:
-    return {
-        "checks": [check.plain for check in result.verdict.checks],
-        "unjudged": [each._asdict() for each in result.verdict.unjudged],
-    }
+    return what | result.comparison.as_plain() | judged_in(result.books) | worth
 
 
 def print_tables(comparison: DecisionComparison) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bridge.bus.keys import MAIN
 from bridge.bus.messages import (
     AgentStatus,
     AircraftState,
@@ -45,6 +46,7 @@ class Received:
         encoding: what its payload is said to be; "" if nothing.
         rssi_dbm: power in which it arrived.
         snr_db: the same over the noise.
+        radio: name of the radio that it came by.
     """
 
     rx: str
@@ -56,11 +58,13 @@ class Received:
     sim_time_ns: int
     rssi_dbm: float
     snr_db: float
+    radio: str = MAIN
 
     @property
     def attachment(self) -> bytes:
         """What it had beside it on Zenoh."""
-        return attachment(Stamp(self.seq, self.sim_time_ns).to_bytes(), self.rssi_dbm, self.snr_db)
+        stamp = Stamp(self.seq, self.sim_time_ns).to_bytes()
+        return attachment(stamp, self.rssi_dbm, self.snr_db, radio=self.radio)
 
 
 class Moment:
@@ -150,13 +154,14 @@ class Moment:
         found = (self._received(*row) for row in zip(*rows, strict=True))
         return [each for each in found if each is not None]
 
-    def _received(self, tx: int, rx: int, seq: int, *signal: float) -> Received | None:
+    def _received(self, tx: int, rx: int, seq: int, rssi_dbm: float, snr_db: float) -> Received | None:
         sent, nodes = self._at.sent[tx], self._at.nodes
         row = sent.row_of(seq)
         if row is None:  # the record of what was sent ends before that of what became of it: it was killed
             return None
         what = (sent.channels[row], sent.encodings[row], sent.payload(row))
-        return Received(nodes[rx], nodes[tx], *what, seq, int(sent.sim_time_ns[row]), *signal)
+        when_ns, radio = int(sent.sim_time_ns[row]), sent.radios[row]
+        return Received(nodes[rx], nodes[tx], *what, seq, when_ns, rssi_dbm, snr_db, radio)
 
     def states(self, wanted: Sequence[str] | None = None) -> dict[str, AircraftState]:
         """The newest state that each node published by now, under its own stamp; without those that have none yet.

@@ -117,7 +117,7 @@ def radio_name(scenario: Scenario) -> str:
 
 def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
     """The model's curve over distance, if all nodes have one radio and it can be had here; else None."""
-    if not bins or any(getattr(node, "radio", None) is not None for node in scenario.nodes):
+    if not bins or scenario.networks or any(getattr(n, "radio", None) is not None for n in scenario.nodes):
         return None
     farthest_m = max(row["distance_max_m"] for row in bins)
     with suppress(ValueError, OSError, ChannelInputError, OutsideValidityError):

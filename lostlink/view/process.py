@@ -182,12 +182,14 @@ class Model:
         return self._curve
 
     def _make(self) -> ModelCurve:
-        from bridge.scenario.resolve.radio import radio_of  # scipy takes its time, and few look at this chart
+        from bridge.scenario.resolve.radio import (
+            common_radio,
+        )  # scipy takes its time, and few look at this chart
         from channel.validity import OutsideValidityError
 
         distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
-        if not any(node.radio is not None for node in self._scenario.transceivers):
-            radio = radio_of(self._scenario)
+        radio = common_radio(self._scenario)
+        if radio is not None:
             with suppress(OutsideValidityError):
                 if not getattr(radio.config.propagation, "needs_places", False):
                     return ModelCurve(distance_m, radio.probability_of_delivery(distance_m))

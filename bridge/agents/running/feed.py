@@ -1,6 +1,6 @@
 """How an agent is fed, on board and beside the run: what comes waits for the tick, and then comes in the one order.
 
-That order is clock, state, who was heard, what its sensor measured, what its own radio says (queue, unicasts), the
+That order is clock, state, who was heard, what its sensor measured, what its own radios say (queue, unicasts), the
 packets that the radio delivered, what became of its commands, and then the tick itself.
 """
 
@@ -16,6 +16,7 @@ from bridge.agents.commands import CommandFailed
 from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
 from bridge.agents.radio import QueueState, Reply
+from bridge.bus.keys import MAIN
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
 from bridge.bus.reception import UNKNOWN, Instants, Reception
 from bridge.bus.session import Stamp
@@ -33,6 +34,7 @@ class DeliveredPacket(NamedTuple):
     channel: str
     payload: bytes
     stamp: Stamp
+    radio: str = MAIN
 
 
 class Arrivals:
@@ -43,8 +45,8 @@ class Arrivals:
         self._comm_status: LookAtStatus | None = None
         self._measurements: list[Measurement] = []
         self._packets: list[tuple[DeliveredPacket, float, float, Instants]] = []
-        self._replies: list[Reply] = []
-        self._queue: QueueState | None = None
+        self._replies: dict[str, list[Reply]] = {}
+        self._queues: dict[str, QueueState] = {}
         self._events: list[tuple[OnEvent, CommandEvent]] = []
 
     def state_came(self, state: AircraftState) -> None:
@@ -65,13 +67,13 @@ class Arrivals:
         """The radio delivered a packet, in this power and over this noise. They come in the order of arrival."""
         self._packets.append((packet, rssi_dbm, snr_db, instants))
 
-    def reply_came(self, reply: Reply) -> None:
-        """The radio says what became of a unicast of the node's."""
-        self._replies.append(reply)
+    def reply_came(self, reply: Reply, radio: str = MAIN) -> None:
+        """A radio says what became of a unicast of the node's."""
+        self._replies.setdefault(radio, []).append(reply)
 
-    def queue_changed(self, queue: QueueState) -> None:
-        """The radio says what waits in the node's transmit queue."""
-        self._queue = queue
+    def queue_changed(self, queue: QueueState, radio: str = MAIN) -> None:
+        """A radio says what waits in its transmit queue."""
+        self._queues[radio] = queue
 
     def event_came(self, on_event: OnEvent, event: CommandEvent) -> None:
         """Something became of a command."""
@@ -88,21 +90,25 @@ class Arrivals:
             arrivals.append(lambda ua: ua.take_comm_status(status))
         measurements, self._measurements = self._measurements, []
         arrivals.append(lambda ua: ua.take_measurements(measurements))
-        queue, self._queue = self._queue, None
-        replies, self._replies = self._replies, []
-        if queue is not None or replies:
-            arrivals.append(lambda ua: ua.radio.take(queue, replies))
+        queues, self._queues = self._queues, {}
+        replies, self._replies = self._replies, {}
+        for radio in sorted({*queues, *replies}):
+            arrivals.append(partial(_tell_radio, radio, queues.get(radio), replies.get(radio, [])))
         packets, self._packets = self._packets, []
         arrivals += [partial(_give_packet, *packet) for packet in packets]
         events, self._events = self._events, []
         return arrivals + [partial(_give_event, on_event, event) for on_event, event in events]
 
 
+def _tell_radio(radio: str, queue: QueueState | None, replies: Sequence[Reply], ua: UaClient) -> None:
+    ua.radios[radio].take(queue, replies)
+
+
 def _give_packet(
     packet: DeliveredPacket, rssi_dbm: float, snr_db: float, instants: Instants, ua: UaClient
 ) -> None:
-    sender, channel, payload, stamp = packet
-    reception = Reception(stamp.seq, stamp.sim_time_ns, ua.sim_time_ns, rssi_dbm, snr_db, instants)
+    sender, channel, payload, stamp, radio = packet
+    reception = Reception(stamp.seq, stamp.sim_time_ns, ua.sim_time_ns, rssi_dbm, snr_db, instants, radio)
     ua.take_packet(sender, channel, payload, reception)
 
 

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bridge.bus.keys import ALL
+from bridge.bus.keys import ALL, MAIN
 from bridge.bus.messages import Fates, Header
 from bridge.record.packets import SentPacket
 from bridge.record.tables.journal import LABELS_MAX, TableWriter
@@ -21,8 +21,10 @@ from channel.medium import reception
 from channel.medium.reception import EVERYBODY, Receptions
 from channel.network.instants import Instants
 
-WORDS: Final = ("channel", "encoding")
+SAID: Final = ("channel", "encoding")
 """Columns with what senders say of their packets."""
+WORDS: Final = ("radio", *SAID)
+"""Columns with names that are not known before they come: which radio it was, and `SAID`."""
 INSTANTS: Final = ("entered_ns", "started_ns", "ended_ns", "arrived_ns")
 """When the packet entered its radio, when the transmission that decided began and ended at the sender, and when it was
 there or lost for good; -1 where it did not."""
@@ -74,7 +76,8 @@ GAPS_FROM: Final = len(reception.FATES)
 class Gap(NamedTuple):
     """Packets of one sender that are lost before the channel: from ``first_seq`` on.
 
-    Of those that never came to the radio nobody knows channel and encoding.
+    Of those that never came to the radio nobody knows channel and encoding, and which radio they were for: they count
+    as of `main`.
     """
 
     sim_time_ns: int
@@ -86,21 +89,22 @@ class Gap(NamedTuple):
     cause: Cause
     channel: str = ""
     encoding: str = ""
+    radio: str = MAIN
 
 
 class Vocabulary:
-    """Channels and encodings, in the order in which rows first have them; "" comes first.
+    """Radios, channels and encodings, in the order in which rows first have them; `main` and "" come first.
 
     Attributes:
         names: by column.
     """
 
     def __init__(self) -> None:
-        self.names: dict[str, list[str]] = {column: [""] for column in WORDS}
-        self._places: dict[str, dict[str, int]] = {column: {"": 0} for column in WORDS}
+        self.names: dict[str, list[str]] = {"radio": [MAIN], **{column: [""] for column in SAID}}
+        self._places = {column: {names[0]: 0} for column, names in self.names.items()}
 
     def places(self, column: str, words: Sequence[str]) -> NDArray[np.int16]:
-        """Where in `names` each word is; a new one that there is no room for is as ""."""
+        """Where in `names` each word is; a new one that there is no room for is as the first."""
         names, known = self.names[column], self._places[column]
         for word in words:
             if word not in known and len(names) < LABELS_MAX:
@@ -108,9 +112,11 @@ class Vocabulary:
                 names.append(word)
         return np.array([known.get(word, 0) for word in words], dtype=np.int16)
 
-    def of(self, packets: Sequence[SentPacket | Gap]) -> Columns:
-        """What is said of each of some packets."""
-        return {column: self.places(column, [getattr(p, column) for p in packets]) for column in WORDS}
+    def of(self, packets: Sequence[SentPacket | Gap], radio: str) -> Columns:
+        """What is said of each of some packets of one radio network."""
+        [place] = self.places("radio", [radio])
+        said = {column: self.places(column, [getattr(p, column) for p in packets]) for column in SAID}
+        return {"radio": np.full(len(packets), place, dtype=np.int16)} | said
 
 
 class DeliveryWriter:
@@ -133,6 +139,7 @@ class DeliveryWriter:
         rows: int,
         *,
         packets: ArrayLike = 1,
+        radio: ArrayLike = 0,
         channel: ArrayLike = 0,
         encoding: ArrayLike = 0,
         attempts: ArrayLike = 1,
@@ -143,7 +150,8 @@ class DeliveryWriter:
         Args:
             rows: how many.
             packets: how many a row stands for: those that were lost together have one.
-            channel: places in the words; of "" unless given.
+            radio: places in the words; of `main` unless given.
+            channel: likewise, of "".
             encoding: likewise.
             attempts: how often it was on the air.
             columns: the other columns; the instants are ``sim_time_ns`` unless given. ``tx`` has places in ``nodes``,
@@ -154,8 +162,8 @@ class DeliveryWriter:
             TypeError: an array has numbers of another kind.
         """
         at_once = {name: columns["sim_time_ns"] for name in INSTANTS if "sim_time_ns" in columns}
-        said = {"packets": packets, "channel": channel, "encoding": encoding, "attempts": attempts}
-        self._writer.append(rows, **(at_once | said | columns))
+        said = {"radio": radio, "channel": channel, "encoding": encoding}
+        self._writer.append(rows, **(at_once | {"packets": packets, "attempts": attempts} | said | columns))
 
     def write(self, columns: Columns, gaps: Iterable[Gap], received_ns: int) -> None:
         """Append a row for each reception, and one for packets that were lost together.
@@ -180,7 +188,7 @@ class DeliveryWriter:
             length_bytes=gap.length_bytes,
             fate=FATES.index(gap.cause),
             received_ns=received_ns,
-            **self._words.of([gap]),
+            **self._words.of([gap], gap.radio),
             **dict.fromkeys(INSTANTS, -1),
             attempts=0,
             **dict.fromkeys(FIGURES, math.nan),

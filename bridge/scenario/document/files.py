@@ -34,7 +34,7 @@ def _placer(path: Path_) -> Callable[[str, Path], str] | None:
         return _yaml_file
     last = path[-1]
     in_an_antenna = path[:1] == ("nodes",) and path[2:3] == ("antenna",)
-    if in_an_antenna or any(names_a_preset(path[:length]) for length in (1, 3, 4)):
+    if in_an_antenna or any(names_a_preset(path[:length]) for length in (1, 2, 3, 4)):
         return _in_a_preset(str(last))
     if len(path) == 3 and path[0] == "nodes" and last == "airframe":
         return _yaml_file

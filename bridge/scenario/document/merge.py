@@ -35,6 +35,8 @@ def names_a_preset(path: Path_) -> bool:
     """Whether a name may stand there for a mapping with that ``preset``."""
     if path in {("radio",), ("wind",)}:
         return True
+    if len(path) == 2 and path[0] == "networks":
+        return True
     return path[:1] == ("nodes",) and path[2:] in {("radio",), ("sensor", "radio")}
 
 

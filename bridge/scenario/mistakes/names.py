@@ -102,7 +102,16 @@ class _Radios:
                     text = f"its medium is {media}, or has other settings: nodes that share a channel share its medium"
                     self.mistakes.append(_told(self._root, path, text))
             nodes.append(node)
-        return self._scenario.model_copy(update={"radio": common, "nodes": tuple(nodes)})
+        changes = {"radio": common, "networks": self._networks(), "nodes": tuple(nodes)}
+        return self._scenario.model_copy(update=changes)
+
+    def _networks(self) -> dict[str, Any]:
+        """The radios of the further networks with their tables read in."""
+        networks = {}
+        for name, setting in self._scenario.networks.items():
+            networks[name], config = self._read(setting, ("networks", name))
+            self._see_roles(("networks", name), config, [n.node for n in self._scenario.nodes_on(name)])
+        return networks
 
     def _see_medium(self, path: Path_, config: RadioConfig | None) -> None:
         """Refuse a medium that cannot be that of these nodes."""

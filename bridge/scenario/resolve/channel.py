@@ -1,4 +1,4 @@
-"""From a scenario to the channel of its run: the medium in which all nodes are, and the network that takes time."""
+"""From a scenario to the channels of its run: each has the medium of its nodes, and the network that takes time."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import MAIN
+from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.media.medium import AccessMedium
 from channel.access.settings import Ideal, MediumSettings, Surroundings, name_of
 from channel.access.world import World
+from channel.draws import Draws
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
@@ -21,19 +24,28 @@ from channel.presets import PresetError
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """What decides fates.
+    """What decides fates on one radio network.
 
     Attributes:
-        medium: where all nodes are, and the physics of their radios.
+        name: of the network, and of its nodes' radios.
+        medium: where its nodes are, and the physics of their radios.
         network: who transmits when; None if packets take no time.
+        judge: takes in what is drawn.
     """
 
+    name: str
     medium: Medium
     network: Network | None
+    judge: Judge
+
+    @property
+    def shares_draws(self) -> bool:
+        """Whether packets share what is drawn."""
+        return any(radio.shares_draws for radio in self.medium.radios)
 
 
 def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
-    """The medium that all radios of a run share.
+    """The medium that all radios of a network share.
 
     Raises:
         PresetError: they have several.
@@ -50,32 +62,43 @@ def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
     return settings
 
 
-def channel_of(scenario: Scenario, radios: Mapping[str, Radio], judge: Judge, switches: Switches) -> Channel:
-    """The channel of a run.
+def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Channel:
+    """The channel of a radio network of a run.
+
+    Args:
+        scenario: of the run.
+        switches: of the network's nodes.
+        name: of the network.
 
     Raises:
         PresetError: the radios have several media, or the medium cannot be that of these nodes.
     """
+    emitters = emitters_of(scenario)
+    radios = radios_of(scenario, emitters, name)
     settings = medium_settings(radios)
-    nodes = scenario.transceiver_ids
+    nodes = tuple(radios)
+    network = "" if name == MAIN else name
+    judge = Judge(len(nodes), Draws(scenario.seed, network).seed)
     takes_time = not isinstance(settings, Ideal)
     medium = Medium(
         radios,
         seed=scenario.seed,
         nodes=nodes,
         judge=None if takes_time else judge,
-        emitters=[each.name for each in emitters_of(scenario)],
+        emitters=[each.name for each in emitters],
         switches=switches,
-        bases=[node.node for node in scenario.ground],
+        bases=[node.node for node in scenario.ground if node.node in radios],
         ahead_ns=2 * scenario.tick_period_ns if takes_time else 0,
+        network=network,
     )
     if isinstance(settings, Ideal):
-        return Channel(medium, None)
+        return Channel(name, medium, None, judge)
     noise_floor_dbm = min(radio.noise_floor_dbm for radio in radios.values())
     config = next(iter(radios.values())).config
 
     def opened(world: World) -> AccessMedium:
-        return settings.open(Surroundings.of(world, medium.index, scenario.seed, config, noise_floor_dbm))
+        surroundings = Surroundings.of(world, medium.index, medium.draws.seed, config, noise_floor_dbm)
+        return settings.open(surroundings)
 
     transmit = scenario.transmit
     entry = Entry(
@@ -86,9 +109,10 @@ def channel_of(scenario: Scenario, radios: Mapping[str, Radio], judge: Judge, sw
             transmit.processing_spread_s,
         ),
         scenario.tick_period_ns,
-        medium.draws,
+        medium.draws.common,  # it is the computer that takes this time, whichever radio it feeds
     )
     try:
-        return Channel(medium, Network(medium, opened, entry, judge))
+        return Channel(name, medium, Network(medium, opened, entry, judge), judge)
     except ValueError as error:
-        raise PresetError(str(error), key="radio.medium") from error
+        key = "radio" if name == MAIN else f"networks.{name}"
+        raise PresetError(str(error), key=f"{key}.medium") from error

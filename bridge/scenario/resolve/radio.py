@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bridge.scenario.model import Origin, Scenario
+from bridge.scenario.nodes import MAIN
 from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
 from channel.presets import at_origin, load_radio, radio_from_mapping
@@ -24,12 +25,13 @@ def radio_of(scenario: Scenario) -> Radio:
 
 
 def common_radio(scenario: Scenario) -> Radio | None:
-    """The radio of all nodes; None if one has its own: one curve is not that of several radios.
+    """The radio of all packets; None if there are several: one curve is not that of several radios.
 
     Raises:
         PresetError: as `radio_of`.
     """
-    return None if any(node.radio is not None for node in scenario.transceivers) else radio_of(scenario)
+    has_several = scenario.networks or any(node.radio is not None for node in scenario.transceivers)
+    return None if has_several else radio_of(scenario)
 
 
 def radio_from(setting: str | dict[str, Any], origin: Origin, emitters: Sequence[Emitter] = ()) -> Radio:
@@ -47,12 +49,15 @@ def radio_from(setting: str | dict[str, Any], origin: Origin, emitters: Sequence
     return Radio(at_origin(config, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m), emitters)
 
 
-def radios_of(scenario: Scenario, emitters: Sequence[Emitter] = ()) -> dict[str, Radio]:
-    """The radio of each node that exchanges packets: its own, or the scenario's; they hear ``emitters``.
+def radios_of(scenario: Scenario, emitters: Sequence[Emitter] = (), network: str = MAIN) -> dict[str, Radio]:
+    """The radio of each node on a network; they hear ``emitters``. On `main` a node may have its own.
 
     Raises:
         PresetError: there is no such preset, or a key or value is wrong.
     """
+    if network != MAIN:
+        radio = radio_from(scenario.networks[network], scenario.origin, emitters)
+        return {node.node: radio for node in scenario.nodes_on(network)}
     common = radio_from(scenario.radio, scenario.origin, emitters)
     own = {
         node.node: radio_from(node.radio, scenario.origin, emitters)

@@ -6,18 +6,19 @@ from lostlink import Agent, Reception
 
 
 class Scripted(Agent):
-    """Sends what ``sends`` lists: (at_s, to, bytes), perhaps (priority, lifetime_s, key).
+    """Sends what ``sends`` lists: (at_s, to, bytes), perhaps (priority, lifetime_s, key, radio).
 
     Then ``count`` packets of ``size`` bytes each ``period_s``.
     """
 
     async def fly(self) -> None:
         self.heard: list[tuple[str, int]] = []
-        self.ua.radio.on_reply(lambda reply: self.record("replies", **reply._asdict()))
+        for name, radio in self.ua.radios.items():
+            radio.on_reply(lambda reply, name=name: self.record("replies", radio=name, **reply._asdict()))
         for at_s, to, size, *more in self.options.get("sends", []):
             await self.sleep_until(at_s)
             number = self.ua.sent
-            handling = dict(zip(("priority", "lifetime_s", "key"), more, strict=False))
+            handling = dict(zip(("priority", "lifetime_s", "key", "radio"), more, strict=False))
             self.ua.transmit("test", number.to_bytes(4, "little") + bytes(size - 4), to=to, **handling)
         period_s = self.options.get("period_s")
         if period_s:
@@ -28,12 +29,14 @@ class Scripted(Agent):
         await self.sleep_until(1e6)
 
     def on_tick(self, sim_time_ns: int) -> None:
-        self.record("queue", **self.ua.radio.queue._asdict())
+        for name, radio in self.ua.radios.items():
+            self.record("queue" if name == "main" else f"queue-{name}", **radio.queue._asdict())
 
     def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
         self.record(
             "heard",
             sender=sender,
+            radio=reception.radio,
             seq=reception.seq,
             sent_ns=reception.sim_time_ns,
             received_ns=reception.received_ns,

@@ -86,3 +86,15 @@ def test_uniforms_are_uniform_and_uncorrelated_between_links():
 def test_negative_sequence_numbers_are_refused():
     with pytest.raises(ChannelInputError, match="seq = -1"):
         Draws(1).uniform(Purpose.ERASURE, "0", "1", -1)
+
+
+def test_a_further_network_draws_others_and_shares_what_is_common():
+    run, mesh, lora = Draws(5), Draws(5, "mesh"), Draws(5, "lora")
+    names = ("emitter", "jammer", "slots")
+    words = [draws.words(names, 0, 4).tolist() for draws in (run, mesh, lora)]
+    assert words[0] != words[1] != words[2] != words[0]
+    assert run.seed == 5
+    assert Draws(5, "mesh").words(names, 0, 4).tolist() == words[1]
+    assert Draws(6, "mesh").words(names, 0, 4).tolist() != words[1]
+    for draws in (run, mesh, lora):
+        assert draws.common.words(names, 0, 4).tolist() == words[0]

@@ -111,7 +111,9 @@ class Host:
 
     # The node's outlets.
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp, _: object) -> None:
+    def transmit(
+        self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp, *_: object
+    ) -> None:
         self.happened.append(f"agent transmits {channel}")
 
     def report(self, status: AgentStatus) -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from bridge.bus.keys import Address
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
 from bridge.bus.session import Stamp
+from bridge.radio.air import Air, Settled
 from bridge.radio.ring import Ring
-from bridge.radio.virtual_radio import Settled, VirtualRadio
+from bridge.radio.virtual_radio import VirtualRadio
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.medium.reception import FATES
-from channel.presets import load_radio
+from channel.presets import radio_from_mapping
 
 TICK_NS = 50_000_000
 MTU_BYTES = 1000
@@ -20,8 +21,8 @@ def virtual_radio(
     preset: str = "perfect", nodes: tuple[str, ...] = ("0", "1"), *, seed: int = 1
 ) -> VirtualRadio:
     """A radio whose nodes are all regulated."""
-    medium = Medium(Radio(load_radio(preset)), seed=seed, nodes=nodes)
-    return VirtualRadio(medium, Ring(nodes, tick_period_ns=TICK_NS), dict.fromkeys(nodes, MTU_BYTES))
+    radio = Radio(radio_from_mapping({"preset": preset, "mtu_bytes": MTU_BYTES}))
+    return VirtualRadio([Air(Medium(radio, seed=seed, nodes=nodes))], Ring(nodes, tick_period_ns=TICK_NS))
 
 
 def place(core: VirtualRadio, sim_time_ns: int, **north_m: float) -> None:

@@ -14,7 +14,7 @@ def packet(seq: int, sim_time_ns: int = 5, tx: int = 0, length: int = 10) -> TxP
 
 
 def senders(gaps: list[Gap] | None = None) -> Senders:
-    return Senders([MTU_BYTES, MTU_BYTES], [].append if gaps is None else gaps.append)
+    return Senders([[MTU_BYTES, MTU_BYTES]], [].append if gaps is None else gaps.append)
 
 
 def test_packets_come_out_by_time_sender_and_number() -> None:
@@ -68,7 +68,7 @@ def test_a_packet_from_before_the_one_before_is_refused_and_the_next_is_taken() 
 
 def test_one_node_cannot_fill_the_memory_nor_stop_another() -> None:
     gaps: list[Gap] = []
-    it = Senders([TAKEN_MAX_BYTES, TAKEN_MAX_BYTES], gaps.append)
+    it = Senders([[TAKEN_MAX_BYTES, TAKEN_MAX_BYTES]], gaps.append)
     big = bytes(TAKEN_MAX_BYTES // 2)
     taken = [it.take(TxPacket(seq, 0, "main/all/team", big, tx=0, to=EVERYBODY)) for seq in range(4)]
     assert taken == [True, True, False, False]

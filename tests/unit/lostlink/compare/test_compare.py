@@ -179,7 +179,7 @@ def test_delivery_is_told_by_column(tmp_path: Path) -> None:
 def test_another_packet_is_told_by_its_row(tmp_path: Path) -> None:
     found = difference(tmp_path, lambda run: run.change_row(7, seq=9))
     row = "sim_time_ns 150000000, tx 1, rx 0, seq {}, packets 1, length_bytes 40, distance_m 100.0, "
-    row += "received_power_dbm -70.0, snr_db 20.0, per 0.01, fate delivered, channel team, "
+    row += "received_power_dbm -70.0, snr_db 20.0, per 0.01, fate delivered, radio main, channel team, "
     row += (
         "encoding , received_ns 200000000, entered_ns 150000000, started_ns 150000000, ended_ns 150000000, "
     )

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from bridge.radio.ledger_file import LEDGER, write_ledger
+from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.record import names
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.streams import Entry
@@ -281,7 +281,7 @@ def test_expectations_have_columns_in_a_study(tmp_path: Path) -> None:
     ]
     scenario = read_scenario("separation", {"expectations": wanted})
     directory.write(scenario, "tcp/127.0.0.1:1")
-    write_ledger(run / LEDGER, Ledger(("0", "1")), {})
+    write_ledger(run / LEDGER, [Books(Ledger(("0", "1")))], {})
     write_summary(summarise(scenario, directory, Timing(1.0, 1.0), "done"), directory)
     found = of_summary(load_run(run))
     assert {name: value for name, value in found.items() if ": " in name} == {

@@ -14,9 +14,10 @@ from bridge.bus.keys import Address
 from bridge.bus.messages import AgentStatus, AircraftState, CommandGoal, Header, Quaternion, Truth, Vector3
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
 from bridge.bus.session import Stamp
-from bridge.radio.ledger_file import LEDGER, write_ledger
+from bridge.radio.air import Air, Settled
+from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.radio.ring import Ring
-from bridge.radio.virtual_radio import Settled, VirtualRadio
+from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names
 from bridge.record.inputs import InputWriter, RecordedInput
 from bridge.record.logged import LoggedValue, encode_logged
@@ -31,10 +32,7 @@ from bridge.record.tables.truth import TruthWriter
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.file import parse_scenario
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve.radio import radios_of
-from bridge.scenario.resolve.sensing import emitters_of
-from channel.medium.judge.judge import Judge
-from channel.medium.medium import Medium
+from bridge.scenario.resolve.channel import channel_of
 
 TICK_NS = 50_000_000
 NS_PER_S = 1_000_000_000
@@ -129,22 +127,10 @@ class Router:
         path.mkdir(parents=True)
         self.run = RunDirectory(path)
         self.run.write(scenario, "tcp/127.0.0.1:1")
-        emitters = emitters_of(scenario)
-        radios = radios_of(scenario, emitters)
         nodes = scenario.transceiver_ids
-        self.judge = Judge(len(nodes))
-        heard = [emitter.name for emitter in emitters]
-        medium = Medium(
-            radios,
-            seed=scenario.seed,
-            nodes=nodes,
-            judge=self.judge,
-            emitters=heard,
-            switches=switches_of(scenario),
-            bases=[node.node for node in scenario.ground],
-        )
-        mtu_bytes = {node: radio.config.mtu_bytes for node, radio in radios.items()}
-        self.core = VirtualRadio(medium, Ring(nodes, tick_period_ns=TICK_NS), mtu_bytes)
+        channel = channel_of(scenario, switches_of(scenario))
+        self.judge = channel.judge
+        self.core = VirtualRadio([Air(channel.medium, channel.network)], Ring(nodes, tick_period_ns=TICK_NS))
         self.nodes = nodes
         self.truth = TruthWriter(path, scenario.stations)
         self.rows = DeliveryWriter(path, nodes, self.core.words)
@@ -213,7 +199,7 @@ class Router:
             stream.close()
         if not killed:
             write_ledger(
-                self.run.path / LEDGER, self.core.ledger, self.core.refused, verdict=self.judge.verdict()
+                self.run.path / LEDGER, [Books(self.core.ledger, self.judge.verdict())], self.core.refused
             )
             finish_tables(self.run.path)
             pack_streams(self.run.path)

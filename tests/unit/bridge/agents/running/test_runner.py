@@ -58,7 +58,9 @@ class Heard:
     reports: list[AgentStatus] = field(default_factory=list)
     commands: list[tuple[str, OnEvent]] = field(default_factory=list)
 
-    def transmit(self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp, _: object) -> None:
+    def transmit(
+        self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp, *_: object
+    ) -> None:
         self.sent.append((channel, payload, stamp))
 
     def report(self, status: AgentStatus) -> None:

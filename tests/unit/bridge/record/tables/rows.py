@@ -31,7 +31,8 @@ def joined(ticks: list[Columns]) -> Columns:
     whole = {name: np.concatenate([tick[name] for tick in ticks]) for name in ticks[0]}
     fates = np.array(FATES, dtype=object)
     texts = {name: whole[name].astype(str).astype(object) for name in ("tx", "rx")}
-    texts |= dict.fromkeys(WORDS, np.full(len(whole["tx"]), "", dtype=object))
+    firsts = {"radio": "main", "channel": "", "encoding": ""}
+    texts |= {name: np.full(len(whole["tx"]), firsts[name], dtype=object) for name in WORDS}
     return whole | texts | {"fate": fates[whole["fate"]]}
 
 
@@ -67,6 +68,7 @@ class DeliveryRow:
     per: float
     fate: str
     packets: int = 1
+    radio: str = "main"
     channel: str = "team"
     encoding: str = ""
     received_ns: int = 0

@@ -33,6 +33,7 @@ ROW: dict[str, Any] = {
     "snr_db": 9.75,
     "per": 1.25e-5,
     "fate": 0,
+    "radio": 0,
     "channel": 0,
     "encoding": 0,
     "received_ns": 100_000_000,

@@ -54,7 +54,7 @@ ROWS = st.lists(
         decimals(-(10**6), 10**6, 3),
         decimals(0, 10**7, 7),
         st.integers(0, len(FATES) - 1),
-        st.text(st.characters(codec="utf-8"), max_size=3),
+        *[st.text(st.characters(codec="utf-8"), max_size=3)] * 2,
         st.text(st.characters(codec="utf-8"), max_size=3),
         st.integers(0, 2**62),
         *[st.integers(-1, 2**62)] * 4,

@@ -1,0 +1,270 @@
+"""One radio network of a run at the radio: its packets on their way, what becomes of them, and its books.
+
+Columns and packets name nodes by their places among all of the run; the medium of a network that only some are on has
+places of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from bridge.bus.keys import MAIN
+from bridge.bus.messages import Truth
+from bridge.radio.places import Places
+from bridge.radio.senders import TxPacket
+from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
+from bridge.record.tables.schema import Columns
+from channel.access.packets import Reply
+from channel.medium.ledger import Ledger
+from channel.medium.medium import Medium
+from channel.medium.reception import EVERYBODY, Packets, Receptions
+from channel.network.network import Lived, Network
+
+
+class QueueOfNode(NamedTuple):
+    """What waits in a transmit queue of a node."""
+
+    node: int
+    packets: int
+    length_bytes: int
+    network: int = 0
+
+
+class ReplyToNode(NamedTuple):
+    """What a sender learns of its unicast."""
+
+    node: int
+    reply: Reply
+    network: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """What became of packets.
+
+    Attributes:
+        packets: those that were settled; ``receptions.packet`` is an index into them.
+        receptions: their fates, as columns.
+        gaps: packets that were lost before the channel.
+        columns: of the receptions, as the table of deliveries has them.
+        received_ns: the tick at which nodes get them.
+        replies: what senders learn of their unicasts.
+        queues: of transmit queues that changed.
+    """
+
+    packets: Sequence[TxPacket]
+    receptions: Receptions
+    gaps: Sequence[Gap]
+    columns: Columns
+    received_ns: int
+    replies: Sequence[ReplyToNode] = ()
+    queues: Sequence[QueueOfNode] = ()
+
+
+class Air:
+    """One radio network.
+
+    Args:
+        medium: where its nodes are, and their radios.
+        network: who transmits when; None: packets take no time.
+        name: of the network, and of its nodes' radios.
+        nodes: ids of all nodes of the run; those of the medium unless given.
+        place: of the network among those of the run.
+
+    Attributes:
+        index: place among all nodes of each of its own, by id.
+        ledger: its books; of its own nodes.
+    """
+
+    def __init__(
+        self,
+        medium: Medium,
+        network: Network | None = None,
+        *,
+        name: str = MAIN,
+        nodes: Sequence[str] = (),
+        place: int = 0,
+    ) -> None:
+        self.name, self.place = name, place
+        self.medium = medium
+        self.nodes = tuple(nodes) or medium.nodes
+        self._places = Places(medium.nodes, self.nodes)
+        self.index = self._places.index
+        self.ledger = Ledger(medium.nodes, causes=tuple(Cause))
+        self._network = network
+        self._in_flight: dict[tuple[int, int], TxPacket] = {}
+        """By place of the sender in the medium, and number."""
+        self._queues: dict[int, tuple[int, int]] = {}
+
+    @property
+    def mtu_bytes(self) -> Sequence[int]:
+        """Longest payload that each node's radio takes; 0 for a node without one."""
+        longest = {
+            node: radio.config.mtu_bytes for node, radio in zip(self.index, self.medium.radios, strict=True)
+        }
+        return [longest.get(node, 0) for node in self.nodes]
+
+    # What comes in.
+
+    def observe(self, truths: Sequence[Truth]) -> None:
+        """Take the true states of nodes that may be on it.
+
+        Raises:
+            ChannelInputError: they are no numbers that a radio can work with.
+        """
+        mine = (
+            truths
+            if self._places.are_same
+            else [each for each in truths if each.header.frame_id in self.index]
+        )
+        if mine:
+            self.medium.observe(
+                [truth.header.frame_id for truth in mine],
+                np.array([truth.header.stamp.ns for truth in mine]),
+                [truth.position_ned_m.xyz for truth in mine],
+                [(q.w, q.x, q.y, q.z) for q in (truth.attitude for truth in mine)],
+            )
+
+    def observe_emitter(self, truths: Sequence[Truth]) -> None:
+        """Take the true state of an emitter.
+
+        Raises:
+            ChannelInputError: as `observe`.
+        """
+        [truth] = truths
+        place = truth.position_ned_m.xyz
+        self.medium.emitters.observe([truth.header.frame_id], truth.header.stamp.ns, [place])
+
+    def switch_radio(self, node: str, sim_time_ns: int, *, on: bool) -> None:
+        """Take note that a node's radios were switched."""
+        if node in self.index:
+            self.medium.switch_radio(node, sim_time_ns, on=on)
+
+    def send(self, taken: Sequence[TxPacket]) -> None:
+        """Give packets, in canonical order, to the medium."""
+        packets = self._places.on_the_network(packets_of(taken))
+        keys = zip(packets.tx.tolist(), packets.seq.tolist(), strict=True)
+        self._in_flight.update(zip(keys, taken, strict=True))
+        self.ledger.send(packets)
+        if self._network is None:
+            self.medium.send(packets)
+        else:
+            self._network.send(packets, [packet.handling for packet in taken])
+
+    def lose(self, gap: Gap) -> Sequence[Gap]:
+        """Book packets that are lost before the channel; a gap for each of their receivers, or one for all nodes."""
+        to = None if gap.to == EVERYBODY else self.nodes[gap.to]
+        self.ledger.lose(self.nodes[gap.tx], gap.cause.value, gap.packets, to)
+        if self._places.are_same or to is not None:
+            return (gap,)
+        return [gap._replace(to=rx) for rx in self._places.of_all.tolist() if rx != gap.tx]
+
+    # What becomes of it.
+
+    def settle(self, words: Vocabulary, received_ns: int) -> Settled:
+        """What can be decided by now.
+
+        Args:
+            words: of the record.
+            received_ns: the tick at which nodes get it.
+        """
+        if self._network is not None:
+            return self._lived(self._network.live(received_ns), words, received_ns)
+        return self._at_once(self.medium.settle(), words, received_ns)
+
+    def finish(self, words: Vocabulary, received_ns: int, tick_period_ns: int) -> Settled:
+        """Decide what still waits, with the newest positions, and balance the books.
+
+        Raises:
+            LedgerError: sent is not delivered plus lost: a defect of ours.
+        """
+        if self._network is not None:
+            settled = self._lived(self._network.end(), words, received_ns)
+        else:
+            settled = self._at_once(self.medium.flush(), words, received_ns, tick_period_ns)
+        self.ledger.check(in_flight=0)
+        return settled
+
+    def _at_once(
+        self, receptions: Receptions, words: Vocabulary, received_ns: int, tick_period_ns: int = 0
+    ) -> Settled:
+        self.ledger.settle(receptions)
+        done = receptions.packets
+        packets = [self._in_flight.pop(key) for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
+        came_ns = np.full(done.size, received_ns)
+        if tick_period_ns:  # the run is over: what was stamped ahead would have come later
+            came_ns = np.maximum(came_ns, tick_of(done.sim_time_ns, tick_period_ns) + tick_period_ns)
+        said = words.of(packets, self.name) | {"received_ns": came_ns}
+        counted_bytes = self.medium.counted_bytes(done)
+        receptions = self._places.among_all(receptions)
+        return Settled(packets, receptions, (), columns_of(receptions, counted_bytes, said), received_ns)
+
+    def _lived(self, lived: Lived, words: Vocabulary, received_ns: int) -> Settled:
+        """What became of packets on a network, which may take long to be decided for all receivers."""
+        receptions, done = lived.receptions, lived.receptions.packets
+        self.ledger.book(receptions)
+        if lived.first:
+            self.ledger.place(Receptions.joined(lived.first))
+        packets = [self._in_flight[key] for key in zip(done.tx.tolist(), done.seq.tolist(), strict=True)]
+        for key in lived.done:
+            del self._in_flight[key]
+        said = words.of(packets, self.name) | {"received_ns": np.full(done.size, received_ns)}
+        counted_bytes = self.medium.counted_bytes(done)
+        receptions = self._places.among_all(receptions)
+        columns = columns_of(receptions, counted_bytes, said, lived.instants)
+        members = self._places.of_all.tolist()
+        replies = [ReplyToNode(members[each.packet.node], each, self.place) for each in lived.replies]
+        return Settled(packets, receptions, (), columns, received_ns, replies, tuple(self._changed_queues()))
+
+    def _changed_queues(self) -> Iterator[QueueOfNode]:
+        assert self._network is not None
+        for node, place in enumerate(self._places.of_all.tolist()):
+            queued = self._network.queued(node)
+            if queued != self._queues.get(node, (0, 0)):
+                self._queues[node] = queued
+                yield QueueOfNode(place, *queued, self.place)
+
+
+def packets_of(taken: Sequence[TxPacket]) -> Packets:
+    """Packets as columns."""
+    return Packets(
+        np.array([p.sim_time_ns for p in taken], dtype=np.int64),
+        np.array([p.tx for p in taken], dtype=np.intp),
+        np.array([p.seq for p in taken], dtype=np.int64),
+        np.array([len(p.payload) for p in taken], dtype=np.int64),
+        np.array([p.to for p in taken], dtype=np.intp),
+    )
+
+
+def joined(parts: Sequence[Settled]) -> Settled:
+    """What became of packets on several networks, in the order of arrival; of one instant in that of the networks."""
+    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
+    order = np.argsort(columns["arrived_ns"], kind="stable")
+    return Settled(
+        [packet for part in parts for packet in part.packets],
+        Receptions.joined([part.receptions for part in parts]).at(order),
+        (),
+        {name: values[order] for name, values in columns.items()},
+        parts[0].received_ns,
+        [reply for part in parts for reply in part.replies],
+        [queue for part in parts for queue in part.queues],
+    )
+
+
+def books_of(ledgers: Sequence[tuple[Ledger, Mapping[str, int]]], nodes: Sequence[str]) -> Ledger:
+    """The counts of several networks together, without distance bins.
+
+    Args:
+        ledgers: with the place of each of their nodes among all.
+        nodes: ids of all nodes.
+    """
+    books = Ledger(nodes, causes=tuple(Cause))
+    for ledger, index in ledgers:
+        places = np.ix_([*index.values()], [*index.values()])
+        books.sent[places] += ledger.sent
+        books.settled[places] += ledger.settled
+    return books

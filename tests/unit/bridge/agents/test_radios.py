@@ -1,0 +1,101 @@
+"""A node's radios as its agent sees them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from bridge.agents.client import UaClient
+from bridge.agents.radio import QueueState, Reply
+from bridge.agents.running.feed import Arrivals, DeliveredPacket
+from bridge.bus.reception import Instants, Reception, attachment, radio_of, signal_of
+from bridge.bus.session import Stamp
+
+REACH = {"main": ("0", "1", "gcs"), "mesh": ("0", "1")}
+
+
+class Outlet:
+    """Keeps what is transmitted."""
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[str, str, int, str]] = []
+
+    def transmit(
+        self, to: str, channel: str, payload: bytes, encoding: str, stamp: Stamp, handling: object, radio: str
+    ) -> None:
+        self.sent.append((to, channel, stamp.seq, radio))
+
+
+def client(outlet: Outlet) -> UaClient:
+    return UaClient("0", outlet, reach=REACH)  # type: ignore[arg-type]
+
+
+def test_packets_go_to_a_radio_by_name_and_are_numbered_together() -> None:
+    outlet = Outlet()
+    ua = client(outlet)
+    numbers = [
+        ua.transmit("team", b"x"),
+        ua.transmit("video", b"x", radio="mesh"),
+        ua.transmit("video", b"x", radio="mesh", to="1"),
+        ua.transmit("team", b"x", to="gcs"),
+    ]
+    assert numbers == [0, 1, 2, 3]
+    assert outlet.sent == [
+        ("all", "team", 0, "main"),
+        ("all", "video", 1, "mesh"),
+        ("1", "video", 2, "mesh"),
+        ("gcs", "team", 3, "main"),
+    ]
+
+
+def test_a_radio_that_is_not_there_and_a_node_that_is_not_on_its_network_are_refused() -> None:
+    outlet = Outlet()
+    ua = client(outlet)
+    with pytest.raises(ValueError, match=r"radio='lora': node 0 has main, mesh"):
+        ua.transmit("team", b"x", radio="lora")
+    with pytest.raises(ValueError, match=r"to='gcs': there are all and 1$"):
+        ua.transmit("team", b"x", radio="mesh", to="gcs")
+    with pytest.raises(ValueError, match="cannot be part of a key"):
+        UaClient("0", outlet).transmit("team", b"x", radio="a/b")  # type: ignore[arg-type]
+    assert (ua.sent, outlet.sent) == (0, [])
+
+
+def test_what_radios_say_comes_to_each_and_is_old_at_the_next_tick() -> None:
+    ua, arrivals = client(Outlet()), Arrivals()
+    reply, heard = Reply(7, True, 2, 90), []
+    ua.radios["mesh"].on_reply(heard.append)
+    arrivals.reply_came(reply, "mesh")
+    arrivals.queue_changed(QueueState(3, 300), "mesh")
+    arrivals.queue_changed(QueueState(1, 10))
+    for arrival in arrivals.take():
+        arrival(ua)
+    assert ua.radio is ua.radios["main"]
+    assert (ua.radio.queue, ua.radio.replies) == (QueueState(1, 10), ())
+    assert (ua.radios["mesh"].queue, ua.radios["mesh"].replies) == (QueueState(3, 300), (reply,))
+    assert heard == [reply]
+    ua.take_clock(50)
+    assert (ua.radios["mesh"].queue, ua.radios["mesh"].replies) == (QueueState(3, 300), ())
+
+
+def test_a_packet_says_by_which_radio_it_came() -> None:
+    ua, arrivals = client(Outlet()), Arrivals()
+    came: list[Reception] = []
+    ua.on_packet(lambda _sender, _channel, _payload, reception: came.append(reception))
+    for radio in ("mesh", "main"):
+        arrivals.packet_came(DeliveredPacket("1", "team", b"x", Stamp(4, 5), radio), -80.0, 9.0)
+    for arrival in arrivals.take():
+        arrival(ua)
+    assert [(each.radio, each.seq) for each in came] == [("mesh", 4), ("main", 4)]
+
+
+@pytest.mark.parametrize("radio", ["main", "mesh-2.4"])
+def test_the_radio_travels_behind_power_and_instants(radio: str) -> None:
+    instants = Instants(1, 2, 3, 4)
+    raw = attachment(Stamp(4, 5).to_bytes(), -80.0, 9.5, instants, radio)
+    sample = SimpleNamespace(attachment=SimpleNamespace(to_bytes=lambda: raw))
+    assert raw.endswith(radio.encode())
+    assert signal_of(sample) == (-80.0, 9.5, instants)  # type: ignore[arg-type]
+    assert radio_of(sample) == radio  # type: ignore[arg-type]
+    bare = SimpleNamespace(attachment=None)
+    assert radio_of(bare) == "main"  # type: ignore[arg-type]
