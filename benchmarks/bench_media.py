@@ -28,7 +28,7 @@ from channel.access.world import PlainWorld
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
-from channel.network.entry import Entry, EntrySettings
+from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
 from channel.presets import load_radio
 
@@ -78,7 +78,7 @@ class Fleet:
         radio = Radio(load_radio("wifi-2.4"))
         self._names, self._tick, self._number = names, 0, 0
         self._medium = Medium(radio, seed=1, nodes=names, ahead_ns=2 * TICK_NS)
-        entry = Entry(names, EntrySettings(None, 0.001, 0.001), TICK_NS, self._medium.draws)
+        entry = EntryInstants(names, EntrySettings(None, 0.001, 0.001), TICK_NS, self._medium.draws)
         self._network = Network(self._medium, lambda world: Csma(world, wifi_g()), entry, Judge(nodes))
         turn = 2.0 * pi / nodes
         self._places = np.array(

@@ -18,7 +18,7 @@ class QueueState(NamedTuple):
     length_bytes: int = 0
 
 
-class Reply(NamedTuple):
+class UnicastReply(NamedTuple):
     """What a node learns of its unicast.
 
     Attributes:
@@ -44,10 +44,10 @@ class OwnRadio:
 
     def __init__(self) -> None:
         self.queue = QueueState()
-        self.replies: tuple[Reply, ...] = ()
-        self._on_reply: list[Callable[[Reply], object]] = []
+        self.replies: tuple[UnicastReply, ...] = ()
+        self._on_reply: list[Callable[[UnicastReply], object]] = []
 
-    def on_reply(self, callback: Callable[[Reply], object]) -> None:
+    def on_reply(self, callback: Callable[[UnicastReply], object]) -> None:
         """Call ``callback(reply)`` for each unicast that was acknowledged or given up."""
         self._on_reply.append(callback)
 
@@ -55,7 +55,7 @@ class OwnRadio:
         """A tick begins: what was said before it is old."""
         self.replies = ()
 
-    def take(self, queue: QueueState | None, replies: Sequence[Reply]) -> None:
+    def take(self, queue: QueueState | None, replies: Sequence[UnicastReply]) -> None:
         """What the radio says; raises what the callbacks raise."""
         self.queue = self.queue if queue is None else queue
         self.replies = tuple(replies)

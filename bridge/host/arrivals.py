@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bridge.agents.measurements import measurements_by_node
-from bridge.agents.radio import QueueState, Reply
+from bridge.agents.radio import QueueState, UnicastReply
 from bridge.agents.running.feed import Arrivals, DeliveredPacket
 from bridge.bus.keys import MAIN
 from bridge.bus.messages import CommunicationStatus, Header, Heard
@@ -66,7 +66,7 @@ def _hand_out(
         by_index[rx].packet_came(packets[index], rssi_dbm, snr_db, Instants(*when))
     replies = heard.reply_seq, heard.reply_acknowledged, heard.reply_attempts, heard.reply_ns
     for node, radio, *reply in zip(heard.reply_to, heard.reply_radio, *replies, strict=True):
-        by_index[node].reply_came(Reply(*reply), networks[radio])
+        by_index[node].reply_came(UnicastReply(*reply), networks[radio])
     queues = heard.queue_radio, heard.queue_packets, heard.queue_bytes
     for node, radio, *queue in zip(heard.queue_of, *queues, strict=True):
         by_index[node].queue_changed(QueueState(*queue), networks[radio])

@@ -14,7 +14,7 @@ import numpy as np
 
 from bridge.bus.keys import MAIN
 from bridge.bus.messages import Truth
-from bridge.radio.places import Places
+from bridge.radio.places import NodePlaces
 from bridge.radio.senders import TxPacket
 from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
 from bridge.record.tables.schema import Columns
@@ -65,7 +65,7 @@ class Settled:
     queues: Sequence[QueueOfNode] = ()
 
 
-class Air:
+class NetworkAir:
     """One radio network.
 
     Args:
@@ -92,7 +92,7 @@ class Air:
         self.name, self.place = name, place
         self.medium = medium
         self.nodes = tuple(nodes) or medium.nodes
-        self._places = Places(medium.nodes, self.nodes)
+        self._places = NodePlaces(medium.nodes, self.nodes)
         self.index = self._places.index
         self.ledger = Ledger(medium.nodes, causes=tuple(Cause))
         self._network = network

@@ -10,7 +10,7 @@ import numpy as np
 from channel.medium.reception import EVERYBODY, Packets, Receptions
 
 
-class Places:
+class NodePlaces:
     """Where the nodes of a network are among all.
 
     Args:

@@ -10,7 +10,7 @@ from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import Address
 from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Links, Truth, decode, encoding_of
 from bridge.bus.session import Stamp
-from bridge.radio.air import Air, Settled
+from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.radio.measurements import SensorsOfRun, Told
 from bridge.radio.picture import Picture, Row
@@ -73,7 +73,7 @@ class RecordedRadio:
             channel_of(scenario, switches_of(scenario, network=name), name) for name in scenario.network_names
         ]
         airs = [
-            Air(each.medium, each.network, name=each.name, nodes=nodes, place=place)
+            NetworkAir(each.medium, each.network, name=each.name, nodes=nodes, place=place)
             for place, each in enumerate(self._channels)
         ]
         self.core = VirtualRadio(airs, ring)

@@ -20,7 +20,7 @@ from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import ALL, Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
-from bridge.radio.air import Air, Settled, books_of, joined
+from bridge.radio.air import NetworkAir, Settled, books_of, joined
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused, Senders, TxPacket
 from bridge.record.tables.deliveries import Gap, Vocabulary
@@ -44,7 +44,7 @@ class VirtualRadio:
         ring: who is waited for.
     """
 
-    def __init__(self, airs: Sequence[Air], ring: Ring) -> None:
+    def __init__(self, airs: Sequence[NetworkAir], ring: Ring) -> None:
         self.airs = tuple(airs)
         self.nodes = self.airs[0].nodes
         self.ring = ring
@@ -139,7 +139,7 @@ class VirtualRadio:
         )
 
     def _why_refused(
-        self, address: Address, air: Air | None, encoding: str, stamp: Stamp | None
+        self, address: Address, air: NetworkAir | None, encoding: str, stamp: Stamp | None
     ) -> Refused | None:
         if address.node not in self._index:
             return Refused.UNKNOWN_NODE

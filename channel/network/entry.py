@@ -29,7 +29,7 @@ class EntrySettings:
     spread_s: float = 0.0
 
 
-class Entry:
+class EntryInstants:
     """Instants at which packets enter radios.
 
     Args:

@@ -14,7 +14,7 @@ NEVER_NS = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Instants:
+class InstantColumns:
     """When what happened to R receptions, ns of sim time, shape (R,) each; NEVER_NS where it did not.
 
     Attributes:
@@ -31,7 +31,7 @@ class Instants:
     attempts: NDArray[np.int32]
 
     @classmethod
-    def at_once(cls, receptions: Receptions) -> Instants:
+    def at_once(cls, receptions: Receptions) -> InstantColumns:
         """Of packets that take no time: all at the instant at which they were sent."""
         sent_ns = receptions.packets.sim_time_ns[receptions.packet]
         return cls(sent_ns, sent_ns, sent_ns, sent_ns, np.ones(receptions.size, dtype=np.int32))

@@ -15,8 +15,8 @@ from channel.access.world import World
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
 from channel.medium.reception import DELIVERED, ERASED, FATES, NO_PACKETS, Fate, Packets, Receptions
-from channel.network.entry import Entry
-from channel.network.instants import NEVER_NS, Instants
+from channel.network.entry import EntryInstants
+from channel.network.instants import NEVER_NS, InstantColumns
 from channel.network.link_world import LinkWorld
 
 OF_LOSS: Final[dict[Loss, int]] = {
@@ -42,7 +42,7 @@ class Lived:
     """
 
     receptions: Receptions
-    instants: Instants
+    instants: InstantColumns
     replies: Sequence[Reply]
     done: Sequence[tuple[int, int]]
     first: Sequence[Receptions]
@@ -71,7 +71,7 @@ class Network:
         self,
         medium: Medium,
         open_medium: Callable[[World], AccessMedium],
-        entry: Entry,
+        entry: EntryInstants,
         judge: Judge | None = None,
     ) -> None:
         self._world = LinkWorld(medium, judge)
@@ -148,7 +148,7 @@ class Network:
             table[:, 4],
             np.array(codes, dtype=np.uint8),
         )
-        instants = Instants(
+        instants = InstantColumns(
             np.array([fate.packet.at_ns for fate in fates], dtype=np.int64),
             np.array([fate.started_ns for fate in fates], dtype=np.int64),
             np.array([fate.ended_ns for fate in fates], dtype=np.int64),

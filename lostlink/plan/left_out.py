@@ -22,8 +22,8 @@ IDEAL = (
 )
 """Of radios whose medium is ideal."""
 BY_MEDIUM = {
-    "airtime": "medium access: a node transmits whatever it hears; nothing is acknowledged or tried again",
-    "tdma": "medium access beyond the slots: nothing is acknowledged or tried again; clocks agree",
+    "airtime": "carrier sense: a node transmits whatever it hears; nothing is acknowledged or tried again",
+    "tdma": "access beyond the slots: nothing is acknowledged or tried again; clocks agree",
     "csma": "access points, association, rate adaptation, aggregation, power save: stations have one rate",
     "delay": "contention: nodes do not disturb each other; delays and outages are a distribution, whoever sends",
     "elrs": "contention: pairs do not disturb each other; the search for a transmitter's mode",

@@ -118,7 +118,7 @@ def _for_each(tx: Whole, length_bytes: Whole, figure: Callable[[int, int], float
     return np.array(figures, dtype=np.float64)[place]
 
 
-class Frames(NamedTuple):
+class FrameColumns(NamedTuple):
     """Distinct transmissions, by sender and begin.
 
     Attributes:
@@ -155,7 +155,7 @@ def _passed(at_ns: Whole, since_ns: Whole, weights: Whole) -> Numbers:
     return np.asarray(at_ns * count - total, dtype=np.float64)
 
 
-def frames_of(rows: DeliveryRows) -> Frames:
+def frames_of(rows: DeliveryRows) -> FrameColumns:
     """The transmissions in rows with `NEEDED`; none if packets take no time."""
     c = rows.columns
     sent = np.flatnonzero((c["started_ns"] >= 0) & (c["ended_ns"] > c["started_ns"]))
@@ -164,7 +164,9 @@ def frames_of(rows: DeliveryRows) -> Frames:
     started, ended, entered, attempts = (
         c[name][sent[first]] for name in ("started_ns", "ended_ns", "entered_ns", "attempts")
     )
-    return Frames(started, ended, (started - entered) / NS_PER_S, np.maximum(attempts, 1).astype(np.int64))
+    return FrameColumns(
+        started, ended, (started - entered) / NS_PER_S, np.maximum(attempts, 1).astype(np.int64)
+    )
 
 
 class Delays(NamedTuple):

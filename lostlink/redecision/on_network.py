@@ -14,7 +14,7 @@ from bridge.radio.places import Places
 from bridge.record.tables.deliveries import FATES, FIGURES, INSTANTS, TOO_LONG, Cause, columns_of, tick_of
 from bridge.record.tables.schema import Columns
 from bridge.record.tables.truth import TrueStates
-from bridge.scenario.resolve.channel import Channel
+from bridge.scenario.resolve.channel import RadioChannel
 from channel.access.packets import Handling
 from channel.medium.ledger import Ledger
 from channel.medium.reception import Packets, Receptions
@@ -58,7 +58,7 @@ class NetworkAnew:
         sent: what its nodes transmitted.
     """
 
-    def __init__(self, channel: Channel, sent: Transmissions) -> None:
+    def __init__(self, channel: RadioChannel, sent: Transmissions) -> None:
         self._channel, self._sent = channel, sent
         self._places = Places(channel.medium.nodes, sent.nodes)
         self._ledger = Ledger(channel.medium.nodes, causes=tuple(Cause))

@@ -15,7 +15,7 @@ from bridge.agents.client import LookAtStatus, UaClient
 from bridge.agents.commands import CommandFailed
 from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
-from bridge.agents.radio import QueueState, Reply
+from bridge.agents.radio import QueueState, UnicastReply
 from bridge.bus.keys import MAIN
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
 from bridge.bus.reception import UNKNOWN, Instants, Reception
@@ -45,7 +45,7 @@ class Arrivals:
         self._comm_status: LookAtStatus | None = None
         self._measurements: list[Measurement] = []
         self._packets: list[tuple[DeliveredPacket, float, float, Instants]] = []
-        self._replies: dict[str, list[Reply]] = {}
+        self._replies: dict[str, list[UnicastReply]] = {}
         self._queues: dict[str, QueueState] = {}
         self._events: list[tuple[OnEvent, CommandEvent]] = []
 
@@ -67,7 +67,7 @@ class Arrivals:
         """The radio delivered a packet, in this power and over this noise. They come in the order of arrival."""
         self._packets.append((packet, rssi_dbm, snr_db, instants))
 
-    def reply_came(self, reply: Reply, radio: str = MAIN) -> None:
+    def reply_came(self, reply: UnicastReply, radio: str = MAIN) -> None:
         """A radio says what became of a unicast of the node's."""
         self._replies.setdefault(radio, []).append(reply)
 
@@ -100,7 +100,7 @@ class Arrivals:
         return arrivals + [partial(_give_event, on_event, event) for on_event, event in events]
 
 
-def _tell_radio(radio: str, queue: QueueState | None, replies: Sequence[Reply], ua: UaClient) -> None:
+def _tell_radio(radio: str, queue: QueueState | None, replies: Sequence[UnicastReply], ua: UaClient) -> None:
     ua.radios[radio].take(queue, replies)
 
 

@@ -19,7 +19,7 @@ from bridge.record.tables.reader import no_rows, read_columns
 from bridge.record.tables.schema import COUNT, LABEL, NUMBER, TICK, Column, Columns, Table
 from channel.medium import reception
 from channel.medium.reception import EVERYBODY, Receptions
-from channel.network.instants import Instants
+from channel.network.instants import InstantColumns
 
 SAID: Final = ("channel", "encoding")
 """Columns with what senders say of their packets."""
@@ -201,7 +201,10 @@ def labels_of(nodes: Sequence[str]) -> dict[str, Sequence[str]]:
 
 
 def columns_of(
-    receptions: Receptions, counted_bytes: NDArray[np.int64], said: Columns, instants: Instants | None = None
+    receptions: Receptions,
+    counted_bytes: NDArray[np.int64],
+    said: Columns,
+    instants: InstantColumns | None = None,
 ) -> Columns:
     """A row per reception.
 
@@ -212,7 +215,7 @@ def columns_of(
         instants: of the receptions; all at once unless given.
     """
     r, p = receptions, receptions.packets
-    instants = instants or Instants.at_once(receptions)
+    instants = instants or InstantColumns.at_once(receptions)
     return {
         "sim_time_ns": p.sim_time_ns[r.packet],
         "tx": p.tx[r.packet],

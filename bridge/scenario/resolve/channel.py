@@ -17,13 +17,13 @@ from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
 from channel.medium.stations.switches import Switches
-from channel.network.entry import Entry, EntrySettings
+from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
 from channel.presets import PresetError
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class RadioChannel:
     """What decides fates on one radio network.
 
     Attributes:
@@ -62,7 +62,7 @@ def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
     return settings
 
 
-def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Channel:
+def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> RadioChannel:
     """The channel of a radio network of a run.
 
     Args:
@@ -92,7 +92,7 @@ def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Chan
         network=network,
     )
     if isinstance(settings, Ideal):
-        return Channel(name, medium, None, judge)
+        return RadioChannel(name, medium, None, judge)
     noise_floor_dbm = min(radio.noise_floor_dbm for radio in radios.values())
     config = next(iter(radios.values())).config
 
@@ -101,7 +101,7 @@ def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Chan
         return settings.open(surroundings)
 
     transmit = scenario.transmit
-    entry = Entry(
+    entry = EntryInstants(
         nodes,
         EntrySettings(
             None if transmit.phase_s == "drawn" else transmit.phase_s,
@@ -112,7 +112,7 @@ def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Chan
         medium.draws.common,  # it is the computer that takes this time, whichever radio it feeds
     )
     try:
-        return Channel(name, medium, Network(medium, opened, entry, judge), judge)
+        return RadioChannel(name, medium, Network(medium, opened, entry, judge), judge)
     except ValueError as error:
         key = "radio" if name == MAIN else f"networks.{name}"
         raise PresetError(str(error), key=f"{key}.medium") from error

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from channel.access.agenda import ACTS, Agenda, Entry
 from channel.access.air import Receiver
-from channel.access.media.sik_stream import ByteStream, Part
-from channel.access.media.sik_tdm import OWN, Hopping, State, Tdm, Trailer
+from channel.access.media.sik_stream import ByteStream, Cut
+from channel.access.media.sik_tdm import OWN, Hopping, Tdm, TdmState, Trailer
 from channel.access.media.sik_timing import LBT_TICKS, LEAST_ROOM_BYTES, LINK_TICKS, STATISTICS_BYTES
 from channel.access.words import WordStream
 from channel.access.world import AirFrame
@@ -28,7 +28,7 @@ NO_LIMIT_PERCENT: Final = 100
 class Burst(NamedTuple):
     """What is in a frame: parts of packets, and the trailer."""
 
-    parts: list[Part]
+    parts: list[Cut]
     trailer: Trailer
 
 
@@ -133,9 +133,9 @@ class SikRadio:
         passed, self._tick = tick - self._tick, tick
         self._tdm.advance(passed)
 
-    def _turned(self, state: State) -> None:
+    def _turned(self, state: TdmState) -> None:
         """Another part of the round begins."""
-        if state is OWN or state is State.SILENCE1:
+        if state is OWN or state is TdmState.SILENCE1:
             self.hopping.hop()
             self._receiver.tune(self.hopping.listens_on)
             if self._settings.channels > 1:

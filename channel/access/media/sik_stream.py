@@ -27,7 +27,7 @@ class Passage:
         self.frames, self.is_lost = 0, False
 
 
-class Part(NamedTuple):
+class Cut(NamedTuple):
     """So many bytes of a packet, in one frame."""
 
     passage: Passage
@@ -58,9 +58,9 @@ class ByteStream:
         """What is left of a packet of which a part was sent."""
         return 0 if self._begun is None else self._begun.unsent_bytes
 
-    def cut(self, room_bytes: int) -> list[Part]:
+    def cut(self, room_bytes: int) -> list[Cut]:
         """What goes into a frame with so much room; nothing: there is nothing, or the next packet has to stay whole."""
-        parts: list[Part] = []
+        parts: list[Cut] = []
         while room_bytes > 0:
             passage = self._passage(room_bytes, is_first=not parts)
             if passage is None:
@@ -69,7 +69,7 @@ class ByteStream:
             passage.unsent_bytes -= length_bytes
             passage.frames += 1
             room_bytes -= length_bytes
-            parts.append(Part(passage, length_bytes))
+            parts.append(Cut(passage, length_bytes))
             self._begun = passage if passage.unsent_bytes else None
         return parts
 

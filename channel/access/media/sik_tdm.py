@@ -12,7 +12,7 @@ from typing import NamedTuple
 from channel.access.media.sik_timing import SikTiming
 
 
-class State(IntEnum):
+class TdmState(IntEnum):
     """Whose turn it is; one follows the other."""
 
     TRANSMIT = 0
@@ -21,7 +21,7 @@ class State(IntEnum):
     SILENCE2 = 3
 
 
-OWN, OTHERS = State.TRANSMIT, State.RECEIVE
+OWN, OTHERS = TdmState.TRANSMIT, TdmState.RECEIVE
 
 
 class Trailer(NamedTuple):
@@ -55,9 +55,9 @@ class Tdm:
 
     __slots__ = ("_on_turn", "_timing", "bonus", "remaining", "state", "wait", "yielded")
 
-    def __init__(self, timing: SikTiming, phase: int, on_turn: Callable[[State], object]) -> None:
+    def __init__(self, timing: SikTiming, phase: int, on_turn: Callable[[TdmState], object]) -> None:
         self._timing, self._on_turn = timing, on_turn
-        self.state, self.remaining = State.TRANSMIT, timing.window
+        self.state, self.remaining = TdmState.TRANSMIT, timing.window
         phase %= timing.round
         while phase >= self.remaining:
             phase -= self.remaining
@@ -76,9 +76,9 @@ class Tdm:
         timing, ticks, state = self._timing, self.remaining, self.state
         if state is OWN:
             return 0
-        if state is State.SILENCE1:
+        if state is TdmState.SILENCE1:
             ticks += timing.window
-        return ticks if state is State.SILENCE2 else ticks + timing.silence
+        return ticks if state is TdmState.SILENCE2 else ticks + timing.silence
 
     def advance(self, ticks: int) -> None:
         """Let ticks pass: whatever was granted or given up ends with its state."""
@@ -98,18 +98,18 @@ class Tdm:
             return
         if not trailer.bonus:
             self.state, self.remaining = OTHERS, trailer.window
-        elif self.state is State.SILENCE1:
+        elif self.state is TdmState.SILENCE1:
             self.remaining = self._timing.silence
         elif self.state is OWN:
             self.remaining = trailer.window
         else:
-            self.state, self.remaining = State.SILENCE2, 1
+            self.state, self.remaining = TdmState.SILENCE2, 1
         self.bonus = self.state is OTHERS and trailer.is_empty
         if self.state is not OWN:
             self.yielded = False
 
     def _next(self) -> None:
-        self.state = State((self.state + 1) % 4)
+        self.state = TdmState((self.state + 1) % 4)
         is_window = self.state is OWN or self.state is OTHERS
         self.remaining = self._timing.window if is_window else self._timing.silence
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from bridge.agents.client import UaClient
-from bridge.agents.radio import QueueState, Reply
+from bridge.agents.radio import QueueState, UnicastReply
 from bridge.agents.running.feed import Arrivals, DeliveredPacket
 from bridge.bus.reception import Instants, Reception, attachment, radio_of, signal_of
 from bridge.bus.session import Stamp
@@ -63,7 +63,7 @@ def test_a_radio_that_is_not_there_and_a_node_that_is_not_on_its_network_are_ref
 
 def test_what_radios_say_comes_to_each_and_is_old_at_the_next_tick() -> None:
     ua, arrivals = client(Outlet()), Arrivals()
-    reply, heard = Reply(7, True, 2, 90), []
+    reply, heard = UnicastReply(7, True, 2, 90), []
     ua.radios["mesh"].on_reply(heard.append)
     arrivals.reply_came(reply, "mesh")
     arrivals.queue_changed(QueueState(3, 300), "mesh")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bridge.bus.keys import Address
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
 from bridge.bus.session import Stamp
-from bridge.radio.air import Air, Settled
+from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import VirtualRadio
 from channel.link.radio import Radio
@@ -22,7 +22,9 @@ def virtual_radio(
 ) -> VirtualRadio:
     """A radio whose nodes are all regulated."""
     radio = Radio(radio_from_mapping({"preset": preset, "mtu_bytes": MTU_BYTES}))
-    return VirtualRadio([Air(Medium(radio, seed=seed, nodes=nodes))], Ring(nodes, tick_period_ns=TICK_NS))
+    return VirtualRadio(
+        [NetworkAir(Medium(radio, seed=seed, nodes=nodes))], Ring(nodes, tick_period_ns=TICK_NS)
+    )
 
 
 def place(core: VirtualRadio, sim_time_ns: int, **north_m: float) -> None:

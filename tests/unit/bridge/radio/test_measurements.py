@@ -11,7 +11,7 @@ import pytest
 from bridge.agents.measurements import Measurement
 from bridge.bus.messages import Header, Heard, Quaternion, Truth, Vector3, decode, encode
 from bridge.host.arrivals import hand_out
-from bridge.radio.air import Air
+from bridge.radio.air import NetworkAir
 from bridge.radio.heard import Hosts
 from bridge.radio.measurements import RfSensors, Told, as_message
 from bridge.radio.radio import SettledTick
@@ -46,7 +46,7 @@ class Bench:
     def __init__(self, tells: str) -> None:
         names = [each.name for each in EMITTERS]
         self.medium = Medium(Radio(load_radio("perfect")), seed=1, nodes=NODES, emitters=names)
-        self.core = VirtualRadio([Air(self.medium)], Ring(NODES, tick_period_ns=TICK_NS))
+        self.core = VirtualRadio([NetworkAir(self.medium)], Ring(NODES, tick_period_ns=TICK_NS))
         config = SensorConfig(radio=RECEIVER, rate_hz=10.0, step_db=1.0, identifies=tells)
         sensing = Sensing({"1": config, "0": config}, EMITTERS, seed=1)
         self.sensors = RfSensors(sensing, (tells, tells), self.medium)

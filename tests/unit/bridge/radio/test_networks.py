@@ -8,7 +8,7 @@ from bridge.bus.keys import Address
 from bridge.bus.messages import Header, Heard, decode, encode
 from bridge.bus.session import Stamp
 from bridge.host.arrivals import hand_out
-from bridge.radio.air import Air, Settled
+from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.heard import Hosts
 from bridge.radio.picture import Picture
 from bridge.radio.radio import SettledTick
@@ -27,10 +27,10 @@ ON_MESH = ("2", "0", "gcs")
 MTU_BYTES = {"main": 100, "mesh": 1000}
 
 
-def air(name: str, nodes: Sequence[str], number: int) -> Air:
+def air(name: str, nodes: Sequence[str], number: int) -> NetworkAir:
     radio = Radio(radio_from_mapping({"preset": "perfect", "mtu_bytes": MTU_BYTES[name]}))
     medium = Medium(radio, seed=1, nodes=nodes, network="" if name == "main" else name)
-    return Air(medium, name=name, nodes=NODES, place=number)
+    return NetworkAir(medium, name=name, nodes=NODES, place=number)
 
 
 def two_networks() -> VirtualRadio:
