@@ -34,12 +34,13 @@ def test_csv_of_a_run_that_ended_and_of_one_that_was_killed(tmp_path: Path, is_f
     lines = paths[1].read_text().splitlines()
     assert lines[0] == (
         "sim_time_ns,tx,rx,seq,packets,length_bytes,distance_m,received_power_dbm,snr_db,per,fate,"
-        "channel,encoding,received_ns,entered_ns,started_ns,ended_ns,arrived_ns,attempts"
+        "radio,channel,encoding,received_ns,entered_ns,started_ns,ended_ns,arrived_ns,attempts"
     )
-    assert lines[1] == "0,0,1,0,1,40,100.000,-70.000,20.000,0.0100000,delivered,team,,50000000,0,0,0,0,1"
+    assert lines[1] == "0,0,1,0,1,40,100.000,-70.000,20.000,0.0100000,delivered,main,team,,50000000,0,0,0,0,1"
     at_once = "50000000,50000000,50000000,50000000,1"
     assert (
-        lines[4] == f"50000000,1,0,1,1,40,0.000,-70.000,20.000,0.0000001,delivered,team,,100000000,{at_once}"
+        lines[4]
+        == f"50000000,1,0,1,1,40,0.000,-70.000,20.000,0.0000001,delivered,main,team,,100000000,{at_once}"
     )
     assert len(lines) == 41
     with paths[0].open(newline="") as file:
