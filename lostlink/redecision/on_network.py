@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.radio.ledger_file import Books
-from bridge.radio.places import Places
+from bridge.radio.places import NodePlaces
 from bridge.record.tables.deliveries import FATES, FIGURES, INSTANTS, TOO_LONG, Cause, columns_of, tick_of
 from bridge.record.tables.schema import Columns
 from bridge.record.tables.truth import TrueStates
@@ -60,7 +60,7 @@ class NetworkAnew:
 
     def __init__(self, channel: RadioChannel, sent: Transmissions) -> None:
         self._channel, self._sent = channel, sent
-        self._places = Places(channel.medium.nodes, sent.nodes)
+        self._places = NodePlaces(channel.medium.nodes, sent.nodes)
         self._ledger = Ledger(channel.medium.nodes, causes=tuple(Cause))
 
     def decide(self, on_done: OnDone) -> list[Columns]:
