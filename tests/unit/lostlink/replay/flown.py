@@ -14,7 +14,7 @@ from bridge.bus.keys import Address
 from bridge.bus.messages import AgentStatus, AircraftState, CommandGoal, Header, Quaternion, Truth, Vector3
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
 from bridge.bus.session import Stamp
-from bridge.radio.air import Air, Settled
+from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import VirtualRadio
@@ -130,7 +130,9 @@ class Router:
         nodes = scenario.transceiver_ids
         channel = channel_of(scenario, switches_of(scenario))
         self.judge = channel.judge
-        self.core = VirtualRadio([Air(channel.medium, channel.network)], Ring(nodes, tick_period_ns=TICK_NS))
+        self.core = VirtualRadio(
+            [NetworkAir(channel.medium, channel.network)], Ring(nodes, tick_period_ns=TICK_NS)
+        )
         self.nodes = nodes
         self.truth = TruthWriter(path, scenario.stations)
         self.rows = DeliveryWriter(path, nodes, self.core.words)
