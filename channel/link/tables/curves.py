@@ -81,7 +81,7 @@ class Curves(Generic[Key]):
     def between(self, value: FloatArray, row: Rows) -> FloatArray:
         """Return values at any place, linear between the steps."""
         first, last, offset = self._ends(row)
-        where = value * self._steps_per_unit
+        where = np.asarray(value * self._steps_per_unit)
         np.maximum(where, first, out=where)
         np.minimum(where, last, out=where)
         where += offset

@@ -83,5 +83,10 @@ def test_expected_delivery_table_agrees_with_the_quadrature():
         assert model.expected_delivery(distance) == pytest.approx(exact, abs=1e-5)
         exact = model.probability_of_delivery(distance, length_bytes=400)
         assert model.expected_delivery(distance, length_bytes=400) == pytest.approx(exact, abs=1e-5)
+        one = model.expected_delivery(400.0)
+        assert (one.shape, float(one)) == (
+            (),
+            pytest.approx(float(model.probability_of_delivery(400.0)), abs=1e-5),
+        )
     with pytest.raises(ChannelInputError, match="length_bytes"):
         model.expected_delivery(distance, length_bytes=-1)
