@@ -22,12 +22,12 @@ from bridge.bus.messages import (
     Truth,
     Truths,
 )
-from bridge.bus.reception import attachment
+from bridge.bus.reception import UNKNOWN, Instants, attachment
 from bridge.bus.session import Stamp
 from bridge.radio.picture import Row
 from bridge.record.events import RunEvent
 from bridge.record.logged import LoggedValue
-from bridge.record.tables.deliveries import fates_message
+from bridge.record.tables.deliveries import INSTANTS, fates_message
 from channel.medium.reception import DELIVERED
 from lostlink.reading.rows import DeliveryRows
 
@@ -47,6 +47,7 @@ class Received:
         rssi_dbm: power in which it arrived.
         snr_db: the same over the noise.
         radio: name of the radio that it came by.
+        instants: of its way.
     """
 
     rx: str
@@ -59,12 +60,13 @@ class Received:
     rssi_dbm: float
     snr_db: float
     radio: str = MAIN
+    instants: Instants = UNKNOWN
 
     @property
     def attachment(self) -> bytes:
         """What it had beside it on Zenoh."""
         stamp = Stamp(self.seq, self.sim_time_ns).to_bytes()
-        return attachment(stamp, self.rssi_dbm, self.snr_db, radio=self.radio)
+        return attachment(stamp, self.rssi_dbm, self.snr_db, self.instants, self.radio)
 
 
 class Moment:
@@ -149,19 +151,24 @@ class Moment:
         receivers = range(len(nodes)) if wanted is None else [nodes.index(node) for node in wanted]
         arrived = (columns["fate"] == DELIVERED) & np.isin(columns["rx"], list(receivers))
         rows = [
-            columns[name][arrived].tolist() for name in ("tx", "rx", "seq", "received_power_dbm", "snr_db")
+            columns[name][arrived].tolist()
+            for name in ("tx", "rx", "seq", "received_power_dbm", "snr_db", *INSTANTS)
         ]
         found = (self._received(*row) for row in zip(*rows, strict=True))
         return [each for each in found if each is not None]
 
-    def _received(self, tx: int, rx: int, seq: int, rssi_dbm: float, snr_db: float) -> Received | None:
+    def _received(
+        self, tx: int, rx: int, seq: int, rssi_dbm: float, snr_db: float, *when_ns: int
+    ) -> Received | None:
         sent, nodes = self._at.sent[tx], self._at.nodes
         row = sent.row_of(seq)
         if row is None:  # the record of what was sent ends before that of what became of it: it was killed
             return None
         what = (sent.channels[row], sent.encodings[row], sent.payload(row))
-        when_ns, radio = int(sent.sim_time_ns[row]), sent.radios[row]
-        return Received(nodes[rx], nodes[tx], *what, seq, when_ns, rssi_dbm, snr_db, radio)
+        when_sent_ns, instants = int(sent.sim_time_ns[row]), Instants(*when_ns)
+        return Received(
+            nodes[rx], nodes[tx], *what, seq, when_sent_ns, rssi_dbm, snr_db, sent.radios[row], instants
+        )
 
     def states(self, wanted: Sequence[str] | None = None) -> dict[str, AircraftState]:
         """The newest state that each node published by now, under its own stamp; without those that have none yet.
