@@ -56,7 +56,7 @@ def test_it_is_whole_and_asks_for_nothing(browser: Browser, file: Path) -> None:
     opened = Opened(browser, file, "light")
     page = opened.page
     assert (opened.asked, opened.errors) == ([file.as_uri()], [])
-    assert page.locator("svg[role=img]").count() == 8
+    assert page.locator("svg[role=img]").count() == 9
     expect(page.get_by_role("img", name="Map of the ways of UA 0, UA 1, node gcs")).to_be_visible()
     expect(page.get_by_role("heading", name="Age of information and latency")).to_be_visible()
     expect(page.get_by_role("row", name="0 to 1").first).to_be_visible()
