@@ -68,7 +68,10 @@ def handling_from_bytes(raw: bytes) -> Handling:
     key = raw[_HEAD.size :]
     if len(key) != length or lifetime_ns < -1:
         raise HandlingError(f"a key of {len(key)} bytes for {length}, or a life time of {lifetime_ns} ns")
-    return Handling(priority, None if lifetime_ns < 0 else lifetime_ns, key.decode(errors="replace"))
+    try:
+        return Handling(priority, None if lifetime_ns < 0 else lifetime_ns, key.decode())
+    except UnicodeDecodeError as error:
+        raise HandlingError(f"a key that is no text in UTF-8: {error}") from error
 
 
 def handling_in(sample: Sample) -> Handling:

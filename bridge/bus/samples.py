@@ -20,7 +20,7 @@ def describe(sample: Sample) -> dict[str, Any]:
     if stamp is not None:
         content |= {"seq": stamp.seq, "sim_time_s": stamp.sim_time_ns / 1e9}
         rssi_dbm, snr_db, _ = signal_of(sample)
-        if not math.isnan(rssi_dbm):
+        if "/rx/" in content["key"] and not math.isnan(rssi_dbm):
             content |= {"rssi_dbm": round(rssi_dbm, 3), "snr_db": round(snr_db, 3)}
     content["length_bytes"] = len(payload)
     cls = class_of(str(sample.encoding))

@@ -289,9 +289,8 @@ class Air:
         reach = self.world.reach(frame)
         if len(reach) < len(receivers) - 1:
             reached = {node, *(arrival.receiver for arrival in reach)}
-            for other in receivers:
-                if other not in reached:
-                    self.on_fate(frame, other, Loss.NOISE)
+            others = tuple(other for other in receivers if other not in reached)
+            self.agenda.at(frame.ended_ns, SIGNAL_ENDS, node, self._passed_by, frame, others)
         arrivals = [(now_ns + delay_ns, receivers[other], power_mw) for other, power_mw, delay_ns in reach]
         receivers[node].begins_to_transmit()
         if arrivals:
@@ -302,6 +301,11 @@ class Air:
             ends = [(at + length_ns, _end_of(r, frame)) for at, r, _ in arrivals]
             _Front(self.agenda, SIGNAL_ENDS, node, ends).go()
         self.agenda.at(frame.ended_ns, SIGNAL_ENDS, node, self._end, node, then)
+
+    def _passed_by(self, frame: AirFrame, others: tuple[int, ...]) -> None:
+        """Nothing came of a frame to these."""
+        for other in others:
+            self.on_fate(frame, other, Loss.NOISE)
 
     def _end(self, node: int, then: Callable[[], object]) -> None:
         then()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple, Protocol
 
@@ -18,7 +18,7 @@ class Piece(NamedTuple):
     interference_mw: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class AirFrame:
     """What is on the air: who, when, and how much of what.
 
@@ -33,6 +33,7 @@ class AirFrame:
         reserved_ns: how long after its end others keep quiet (NAV).
         attempt: the how-manieth transmission of the same.
         channel: on which only those hear it that listen there.
+        met: what its world keeps of it; nobody else's.
     """
 
     node: int
@@ -46,6 +47,7 @@ class AirFrame:
     reserved_ns: int = 0
     attempt: int = 1
     channel: int = 0
+    met: object = field(default=None, repr=False)
 
 
 class Arrival(NamedTuple):

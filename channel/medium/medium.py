@@ -90,12 +90,13 @@ class Medium:
         self._settling = self.drawing(judge=judge, cull=True)
         self._waiting: list[Packets] = []
 
-    def drawing(self, *, judge: Judge | None = None, cull: bool = False) -> Settling:
+    def drawing(self, *, judge: Judge | None = None, cull: bool = False, switched: bool = True) -> Settling:
         """Return what draws fates at once, where the nodes are by now, for whoever decides when a packet is on the air.
 
         Args:
             judge: takes in what is drawn.
             cull: whether to leave out draws that cannot change a fate: then weak signals have no power.
+            switched: whether radios may be off; else all are on.
         """
         return Settling(
             self.radios,
@@ -104,7 +105,7 @@ class Medium:
             cull=cull,
             judge=judge,
             emitters=self.emitters,
-            switches=self._switches,
+            switches=self._switches if switched else None,
             bases=self._bases,
         )
 

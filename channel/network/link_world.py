@@ -5,8 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
-from itertools import accumulate, pairwise, takewhile
+from functools import lru_cache
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -33,8 +33,6 @@ HEARD_DB = -20.0
 """A signal so far below the noise, or further, is no signal, and no interference either."""
 IS_HEARD = np.isin(np.arange(len(FATES)), (DELIVERED, ERASED, BASE_LOSS, BURST))
 """With which fates a link carries power."""
-KEPT_NS = 10 * NS_PER_S
-"""For so long after its end it is known what a frame met: a fate may be decided later than by it."""
 
 
 @dataclass(slots=True, eq=False)
@@ -85,15 +83,16 @@ class LinkWorld:
         self.nodes = tuple(range(len(medium.nodes)))
         self._judged = medium.drawing(judge=judge)
         self._other = self._judged if judge is None else medium.drawing()
+        self._always_on = medium.drawing(switched=False)
+        """For the noise of a frame that is on the air: its start decides whether radios are on."""
         self._slots_ns, self._has_sources = self._other.slots_ns, self._other.has_sources
-        self._met: dict[AirFrame, Met] = {}
         self._first: list[Receptions] = []
         self._per = lru_cache(maxsize=65_536)(self._per_of)
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
         r = self._draw(frame)
-        self._met[frame] = Met(r, {rx: row for row, rx in enumerate(r.rx.tolist())}, self._noise_of(frame))
+        frame.met = Met(r, {rx: row for row, rx in enumerate(r.rx.tolist())}, self._noise_of(frame))
         delays_ns = np.rint(r.distance_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
         heard = IS_HEARD[r.fate] & (r.snr_db >= HEARD_DB)
         rows = np.flatnonzero(heard)
@@ -106,7 +105,7 @@ class LinkWorld:
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
         """By one draw for all: who comes through with interference does so without."""
-        met = self._met[frame]
+        met = _met(frame)
         row, r = met.row[receiver], met.receptions
         fate = int(r.fate[row])
         disturbed = any(interference_mw for _, interference_mw in pieces)
@@ -151,14 +150,14 @@ class LinkWorld:
         if len(changes) == 1:
             return None
         instants = sorted(changes)
-        r = self._other.receptions(*_as_packets(frame, instants))
+        r = self._always_on.receptions(*_as_packets(frame, instants))
         noise_mw = ratio_from_db(r.received_power_dbm - r.snr_db)
         durations = [end - begin for begin, end in pairwise((*instants, frame.ended_ns))]
         return NoisePieces(durations, np.asarray(noise_mw).reshape(len(instants), -1))
 
     def figures(self, frame: AirFrame, receiver: int) -> Sequence[float]:
         """Distance, m, power, dBm, SNR, dB, error rate, chance of delivery of a frame at a node, alone on the air."""
-        met = self._met[frame]
+        met = _met(frame)
         if not met.figures:
             r = met.receptions
             columns = r.distance_m, r.received_power_dbm, r.snr_db, r.per, r.probability_of_delivery
@@ -167,23 +166,17 @@ class LinkWorld:
 
     def fate(self, frame: AirFrame, receiver: int) -> int:
         """What becomes of a frame at a node, alone on the air."""
-        met = self._met[frame]
+        met = _met(frame)
         return int(met.receptions.fate[met.row[receiver]])
 
     def is_lost_to_sources(self, frame: AirFrame, receiver: int) -> bool:
         """Whether a frame that was lost to noise would have come through without sources of interference."""
-        return receiver in self._met[frame].lost_to_sources
+        return receiver in _met(frame).lost_to_sources
 
     def first_transmissions(self) -> list[Receptions]:
         """What first transmissions to all met since the last call, alone on the air."""
         first, self._first = self._first, []
         return first
-
-    def forget(self, now_ns: int) -> None:
-        """Nobody asks any more for what ended long ago."""
-        is_old = partial(_ended_before, now_ns - KEPT_NS)
-        for frame in list(takewhile(is_old, self._met)):  # they are there in the order of their starts
-            del self._met[frame]
 
     def _draw(self, frame: AirFrame) -> Receptions:
         packets, counted = _as_packets(frame, [frame.started_ns])
@@ -197,8 +190,10 @@ class LinkWorld:
         return float(self._judged.radio(tx, rx).per_unchecked(db_from_ratio(sinr), length_bytes))
 
 
-def _ended_before(at_ns: int, frame: AirFrame) -> bool:
-    return frame.ended_ns < at_ns
+def _met(frame: AirFrame) -> Met:
+    met = frame.met
+    assert isinstance(met, Met), "a frame on the air has met this world"
+    return met
 
 
 def _as_packets(frame: AirFrame, instants_ns: Sequence[int]) -> tuple[Packets, NDArray[np.int64]]:

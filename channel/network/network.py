@@ -82,6 +82,8 @@ class Network:
         """Of packets to all, at the nodes that their sender's radio has no link to."""
         self._open: dict[tuple[int, int], _Open] = {}
         """Packets on their way, by sender and number."""
+        self._for_nobody: list[tuple[int, int]] = []
+        """Packets of a node that is alone."""
         self._now_ns = 0
 
     @property
@@ -107,8 +109,11 @@ class Network:
             self._unreached += [
                 AirFate(packet, other, at_ns, NEVER_NS, NEVER_NS, 0, Loss.NO_PEER) for other in sorted(others)
             ]
-            self._open[tx, seq] = _Open(packet, sim_time_ns, receivers | others)
-            self._access.offer(packet)
+            if receivers or others:
+                self._open[tx, seq] = _Open(packet, sim_time_ns, receivers | others)
+                self._access.offer(packet)
+            else:
+                self._for_nobody.append((tx, seq))
 
     def live(self, until_ns: int) -> Lived:
         """Let the network live until just before an instant; what was decided since the last call."""
@@ -117,9 +122,7 @@ class Network:
         fates = [outcome for outcome in outcomes if isinstance(outcome, AirFate)]
         fates += [fate for fate in self._unreached if fate.at_ns < until_ns]
         self._unreached = [fate for fate in self._unreached if fate.at_ns >= until_ns]
-        lived = self._lived(fates, [outcome for outcome in outcomes if isinstance(outcome, Reply)])
-        self._world.forget(until_ns)
-        return lived
+        return self._lived(fates, [outcome for outcome in outcomes if isinstance(outcome, Reply)])
 
     def end(self) -> Lived:
         """The run is over: what is not decided never will be."""
@@ -149,13 +152,18 @@ class Network:
             np.array(codes, dtype=np.uint8),
         )
         instants = InstantColumns(
-            np.array([fate.packet.at_ns for fate in fates], dtype=np.int64),
+            np.array([self._entered_ns(fate.packet) for fate in fates], dtype=np.int64),
             np.array([fate.started_ns for fate in fates], dtype=np.int64),
             np.array([fate.ended_ns for fate in fates], dtype=np.int64),
             np.array([fate.at_ns for fate in fates], dtype=np.int64),
             np.array([fate.attempts for fate in fates], dtype=np.int32),
         )
-        return Lived(receptions, instants, replies, self._close(fates), self._world.first_transmissions())
+        done = [*self._for_nobody, *self._close(fates)]
+        self._for_nobody.clear()
+        return Lived(receptions, instants, replies, done, self._world.first_transmissions())
+
+    def _entered_ns(self, packet: AirPacket) -> int:
+        return packet.at_ns if packet.at_ns < self._now_ns else NEVER_NS
 
     def _close(self, fates: Sequence[AirFate]) -> Sequence[tuple[int, int]]:
         """Take note of what is decided; the packets of which now all is."""

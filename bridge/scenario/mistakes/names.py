@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +78,7 @@ class _Radios:
     def scenario(self) -> Scenario:
         """The scenario with the tables of its radios read in."""
         common, config = self._read(self._scenario.radio, ("radio",))
-        self._see_medium(("radio",), config)
+        self._see_medium(("radio",), config, self._scenario.transceiver_ids)
         self._see_roles(("radio",), config, [n.node for n in self._scenario.transceivers if n.radio is None])
         nodes: list[NodeConfig] = []
         for index, node in enumerate(self._scenario.nodes):
@@ -110,14 +110,16 @@ class _Radios:
         networks = {}
         for name, setting in self._scenario.networks.items():
             networks[name], config = self._read(setting, ("networks", name))
-            self._see_roles(("networks", name), config, [n.node for n in self._scenario.nodes_on(name)])
+            nodes = [node.node for node in self._scenario.nodes_on(name)]
+            self._see_roles(("networks", name), config, nodes)
+            self._see_medium(("networks", name), config, nodes)
         return networks
 
-    def _see_medium(self, path: Path_, config: RadioConfig | None) -> None:
+    def _see_medium(self, path: Path_, config: RadioConfig | None, ids: Sequence[str]) -> None:
         """Refuse a medium that cannot be that of these nodes."""
         if config is None or isinstance(config.medium, Ideal):
             return
-        nodes = {node: index for index, node in enumerate(self._scenario.transceiver_ids)}
+        nodes = {node: index for index, node in enumerate(ids)}
         world = PlainWorld(tuple(nodes.values()))
         try:
             config.medium.open(Surroundings.of(world, nodes, self._scenario.seed, config, 0.0))

@@ -93,7 +93,7 @@ class Csma(AccessMedium):
     def ended(self, packet: AirPacket, frame: AirFrame | None, attempts: int, *, acknowledged: bool) -> None:
         """The sender of a unicast has done with it; it may have come though no acknowledgement did."""
         assert packet.to is not None
-        if not acknowledged and self._stations[packet.to].misses(packet):
+        if self._stations[packet.to].misses(packet):
             self._book(packet, packet.to, frame, attempts, Loss.RETRIES)
         self._outcomes.append(Reply(packet, self.agenda.now_ns, acknowledged, attempts))
 
@@ -347,10 +347,12 @@ class Station:
             if self._nav_ns <= self._agenda.now_ns:
                 self._answer(CTS, frame)
         elif self._timeout is not None:
-            self._agenda.call_off(self._timeout)
-            self._timeout = None
             packet = self._packet
             assert packet is not None
+            if frame.node != packet.to:
+                return  # the late answer of another
+            self._agenda.call_off(self._timeout)
+            self._timeout = None
             if frame.kind == CTS:
                 at_ns = self._agenda.now_ns + self._timing.sifs_ns
                 self._agenda.at(at_ns, ACTS, self._node, self._send_unicast, packet)

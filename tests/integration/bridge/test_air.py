@@ -378,3 +378,41 @@ def test_two_sik_radios_that_are_busy_share_the_time_as_their_firmware_reckons(f
 def test_what_sik_radios_cannot_be_is_said(flown: Flown, medium: dict[str, Any], problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
         flown([node(n, 50.0 * n) for n in range(3)], {"model": "sik"} | medium)
+
+
+def test_a_fate_may_be_decided_long_after_its_frame(flown: Flown) -> None:
+    """12 s on the way: longer than anybody would wait to forget a frame."""
+    medium = {"model": "delay", "least_s": 12.0, "median_s": 12.0, "most_s": 12.0, "rate_bps": 1e6}
+    run = flown(
+        [node(0, 0.0), node(1, 50.0, sends=[(1.0, "0", 100)])], medium, duration_s=14.0, tick_rate_hz=5
+    )
+    [row] = rows(run, "g1", "0").to_dict("records")
+    assert (row["fate"], row["arrived_ns"] - row["ended_ns"]) == ("delivered", 12_000_000_000)
+    assert row["distance_m"] == pytest.approx(51.0, abs=0.5)
+
+
+def test_a_radio_that_is_switched_off_ends_no_frame_that_is_on_the_air(flown: Flown) -> None:
+    """Its start decides, and what pulses in the noise goes on: 150 ms from 1.9 s on, off from 2.0 s on."""
+    jammer = {
+        "id": "j",
+        "kind": "emitter",
+        "place": {"north_m": 9000.0, "height_m": 10.0},
+        "frequency_hz": 915e6,
+    }
+    jammer |= {"power_dbm": -30.0, "duty": 0.5, "slot_s": 0.01}
+    sender = node(1, 200.0, sends=[(1.9, "0", 1200), (2.2, "0", 1200)])
+    sender |= {"radio_off": [{"from_s": 2.0, "to_s": 3.0}]}
+    run = flown([node(0, 0.0), sender, jammer], {"model": "airtime"})
+    assert rows(run, "g1", "0").fate.tolist() == ["delivered", "radio_off"]
+
+
+def test_a_node_alone_keeps_nothing(flown: Flown) -> None:
+    run = flown([node(0, 0.0, period_s=0.1)], {"model": "csma"}, radio=RADIO | {"frequency_hz": 2.4e9})
+    assert not len(run.packets)
+    assert run.ending == "duration"
+
+
+def test_what_a_medium_of_a_further_network_cannot_be_is_told(flown: Flown) -> None:
+    mesh = RADIO | {"medium": {"model": "tdma", "slot_s": 0.1, "slots": ["g7"]}}
+    with pytest.raises(ScenarioError, match=r"networks.mesh.medium: .*node g7 is not there"):
+        flown([node(0, 0.0), node(1, 5.0)], {"model": "airtime"}, networks={"mesh": mesh})

@@ -372,3 +372,17 @@ def test_a_carrier_takes_its_time_to_be_sensed(apart_ns: int, collide: bool) -> 
     medium.offer(AirPacket(1, 0, None, 100, apart_ns))
     lost = {one.loss for one in medium.run(S) if isinstance(one, AirFate) and one.receiver == 2}
     assert lost == {Loss.COLLIDED if collide else None}
+
+
+def test_a_late_acknowledgement_is_not_taken_for_that_of_the_next_packet() -> None:
+    """Ways of 60 km with the time-out of 3 km: answers come too late, and each packet still has one fate."""
+    world = PlainWorld((0, 1), delay_ns=200_000, loss=0.4, seed=3)
+    medium = Csma(world, wifi_a(6.0), seed=2, settings=DcfSettings(reach_ns=20_000), limits=QueueLimits(0))
+    for number in range(300):
+        medium.offer(AirPacket(0, number, 1, 100, number * 20 * MS))
+    outcomes = medium.run(20 * S)
+    fates = [one.packet.number for one in outcomes if isinstance(one, AirFate)]
+    came = {one.packet.number for one in outcomes if isinstance(one, AirFate) and one.loss is None}
+    told = {one.packet.number for one in outcomes if isinstance(one, Reply) and one.acknowledged}
+    assert sorted(fates) == list(range(300))
+    assert told <= came
