@@ -233,6 +233,7 @@ def fates(run: Run) -> pd.DataFrame:
     )
 
 
+@pytest.mark.slow
 def test_fates_do_not_depend_on_ticks_or_on_bystanders_out_of_range(flown: Flown) -> None:
     """The radio's own draws are by node and transmission; nodes stand, so that no truth differs."""
     first = fates(scripted(flown))
@@ -313,6 +314,7 @@ def test_radios_on_one_channel_share_its_medium(flown: Flown) -> None:
         flown([node(0, 0.0), node(1, 5.0)], {"model": "tdma", "slot_s": 0.1, "slots": ["g7"]})
 
 
+@pytest.mark.slow
 def test_a_neighbour_channel_leaks_by_spectrum_and_filter(flown: Flown) -> None:
     """Node g3 is loud and near; on a channel beside, nobody hears it, and what is left of it decides.
 

@@ -148,6 +148,7 @@ def drawn(run: Run, radio: str) -> list[str]:
     return chosen.sort_values(["seq", "rx"]).fate.astype(str).tolist()
 
 
+@pytest.mark.slow
 def test_a_further_network_draws_its_own_and_leaves_main_as_it_was(flown: Flown) -> None:
     """The same packets by the same radio on either network: 60 draws of one half each."""
     alike = [node(0, 0.0), node(1, 100.0), node(2, 200.0), node(3, 300.0)]
@@ -166,6 +167,7 @@ def test_a_further_network_draws_its_own_and_leaves_main_as_it_was(flown: Flown)
     assert pd.Series(drawn(other, "mesh")).nunique() == 2
 
 
+@pytest.mark.slow
 def test_one_process_and_many_have_the_same_networks_and_redecide_has_them_again(flown: Flown) -> None:
     options = {"radio": TELEMETRY | {"base_loss": 0.3}, "networks": {"mesh": CSMA | {"base_loss": 0.3}}}
     sends = sends_of(200) + ONCE + [(*send, *MESH) for send in ONCE]

@@ -72,6 +72,7 @@ def test_all_settings(name: str) -> None:
     hold(name, SEEDS)
 
 
+@pytest.mark.slow
 def test_bounds_tell_other_stations() -> None:
     """Ten that do not wait EIFS collide more often than ns-3's ten that do, though only half a second is looked at."""
     name = "broadcast, 10 saturated, EIFS"

@@ -84,6 +84,7 @@ def test_user_bytes_a_second(row: tuple[float, ...]) -> None:
     assert bytes_a_second(settings, [0, 1]) == pytest.approx(row[7], rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("air_kbps", "least", "most"), [(64, 0.0, 0.035), (128, 0.06, 0.09), (250, 0.06, 0.09)]
 )
