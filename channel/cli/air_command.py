@@ -36,7 +36,7 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
 
 @click.command()
 @click.argument("medium", type=click.Choice(["airtime", "csma", "delay", "elrs", "sik", "tdma"]))
-@click.option("--nodes", type=click.IntRange(2, 500), help="How many stations; 6 if not given, 2 of elrs.")
+@click.option("--nodes", type=click.IntRange(2, 500), help="How many stations; 6 if not given, 2 of elrs and sik.")
 @click.option(
     "--length-bytes", default=200, show_default=True, type=click.IntRange(1), help="Of each packet."
 )
@@ -161,7 +161,7 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
     sik: nodes talk two by two in their order; what is for all goes to the other of the two, what is for a node
     that is not it is lost (no peer).
     """
-    options["nodes"] = options["nodes"] or (2 if medium == "elrs" else 6)
+    options["nodes"] = options["nodes"] or (2 if medium in ("elrs", "sik") else 6)
     try:
         results = [_result(medium, load_bps, options) for load_bps in _loads(medium, options)]
     except ValueError as error:
