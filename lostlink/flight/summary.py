@@ -16,9 +16,8 @@ from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.verdict import UNJUDGED, verdict_of
-from lostlink.reading.air import NEEDED, NS_PER_S
+from lostlink.reading.air import NEEDED, NS_PER_S, of_networks
 from lostlink.reading.air_account import AirAccount, account_of
-from lostlink.reading.capacity import Capacity
 from lostlink.reading.links import link_counts
 from lostlink.reading.rows import DeliveryRows
 
@@ -145,7 +144,7 @@ def _air(scenario: Scenario, run: RunDirectory, timing: Timing) -> list[AirAccou
     if not len(rows):
         return []
     end_ns = round(timing.sim_duration_s * NS_PER_S) + scenario.tick_period_ns
-    return [account_of(rows, Capacity.of(scenario), end_ns)]
+    return [account_of(mine, capacity, end_ns) for mine, capacity in of_networks(rows, scenario)]
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

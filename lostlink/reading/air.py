@@ -11,18 +11,20 @@ attempt counts as long as that. Acknowledgements, preambles of slots and what is
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.scenario.model import Scenario
 from lostlink.reading.capacity import Capacity
 from lostlink.reading.rows import DeliveryRows
 
 NS_PER_S: Final = 1e9
 NEEDED: Final = (
+    "radio",
     "sim_time_ns",
     "seq",
     "length_bytes",
@@ -38,6 +40,13 @@ BUSY_NS: Final = 10_000_000_000
 SHARES: Final = (0.5, 0.95)
 Numbers = NDArray[np.float64]
 Whole = NDArray[np.int64]
+
+
+def of_networks(rows: DeliveryRows, scenario: Scenario) -> Iterator[tuple[DeliveryRows, Capacity]]:
+    """The rows of each radio network of a scenario, of rows with `NEEDED`, and what it can carry."""
+    for name in scenario.network_names:
+        mine = rows.columns["radio"] == name
+        yield (rows if mine.all() else rows.at(mine)), Capacity.of(scenario, name)
 
 
 def edges_of(end_ns: int, period_ns: int) -> Whole:

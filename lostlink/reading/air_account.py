@@ -32,7 +32,7 @@ class AirAccount:
     """The air of one network over a run.
 
     Attributes:
-        radio: which of the nodes' radios are on it.
+        radio: its name, and that of its nodes' radios.
         medium: its name.
         takes_time: whether packets take time on it.
         is_shared: whether nodes share ``capacity_bps``; else each sender has so much.
@@ -80,9 +80,10 @@ class AirAccount:
     @property
     def remark(self) -> str:
         """For the line of a verdict."""
+        told = f"{self._network}medium {self.medium}"
         if not self.is_overloaded:
-            return f"medium {self.medium}"
-        return f"medium {self.medium}, offered {self.busiest_share:.3g} times what it could carry"
+            return told
+        return f"{told}, offered {self.busiest_share:.3g} times what it could carry"
 
     @property
     def warning(self) -> str:
@@ -92,11 +93,21 @@ class AirAccount:
         if self.takes_time:
             whose = "" if self.is_shared else " of one sender"
             return (
-                f"the nodes offered {rate_text(self.offered_bps)} to the medium {self.medium}, in the busiest "
-                f"{BUSY_NS / NS_PER_S:g} s {self.busiest_share:.3g} times the {rate_text(self.capacity_bps)}{whose} "
-                f"that it carries of such packets: {self.lost_waiting} receptions were lost for want of time on the air"
+                f"{self._network}the nodes offered {rate_text(self.offered_bps)} to the medium {self.medium}, in the "
+                f"busiest {BUSY_NS / NS_PER_S:g} s {self.busiest_share:.3g} times the {rate_text(self.capacity_bps)}"
+                f"{whose} that it carries of such packets: {self.lost_waiting} receptions were lost for want of time "
+                "on the air"
             )
-        return f"the medium is ideal, where packets take no time: {self._too_much}; give it a medium: radio.medium"
+        key = "radio.medium" if self.radio == MAIN else f"networks.{self.radio}.medium"
+        return (
+            f"{self._network}the medium is ideal, where packets take no time: {self._too_much}; "
+            f"give it a medium: {key}"
+        )
+
+    @property
+    def _network(self) -> str:
+        """How a line on a network other than `main` begins."""
+        return "" if self.radio == MAIN else f"{self.radio}: "
 
     @property
     def _too_much(self) -> str:
@@ -115,10 +126,10 @@ class AirAccount:
 
 
 def account_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> AirAccount:
-    """The account of a run.
+    """The account of a network over a run.
 
     Args:
-        rows: with `lostlink.reading.air.NEEDED`, one for each receiver.
+        rows: of the network, with `lostlink.reading.air.NEEDED`, one for each receiver.
         capacity: of the network.
         end_ns: the end of the run, its last tick included.
     """
@@ -129,10 +140,11 @@ def account_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> AirAccoun
     waiting = [FATES.index(fate.value) for fate in WAITING]
     is_waiting = np.isin(rows.columns["fate"], waiting)
     received_bps = received_bits_per_s(rows, capacity, busy).max(axis=1, initial=0.0)
-    bit_rates_bps = np.array([capacity.radios[node].config.bit_rate_bps for node in rows.nodes])
+    own_bps = {node: radio.config.bit_rate_bps for node, radio in capacity.radios.items()}
+    bit_rates_bps = np.array([own_bps.get(node, np.inf) for node in rows.nodes])
     most = int(np.argmax(received_bps / bit_rates_bps))
     return AirAccount(
-        radio=MAIN,
+        radio=capacity.network,
         medium=capacity.medium,
         takes_time=capacity.takes_time,
         is_shared=capacity.is_shared,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.radio import radios_of
 from channel.access.settings import Ideal, MediumSettings
@@ -24,24 +25,26 @@ def rate_text(bits_per_s: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """What the network of a run can carry.
+    """What a network of a run can carry.
 
     With `ideal`, where nothing takes time, it is what a radio's bit rate could: packets one after the other, without
     pauses. Otherwise it is what the medium's ``capacity_bps`` says.
 
     Attributes:
         settings: of the medium.
-        radios: by node.
+        radios: by node, of those that are on it.
+        network: its name.
     """
 
     settings: MediumSettings
     radios: Mapping[str, Radio]
+    network: str = MAIN
 
     @classmethod
-    def of(cls, scenario: Scenario) -> Capacity:
+    def of(cls, scenario: Scenario, network: str = MAIN) -> Capacity:
         """Of a scenario whose names are known to be right."""
-        radios = radios_of(scenario)
-        return cls(medium_settings(radios), radios)
+        radios = radios_of(scenario, (), network)
+        return cls(medium_settings(radios), radios, network)
 
     @property
     def medium(self) -> str:

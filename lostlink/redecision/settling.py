@@ -81,15 +81,20 @@ def live(
         handling: of packets that are not plain, by sender and number.
         tick_period_ns: of the run.
     """
+
+    def send(begin: int, end: int | None) -> None:
+        now = packets.at(slice(begin, end))
+        keys = zip(now.tx.tolist(), now.seq.tolist(), strict=True)
+        network.send(now, [handling.get(key, PLAIN) for key in keys])
+
     sent, came_ns = 0, 0
     for tick, tick_ns in enumerate(positions.ticks_ns.tolist()):
         _observe(medium, positions, tick)
         until = int(np.searchsorted(due_ns, tick_ns, side="right"))
-        now = packets.at(slice(sent, until))
+        send(sent, until)
         sent, came_ns = until, tick_ns + tick_period_ns
-        keys = zip(now.tx.tolist(), now.seq.tolist(), strict=True)
-        network.send(now, [handling.get(key, PLAIN) for key in keys])
         yield came_ns, network.live(came_ns)
+    send(sent, None)
     yield came_ns, network.end()
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from lostlink.reading.air import NEEDED, NS_PER_S, delays_of, edges_of, frames_of, offered_of
+from bridge.scenario.model import Scenario
+from lostlink.reading.air import NEEDED, NS_PER_S, delays_of, edges_of, frames_of, of_networks, offered_of
 from lostlink.reading.air_account import account_of
 from lostlink.reading.capacity import Capacity
 from lostlink.reading.rows import DeliveryRows
@@ -16,7 +17,7 @@ PERIOD_LEAST_NS: Final = 1_000_000_000
 """Below this what agents send at every tick, or second, would be seen as peaks."""
 
 
-def air_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> list[dict[str, Any]]:
+def air_of(rows: DeliveryRows, scenario: Scenario, end_ns: int) -> list[dict[str, Any]]:
     """Of each network its account as in `summary.json`, its ``warning``, and ``series``.
 
     Series are by ``sim_time_s``, begins of periods, the last of which ends at ``end_s``: ``offered_share`` and, where
@@ -25,6 +26,10 @@ def air_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> list[dict[str
     """
     if not len(rows):
         return []
+    return [_of_network(mine, capacity, end_ns) for mine, capacity in of_networks(rows, scenario)]
+
+
+def _of_network(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> dict[str, Any]:
     account, edges_ns = (
         account_of(rows, capacity, end_ns),
         edges_of(end_ns, max(period_of(end_ns), PERIOD_LEAST_NS)),
@@ -37,4 +42,4 @@ def air_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> list[dict[str
         series["wait_p50_s"], series["wait_p95_s"] = frames.waits(edges_ns)
         series["delay_p50_s"], series["delay_p95_s"] = delays_of(rows).over_time(edges_ns)
     times = {"sim_time_s": edges_ns[:-1] / NS_PER_S, "end_s": end_ns / NS_PER_S}
-    return [{**account.plain, "warning": account.warning, **times, "series": series}]
+    return {**account.plain, "warning": account.warning, **times, "series": series}

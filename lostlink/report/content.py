@@ -60,7 +60,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     tell("sorts powers by distance")
     found["powers"] = packets.powers_of(rows)
     tell("adds up the use of the air")
-    found["air"] = air_of(rows, Capacity.of(run.scenario), end_ns + run.scenario.tick_period_ns)
+    found["air"] = air_of(rows, run.scenario, end_ns + run.scenario.tick_period_ns)
     bins = run.summary.get("bins") or packets.bins_of(rows)
     found |= {"bins": bins, "model": _model(run.scenario, bins)}
     tell("reads the true states")

@@ -24,7 +24,7 @@ from lostlink.export.mcap.topics import prefixes
 MCAP_FILE: Final = "run.mcap"
 WINDOW_NS: Final = 5_000_000_000
 """Within a window messages are sorted; so much sim time is in memory."""
-FOREVER_NS: Final = (1 << 63) - 1
+FOREVER_NS: Final = 1 << 62
 OnProgress = Callable[[float], object]
 
 

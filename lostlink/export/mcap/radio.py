@@ -43,7 +43,7 @@ class RadioSource:
     def __init__(self, run: Path, file: McapFile, scenario: Scenario) -> None:
         self._nodes, self._tick_ns = scenario.transceiver_ids, scenario.tick_period_ns
         self._radios = switches_of(scenario, run)
-        self._slices = Slices(run, DELIVERIES, labels_of(self._nodes))
+        self._slices = Slices(run, DELIVERIES, labels_of(self._nodes), by="received_ns")
         self._picture, self._ledger = Picture(self._nodes), Ledger(self._nodes, causes=tuple(Cause))
         settings = file.settings
         self._channels = {
@@ -53,7 +53,7 @@ class RadioSource:
 
     def until(self, time_ns: int) -> Iterator[Item]:
         """The messages of whole ticks up to ``time_ns``."""
-        columns = self._slices.until(time_ns)
+        columns = self._slices.until(time_ns + self._tick_ns)
         if columns is None:
             return
         columns = self._in_ticks(columns)

@@ -46,11 +46,12 @@ class Slices:
         run: the run directory.
         table: which table; none if the run does not have it.
         names: of what columns are read as places.
+        by: the column of instants by which rows rise; the table's tick unless given.
     """
 
-    def __init__(self, run: Path, table: Table, names: Names) -> None:
+    def __init__(self, run: Path, table: Table, names: Names, by: str = "") -> None:
         self._batches = read_batches(run, table, None, names) if table.is_in(run) else iter(())
-        self._tick = table.tick
+        self._tick = by or table.tick
         self._kept: list[Columns] = []
 
     def until(self, time_ns: int) -> Columns | None:

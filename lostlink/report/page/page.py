@@ -200,7 +200,10 @@ def _air(air: dict[str, Any]) -> list[Row]:
     carrier = f"the medium carries{whose}" if air["takes_time"] else "the radio’s bit rate would carry"
     capacity = air["capacity_bps"]
     rows: list[Row] = [
-        ["medium", air["medium"] if air["takes_time"] else f"{air['medium']}: packets take no time"],
+        [
+            f"medium of {air['radio']}",
+            air["medium"] if air["takes_time"] else f"{air['medium']}: packets take no time",
+        ],
         ["packets given to the radio", count(air["packets"])],
         ["their payload", rate_text(air["offered_bps"])],
         [f"what {carrier} of such packets", NOTHING if capacity is None else rate_text(capacity)],

@@ -37,7 +37,7 @@ def draw_all(content: dict[str, Any], tell: Callable[[str], object] = lambda _st
             lambda: draw_matrix(content, "age_mean_s", "mean age of information, s", share=False),
         ),
         ("air_use", bool(air), lambda: draw_air_use(air[0])),
-        ("air_delay", any(_came(each) for each in air), lambda: draw_air_delay(air[0])),
+        ("air_delay", bool(air) and _came(air[0]), lambda: draw_air_delay(air[0])),
         ("ages", has_packets and bool(content["ages"]["sim_time_s"]), lambda: draw_ages(content)),
     ]
     found = {}

@@ -48,6 +48,7 @@ def rows(*given: dict[str, Any]) -> DeliveryRows:
         "length_bytes": 100,
         "seq": 0,
         "attempts": 1,
+        "radio": "main",
     }
     found = []
     for row in given:

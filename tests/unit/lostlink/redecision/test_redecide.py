@@ -284,3 +284,15 @@ def test_radios_that_were_off_stay_off_whatever_the_radio(radio: str | None, tmp
     assert result.comparison.is_same is (radio is None)
     if radio is None:
         assert is_byte_for_byte(result, tmp_path)
+
+
+def test_packets_stamped_beyond_the_last_tick_end_with_the_run(tmp_path: Path) -> None:
+    """Node 0 stamps three ticks ahead: three packets are due when the run is over, at each of three receivers."""
+
+    def send(number: int) -> list[Sent]:
+        return [Sent("0", sim_time_ns=(number + 3) * TICK_NS), Sent("1")]
+
+    radio = "{preset: corrected, medium: {model: airtime}}"
+    result = redecide(flown(tmp_path / "run", scenario_of(radio, NODES), 20, send))
+    assert is_byte_for_byte(result, tmp_path)
+    assert counts_of(result.after)[0, :, FATES.index("run_ended")].tolist() == [0, 3, 3, 3]

@@ -53,6 +53,7 @@ class Sent:
     encoding: str = ""
     lost: int = 0
     """So many of the sender's packets before it never came."""
+    radio: str = "main"
 
 
 def scenario_of(
@@ -128,11 +129,14 @@ class Router:
         self.run = RunDirectory(path)
         self.run.write(scenario, "tcp/127.0.0.1:1")
         nodes = scenario.transceiver_ids
-        channel = channel_of(scenario, switches_of(scenario))
-        self.judge = channel.judge
-        self.core = VirtualRadio(
-            [NetworkAir(channel.medium, channel.network)], Ring(nodes, tick_period_ns=TICK_NS)
-        )
+        self.channels = [
+            channel_of(scenario, switches_of(scenario, network=name), name) for name in scenario.network_names
+        ]
+        airs = [
+            NetworkAir(each.medium, each.network, name=each.name, nodes=nodes, place=place)
+            for place, each in enumerate(self.channels)
+        ]
+        self.core = VirtualRadio(airs, Ring(nodes, tick_period_ns=TICK_NS))
         self.nodes = nodes
         self.truth = TruthWriter(path, scenario.stations)
         self.rows = DeliveryWriter(path, nodes, self.core.words)
@@ -175,7 +179,7 @@ class Router:
             self.seq[packet.node], sim_time_ns if packet.sim_time_ns is None else packet.sim_time_ns
         )
         self.seq[packet.node] += 1
-        address = Address(packet.node, "main", packet.to, "team")
+        address = Address(packet.node, packet.radio, packet.to, "team")
         assert self.core.on_packet(address, bytes(packet.length), packet.encoding, stamp)
 
     def _write(self, settled: Settled) -> None:
@@ -200,9 +204,11 @@ class Router:
         for stream in (*self.streams.values(), *self.logged.values()):
             stream.close()
         if not killed:
-            write_ledger(
-                self.run.path / LEDGER, [Books(self.core.ledger, self.judge.verdict())], self.core.refused
-            )
+            books = [
+                Books(air.ledger, channel.judge.verdict(), radio=channel.name)
+                for air, channel in zip(self.core.airs, self.channels, strict=True)
+            ]
+            write_ledger(self.run.path / LEDGER, books, self.core.refused)
             finish_tables(self.run.path)
             pack_streams(self.run.path)
             (self.run.path / SUMMARY_FILE).write_text(json.dumps({"ending": "duration"}))

@@ -11,11 +11,13 @@ from typing import Any
 import pytest
 
 from bridge.record.events import Report
+from bridge.run.directory import RunDirectory
+from lostlink.flight.summary import Timing, summarise
 from lostlink.reading.run import load_run
 from lostlink.report.content import content_of
 from lostlink.report.page.page import LINKS_MAX, page_of
 from lostlink.report.pictures.all import draw_all
-from tests.unit.lostlink.replay.flown import flown, scenario_of
+from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
 
 PICTURES = {"map", "heights", "delivery", "powers", "matrix", "losses", "air_use", "age_matrix", "ages"}
 VOID = {"meta", "br", "link", "img", "hr", "input"}
@@ -184,3 +186,35 @@ def test_a_killed_run_has_the_numbers_of_a_whole_one(tmp_path: Path):
     ):
         assert killed[key] == whole[key], key
     assert (killed["run"]["ending"], whole["run"]["ending"]) == ("killed", "duration")
+
+
+def test_each_network_has_its_own_account_of_the_air(tmp_path: Path) -> None:
+    """20 times a second node 0 gives 40 bytes to `main`; 0 and 1 give 500 each to `mesh`, where gcs is not."""
+    scenario = scenario_of(
+        "{preset: corrected, medium: {model: ideal}}",
+        ("0", "1", "gcs"),
+        extra="networks: {mesh: {preset: telemetry-915, medium: {model: airtime}}}\n",
+    )
+    nodes = tuple(
+        n.model_copy(update={"networks": ("main",)}) if n.node == "gcs" else n for n in scenario.nodes
+    )
+    big = [Sent(node, length=500, radio="mesh") for node in ("0", "1")]
+    run = flown(
+        tmp_path / "run", scenario.model_copy(update={"nodes": nodes}), 20, lambda _: [Sent("0"), *big]
+    )
+    content = content_of(load_run(run))
+    main, mesh = content["air"]
+    assert (main["radio"], main["medium"], main["packets"]) == ("main", "ideal", 20)
+    assert (mesh["radio"], mesh["medium"], mesh["packets"]) == ("mesh", "airtime", 2 * 20)
+    assert main["offered_bps"] == pytest.approx(20 * 40 * 8)
+    assert mesh["offered_bps"] == pytest.approx(2 * 20 * 500 * 8)
+    assert main["share"] < 0.01
+    assert main["warning"] == ""
+    assert mesh["share"] >= 160 / 64
+    assert mesh["warning"].startswith("mesh: the nodes offered 160 kbit/s to the medium airtime")
+    page = page_of(content, draw_all(content))
+    assert "medium of main" in page
+    assert "medium of mesh" in page
+    summary = summarise(RunDirectory(run).scenario, RunDirectory(run), Timing(0.95, 1.0), "duration")
+    assert [(each["radio"], each["packets"]) for each in summary["air"]] == [("main", 20), ("mesh", 40)]
+    assert "; medium ideal; mesh: medium airtime, offered 2." in summary["verdict"]

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.reader import read_columns
 from bridge.scenario.mcap import McapSettings
 from lostlink.export.mcap.export import write_mcap
 from lostlink.replay.player import Player
 from tests.unit.lostlink.export.mcap.files import read_mcap
-from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
+from tests.unit.lostlink.replay.flown import TICK_NS, Sent, flown, scenario_of
 
 NODES = ("0", "1", "gcs")
 
@@ -37,3 +40,23 @@ def test_links_and_who_was_heard_are_those_of_the_run(tmp_path: Path, killed: bo
         moments += 1
     assert moments == 40
     assert sum(len(fates.seq) for fates in read.messages["/fates"]) == 40 * 5 + 8 * 2
+
+
+def test_on_a_medium_that_takes_time_links_are_those_of_the_run_in_every_window(tmp_path: Path) -> None:
+    """Slots of half a second: packets that wait for one arrive behind others stamped later, also across 5 s windows."""
+    radio = "{preset: perfect, bit_rate_bps: 1000000, medium: {model: tdma, slot_s: 0.5, guard_s: 0.01}}"
+    run = flown(tmp_path / "run", scenario_of(radio, NODES), 250)
+    write_mcap(run, tmp_path / "run.mcap", McapSettings(rates_hz={"links": 1000.0}))
+    read = read_mcap(tmp_path / "run.mcap")  # whose reader asserts that times rise
+    assert read.times_ns["/links"] == sorted(set(read.times_ns["/links"]))
+    rows = read_columns(run, DELIVERIES, ("sim_time_ns", "seq", "received_ns"))
+    assert (np.diff(rows["sim_time_ns"]) < 0).any()
+    assert len(rows["seq"]) == 250 * 3 * 2
+    found = [
+        (tick_ns + TICK_NS, seq)
+        for tick_ns, fates in zip(read.times_ns["/fates"], read.messages["/fates"], strict=True)
+        for seq in fates.seq
+    ]
+    assert sorted(found) == sorted(zip(rows["received_ns"].tolist(), rows["seq"].tolist(), strict=True))
+    sent = [sum(links.sent) for links in read.messages["/links"]]
+    assert sent == np.cumsum(np.unique(rows["received_ns"], return_counts=True)[1]).tolist()
