@@ -67,7 +67,7 @@ class AccessMedium(ABC):
         if packet.length_bytes > self._max_length_bytes:
             self._lost(packet, Loss.TOO_LONG)
             return
-        for lost, loss in self._outboxes[packet.node].put(packet):
+        for lost, loss in self._outboxes[packet.node].put(packet, self.agenda.now_ns):
             self._lost(lost, loss)
         self._wake(packet.node)
 
