@@ -48,11 +48,14 @@ class TransmitQueue:
         """Of all that wait."""
         return self._bytes
 
-    def put(self, packet: AirPacket, now_ns: int) -> list[tuple[AirPacket, Loss]]:
-        """Take a packet; returns what is lost: those that have expired, an older one of its key, or itself."""
+    def put(self, packet: AirPacket, now_ns: int, beside_bytes: int = 0) -> list[tuple[AirPacket, Loss]]:
+        """Take a packet; returns what is lost: those that have expired, an older one of its key, or itself.
+
+        Bytes that wait beside the queue, of a packet that was taken and is not sent in full, count for its limit.
+        """
         lost = [(one, Loss.EXPIRED) for one in self._drop_expired(now_ns)]
         old = self._with_key(packet.key)
-        if not self._has_room(packet, old):
+        if not self._has_room(packet, old, beside_bytes):
             return [*lost, (packet, Loss.QUEUE_FULL)]
         if old is None:
             self._classes.setdefault(packet.priority, deque()).append(packet)
@@ -93,10 +96,10 @@ class TransmitQueue:
         self._none_expires_ns = min(left, default=NEVER)
         return expired
 
-    def _has_room(self, packet: AirPacket, old: AirPacket | None) -> bool:
+    def _has_room(self, packet: AirPacket, old: AirPacket | None, beside_bytes: int) -> bool:
         """Whether it fits, with the one whose place it takes gone."""
         limits = self._limits
-        packets, length_bytes = self._packets, self._bytes + packet.length_bytes
+        packets, length_bytes = self._packets, self._bytes + beside_bytes + packet.length_bytes
         if old is not None:
             packets, length_bytes = packets - 1, length_bytes - old.length_bytes
         return (not limits.packets or packets < limits.packets) and (

@@ -217,6 +217,17 @@ def test_it_holds_1850_bytes_of_its_host() -> None:
     assert Counter(one.loss for one in found) == {None: 37, Loss.QUEUE_FULL: 3}
 
 
+def test_a_newer_packet_replaces_the_older_one_in_a_full_buffer() -> None:
+    """Of 1000 B 250 are on the air; 750 + 900 + 150 of 1850 wait: 150 in place of the 150 fit, 250 do not."""
+    medium = Sik(PlainWorld((0, 1)), SikSettings(phases=BEFORE_OWN))
+    medium.offer(AirPacket(0, 0, 1, 1000, 0))
+    medium.offer(AirPacket(0, 1, 1, 900, 10 * MS))
+    for number, length_bytes in ((2, 150), (3, 150), (4, 250)):
+        medium.offer(AirPacket(0, number, 1, length_bytes, 10 * MS, key="state"))
+    found = {one.packet.number: one.loss for one in fates(medium.run(5 * S))}
+    assert found == {0: None, 1: None, 2: Loss.REPLACED, 3: None, 4: Loss.QUEUE_FULL}
+
+
 def test_it_talks_to_its_peer_alone() -> None:
     """What is for all goes to the peer; what is for another node is lost, and a node alone talks to nobody."""
     medium = Sik(PlainWorld(range(5)), SikSettings(pairs=((0, 3), (1, 2))))
