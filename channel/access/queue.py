@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from math import inf
+from typing import Final
 
 from channel.access.packets import AirPacket, Loss
+
+NEVER: Final = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,8 @@ class TransmitQueue:
         self._classes: dict[int, deque[AirPacket]] = {}
         self._packets = 0
         self._bytes = 0
+        self._none_expires_ns = NEVER
+        """Until this instant no packet that waits expires."""
 
     def __len__(self) -> int:
         return self._packets
@@ -42,11 +48,15 @@ class TransmitQueue:
         """Of all that wait."""
         return self._bytes
 
-    def put(self, packet: AirPacket) -> list[tuple[AirPacket, Loss]]:
-        """Take a packet; returns what is lost by that: an older one of its key, or itself."""
+    def put(self, packet: AirPacket, now_ns: int, beside_bytes: int = 0) -> list[tuple[AirPacket, Loss]]:
+        """Take a packet; returns what is lost: those that have expired, an older one of its key, or itself.
+
+        Bytes that wait beside the queue, of a packet that was taken and is not sent in full, count for its limit.
+        """
+        lost = [(one, Loss.EXPIRED) for one in self._drop_expired(now_ns)]
         old = self._with_key(packet.key)
-        if not self._has_room(packet, old):
-            return [(packet, Loss.QUEUE_FULL)]
+        if not self._has_room(packet, old, beside_bytes):
+            return [*lost, (packet, Loss.QUEUE_FULL)]
         if old is None:
             self._classes.setdefault(packet.priority, deque()).append(packet)
         elif old.priority == packet.priority:
@@ -59,30 +69,37 @@ class TransmitQueue:
             self._classes.setdefault(packet.priority, deque()).append(packet)
         self._packets += 1
         self._bytes += packet.length_bytes
-        return [] if old is None else [(old, Loss.REPLACED)]
+        self._none_expires_ns = min(self._none_expires_ns, _expires_ns(packet))
+        return lost if old is None else [*lost, (old, Loss.REPLACED)]
 
     def take(self, now_ns: int) -> tuple[AirPacket | None, list[AirPacket]]:
-        """The packet that leaves next, and those that expired before it."""
+        """The packet that leaves next, and those that have expired."""
         packet, expired = self.look(now_ns)
         if packet is not None:
             self._remove(packet)
         return packet, expired
 
     def look(self, now_ns: int) -> tuple[AirPacket | None, list[AirPacket]]:
-        """The packet that would leave next, and those that expired before it, which wait no longer."""
-        expired: list[AirPacket] = []
-        while self._packets:
-            packet = self._classes[max(self._classes)][0]
-            if packet.lifetime_ns is None or now_ns - packet.at_ns <= packet.lifetime_ns:
-                return packet, expired
-            self._remove(packet)
-            expired.append(packet)
-        return None, expired
+        """The packet that would leave next, and those that have expired, which wait no longer."""
+        expired = self._drop_expired(now_ns)
+        return (self._classes[max(self._classes)][0] if self._packets else None), expired
 
-    def _has_room(self, packet: AirPacket, old: AirPacket | None) -> bool:
+    def _drop_expired(self, now_ns: int) -> list[AirPacket]:
+        """Remove the packets of all priorities that waited longer than their life times."""
+        if now_ns <= self._none_expires_ns:
+            return []
+        waiting = [packet for packets in self._classes.values() for packet in packets]
+        expired = [packet for packet in waiting if _expires_ns(packet) < now_ns]
+        for packet in expired:
+            self._remove(packet)
+        left = (_expires_ns(packet) for packets in self._classes.values() for packet in packets)
+        self._none_expires_ns = min(left, default=NEVER)
+        return expired
+
+    def _has_room(self, packet: AirPacket, old: AirPacket | None, beside_bytes: int) -> bool:
         """Whether it fits, with the one whose place it takes gone."""
         limits = self._limits
-        packets, length_bytes = self._packets, self._bytes + packet.length_bytes
+        packets, length_bytes = self._packets, self._bytes + beside_bytes + packet.length_bytes
         if old is not None:
             packets, length_bytes = packets - 1, length_bytes - old.length_bytes
         return (not limits.packets or packets < limits.packets) and (
@@ -105,3 +122,8 @@ class TransmitQueue:
             del self._classes[packet.priority]
         self._packets -= 1
         self._bytes -= packet.length_bytes
+
+
+def _expires_ns(packet: AirPacket) -> float:
+    """The last instant at which it may leave."""
+    return NEVER if packet.lifetime_ns is None else packet.at_ns + packet.lifetime_ns

@@ -172,14 +172,14 @@ class Elrs(AccessMedium):
             if receiver != way.peer:
                 self._book(packet, receiver, None, 0, Loss.NO_PEER)
         pair = self._pairs[packet.node]
-        rest_bytes = 0 if way.rest is None else way.rest.left_bytes
-        waiting_bytes = self.queued(packet.node)[1] + rest_bytes
         if way is pair.down and not pair.up.is_heard:
             self._lost(packet, Loss.OUTAGE)
-        elif packet.length_bytes <= self._max_length_bytes < waiting_bytes + packet.length_bytes:
-            self._lost(packet, Loss.QUEUE_FULL)
         else:
             super()._enter(packet)
+
+    def _beside_bytes(self, node: int) -> int:
+        rest = self._ways[node].rest
+        return 0 if rest is None else rest.left_bytes
 
     def _lost(self, packet: AirPacket, loss: Loss) -> None:
         """Lost before it was on the air, for the peer; of others that is said as it enters."""

@@ -63,11 +63,17 @@ class AccessMedium(ABC):
     def _wake(self, node: int) -> None:
         """Something is in a queue that may have been empty."""
 
+    def _beside_bytes(self, node: int) -> int:
+        """What is left of a packet that a node has begun to send: it waits beside the queue."""
+        del node
+        return 0
+
     def _enter(self, packet: AirPacket) -> None:
         if packet.length_bytes > self._max_length_bytes:
             self._lost(packet, Loss.TOO_LONG)
             return
-        for lost, loss in self._outboxes[packet.node].put(packet):
+        outbox, beside_bytes = self._outboxes[packet.node], self._beside_bytes(packet.node)
+        for lost, loss in outbox.put(packet, self.agenda.now_ns, beside_bytes):
             self._lost(lost, loss)
         self._wake(packet.node)
 

@@ -108,7 +108,7 @@ class Sik(AccessMedium):
         hearing: Hearing | None = None,
     ) -> None:
         super().__init__(world, limits, limits.length_bytes or 1 << 31)
-        self._limits, self._draws = limits, Draws(seed)
+        self._draws = Draws(seed)
         self.settings = settings or SikSettings()
         self.timing = self.settings.timing()
         self.air = Air(self.agenda, world, hearing or Hearing(), self._passed)
@@ -201,12 +201,10 @@ class Sik(AccessMedium):
         if packet.to is not None and packet.to != peer:
             self._lost(packet, Loss.NO_PEER)
         elif peer is not None:
-            most, waiting = self._limits.length_bytes, self._radios[packet.node].stream.begun_bytes
-            _, queued = self.queued(packet.node)
-            if most and waiting and waiting + queued + packet.length_bytes > most >= packet.length_bytes:
-                self._lost(packet, Loss.QUEUE_FULL)
-            else:
-                super()._enter(packet)
+            super()._enter(packet)
+
+    def _beside_bytes(self, node: int) -> int:
+        return self._radios[node].stream.begun_bytes
 
     def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:
         """A frame has passed a node."""

@@ -219,7 +219,7 @@ class SikRadio:
         tdm, timing, settings = self._tdm, self._timing, self._settings
         fits = timing.fits_bytes(tdm.remaining, uint8_fault=settings.uint8_fault)
         room_bytes = timing.room_bytes(fits)
-        parts = self.stream.cut(room_bytes)
+        parts = self.stream.cut(room_bytes, self._tick)
         data_bytes = sum(part.length_bytes for part in parts)
         is_statistics = (
             not parts and self._sends_statistics and tdm.state is OWN and room_bytes >= STATISTICS_BYTES

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from channel.access.packets import AirPacket
+
+SERIAL_BYTE_TICKS: Final = 10
+"""What the firmware takes a byte of the host for, at SERIAL_SPEED 57: 65536 // (57 * 125) + 1."""
 
 
 class Passage:
@@ -37,12 +40,15 @@ class Cut(NamedTuple):
 class ByteStream:
     """The host's bytes in their order.
 
+    A packet that is to stay whole and finds no room is held back, as by `packet_get_next` in the firmware, for as long
+    as its bytes would take on the serial line; after that it is cut.
+
     Args:
         look, take: the packet that is next, left where it is or taken out of its queue.
         framed_bytes: packets up to this length are kept whole (MAVLINK = 1); 0: none.
     """
 
-    __slots__ = ("_begun", "_framed_bytes", "_look", "_take")
+    __slots__ = ("_begun", "_framed_bytes", "_held", "_held_since", "_look", "_take")
 
     def __init__(
         self,
@@ -52,17 +58,19 @@ class ByteStream:
     ) -> None:
         self._look, self._take, self._framed_bytes = look, take, framed_bytes
         self._begun: Passage | None = None
+        self._held: AirPacket | None = None
+        self._held_since = 0
 
     @property
     def begun_bytes(self) -> int:
         """What is left of a packet of which a part was sent."""
         return 0 if self._begun is None else self._begun.unsent_bytes
 
-    def cut(self, room_bytes: int) -> list[Cut]:
-        """What goes into a frame with so much room; nothing: there is nothing, or the next packet has to stay whole."""
+    def cut(self, room_bytes: int, tick: int) -> list[Cut]:
+        """What goes into a frame with so much room; nothing: there is nothing, or the next packet is held back."""
         parts: list[Cut] = []
         while room_bytes > 0:
-            passage = self._passage(room_bytes, is_first=not parts)
+            passage = self._passage(room_bytes, tick, is_first=not parts)
             if passage is None:
                 break
             length_bytes = min(passage.unsent_bytes, room_bytes)
@@ -73,17 +81,27 @@ class ByteStream:
             self._begun = passage if passage.unsent_bytes else None
         return parts
 
-    def _passage(self, room_bytes: int, *, is_first: bool) -> Passage | None:
+    def _passage(self, room_bytes: int, tick: int, *, is_first: bool) -> Passage | None:
         """The packet that is cut next."""
         if self._begun is not None:
             return self._begun
         packet = self._look()
         if packet is None:
+            self._held = None
             return None
-        if self._framed_bytes and packet.length_bytes > room_bytes:
-            is_kept_whole = packet.length_bytes <= self._framed_bytes
-            if is_kept_whole or not is_first:
-                return None
+        has_no_room = self._framed_bytes > 0 and packet.length_bytes > room_bytes
+        if has_no_room and not (is_first and self._may_be_cut(packet, tick)):
+            return None
+        if has_no_room or packet is self._held:
+            self._held = None
         taken = self._take()
         assert taken is packet
         return Passage(packet)
+
+    def _may_be_cut(self, packet: AirPacket, tick: int) -> bool:
+        """Whether it is too long to stay whole, or it, or one whose place it took, has been held back long enough."""
+        if packet.length_bytes > self._framed_bytes:
+            return True
+        if self._held is None:
+            self._held, self._held_since = packet, tick
+        return tick - self._held_since > packet.length_bytes * SERIAL_BYTE_TICKS

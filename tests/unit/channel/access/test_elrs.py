@@ -175,6 +175,17 @@ def test_a_buffer_is_bounded() -> None:
     assert len([one for one in outcomes if isinstance(one, Reply)]) == 21
 
 
+def test_a_newer_packet_replaces_the_older_one_in_a_full_buffer() -> None:
+    """38 bytes of the first wait beside 800 and 100 of 1024: 100 in place of the 100 fit, 200 do not."""
+    medium = Elrs(PlainWorld((0, 1)))
+    for number in range(9):
+        medium.offer(AirPacket(1, number, 0, 100, MS))
+    for number, length_bytes in ((9, 100), (10, 100), (11, 200)):
+        medium.offer(AirPacket(1, number, 0, length_bytes, MS, key="state"))
+    found = {fate.packet.number: fate.loss for fate in fates(medium.run(20 * S))}
+    assert found == dict.fromkeys(range(11)) | {9: Loss.REPLACED, 11: Loss.QUEUE_FULL}
+
+
 def traffic(count: int, seed: int, nodes: Sequence[int] = (0, 1)) -> list[AirPacket]:
     """Unicasts and broadcasts of several lengths, at instants that are often a slot's."""
     rng = np.random.default_rng(seed)

@@ -211,16 +211,39 @@ def test_what_is_too_old_or_was_replaced_does_not_leave_the_queue() -> None:
     medium.offer(AirPacket(0, 2, 1, 100, 2 * MS, lifetime_ns=20 * MS))
     medium.offer(AirPacket(0, 3, 1, 100, 3 * MS, key="state"))
     fates = [(one.packet.number, one.loss) for one in medium.run(S) if isinstance(one, AirFate)]
-    assert fates == [(1, Loss.REPLACED), (0, None), (3, None), (2, Loss.EXPIRED)]
+    assert fates == [(1, Loss.REPLACED), (0, None), (2, Loss.EXPIRED), (3, None)]
 
 
 def test_a_queue_is_bounded_in_bytes() -> None:
     """What does not fit is lost, what is shorter still fits."""
     outbox = TransmitQueue(QueueLimits(0, 250))
     assert [
-        loss for length in (100, 100, 100, 50) for _, loss in outbox.put(AirPacket(0, length, 1, length, 0))
+        loss
+        for length in (100, 100, 100, 50)
+        for _, loss in outbox.put(AirPacket(0, length, 1, length, 0), 0)
     ] == [Loss.QUEUE_FULL]
     assert (len(outbox), outbox.length_bytes) == (3, 250)
+
+
+def test_expired_packets_give_their_places_to_new_ones() -> None:
+    """Five places, 10 packets a second with a life time of 0.2 s, a slot each 10 s: the two newest wait for it."""
+    timing, schedule = BitRate(800_000.0), Schedule((0, 1), 5 * S)
+    medium = Tdma(PlainWorld((0, 1)), timing, schedule, QueueLimits(5))
+    for number in range(1, 100):
+        medium.offer(AirPacket(0, number, 1, 100, number * 100 * MS, lifetime_ns=200 * MS))
+    fates = {one.packet.number: one for one in medium.run(11 * S) if isinstance(one, AirFate)}
+    assert [fates[number].loss for number in range(1, 100)] == [Loss.EXPIRED] * 97 + [None] * 2
+    assert {fates[number].at_ns - number * 100 * MS for number in range(1, 97)} == {300 * MS}
+
+
+def test_an_expired_packet_gives_its_place_to_one_of_any_priority() -> None:
+    """It is behind a more important one that stays; at the end of its life time it may still leave."""
+    outbox = TransmitQueue(QueueLimits(2))
+    old, fresh = AirPacket(0, 1, 1, 10, 0, lifetime_ns=MS), AirPacket(0, 2, 1, 10, MS, priority=9)
+    assert outbox.put(AirPacket(0, 0, 1, 10, 0, priority=5), 0) == outbox.put(old, 0) == []
+    assert outbox.put(fresh, MS) == [(fresh, Loss.QUEUE_FULL)]
+    assert outbox.put(fresh, MS + 1) == [(old, Loss.EXPIRED)]
+    assert (len(outbox), outbox.length_bytes) == (2, 20)
 
 
 def test_a_packet_longer_than_a_frame_or_a_slot_is_too_long() -> None:
@@ -305,7 +328,7 @@ def test_a_packet_that_does_not_fit_into_its_slot_waits_in_the_queue() -> None:
     assert medium.run(9 * MS) != []
     assert medium.queued(0) == (2, 1600)
     fates = [(one.packet.number, one.loss) for one in medium.run(S) if isinstance(one, AirFate)]
-    assert fates == [(3, None), (1, Loss.EXPIRED), (2, None)]
+    assert fates == [(1, Loss.EXPIRED), (3, None), (2, None)]
 
 
 def test_a_packet_that_finds_the_medium_idle_waits_difs() -> None:

@@ -185,16 +185,36 @@ def test_packets_stay_whole_with_framing(framing: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("air_kbps", "length_bytes", "fault", "comes"),
-    [(16, 230, True, True), (32, 202, True, True), (32, 203, True, False), (32, 237, False, True)],
+    ("air_kbps", "length_bytes", "fault", "frames"),
+    [(16, 234, True, 1), (16, 236, True, 2), (32, 202, True, 1), (32, 203, True, 2), (32, 237, False, 1)],
 )
 def test_a_whole_packet_needs_a_window_with_room(
-    air_kbps: int, length_bytes: int, fault: bool, comes: bool
+    air_kbps: int, length_bytes: int, fault: bool, frames: int
 ) -> None:
-    """At 32: (8122 - 285) / 17 ticks = 461 B, modulo 256 less 3: 202. What no window holds is cut (16 kb/s)."""
+    """At 32: (8122 - 285) / 17 ticks = 461 B, modulo 256 less 3: 202; at 16: (8122 - 525) / 32 less 3: 234."""
     medium = Sik(PlainWorld((0, 1)), SikSettings(air_kbps, uint8_fault=fault, phases=BEFORE_OWN))
     medium.offer(AirPacket(0, 0, 1, length_bytes, 0))
-    assert [one.loss for one in fates(medium.run(60 * S))] == ([None] if comes else [])
+    assert [(one.loss, one.attempts) for one in fates(medium.run(60 * S))] == [(None, frames)]
+
+
+@pytest.mark.parametrize("air_kbps", [24, 32, 48])
+def test_a_packet_that_finds_no_room_is_cut_in_the_next_window(air_kbps: int) -> None:
+    """Windows open with room for 93, 202 and 206 of 225 B: none waits for more than two rounds of 275 ms and itself."""
+    medium = Sik(PlainWorld((0, 1)), SikSettings(air_kbps))
+    for number in range(60):
+        medium.offer(AirPacket(0, number, 1, 225, number * S))
+    found = fates(medium.run(61 * S))
+    assert [(one.packet.number, one.loss) for one in found] == [(number, None) for number in range(60)]
+    assert max(one.at_ns - one.packet.at_ns for one in found) < (2 * 275 + 225 * 8 / air_kbps + 20) * MS
+    assert {one.attempts for one in found} <= {1, 2}
+
+
+def test_a_packet_that_takes_the_place_of_one_that_was_held_back_is_cut_as_that() -> None:
+    """The host has a new state each 0.1 s, more often than a window opens (0.275 s): they come all the same."""
+    medium = Sik(PlainWorld((0, 1)), SikSettings(24))
+    for number in range(300):
+        medium.offer(AirPacket(0, number, 1, 225, number * 100 * MS, key="state"))
+    assert Counter(one.loss for one in fates(medium.run(31 * S)))[None] > 40
 
 
 def test_a_long_packet_is_lost_with_any_of_its_frames() -> None:
@@ -216,6 +236,17 @@ def test_it_holds_1850_bytes_of_its_host() -> None:
     busy(medium, [0], 50, 40)
     found = fates(medium.run(5 * S))
     assert Counter(one.loss for one in found) == {None: 37, Loss.QUEUE_FULL: 3}
+
+
+def test_a_newer_packet_replaces_the_older_one_in_a_full_buffer() -> None:
+    """Of 1000 B 250 are on the air; 750 + 900 + 150 of 1850 wait: 150 in place of the 150 fit, 250 do not."""
+    medium = Sik(PlainWorld((0, 1)), SikSettings(phases=BEFORE_OWN))
+    medium.offer(AirPacket(0, 0, 1, 1000, 0))
+    medium.offer(AirPacket(0, 1, 1, 900, 10 * MS))
+    for number, length_bytes in ((2, 150), (3, 150), (4, 250)):
+        medium.offer(AirPacket(0, number, 1, length_bytes, 10 * MS, key="state"))
+    found = {one.packet.number: one.loss for one in fates(medium.run(5 * S))}
+    assert found == {0: None, 1: None, 2: Loss.REPLACED, 3: None, 4: Loss.QUEUE_FULL}
 
 
 def test_it_talks_to_its_peer_alone() -> None:
