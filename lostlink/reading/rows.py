@@ -22,6 +22,7 @@ from bridge.record.tables.deliveries import (
     read_deliveries,
 )
 from bridge.record.tables.schema import Columns
+from channel.medium.reception import Fate
 
 if TYPE_CHECKING:
     from bridge.radio.picture import Picture
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 LINK = ("tx", "rx", "packets", "fate")
 """Columns that are there in any case."""
+WRITTEN_BY = ("received_ns", "arrived_ns")
+"""Columns by which a run puts its rows in order."""
+RUN_ENDED = FATES.index(Fate.RUN_ENDED.value)
 
 
 @dataclass(frozen=True)
@@ -71,17 +75,34 @@ class DeliveryRows:
         """The rows in the order of their keys."""
         return self.at(np.argsort(self.keys(), kind="stable"))
 
-    def in_order_of(self, record: DeliveryRows) -> DeliveryRows:
-        """The rows in the order of a record: the one of a run with the same rows, or that of a radio."""
+    def in_order_of(self, record: DeliveryRows, network: NDArray[np.intp]) -> DeliveryRows:
+        """The rows in the order of a record with the same ones, at the same instants; else as a run writes them.
+
+        Args:
+            record: with the columns of these.
+            network: place of each row's radio network among those of the run.
+        """
         keys, known = self.keys(), record.keys()
         mine, theirs = np.argsort(keys, kind="stable"), np.argsort(known, kind="stable")
+        order = np.empty_like(mine)
         if np.array_equal(keys[mine], known[theirs]):
-            order = np.empty_like(mine)
             order[theirs] = mine
-        else:
-            c = self.columns
-            order = np.lexsort((c["rx"], c["seq"], c["tx"], c["sim_time_ns"], self.is_gap, c["received_ns"]))
-        return self.at(order)
+            found = self.at(order)
+            if all(np.array_equal(found.columns[name], record.columns[name]) for name in WRITTEN_BY):
+                return found
+        return self._as_written(network)
+
+    def _as_written(self, network: NDArray[np.intp]) -> DeliveryRows:
+        """Tick by tick of reception, what was lost before the channel last; of an instant, network by network.
+
+        What the end of the run cut off comes after the last tick.
+        """
+        c, is_gap = self.columns, self.is_gap
+        at_ns = np.where(is_gap, c["sim_time_ns"], c["arrived_ns"])
+        of_network = np.where(is_gap, 0, network)
+        is_cut = c["fate"] == RUN_ENDED
+        keys = c["rx"], c["seq"], c["tx"], of_network, at_ns, is_gap, is_cut, c["received_ns"]
+        return self.at(np.lexsort(keys))
 
     def keys(self) -> NDArray[np.int64]:
         """A number of each row: that of its packet and its receiver."""

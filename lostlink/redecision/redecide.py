@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bridge.bus.keys import MAIN
 from bridge.radio.ledger_file import Books
@@ -148,14 +149,17 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
         raise ValueError(f"{run}: it has packets of radio {unknown[0]}, of which the scenario has no network")
     tell = _Progress(on_progress, packets.size)
     parts, books = [], []
+    of_network: list[NDArray[np.intp]] = []
     for name in scenario.network_names:
         mine = _once(packets.at(np.flatnonzero(radios == name)))
         lost = missed if name == MAIN else {column: values[:0] for column, values in missed.items()}
         what = Transmissions(nodes, mine, handling, lost, positions, period_ns, facts)
         anew = NetworkAnew(channel_of(scenario, switches_of(scenario, run, name), name), what)
-        parts += anew.decide(tell.done)
+        rows = joined(anew.decide(tell.done))
+        parts.append(rows)
+        of_network.append(np.full(len(rows["tx"]), len(of_network), dtype=np.intp))
         books.append(anew.books)
-    after = DeliveryRows(nodes, joined(parts)).in_order_of(before)
+    after = DeliveryRows(nodes, joined(parts)).in_order_of(before, np.concatenate(of_network))
     return Redecision(run, scenario, before, after, facts, tuple(books))
 
 

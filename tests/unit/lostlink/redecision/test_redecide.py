@@ -159,12 +159,16 @@ def test_packets_of_a_free_program_may_come_early_or_late(tmp_path: Path) -> Non
     assert is_byte_for_byte(redecide(run), tmp_path)
 
 
+TDMA = "{preset: corrected, mtu_bytes: 280, medium: {model: tdma, slot_s: 0.06, guard_s: 0.001}}"
+"""Packets of one tick arrive in several, later ones of other nodes before them."""
 OTHERS = [
     without_time("wifi-2.4"),
     "disk",
     "lte-like",
     "{preset: corrected, mtu_bytes: 100}",
     without_time("telemetry-915"),
+    TDMA,
+    "{preset: corrected, mtu_bytes: 100, medium: {model: airtime}}",
 ]
 
 
@@ -183,6 +187,22 @@ def test_another_radio_is_as_a_run_with_it(
     assert mine.read_bytes() == theirs.read_bytes()
     assert fresh.is_dir()
     assert not result.comparison.is_same
+
+
+@pytest.mark.parametrize("mtu_bytes", [250, 280], ids=["other rows", "the same rows"])
+def test_another_radio_beside_a_second_network_is_as_a_run_with_it(mtu_bytes: int, tmp_path: Path) -> None:
+    def send(number: int) -> list[Sent]:
+        return [*some(number), Sent("gcs", radio="mesh"), Sent("0", radio="mesh"), Sent("0")]
+
+    mesh = "networks: {mesh: {preset: perfect}}\n"
+    run = flown(
+        tmp_path / "run", scenario_of(f"{{preset: disk, mtu_bytes: {mtu_bytes}}}", NODES, 2, mesh), 40, send
+    )
+    flown(tmp_path / "fresh", scenario_of(TDMA, NODES, 2, mesh), 40, send)
+    result = redecide(run, radio=scenario_of(TDMA, NODES).radio)
+    write_deliveries(result, tmp_path / "anew")
+    mine, theirs = (DELIVERIES.parquet_path(tmp_path / name) for name in ("anew", "fresh"))
+    assert mine.read_bytes() == theirs.read_bytes()
 
 
 def test_a_killed_run_is_decided_as_far_as_it_goes(tmp_path: Path) -> None:
