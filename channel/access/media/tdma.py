@@ -47,7 +47,7 @@ class Tdma(PlainMedium):
     Args:
         world: nodes, powers, delays.
         timing: of frames; a packet whose frame is longer than a slot without its guard is too long.
-        schedule: of slots.
+        schedule: of slots; a node without one only listens: no slot has room for its packets.
         limits: of queues.
         hearing: how receivers hear.
 
@@ -81,13 +81,14 @@ class Tdma(PlainMedium):
         """Nodes whose next slot is planned, or that are in one with something to send."""
 
     def _enter(self, packet: AirPacket) -> None:
-        if self._timing.duration_ns(min(packet.length_bytes, self._max_length_bytes)) > self._room_ns:
+        duration_ns = self._timing.duration_ns(min(packet.length_bytes, self._max_length_bytes))
+        if duration_ns > self._room_ns or not self._slots[packet.node]:
             self._lost(packet, Loss.TOO_LONG)
         else:
             super()._enter(packet)
 
     def _wake(self, node: int) -> None:
-        if node not in self._waits and self._slots[node]:
+        if node not in self._waits:
             self._waits.add(node)
             self.agenda.at(self._next_slot_ns(node, self.agenda.now_ns), ACTS, node, self._slot, node)
 

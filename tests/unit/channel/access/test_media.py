@@ -255,6 +255,17 @@ def test_a_packet_longer_than_a_frame_or_a_slot_is_too_long() -> None:
     assert losses(short.run(S)) == losses(csma.run(S)) == [Loss.TOO_LONG]
 
 
+def test_a_node_without_a_slot_hears_and_has_no_room_for_its_packets() -> None:
+    """They are lost as they enter and do not pile up, though its queue has no limit."""
+    medium = Tdma(PlainWorld((0, 1)), KBPS_80, Schedule((0,), 20 * MS), UNLIMITED)
+    for number in range(3):
+        medium.offer(AirPacket(1, number, 0, 100, number * MS))
+    medium.offer(AirPacket(0, 0, 1, 100, 5 * MS))
+    fates = [(one.packet.node, one.at_ns, one.loss) for one in medium.run(S) if isinstance(one, AirFate)]
+    assert fates == [(1, number * MS, Loss.TOO_LONG) for number in range(3)] + [(0, 30 * MS, None)]
+    assert medium.queued(1) == (0, 0)
+
+
 @pytest.mark.parametrize(
     ("timing", "length_bytes", "us"),
     [
