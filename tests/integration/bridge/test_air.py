@@ -132,6 +132,7 @@ def test_two_at_once_collide_and_are_deaf_to_each_other(flown: Flown) -> None:
     assert balances(run)
 
 
+@pytest.mark.slow
 def test_the_much_stronger_of_two_captures_the_receiver(flown: Flown) -> None:
     """At 100 m and 2 km: free space gives 26 dB, of which a threshold at 10 dB leaves 16."""
     sends = [(1.0, "0", 100)]
