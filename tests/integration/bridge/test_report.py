@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from lostlink import fly, load_run
+from lostlink.report.tracks import tracks_of
 from tests.integration.bridge.conftest import LOSTLINK, STILL, StartRun
 
 LOSING = {
@@ -58,10 +59,14 @@ def test_a_killed_run_has_a_report(start_run: StartRun) -> None:
     run.wait_for("sim time")
     path = run.directory
     until_s = time.monotonic() + 60.0
-    while not load_run(path).columns("deliveries", ["seq"])["seq"].size:
+    # Journals are flushed once a second, each by itself: that packets can be read says nothing of the true states.
+    while not (
+        load_run(path).columns("deliveries", ["seq"])["seq"].size
+        and len(tracks_of(load_run(path))["nodes"]) == 2
+    ):
         assert run.process.poll() is None
         assert time.monotonic() < until_s, "nothing was recorded"
-        time.sleep(0.1)  # journals are flushed once a second
+        time.sleep(0.1)
     run.stop(signal.SIGKILL)
     content = report_of(path)
     assert (content["run"]["ending"], content["run"]["verdict"]) == ("killed", "")
