@@ -30,6 +30,7 @@ TICK_NS = 50_000_000
 BEFORE = "lostlink: interrupted before the run began"
 slow = partial(pytest.param, marks=pytest.mark.slow)
 both = pytest.mark.parametrize("processes", ["one", "many"])
+slow_if_many = pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 
 
 def ports_of(run: Run) -> list[tuple[socket.SocketKind, int]]:
@@ -255,6 +256,7 @@ def test_an_agent_that_raises_ends_the_run_with_its_tick(
     assert_nothing_is_left(run, children)
 
 
+@pytest.mark.slow
 @both
 def test_a_run_with_an_agent_that_blocks_can_be_ended(
     start_run: StartRun, tmp_path: Path, processes: str
@@ -404,7 +406,7 @@ def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, p
     assert_nothing_is_left(run, children)
 
 
-@both
+@slow_if_many
 def test_a_full_disk_ends_the_run_and_says_so(start_run: StartRun, processes: str) -> None:
     """No file of the run may have more than so many bytes, which its tables and streams soon want."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)

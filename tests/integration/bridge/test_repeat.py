@@ -34,9 +34,8 @@ def table(*arguments: str) -> list[dict[str, object]]:
     return rows
 
 
-@pytest.mark.parametrize(
-    "line", ["standin loaded", pytest.param("wander", marks=[pytest.mark.slow, pytest.mark.long])]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("line", ["standin loaded", pytest.param("wander", marks=pytest.mark.long)])
 def test_a_line_of_the_benchmark_is_identical(line: str, free_slot: Callable[[int], int]) -> None:
     [row] = table("--only", line, "--slot", str(free_slot(4)))
     assert (row["identical"], row["remarks"]) == (1, []), row

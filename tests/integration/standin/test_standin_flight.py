@@ -272,6 +272,7 @@ def test_guided_flight_from_refusal_to_disarm() -> None:
         assert [a for a, b in zip(states, [*states[1:], None], strict=True) if a != b] == [1, 3, 2, 4, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wind_name", "hover_limit_m"), [("calm", 0.3), ("breeze", 1.5)])
 @pytest.mark.parametrize("airframe_name", ["f450", "hexa550"])
 def test_a_square_is_flown_as_arducopter_flies_it(
@@ -348,6 +349,7 @@ def test_mission_is_flown_in_auto() -> None:
         assert math.dist(flight.truth[-1].position_ned_m[:2], (50.0, 0.0)) < 0.5
 
 
+@pytest.mark.slow
 def test_eight_metres_of_wind_are_borne() -> None:
     with flying(wind_ned_mps=(-5.0, 6.2, 0.0)) as flight:
         client = flight.client

@@ -34,8 +34,8 @@ def test_a_right_run_passes(name):
     ("changes", "check"),
     [
         ({"propagation": {"exponent": 2.4}}, "level of the powers"),
-        ({"shadowing": {"sigma_db": 5.0}}, "spread of the powers"),
-        ({"noise": {"noise_figure_db": 7.0}}, "noise"),
+        pytest.param({"shadowing": {"sigma_db": 5.0}}, "spread of the powers", marks=pytest.mark.slow),
+        pytest.param({"noise": {"noise_figure_db": 7.0}}, "noise", marks=pytest.mark.slow),
         ({"base_loss": 0.08}, "base loss"),
     ],
 )

@@ -13,7 +13,9 @@ OFTEN_ENOUGH = 9
 SHORT = {"pairs": 2, "packets": 400}
 
 
-@pytest.mark.parametrize("name", ["steps of the line of sight", "one-sided and rounded"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("steps of the line of sight", marks=pytest.mark.slow), "one-sided and rounded"]
+)
 def test_steps_and_rounding_raise_no_alarm(name):
     radio, changes, world = RIGHT[name]
     judged = verdicts((radio, changes, replace(world, **SHORT)), REPEATS)
@@ -21,7 +23,13 @@ def test_steps_and_rounding_raise_no_alarm(name):
     assert {check.name for check in judged[0].checks} >= {"level of the powers", "spread of the powers"}
 
 
-@pytest.mark.parametrize("name", ["decorrelation times four", "Rayleigh fading redrawn in a hover"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("decorrelation times four", marks=pytest.mark.slow),
+        "Rayleigh fading redrawn in a hover",
+    ],
+)
 def test_wrong_correlation_is_seen(name):
     failed = failures(verdicts(WRONG[name], REPEATS))
     assert (
