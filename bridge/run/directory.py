@@ -101,6 +101,11 @@ class RunDirectory:
             return True
         return False
 
+    @property
+    def is_over(self) -> bool:
+        """Whether it ended, well or not, with a word on how."""
+        return (self.path / SUMMARY_FILE).exists()
+
     def log_path(self, process: str) -> Path:
         """Where the output of a process goes."""
         return self.path / LOG_FOLDER / f"{process}.log"

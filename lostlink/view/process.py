@@ -55,18 +55,24 @@ class ViewSettings:
     announce: Callable[[str], object]
 
 
-async def wait_for_start(run: RunDirectory, stop: asyncio.Event) -> None:
+async def wait_for_start(run: RunDirectory, stop: asyncio.Event) -> bool:
     """Wait until the run has written what it takes to join it, and its router listens; for at most START_S.
+
+    Returns:
+        Whether it can be joined: not if it was over before, however it ended, or if we are to stop.
 
     Raises:
         NoAccess: it has no router.
     """
     deadline = asyncio.get_running_loop().time() + START_S
     while not stop.is_set() and asyncio.get_running_loop().time() < deadline:
+        if run.is_over:
+            return False
         with suppress(OSError, ValueError):
             if await asyncio.to_thread(_answers, endpoint_of(run)):
-                return
+                return True
         await asyncio.sleep(LOOK_AGAIN_S)
+    return not stop.is_set()
 
 
 def _answers(endpoint: str) -> bool:

@@ -17,6 +17,8 @@ from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail
 from lostlink.view.beside import PORT, NoView, check_installed
 
+OVER = "the run was over before it could be looked at: `lostlink view RUN` plays its record"
+
 
 @click.command(short_help="Look at a run in the browser, running or recorded.")
 @click.argument("run", required=False, type=click.Path(path_type=Path))
@@ -71,16 +73,20 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
         stop = asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, stop.set)
-        if goes_on:
-            await wait_for_start(directory, stop)
+        if not goes_on:
+            await view_record(directory, settings, stop)
+        elif await wait_for_start(directory, stop):
             await view_live(directory, settings, stop)
         else:
-            await view_record(directory, settings, stop)
+            click.echo(OVER, err=True)
 
     try:
         asyncio.run(serve())
     except (SessionError, OSError, ValueError, ViewDied) as error:
-        fail(error, 1)
+        if isinstance(error, SessionError) and directory.is_over:
+            click.echo(OVER, err=True)  # it ended while we joined it
+        else:
+            fail(error, 1)
 
 
 def is_running(run: RunDirectory) -> bool:

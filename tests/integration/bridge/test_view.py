@@ -90,6 +90,14 @@ def test_frames_tell_where_everybody_is(view: View) -> None:
     assert len(frames[0]["position"]) == 9
 
 
+def test_a_run_that_was_over_before_it_was_looked_at_holds_nobody_up(record: Path) -> None:
+    """As `lostlink run --view` starts it, of a run that took a second or broke off at once."""
+    command = [*LOSTLINK, "view", str(record), "--port", "0", "--wait"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=30)
+    assert (ended.returncode, ended.stdout) == (0, "")
+    assert "the run was over before it could be looked at" in ended.stderr
+
+
 def test_a_page_may_be_late_for_long(view: View) -> None:
     """On a busy machine it answers late: what the server's transport tells it is how late it may be."""
     first = view.get("/_nicegui_ws/socket.io/?EIO=4&transport=polling")
