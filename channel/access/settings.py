@@ -389,8 +389,8 @@ class ElrsMedium(Variant):
         return Elrs(surroundings.world, settings, seed=surroundings.seed)
 
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
-        """Bits a second down, as the firmware counts them."""
-        return 8 * ELRS_MODES[self.mode].down_bytes_per_s
+        """User bits a second of a stream down, in full chunks."""
+        return 8 * ELRS_MODES[self.mode].user_bytes_per_s
 
 
 class SikMedium(Locking):
