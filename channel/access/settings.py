@@ -238,9 +238,9 @@ class TdmaMedium(Serial):
         if (self.slot_s is None) == (self.schedule is None):
             raise ValueError("has to have either slot_s or schedule")
         if self.schedule is not None:
-            beside = {"guard_s", "slots", "channels"} & self.model_fields_set
+            beside = [key for key in ("guard_s", "slots", "channels") if getattr(self, key)]
             if beside:
-                raise ValueError(f"{', '.join(sorted(beside))}: the slots of a schedule have their own")
+                raise ValueError(f"{', '.join(beside)}: the slots of a schedule have their own")
         elif self.slot_s is not None and self.guard_s >= self.slot_s:
             raise ValueError(f"slots of {self.slot_s:g} s with a guard of {self.guard_s:g} s have no room")
         return self
