@@ -174,9 +174,9 @@ def test_load_on_a_medium_is_over_what_it_carries() -> None:
 
 
 def test_load_on_slots_of_a_schedule_is_that_of_the_busiest_node() -> None:
-    """In 200 ms node 0 has one packet at 64 kb/s (41 ms) and a slot that takes no data packages, node 1 two at 128 (24).
+    """In 200 ms node 0 has room for one packet at 64 kb/s (41 ms), node 1 for two at 128 (24); each offers 4.
 
-    Each offers 4: 4 times and twice what its slots carry.
+    Another slot of node 0 takes no data packages.
     """
     slots = (
         "{nodes: 0, duration_s: 0.05}, {nodes: 1, duration_s: 0.05, bit_rate_bps: 128e3}, "
