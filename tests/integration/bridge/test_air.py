@@ -436,8 +436,10 @@ MEDIUM_TEXT, SLOTS_TEXT = re.findall(r"```yaml\n(.*?)```", SLOTS_DOCS.partition(
 def slotted(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[..., Run]:
     """Flies the slots of the docs, from files, with a radio in free space."""
 
-    def slotted(nodes: list[dict[str, Any]], slots: str = SLOTS_TEXT, **radio: Any) -> Run:
-        medium = yaml.safe_load(MEDIUM_TEXT)["radio"]["medium"]
+    def slotted(
+        nodes: list[dict[str, Any]], slots: str = SLOTS_TEXT, spacing_hz: float = 500e3, **radio: Any
+    ) -> Run:
+        medium = yaml.safe_load(MEDIUM_TEXT)["radio"]["medium"] | {"channel_spacing_hz": spacing_hz}
         content = SCENARIO | {
             "ports": {"first_slot": free_slot(1)},
             "radio": RADIO | {"medium": medium} | radio,
@@ -481,6 +483,16 @@ def test_slots_from_a_file_beside_the_scenario(slotted: Callable[..., Run]) -> N
     assert kept["schedule"] == {"name": "slots.yaml"} | yaml.safe_load(SLOTS_TEXT)
     [air] = json.loads((run.path / "summary.json").read_text())["air"]
     assert (air["medium"], air["is_shared"]) == ("tdma", False)
+
+
+def test_slots_at_once_leak_into_each_other_by_their_spacing(slotted: Callable[..., Run]) -> None:
+    """At 1 kHz a receiver of 130 kHz takes all of g2 in, 100 m away: 6 dB below g1 at 50 m, which needs 10.
+
+    At 500 kHz (the test before) nothing is left of it.
+    """
+    sends = {1: [(1.0, "0", 200)], 2: [(1.0, "g3", 200)]}
+    run = slotted([node(n, 50.0 * n, sends=sends.get(n, [])) for n in range(4)], spacing_hz=1e3)
+    assert rows(run, "g1", "0").fate.tolist() == ["collided"]
 
 
 def test_errors_of_a_slot_are_those_of_its_bit_rate(slotted: Callable[..., Run]) -> None:
