@@ -18,7 +18,7 @@ OF_A_SLOT = re.compile(r"(slots\.\d+(?:\.\w+)?): (.*)", re.DOTALL)
 
 
 def read_schedule(file: Path, named_by: str) -> Tree:
-    """Return what a file has, checked; its name is the file's unless it has one.
+    """Return what a file has, checked, and its own path, by which a run's provenance has its digest.
 
     Args:
         file: YAML with the keys of `SlotSchedule`.
@@ -27,7 +27,7 @@ def read_schedule(file: Path, named_by: str) -> Tree:
     Raises:
         PresetError: it cannot be read, is not YAML, or is no schedule.
     """
-    tree = {"name": file.name} | _tree(file, named_by)
+    tree = _tree(file, named_by) | {"read_from": str(file.absolute())}
     try:
         SlotSchedule.model_validate(tree)
     except ValidationError as error:

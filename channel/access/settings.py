@@ -267,9 +267,9 @@ class TdmaMedium(Serial):
             schedule = self._by_id(surroundings.nodes).placed(surroundings.place)
             return Tdma(surroundings.world, timing, schedule, self.queue.limits, hearing)
         except ValueError as error:
-            if self.schedule is None or not self.schedule.name:
+            if self.schedule is None or not self.schedule.read_from:
                 raise
-            raise ValueError(f"{self.schedule.name}: {error}") from error
+            raise ValueError(f"{self.schedule.read_from}: {error}") from error
 
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:
         """Bits of packets of a length per second, if every slot is filled with what fits in it; 0 if none does."""

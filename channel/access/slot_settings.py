@@ -55,7 +55,7 @@ class SlotSettings(Settings):
 class SlotSchedule(Settings):
     """Slots that come again and again, from a run's instant 0 on."""
 
-    name: str = Field(default="", description="for messages; a file's unless given")
+    read_from: str = Field(default="", description="the file that it was read from")
     guard_s: float = Field(default=0.0, ge=0.0, le=1.0, description="at the end of slots without one")
     round_s: float | None = Field(
         default=None,

@@ -5,6 +5,7 @@ Nodes stand; what is expected is reckoned here from lengths, rates and places.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import re
@@ -480,7 +481,10 @@ def test_slots_from_a_file_beside_the_scenario(slotted: Callable[..., Run]) -> N
     }
     assert balances(run)
     kept = yaml.safe_load((run.path / "scenario.yaml").read_text())["radio"]["medium"]
-    assert kept["schedule"] == {"name": "slots.yaml"} | yaml.safe_load(SLOTS_TEXT)
+    file = str(run.path.parents[1] / "slots.yaml")
+    assert kept["schedule"] == {"read_from": file} | yaml.safe_load(SLOTS_TEXT)
+    digests = json.loads((run.path / "provenance.json").read_text())["files"]
+    assert digests[file] == hashlib.sha256(Path(file).read_bytes()).hexdigest()
     [air] = json.loads((run.path / "summary.json").read_text())["air"]
     assert (air["medium"], air["is_shared"]) == ("tdma", False)
 
@@ -520,6 +524,6 @@ def test_mistakes_in_slots_are_told_by_their_file(slotted: Callable[..., Run]) -
     ):
         slotted(nodes, SLOTS_TEXT.replace("duration_s: 0.05}", "duration_s: -1}", 1))
     with pytest.raises(
-        ScenarioError, match=r"radio\.medium: slots\.yaml: .*node g3 is not there; there are 0, g1, g2"
+        ScenarioError, match=r"radio\.medium: .*/slots\.yaml: .*node g3 is not there; there are 0, g1, g2"
     ):
         slotted(nodes)

@@ -38,7 +38,7 @@ def test_the_example_of_the_docs_is_what_it_says(tmp_path: Path) -> None:
     schedule = medium(tmp_path).schedule
     assert schedule is not None
     slots = schedule.by_id()
-    assert schedule.name == "slots.yaml"
+    assert schedule.read_from == str(tmp_path / "slots.yaml")
     assert slots.round_ns == 150 * MS
     assert [(slot.nodes, slot.start_ns // MS, slot.room_ns // MS) for slot in slots.slots] == [
         (("0",), 0, 48),
@@ -135,5 +135,5 @@ def test_what_slots_have_of_their_own_is_not_given_beside_them(
 def test_a_slot_of_nobody_names_the_file(tmp_path: Path) -> None:
     config, nodes = radio(tmp_path), {"0": 0, "g1": 1, "g2": 2}
     surroundings = Surroundings.of(PlainWorld(range(3)), nodes, 1, config, -110.0)
-    with pytest.raises(ValueError, match=r"slots\.yaml: medium: node g3 is not there; there are 0, g1, g2"):
+    with pytest.raises(ValueError, match=r"/slots\.yaml: medium: node g3 is not there; there are 0, g1, g2"):
         config.medium.open(surroundings)
