@@ -10,27 +10,27 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from channel.config import RadioConfig
 from channel.own import CLASS_KEY, class_path
+from channel.preset_errors import PresetError, Tree, key_of, line_of, problem_of
 from channel.propagation.terrain import Terrain
+from channel.schedule_file import KEY as SCHEDULE_KEY
+from channel.schedule_file import read_schedule
 
-Tree = dict[str, Any]
-
-
-class PresetError(ValueError):
-    """A radio that cannot be: `key` is the dotted place, `file` and `line` where it was written if known."""
-
-    def __init__(
-        self, problem: str, *, key: str = "", file: str | None = None, line: int | None = None
-    ) -> None:
-        place = ":".join(str(part) for part in (file, line) if part is not None)
-        super().__init__(": ".join(part for part in (place, key, problem) if part))
-        self.problem = problem
-        self.key = key
-        self.file = file
-        self.line = line
+__all__ = [
+    "PresetError",
+    "at_origin",
+    "dotted_keys",
+    "load_radio",
+    "merged",
+    "preset_names",
+    "presets_directory",
+    "radio_from_mapping",
+    "radio_to_yaml",
+    "seen_from",
+]
 
 
 def presets_directory() -> Path:
@@ -88,7 +88,7 @@ def at_origin(config: RadioConfig, lat_deg: float, lon_deg: float, alt_amsl_m: f
         law = config.propagation.at_origin(lat_deg, lon_deg, alt_amsl_m)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        raise PresetError(_problem(first, "propagation", {}), key="propagation") from error
+        raise PresetError(problem_of(first, "propagation", {}, RadioConfig), key="propagation") from error
     return config.model_copy(update={"propagation": law})
 
 
@@ -198,11 +198,13 @@ def _read(file: Path, extending: tuple[Path, ...]) -> Tree:
 
 
 def _with_tables(tree: Mapping[str, Any], beside: Path, prefix: str = "") -> Tree:
-    """Return the tree with files as seen from a directory: a CSV's rows under `x` for `x_file`, classes by path."""
+    """Return the tree with files as seen from a directory: a CSV or schedule as `x` for `x_file`, classes by path."""
     out: Tree = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):
             out[str(key)] = _with_tables(value, beside, f"{prefix}{key}.")
+        elif key == SCHEDULE_KEY:
+            out[key.removesuffix("_file")] = read_schedule(beside / str(value), f"{prefix}{key}")
         elif str(key).endswith("_file"):
             out[key.removesuffix("_file")] = _csv_rows(beside / str(value), f"{prefix}{key}")
         elif key == CLASS_KEY:
@@ -246,88 +248,8 @@ def _validated(tree: Tree, file: Path | None, overridden: tuple[str, ...]) -> Ra
         return RadioConfig.model_validate(tree)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        key = _key_of(first["loc"], tree)
-        problem = _problem(first, key, tree)
+        key = key_of(first["loc"], tree)
+        problem = problem_of(first, key, tree, RadioConfig)
         if file is None or any(each == key or each.startswith(f"{key}.") for each in overridden):
             raise PresetError(problem, key=key) from error
-        raise PresetError(problem, key=key, file=str(file), line=_line_of(file, key)) from error
-
-
-def _key_of(location: tuple[int | str, ...], tree: object) -> str:
-    """Return the dotted key of a validation error, without the model names that pydantic puts between."""
-    parts: list[str] = []
-    for part in location:
-        inside = isinstance(tree, Mapping) and part in tree
-        if isinstance(tree, Mapping) and not inside and part == tree.get("model"):
-            continue
-        parts.append(str(part))
-        if isinstance(tree, Mapping):
-            tree = tree.get(part)
-        elif isinstance(tree, list) and isinstance(part, int) and part < len(tree):
-            tree = tree[part]
-    return ".".join(parts)
-
-
-def _problem(error: Mapping[str, Any], key: str, tree: Tree) -> str:
-    if error["type"] == "extra_forbidden":
-        return _unknown_key(key, tree)
-    if error["type"] == "missing":
-        return "is missing"
-    if error["type"] == "union_tag_invalid":
-        tag, known = error["ctx"]["tag"], error["ctx"]["expected_tags"]
-        close = difflib.get_close_matches(
-            tag, [each.strip(" '") for each in known.split(",")], n=1, cutoff=0.5
-        )
-        hint = f"; did you mean {close[0]}? Allowed:" if close else "; allowed:"
-        return f"no model {tag!r}{hint} {known}"
-    if error["type"] == "value_error":
-        return str(error["msg"]).removeprefix("Value error, ")
-    wanted = {"float_parsing": "has to be a number", "float_type": "has to be a number"}.get(error["type"])
-    return f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {error['input']!r}"
-
-
-def _unknown_key(key: str, tree: Tree) -> str:
-    *groups, word = key.split(".")
-    models: list[type[BaseModel]] = [RadioConfig]
-    here: Any = tree
-    for group in (part for part in groups if not part.isdigit()):
-        inner = [
-            m
-            for model in models
-            if group in model.model_fields
-            for m in _models_in(model.model_fields[group].annotation)
-        ]
-        here = here.get(group) if isinstance(here, Mapping) else None
-        chosen = here.get("model") if isinstance(here, Mapping) else None
-        models = [m for m in inner if chosen in (None, getattr(m.model_fields.get("model"), "default", None))]
-    names = sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
-    close = difflib.get_close_matches(word, names, n=1)
-    hint = f"; did you mean {close[0]}?" if close else ""
-    return (
-        f"unknown key{hint} Allowed: {', '.join(names)}"
-        if hint
-        else f"unknown key; allowed: {', '.join(names)}"
-    )
-
-
-def _models_in(annotation: object) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for part in getattr(annotation, "__args__", ()) for model in _models_in(part)]
-
-
-def _line_of(file: Path, key: str) -> int | None:
-    """Return the line on which the deepest part of a dotted key stands in a YAML file."""
-    node = yaml.compose(file.read_text(encoding="utf-8"))
-    line: int | None = None
-    for part in key.split("."):
-        if isinstance(node, yaml.SequenceNode) and part.isdigit() and int(part) < len(node.value):
-            node = node.value[int(part)]
-            line = node.start_mark.line + 1
-            continue
-        pairs = node.value if isinstance(node, yaml.MappingNode) else []
-        found = next((pair for pair in pairs if pair[0].value == part), None)
-        if found is None:
-            return line
-        line, node = found[0].start_mark.line + 1, found[1]
-    return line
+        raise PresetError(problem, key=key, file=str(file), line=line_of(file, key)) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 from typing import Final
 
@@ -13,6 +14,10 @@ STATS_BYTES: Final = 4
 STATS_EVERY_MS: Final = 512
 """How often, at most, a receiver is to send link statistics; this sets the length of bursts."""
 LONG_PACKET_BYTES: Final = 13
+CHUNK_BYTES, CHUNK_HEAD_BYTES = 62, 2
+"""User bytes of a chunk at most, and what goes before them."""
+MANY_CHUNKS: Final = 1000
+"""Over which the mean number of frames of a chunk is taken."""
 LEAST_LOST_MS: Final = 512
 LOST_PACKETS: Final = 5
 """So many missed downward packets, or `LEAST_LOST_MS` if that is longer, and a transmitter takes its link for lost."""
@@ -60,13 +65,34 @@ class ElrsMode:
 
     @property
     def down_bytes_per_s(self) -> float:
-        """What the firmware tells its users of a telemetry ratio of 1:2: data packets are full, nothing is lost."""
+        """Room in data packets at a telemetry ratio of 1:2, as the firmware tells its users.
+
+        `TXModuleParameters.cpp`, `updateTlmBandwidth`: data packets a second times their bytes. What chunks need of it
+        for themselves is not taken off; `user_bytes_per_s` has that.
+        """
         return self.data_bytes * (1_000_000 // self.interval_us) / 2 * self.burst / (self.burst + 1)
+
+    @property
+    def user_bytes_per_s(self) -> float:
+        """Of a stream down, in full chunks, if nothing is lost and no sync comes."""
+        return CHUNK_BYTES / (_frames_of_a_chunk(self.data_bytes, self.burst) * 2e-6 * self.interval_us)
 
     @property
     def lost_down_ms(self) -> int:
         """A transmitter that hears nothing for longer takes its link for lost."""
         return max(LEAST_LOST_MS, 2 * self.interval_us * LOST_PACKETS // 1000) + 2
+
+
+@cache
+def _frames_of_a_chunk(data_bytes: int, burst: int) -> float:
+    """How many frames down a full chunk takes in the mean: one after each burst has statistics, and less room."""
+    frames = 0
+    for _ in range(MANY_CHUNKS):
+        left_bytes = CHUNK_BYTES + CHUNK_HEAD_BYTES
+        while left_bytes > 0:
+            left_bytes -= data_bytes - (STATS_BYTES if frames % (burst + 1) == burst else 0)
+            frames += 1
+    return frames / MANY_CHUNKS
 
 
 GHZ_24, FCC_915 = 80, 40

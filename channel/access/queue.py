@@ -19,10 +19,12 @@ class QueueLimits:
     Attributes:
         packets: at most so many wait.
         length_bytes: of all that wait.
+        by_class: each priority has a queue of these limits of its own.
     """
 
     packets: int = 64
     length_bytes: int = 0
+    by_class: bool = False
 
     def __post_init__(self) -> None:
         if self.packets < 0 or self.length_bytes < 0:
@@ -30,7 +32,10 @@ class QueueLimits:
 
 
 class TransmitQueue:
-    """Packets that wait: higher priorities first, first in first out within one; a full queue takes no more."""
+    """Packets that wait: higher priorities first, first in first out within one; a full queue takes no more.
+
+    With `QueueLimits.by_class` it is full for the priorities that have as many packets as it may hold.
+    """
 
     def __init__(self, limits: QueueLimits) -> None:
         self._limits = limits
@@ -72,17 +77,22 @@ class TransmitQueue:
         self._none_expires_ns = min(self._none_expires_ns, _expires_ns(packet))
         return lost if old is None else [*lost, (old, Loss.REPLACED)]
 
-    def take(self, now_ns: int) -> tuple[AirPacket | None, list[AirPacket]]:
-        """The packet that leaves next, and those that have expired."""
-        packet, expired = self.look(now_ns)
+    def take(self, now_ns: int, priority: int | None = None) -> tuple[AirPacket | None, list[AirPacket]]:
+        """The packet that leaves next, and those that have expired; see `look`."""
+        packet, expired = self.look(now_ns, priority)
         if packet is not None:
             self._remove(packet)
         return packet, expired
 
-    def look(self, now_ns: int) -> tuple[AirPacket | None, list[AirPacket]]:
-        """The packet that would leave next, and those that have expired, which wait no longer."""
+    def look(self, now_ns: int, priority: int | None = None) -> tuple[AirPacket | None, list[AirPacket]]:
+        """The packet that would leave next, and those that have expired, which wait no longer.
+
+        With a priority, the next of that alone.
+        """
         expired = self._drop_expired(now_ns)
-        return (self._classes[max(self._classes)][0] if self._packets else None), expired
+        wanted = max(self._classes, default=0) if priority is None else priority
+        waiting = self._classes.get(wanted)
+        return (waiting[0] if waiting else None), expired
 
     def _drop_expired(self, now_ns: int) -> list[AirPacket]:
         """Remove the packets of all priorities that waited longer than their life times."""
@@ -99,8 +109,12 @@ class TransmitQueue:
     def _has_room(self, packet: AirPacket, old: AirPacket | None, beside_bytes: int) -> bool:
         """Whether it fits, with the one whose place it takes gone."""
         limits = self._limits
-        packets, length_bytes = self._packets, self._bytes + beside_bytes + packet.length_bytes
-        if old is not None:
+        packets, length_bytes = self._packets, self._bytes
+        if limits.by_class:
+            waiting = self._classes.get(packet.priority, ())
+            packets, length_bytes = len(waiting), sum(one.length_bytes for one in waiting)
+        length_bytes += beside_bytes + packet.length_bytes
+        if old is not None and (not limits.by_class or old.priority == packet.priority):
             packets, length_bytes = packets - 1, length_bytes - old.length_bytes
         return (not limits.packets or packets < limits.packets) and (
             not limits.length_bytes or length_bytes <= limits.length_bytes

@@ -42,6 +42,7 @@ class RadioWorld:
                     self._join((tx, rx), places_ned_m[tx], places_ned_m[rx])
             self._reach[tx].sort(key=lambda arrival: arrival.delay_ns)
         self._per = lru_cache(maxsize=65_536)(self._per_of)
+        self._at_rate = lru_cache(maxsize=None)(radio.at_bit_rate)
 
     def _join(self, link: tuple[int, int], tx: Sequence[float], rx: Sequence[float]) -> None:
         path = self._radio.path(position_tx_ned_m=tx, position_rx_ned_m=rx)
@@ -72,15 +73,16 @@ class RadioWorld:
         link = (frame.node, receiver)
         noise_mw = self._noise_mw[link]
         drawn = self._draws.uniform(*link, frame.number)
-        alone = 1.0 - self._per(power_mw / noise_mw, frame.length_bytes)
+        rate_bps = frame.bit_rate_bps
+        alone = 1.0 - self._per(rate_bps, power_mw / noise_mw, frame.length_bytes)
         if len(pieces) == 1 and not pieces[0].interference_mw:
             return drawn < alone, drawn < alone
         duration_ns = frame.ended_ns - frame.started_ns
         together = 1.0
         for piece_ns, interference_mw in pieces:
             sinr = power_mw / (noise_mw + interference_mw)
-            together *= 1.0 - self._per(sinr, frame.length_bytes * piece_ns / duration_ns)
+            together *= 1.0 - self._per(rate_bps, sinr, frame.length_bytes * piece_ns / duration_ns)
         return drawn < together, drawn < alone
 
-    def _per_of(self, snr: float, length_bytes: float) -> float:
-        return float(self._radio.per_unchecked(db_from_ratio(snr), length_bytes))
+    def _per_of(self, bit_rate_bps: float | None, snr: float, length_bytes: float) -> float:
+        return float(self._at_rate(bit_rate_bps).per_unchecked(db_from_ratio(snr), length_bytes))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -15,6 +15,7 @@ from channel.access.media.csma import Csma, DcfSettings
 from channel.access.media.delay import Delay, DelaySettings, WayDelay
 from channel.access.media.elrs import Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
+from channel.access.media.schedule import Schedule, Slot
 from channel.access.media.sik import Sik, SikSettings
 from channel.access.media.sik_timing import (
     AIR_RATES_KBPS,
@@ -23,8 +24,9 @@ from channel.access.media.sik_timing import (
     SikTiming,
     sik_timing,
 )
-from channel.access.media.tdma import Schedule, Tdma
+from channel.access.media.tdma import Tdma
 from channel.access.queue import QueueLimits
+from channel.access.slot_settings import SlotSchedule
 from channel.access.timing import NS_PER_S, BitRate, Wifi, wifi_a, wifi_b, wifi_g
 from channel.access.world import World
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db
@@ -99,11 +101,12 @@ class Queue(Settings):
 
     packets: int = Field(default=64, ge=0, le=1_000_000, description="so many wait; 0: no limit")
     length_bytes: int = Field(default=0, ge=0, description="of all that wait; 0: no limit")
+    by_class: bool = Field(default=False, description="each priority has a queue of this size of its own")
 
     @property
     def limits(self) -> QueueLimits:
         """As media take them."""
-        return QueueLimits(self.packets, self.length_bytes)
+        return QueueLimits(self.packets, self.length_bytes, self.by_class)
 
 
 class Ideal(Variant):
@@ -169,9 +172,13 @@ class Shared(Locking):
             ValueError: a channel of a node that is not there.
         """
         channels = {surroundings.place(node): channel for node, channel in self.channels.items()}
-        used = set(channels.values()) | {0}
-        adjacent = surroundings.leaks(self.channel_spacing_hz, max(used) - min(used)) if channels else ()
+        used = self.channels_used(surroundings)
+        adjacent = surroundings.leaks(self.channel_spacing_hz, max(used) - min(used))
         return replace(super().hearing(surroundings), channels=channels, adjacent=adjacent)
+
+    def channels_used(self, surroundings: Surroundings) -> frozenset[int]:  # noqa: ARG002
+        """Those that nodes are on at some time."""
+        return frozenset(self.channels.values()) | {0}
 
 
 class Serial(Shared):
@@ -216,15 +223,38 @@ class TdmaMedium(Serial):
     """Each node transmits in its slots."""
 
     model: Literal["tdma"] = "tdma"
-    slot_s: float = Field(gt=0.0, le=10.0, description="how long each lasts, its guard time included")
+    slot_s: float | None = Field(
+        default=None, gt=0.0, le=10.0, description="how long each lasts, its guard time included"
+    )
     guard_s: float = Field(default=0.0, ge=0.0, le=1.0, description="at the end of each")
     slots: tuple[str, ...] = Field(default=(), description="whose each is; one each, as listed, unless given")
+    schedule: SlotSchedule | None = Field(
+        default=None,
+        description="of slots that differ, in the place of the three; or schedule_file, a YAML file",
+    )
 
     @model_validator(mode="after")
-    def _has_room(self) -> TdmaMedium:
-        if self.guard_s >= self.slot_s:
+    def _has_slots(self) -> TdmaMedium:
+        if (self.slot_s is None) == (self.schedule is None):
+            raise ValueError("has to have either slot_s or schedule")
+        if self.schedule is not None:
+            beside = [key for key in ("guard_s", "slots", "channels") if getattr(self, key)]
+            if beside:
+                raise ValueError(f"{', '.join(beside)}: the slots of a schedule have their own")
+        elif self.slot_s is not None and self.guard_s >= self.slot_s:
             raise ValueError(f"slots of {self.slot_s:g} s with a guard of {self.guard_s:g} s have no room")
         return self
+
+    def _by_id(self, nodes: Iterable[str]) -> Schedule[str]:
+        """The schedule; generated, if it is not spelt out."""
+        if self.schedule is not None:
+            return self.schedule.by_id()
+        slot_ns = round((self.slot_s or 0.0) * NS_PER_S)
+        return Schedule.equal(self.slots or tuple(nodes), slot_ns, round(self.guard_s * NS_PER_S))
+
+    def channels_used(self, surroundings: Surroundings) -> frozenset[int]:
+        """Those of its slots, too."""
+        return super().channels_used(surroundings) | self._by_id(surroundings.nodes).channels
 
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium.
@@ -232,17 +262,53 @@ class TdmaMedium(Serial):
         Raises:
             ValueError: a slot of a node that is not there, or slots too short for any packet.
         """
-        owners = [surroundings.place(node) for node in self.slots or surroundings.nodes]
-        slot_ns, guard_ns = round(self.slot_s * NS_PER_S), round(self.guard_s * NS_PER_S)
-        schedule = Schedule(tuple(owners), slot_ns, guard_ns)
         timing, hearing = self.timing(surroundings), self.hearing(surroundings)
-        return Tdma(surroundings.world, timing, schedule, self.queue.limits, hearing)
+        try:
+            schedule = self._by_id(surroundings.nodes).placed(surroundings.place)
+            return Tdma(surroundings.world, timing, schedule, self.queue.limits, hearing)
+        except ValueError as error:
+            if self.schedule is None or not self.schedule.read_from:
+                raise
+            raise ValueError(f"{self.schedule.read_from}: {error}") from error
 
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:
         """Bits of packets of a length per second, if every slot is filled with what fits in it; 0 if none does."""
-        room_ns = round(self.slot_s * NS_PER_S) - round(self.guard_s * NS_PER_S)
-        in_a_slot = room_ns // max(1, round(self.duration_s(length_bytes, bit_rate_bps) * NS_PER_S))
-        return 8 * length_bytes * in_a_slot / self.slot_s
+        schedule = self._by_id(("",))
+        return self._carried_bps(length_bytes, bit_rate_bps, schedule.slots, schedule.round_ns)
+
+    @property
+    def is_by_node(self) -> bool:
+        """Whether `node_capacity_bps` says what each node has for itself."""
+        return self.schedule is not None
+
+    def node_capacity_bps(
+        self, node: str, length_bytes: int, bit_rate_bps: float, priority: int | None
+    ) -> float:
+        """Bits of packets of a length per second in the slots of one node.
+
+        Args:
+            node: its id.
+            length_bytes: of each packet.
+            bit_rate_bps: of the radio.
+            priority: of the packets; None: of any.
+        """
+        schedule = self._by_id((node,))
+        own = [
+            replace(slot, nodes=(node,))
+            for slot in schedule.slots
+            if node in slot.nodes and (priority is None or slot.takes(priority))
+        ]
+        return self._carried_bps(length_bytes, bit_rate_bps, own, schedule.round_ns)
+
+    def _carried_bps(
+        self, length_bytes: int, bit_rate_bps: float, slots: Iterable[Slot[str]], round_ns: int
+    ) -> float:
+        packets = 0
+        for slot in slots:
+            at_rate = self.model_copy(update={"bit_rate_bps": slot.bit_rate_bps or self.bit_rate_bps})
+            frame_ns = max(1, round(at_rate.duration_s(length_bytes, bit_rate_bps) * NS_PER_S))
+            packets += len(slot.nodes) * (slot.room_ns // frame_ns)
+        return 8 * length_bytes * packets * NS_PER_S / round_ns
 
 
 class CsmaMedium(Shared):
@@ -389,8 +455,8 @@ class ElrsMedium(Variant):
         return Elrs(surroundings.world, settings, seed=surroundings.seed)
 
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
-        """Bits a second down, as the firmware counts them."""
-        return 8 * ELRS_MODES[self.mode].down_bytes_per_s
+        """User bits a second of a stream down, in full chunks."""
+        return 8 * ELRS_MODES[self.mode].user_bytes_per_s
 
 
 class SikMedium(Locking):

@@ -33,6 +33,7 @@ class AirFrame:
         reserved_ns: how long after its end others keep quiet (NAV).
         attempt: the how-manieth transmission of the same.
         channel: on which only those hear it that listen there.
+        bit_rate_bps: at which its errors are reckoned; None: the radio's.
         met: what its world keeps of it; nobody else's.
     """
 
@@ -47,6 +48,7 @@ class AirFrame:
     reserved_ns: int = 0
     attempt: int = 1
     channel: int = 0
+    bit_rate_bps: float | None = None
     met: object = field(default=None, repr=False)
 
 

@@ -225,7 +225,7 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
     slot_ns = (
         timing.duration_ns(options["length_bytes"]) + guard_ns if slot_ms is None else int(1e6 * slot_ms)
     )
-    return Tdma(world, timing, Schedule(tuple(world.nodes), slot_ns, guard_ns), limits, hearing)
+    return Tdma(world, timing, Schedule.equal(tuple(world.nodes), slot_ns, guard_ns), limits, hearing)
 
 
 def _lines(options: dict[str, Any]) -> DelaySettings:

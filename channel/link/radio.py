@@ -128,6 +128,12 @@ class Radio:
         }
         return Radio(here.model_copy(update=of_receiver | ends), self._emitters_of_run)
 
+    def at_bit_rate(self, bit_rate_bps: float | None) -> Radio:
+        """Return the same radio at another bit rate: errors are those of its modulation there; None: this one."""
+        if bit_rate_bps in (None, self.config.bit_rate_bps):
+            return self
+        return Radio(self.config.model_copy(update={"bit_rate_bps": bit_rate_bps}), self._emitters_of_run)
+
     def length_bytes(self, payload_bytes: int) -> int:
         """Return the length that the error model counts for a payload of `payload_bytes`.
 

@@ -90,16 +90,25 @@ class Medium:
         self._settling = self.drawing(judge=judge, cull=True)
         self._waiting: list[Packets] = []
 
-    def drawing(self, *, judge: Judge | None = None, cull: bool = False, switched: bool = True) -> Settling:
+    def drawing(
+        self,
+        *,
+        judge: Judge | None = None,
+        cull: bool = False,
+        switched: bool = True,
+        bit_rate_bps: float | None = None,
+    ) -> Settling:
         """Return what draws fates at once, where the nodes are by now, for whoever decides when a packet is on the air.
 
         Args:
             judge: takes in what is drawn.
             cull: whether to leave out draws that cannot change a fate: then weak signals have no power.
             switched: whether radios may be off; else all are on.
+            bit_rate_bps: at which radios transmit; each at its own unless given.
         """
+        kinds = {radio: radio.at_bit_rate(bit_rate_bps) for radio in self.radios}
         return Settling(
-            self.radios,
+            [kinds[radio] for radio in self.radios],
             LinkDraws(self.draws, self.nodes),
             self._tracks,
             cull=cull,

@@ -27,6 +27,7 @@ from channel.medium.reception import (
     Packets,
     Receptions,
 )
+from channel.medium.settling import Settling
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
 HEARD_DB = -20.0
@@ -81,13 +82,23 @@ class LinkWorld:
 
     def __init__(self, medium: Medium, judge: Judge | None = None) -> None:
         self.nodes = tuple(range(len(medium.nodes)))
-        self._judged = medium.drawing(judge=judge)
-        self._other = self._judged if judge is None else medium.drawing()
+        self._medium, self._judge = medium, judge
+        self._by_rate: dict[float | None, tuple[Settling, Settling]] = {}
+        """What draws first transmissions and others, by their bit rates."""
+        self._judged, self._other = self._at_rate(None)
         self._always_on = medium.drawing(switched=False)
         """For the noise of a frame that is on the air: its start decides whether radios are on."""
         self._slots_ns, self._has_sources = self._other.slots_ns, self._other.has_sources
         self._first: list[Receptions] = []
         self._per = lru_cache(maxsize=65_536)(self._per_of)
+
+    def _at_rate(self, bit_rate_bps: float | None) -> tuple[Settling, Settling]:
+        """What draws first transmissions, and others, at a bit rate; None: the radios' own."""
+        if bit_rate_bps not in self._by_rate:
+            judged = self._medium.drawing(judge=self._judge, bit_rate_bps=bit_rate_bps)
+            other = judged if self._judge is None else self._medium.drawing(bit_rate_bps=bit_rate_bps)
+            self._by_rate[bit_rate_bps] = judged, other
+        return self._by_rate[bit_rate_bps]
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
@@ -131,7 +142,8 @@ class LinkWorld:
         whole = 1.0
         for piece_ns, noise_mw in noise:
             share = frame.length_bytes * piece_ns / duration_ns
-            whole *= 1.0 - self._per(frame.node, receiver, power_mw / noise_mw, share)
+            link = frame.node, receiver, frame.bit_rate_bps
+            whole *= 1.0 - self._per(*link, power_mw / noise_mw, share)
         return 1.0 - whole
 
     def _drawn(self, met: Met, receiver: int) -> float:
@@ -180,14 +192,18 @@ class LinkWorld:
 
     def _draw(self, frame: AirFrame) -> Receptions:
         packets, counted = _as_packets(frame, [frame.started_ns])
+        judged, other = self._at_rate(frame.bit_rate_bps)
         if frame.kind != "data" or frame.attempt > 1:
-            return self._other.receptions(packets, counted)
-        receptions = self._judged.receptions(packets, counted)
+            return other.receptions(packets, counted)
+        receptions = judged.receptions(packets, counted)
         self._first.append(receptions)
         return receptions
 
-    def _per_of(self, tx: int, rx: int, sinr: float, length_bytes: float) -> float:
-        return float(self._judged.radio(tx, rx).per_unchecked(db_from_ratio(sinr), length_bytes))
+    def _per_of(
+        self, tx: int, rx: int, bit_rate_bps: float | None, sinr: float, length_bytes: float
+    ) -> float:
+        radio = self._at_rate(bit_rate_bps)[0].radio(tx, rx)
+        return float(radio.per_unchecked(db_from_ratio(sinr), length_bytes))
 
 
 def _met(frame: AirFrame) -> Met:

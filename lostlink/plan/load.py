@@ -19,6 +19,8 @@ IN_FLIGHT = (
     "CUSTOM_MODE_ENABLED|GUIDED_ENABLED|STABILIZE_ENABLED|MANUAL_INPUT_ENABLED|SAFETY_ARMED",
 )
 """Mode and flags of a copter's state: the texts are as long as most of them are."""
+PACKAGE_PRIORITY = 0
+"""Of data packages."""
 WAYPOINTS = 2
 """That an out-and-back flight transmits."""
 
@@ -105,7 +107,7 @@ def _load_of(scenario: Scenario, node: Aircraft | GroundNode, capacity: Capacity
     payload = package_bytes(node)
     counted = int(capacity.radios[node.node].length_bytes(payload))  # a fixed length may be less
     bits_per_s = 8.0 * rate_hz * max(payload, counted)
-    share = rate_hz * capacity.packet_s(node.node, payload)
+    share = rate_hz * capacity.packet_s(node.node, payload, PACKAGE_PRIORITY)
     return NodeLoad(node.node, rate_hz, payload, bits_per_s, share, isinstance(node.agent, OwnAgent))
 
 

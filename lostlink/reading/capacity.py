@@ -9,7 +9,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.radio import radios_of
-from channel.access.settings import Ideal, MediumSettings
+from channel.access.settings import Ideal, MediumSettings, TdmaMedium
 from channel.link.radio import Radio
 
 UNITS = ((1e9, "Gbit/s"), (1e6, "Mbit/s"), (1e3, "kbit/s"))
@@ -58,21 +58,36 @@ class Capacity:
 
     @property
     def is_shared(self) -> bool:
-        """Whether all nodes share it; else each has so much for itself."""
-        return bool(getattr(self.settings, "is_shared", True))
+        """Whether all nodes share it; else each has so much for itself, as with a schedule of slots."""
+        return bool(getattr(self.settings, "is_shared", True)) and self._slots is None
+
+    @property
+    def _slots(self) -> TdmaMedium | None:
+        """The medium, if each node has slots of its own."""
+        settings = self.settings
+        return settings if isinstance(settings, TdmaMedium) and settings.is_by_node else None
 
     @property
     def bit_rate_bps(self) -> float:
         """Of the first node's radio, as the network of a run has it."""
         return next(iter(self.radios.values())).config.bit_rate_bps
 
-    def packet_s(self, node: str, payload_bytes: int) -> float:
-        """The time that the network needs for a packet of a node: 0 if it has no room for it at all."""
+    def packet_s(self, node: str, payload_bytes: int, priority: int | None = None) -> float:
+        """The time that the network needs for a packet of a node: 0 if it has no room for it at all.
+
+        Args:
+            node: its id.
+            payload_bytes: of the packet.
+            priority: of the packet, where only some slots take it; None: it may be any.
+        """
         if isinstance(self.settings, Ideal):
             radio = self.radios[node]  # a fixed length may be less than the payload's
             return 8.0 * max(payload_bytes, radio.length_bytes(payload_bytes)) / radio.config.bit_rate_bps
         length_bytes = max(payload_bytes, 1)
-        capacity_bps = self.settings.capacity_bps(length_bytes, self.bit_rate_bps)
+        if (slots := self._slots) is not None:
+            capacity_bps = slots.node_capacity_bps(node, length_bytes, self.bit_rate_bps, priority)
+        else:
+            capacity_bps = self.settings.capacity_bps(length_bytes, self.bit_rate_bps)
         return 8.0 * length_bytes / capacity_bps if capacity_bps > 0.0 else 0.0
 
     def payload_bytes(self, node: str, counted_bytes: int) -> int:

@@ -13,7 +13,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS
-from channel.access.elrs_modes import ELRS_MODES, STATS_BYTES, SYNC_MS, ElrsMode
+from channel.access.elrs_modes import (
+    CHUNK_BYTES,
+    CHUNK_HEAD_BYTES,
+    ELRS_MODES,
+    STATS_BYTES,
+    SYNC_MS,
+    ElrsMode,
+)
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirPacket, Loss, Reply
 from channel.access.queue import QueueLimits
@@ -26,8 +33,6 @@ from channel.draws import Draws
 __all__ = ["ELRS_MODES", "Elrs", "ElrsMode", "ElrsSettings"]
 
 RC, DATA, SYNC, STATS = "rc", "data", "sync", "stats"
-CHUNK_BYTES, CHUNK_HEAD_BYTES = 62, 2
-"""User bytes of a chunk at most, and what goes before them."""
 RESYNC_UP, RESYNC_DOWN, RESYNC_DOWN_LONG = 14, 127, 31
 """Numbers of resync fragments: up, and down in packets of 8 and of 13 bytes."""
 PATIENCE_UP, PATIENCE_DOWN = 80, 40

@@ -77,15 +77,15 @@ class AccessMedium(ABC):
             self._lost(lost, loss)
         self._wake(packet.node)
 
-    def _next(self, node: int) -> AirPacket | None:
-        """The packet that leaves a node's queue now."""
-        packet, expired = self._outboxes[node].take(self.agenda.now_ns)
+    def _next(self, node: int, priority: int | None = None) -> AirPacket | None:
+        """The packet that leaves a node's queue now, of a priority if one is given."""
+        packet, expired = self._outboxes[node].take(self.agenda.now_ns, priority)
         self._expired(expired)
         return packet
 
-    def _first(self, node: int) -> AirPacket | None:
-        """The packet that would leave next, and stays."""
-        packet, expired = self._outboxes[node].look(self.agenda.now_ns)
+    def _first(self, node: int, priority: int | None = None) -> AirPacket | None:
+        """The packet that would leave next, and stays; of a priority if one is given."""
+        packet, expired = self._outboxes[node].look(self.agenda.now_ns, priority)
         self._expired(expired)
         return packet
 

@@ -31,15 +31,38 @@ class PlainMedium(AccessMedium):
         self._receivers = self._air.join({node: DeafEar() for node in world.nodes})
         self._numbers = dict.fromkeys(world.nodes, 0)
 
-    def _transmit(self, packet: AirPacket, then: Callable[[], object]) -> None:
-        """Put a packet on the air now; ``then`` is called at its end."""
+    def _transmit(
+        self,
+        packet: AirPacket,
+        then: Callable[[], object],
+        timing: FrameTiming | None = None,
+        bit_rate_bps: float | None = None,
+    ) -> None:
+        """Put a packet on the air now; ``then`` is called at its end.
+
+        Args:
+            packet: what is sent.
+            then: what comes next.
+            timing: of this frame; that of all unless given.
+            bit_rate_bps: at which errors are reckoned; the radio's unless given.
+        """
+        timing = timing or self._timing
         node, now_ns = packet.node, self.agenda.now_ns
         number = self._numbers[node]
         self._numbers[node] += 1
-        ended_ns = now_ns + self._timing.duration_ns(packet.length_bytes)
-        length_bytes = packet.length_bytes + self._timing.header_bytes
-        channel = self._receivers[node].channel
-        frame = AirFrame(node, number, "data", length_bytes, now_ns, ended_ns, packet, channel=channel)
+        ended_ns = now_ns + timing.duration_ns(packet.length_bytes)
+        length_bytes = packet.length_bytes + timing.header_bytes
+        frame = AirFrame(
+            node,
+            number,
+            "data",
+            length_bytes,
+            now_ns,
+            ended_ns,
+            packet,
+            channel=self._receivers[node].channel,
+            bit_rate_bps=bit_rate_bps,
+        )
         self._air.transmit(frame, then)
 
     def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:

@@ -1,53 +1,32 @@
-"""A medium of slots: each belongs to a node, which sends in it what fits."""
+"""A medium of slots: each belongs to a node, or several, that send in it what fits."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 
-from channel.access.agenda import ACTS
+from channel.access.agenda import ACTS, SIGNAL_ENDS
 from channel.access.air import Hearing
 from channel.access.media.plain import PlainMedium
+from channel.access.media.schedule import Schedule, Slot
 from channel.access.packets import AirPacket, Loss
 from channel.access.queue import QueueLimits
-from channel.access.timing import FrameTiming
+from channel.access.timing import BitRate
 from channel.access.world import World
 
-
-@dataclass(frozen=True, slots=True)
-class Schedule:
-    """Slots that come again and again from instant 0.
-
-    Attributes:
-        owners: whose each slot is.
-        slot_ns: how long each lasts, its guard time included.
-        guard_ns: at the end of each, in which nobody transmits.
-    """
-
-    owners: tuple[int, ...]
-    slot_ns: int
-    guard_ns: int = 0
-
-    def __post_init__(self) -> None:
-        if not self.owners or not 0 <= self.guard_ns < self.slot_ns:
-            raise ValueError(
-                f"{len(self.owners)} slots of {self.slot_ns} ns with a guard of {self.guard_ns} ns: at least one slot, "
-                "longer than its guard"
-            )
-
-    @property
-    def round_ns(self) -> int:
-        """Until the same slot comes again."""
-        return len(self.owners) * self.slot_ns
+__all__ = ["Schedule", "Slot", "Tdma"]
 
 
 class Tdma(PlainMedium):
-    """Time division: nothing collides while clocks agree, which they do here.
+    """Time division: nothing collides while clocks agree, which they do here, and each slot has one node.
+
+    With slots on several channels, radios turn to them as the slots begin. What is still on its way to one that turns
+    away is lost: a guard time has to be longer than that way.
 
     Args:
         world: nodes, powers, delays.
-        timing: of frames; a packet whose frame is longer than a slot without its guard is too long.
-        schedule: of slots; a node without one only listens: no slot has room for its packets.
+        timing: of frames, at the bit rate of slots that have none of their own.
+        schedule: of slots; a packet that none of its node's slots has room for is too long.
         limits: of queues.
         hearing: how receivers hear.
 
@@ -58,63 +37,87 @@ class Tdma(PlainMedium):
     def __init__(
         self,
         world: World,
-        timing: FrameTiming,
-        schedule: Schedule,
+        timing: BitRate,
+        schedule: Schedule[int],
         limits: QueueLimits | None = None,
         hearing: Hearing | None = None,
     ) -> None:
-        unknown = set(schedule.owners) - set(world.nodes)
+        unknown = schedule.nodes - set(world.nodes)
         if unknown:
             raise ValueError(f"slots of nodes {sorted(unknown)}, which are not on this network")
         super().__init__(world, timing, limits, hearing)
-        self._schedule = schedule
-        self._room_ns = schedule.slot_ns - schedule.guard_ns
-        if timing.duration_ns(0) > self._room_ns:
-            raise ValueError(
-                f"slots of {schedule.slot_ns} ns: an empty frame takes {timing.duration_ns(0)} ns"
-            )
-        self._slots = {
-            node: [index for index, owner in enumerate(schedule.owners) if owner == node]
-            for node in world.nodes
-        }
+        self._round_ns = schedule.round_ns
+        self._timings = {slot: _timing_of(slot, timing) for slot in schedule.slots}
+        for index, slot in enumerate(schedule.slots):
+            empty_ns = self._timings[slot].duration_ns(0)
+            if empty_ns > slot.room_ns:
+                text = f"its {slot.room_ns} ns have no room for an empty frame, which takes {empty_ns} ns"
+                raise ValueError(f"slots.{index}: {text}")
+        in_order = sorted(schedule.slots, key=lambda slot: slot.start_ns)
+        self._slots = {node: [slot for slot in in_order if node in slot.nodes] for node in world.nodes}
         self._waits: set[int] = set()
         """Nodes whose next slot is planned, or that are in one with something to send."""
+        self._last = max(world.nodes) + 1
+        """In the order of an instant: after all nodes."""
+        self._tunings = schedule.tunings(world.nodes) if len(schedule.channels) > 1 else []
+        if self._tunings:
+            self._plan_turn(0, 0)
+
+    def _plan_turn(self, number: int, round_begins_ns: int) -> None:
+        """Radios turn at the start of a slot, after what ends at that instant."""
+        at_ns = round_begins_ns + self._tunings[number][0]
+        self.agenda.at(at_ns, SIGNAL_ENDS, self._last, self._turn, number, round_begins_ns)
+
+    def _turn(self, number: int, round_begins_ns: int) -> None:
+        for node, channel in self._tunings[number][1].items():
+            self._receivers[node].tune(channel)
+        is_last = number + 1 == len(self._tunings)
+        self._plan_turn(
+            *((0, round_begins_ns + self._round_ns) if is_last else (number + 1, round_begins_ns))
+        )
 
     def _enter(self, packet: AirPacket) -> None:
-        duration_ns = self._timing.duration_ns(min(packet.length_bytes, self._max_length_bytes))
-        if duration_ns > self._room_ns or not self._slots[packet.node]:
-            self._lost(packet, Loss.TOO_LONG)
-        else:
+        length_bytes = min(packet.length_bytes, self._max_length_bytes)
+        fitting = (
+            slot.takes(packet.priority) and self._timings[slot].duration_ns(length_bytes) <= slot.room_ns
+            for slot in self._slots[packet.node]
+        )
+        if any(fitting):
             super()._enter(packet)
+        else:
+            self._lost(packet, Loss.TOO_LONG)
 
     def _wake(self, node: int) -> None:
         if node not in self._waits:
             self._waits.add(node)
-            self.agenda.at(self._next_slot_ns(node, self.agenda.now_ns), ACTS, node, self._slot, node)
+            self._plan(node, self.agenda.now_ns)
 
-    def _next_slot_ns(self, node: int, from_ns: int) -> int:
-        """The start of a node's next slot, at or after an instant."""
-        schedule = self._schedule
-        begin_ns = from_ns // schedule.round_ns * schedule.round_ns
-        starts = [begin_ns + index * schedule.slot_ns for index in self._slots[node]]
-        return next((at for at in starts if at >= from_ns), starts[0] + schedule.round_ns)
+    def _plan(self, node: int, from_ns: int) -> None:
+        """Send in a node's next slot, which starts at or after an instant."""
+        begin_ns = from_ns // self._round_ns * self._round_ns
+        starts = ((begin_ns + slot.start_ns, slot) for slot in self._slots[node])
+        first = self._slots[node][0]
+        after = begin_ns + self._round_ns + first.start_ns, first
+        at_ns, slot = next((start for start in starts if start[0] >= from_ns), after)
+        self.agenda.at(at_ns, ACTS, node, self._send, node, slot, at_ns + slot.room_ns)
 
-    def _slot(self, node: int) -> None:
-        """A slot of a node begins."""
-        self._send(node, self.agenda.now_ns + self._room_ns)
-
-    def _send(self, node: int, until_ns: int) -> None:
-        """Send the next packet if it fits, else wait for the next slot."""
-        packet = self._first(node)
-        if packet is None:
+    def _send(self, node: int, slot: Slot[int], until_ns: int) -> None:
+        """Send the next packet of the slot's class if it fits; else the node waits for its next slot, if it has any."""
+        packet, now_ns = self._first(node, slot.priority), self.agenda.now_ns
+        timing = self._timings[slot]
+        if packet is not None and now_ns + timing.duration_ns(packet.length_bytes) <= until_ns:
+            self._next(node, slot.priority)
+            then = partial(self._sent, node, slot, until_ns)
+            self._transmit(packet, then, timing, slot.bit_rate_bps)
+        elif self.queued(node)[0]:
+            self._plan(node, until_ns + slot.guard_ns)
+        else:
             self._waits.discard(node)
-            return
-        now_ns = self.agenda.now_ns
-        if now_ns + self._timing.duration_ns(packet.length_bytes) > until_ns:
-            self.agenda.at(self._next_slot_ns(node, now_ns + 1), ACTS, node, self._slot, node)
-            return
-        self._next(node)
-        self._transmit(packet, partial(self._sent, node, until_ns))
 
-    def _sent(self, node: int, until_ns: int) -> None:
-        self.agenda.at(self.agenda.now_ns, ACTS, node, self._send, node, until_ns)
+    def _sent(self, node: int, slot: Slot[int], until_ns: int) -> None:
+        self.agenda.at(self.agenda.now_ns, ACTS, node, self._send, node, slot, until_ns)
+
+
+def _timing_of(slot: Slot[int], timing: BitRate) -> BitRate:
+    """Of frames in a slot."""
+    return timing if slot.bit_rate_bps is None else replace(timing, bitrate_bps=slot.bit_rate_bps)

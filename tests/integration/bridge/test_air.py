@@ -5,16 +5,20 @@ Nodes stand; what is expected is reckoned here from lengths, rates and places.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
+import re
 from collections.abc import Callable
 from itertools import pairwise
+from math import erfc, sqrt
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from lostlink import Run, ScenarioError, fly, load_run, redecide
 from lostlink.compare.compare import compare
@@ -33,6 +37,15 @@ RADIO = {
 """Free space, and nothing drawn: what is heard with 10 dB over noise and interference is received."""
 FLAT = {"phase_s": 0.0, "processing_s": 0.0, "processing_spread_s": 0.0, "every_ticks": 100_000}
 """Packets enter at ticks, and the data package is sent once, at the first tick."""
+SCENARIO = {
+    "schema": 1,
+    "name": "air",
+    "duration_s": 3.0,
+    "figure": False,
+    "origin": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_amsl_m": 50.0},
+    "fdm": {"standin_rate_hz": 100},
+    "transmit": FLAT,
+}
 SLOW_BPS = 64e3
 NUMBERS = itertools.count()
 
@@ -57,13 +70,7 @@ class Flown(Protocol):
 def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Flown:
     def flown(nodes: list[dict[str, Any]], medium: dict[str, Any], *, radio: Any = RADIO, **more: Any) -> Run:
         scenario = {
-            "schema": 1,
-            "name": "air",
-            "duration_s": 3.0,
-            "figure": False,
-            "origin": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_amsl_m": 50.0},
-            "fdm": {"standin_rate_hz": 100},
-            "transmit": FLAT,
+            **SCENARIO,
             "ports": {"first_slot": free_slot(1)},
             "radio": radio | {"medium": medium},
             "nodes": nodes,
@@ -419,3 +426,104 @@ def test_what_a_medium_of_a_further_network_cannot_be_is_told(flown: Flown) -> N
     mesh = RADIO | {"medium": {"model": "tdma", "slot_s": 0.1, "slots": ["g7"]}}
     with pytest.raises(ScenarioError, match=r"networks.mesh.medium: .*node g7 is not there"):
         flown([node(0, 0.0), node(1, 5.0)], {"model": "airtime"}, networks={"mesh": mesh})
+
+
+SLOTS_DOCS = (Path(__file__).parents[3] / "docs" / "reference" / "air.md").read_text()
+MEDIUM_TEXT, SLOTS_TEXT = re.findall(r"```yaml\n(.*?)```", SLOTS_DOCS.partition("## Slots")[2], re.DOTALL)
+"""The example of the docs: a radio, and its slots.yaml."""
+
+
+@pytest.fixture
+def slotted(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[..., Run]:
+    """Flies the slots of the docs, from files, with a radio in free space."""
+
+    def slotted(
+        nodes: list[dict[str, Any]], slots: str = SLOTS_TEXT, spacing_hz: float = 500e3, **radio: Any
+    ) -> Run:
+        medium = yaml.safe_load(MEDIUM_TEXT)["radio"]["medium"] | {"channel_spacing_hz": spacing_hz}
+        content = SCENARIO | {
+            "ports": {"first_slot": free_slot(1)},
+            "radio": RADIO | {"medium": medium} | radio,
+            "nodes": nodes,
+        }
+        (tmp_path / "slots.yaml").write_text(slots)
+        (tmp_path / "slotted.yaml").write_text(yaml.safe_dump(content))
+        return load_run(fly(tmp_path / "slotted.yaml", directory=tmp_path / "run").path)
+
+    return slotted
+
+
+def test_slots_from_a_file_beside_the_scenario(slotted: Callable[..., Run]) -> None:
+    """All enter at 1 s, 100 ms into a round of 150 that began at 0.9: the fast slot of class 5 is due at once.
+
+    At 128 kb/s 100 bytes take 6.25 ms; at 64 kb/s 12.5, and 200 bytes 25. The next round begins at 1.05 s, and the two
+    slots at once, of g1 and g2 on two channels, at 1.1 s.
+    """
+    sends = {
+        0: [(1.0, "all", 100, 5), (1.0, "g1", 100)],
+        1: [(1.0, "0", 200)],
+        2: [(1.0, "g3", 200), (1.0, "0", 200)],
+    }
+    run = slotted([node(n, 50.0 * n, sends=sends.get(n, [])) for n in range(4)])
+    found = {
+        ends: [tuple(row) for row in rows(run, *ends)[["fate", "started_ns", "ended_ns"]].to_numpy()]
+        for ends in (("0", "g1"), ("0", "g3"), ("g1", "0"), ("g2", "g3"), ("g2", "0"))
+    }
+    assert found == {
+        ("0", "g1"): [
+            ("delivered", 1_000_000_000, 1_006_250_000),
+            ("delivered", 1_050_000_000, 1_062_500_000),
+        ],
+        ("0", "g3"): [("delivered", 1_000_000_000, 1_006_250_000)],
+        ("g1", "0"): [("delivered", 1_100_000_000, 1_125_000_000)],
+        ("g2", "g3"): [("delivered", 1_100_000_000, 1_125_000_000)],
+        ("g2", "0"): [("no_lock", 1_250_000_000, 1_275_000_000)],
+    }
+    assert balances(run)
+    kept = yaml.safe_load((run.path / "scenario.yaml").read_text())["radio"]["medium"]
+    file = str(run.path.parents[1] / "slots.yaml")
+    assert kept["schedule"] == {"read_from": file} | yaml.safe_load(SLOTS_TEXT)
+    digests = json.loads((run.path / "provenance.json").read_text())["files"]
+    assert digests[file] == hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    [air] = json.loads((run.path / "summary.json").read_text())["air"]
+    assert (air["medium"], air["is_shared"]) == ("tdma", False)
+
+
+def test_slots_at_once_leak_into_each_other_by_their_spacing(slotted: Callable[..., Run]) -> None:
+    """At 1 kHz a receiver of 130 kHz takes all of g2 in, 100 m away: 6 dB below g1 at 50 m, which needs 10.
+
+    At 500 kHz (the test before) nothing is left of it.
+    """
+    sends = {1: [(1.0, "0", 200)], 2: [(1.0, "g3", 200)]}
+    run = slotted([node(n, 50.0 * n, sends=sends.get(n, [])) for n in range(4)], spacing_hz=1e3)
+    assert rows(run, "g1", "0").fate.tolist() == ["collided"]
+
+
+def test_errors_of_a_slot_are_those_of_its_bit_rate(slotted: Callable[..., Run]) -> None:
+    """QPSK: 1 - (1 - erfc(sqrt(Eb / N0)) / 2)^(8 * 100), Eb / N0 = SNR * 130 kHz / bit rate; some 6 dB at 286 m."""
+    nodes = [
+        node(0, 0.0, sends=[(1.0, "all", 100, 5), (1.0, "g1", 100)]),
+        node(1, 286.0),
+        node(2, 9.0),
+        node(3, 9.0),
+    ]
+    run = slotted(nodes, transmit_power_dbm=-30.0, error={"model": "uncoded-awgn", "modulation": "qpsk"})
+    fast, slow = rows(run, "0", "g1").to_dict("records")
+    for row, bit_rate_bps in ((fast, 128e3), (slow, 64e3)):
+        ebn0 = 10.0 ** (row["snr_db"] / 10.0) * 130e3 / bit_rate_bps
+        expected = 1.0 - (1.0 - erfc(sqrt(ebn0)) / 2.0) ** 800
+        assert row["per"] == pytest.approx(expected, rel=0.01)
+    assert fast["per"] > 0.5 > 0.2 > slow["per"]
+
+
+def test_mistakes_in_slots_are_told_by_their_file(slotted: Callable[..., Run]) -> None:
+    nodes = [node(n, 5.0 * n) for n in range(3)]
+    with pytest.raises(
+        ScenarioError,
+        match=r"slots\.yaml:4: slots\.0\.duration_s: has to be greater than 0, not -1 \(named at ",
+    ):
+        slotted(nodes, SLOTS_TEXT.replace("duration_s: 0.05}", "duration_s: -1}", 1))
+    with pytest.raises(
+        ScenarioError, match=r"radio\.medium: .*/slots\.yaml: .*node g3 is not there; there are 0, g1, g2"
+    ):
+        slotted(nodes)

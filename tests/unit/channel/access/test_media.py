@@ -28,7 +28,9 @@ KBPS_80 = BitRate(80_000.0)
 MEDIA: dict[str, Callable[[World], AccessMedium]] = {
     "airtime": lambda world: AirTime(world, BitRate(4e6), QueueLimits(3)),
     "csma": lambda world: Csma(world, wifi_g(), limits=QueueLimits(3)),
-    "tdma": lambda world: Tdma(world, KBPS_80, Schedule(tuple(world.nodes), 20 * MS, MS), QueueLimits(3)),
+    "tdma": lambda world: Tdma(
+        world, KBPS_80, Schedule.equal(tuple(world.nodes), 20 * MS, MS), QueueLimits(3)
+    ),
 }
 
 
@@ -227,7 +229,7 @@ def test_a_queue_is_bounded_in_bytes() -> None:
 
 def test_expired_packets_give_their_places_to_new_ones() -> None:
     """Five places, 10 packets a second with a life time of 0.2 s, a slot each 10 s: the two newest wait for it."""
-    timing, schedule = BitRate(800_000.0), Schedule((0, 1), 5 * S)
+    timing, schedule = BitRate(800_000.0), Schedule.equal((0, 1), 5 * S)
     medium = Tdma(PlainWorld((0, 1)), timing, schedule, QueueLimits(5))
     for number in range(1, 100):
         medium.offer(AirPacket(0, number, 1, 100, number * 100 * MS, lifetime_ns=200 * MS))
@@ -248,7 +250,7 @@ def test_an_expired_packet_gives_its_place_to_one_of_any_priority() -> None:
 
 def test_a_packet_longer_than_a_frame_or_a_slot_is_too_long() -> None:
     """It is lost when it enters."""
-    short = Tdma(PlainWorld((0, 1)), KBPS_80, Schedule((0, 1), 10 * MS))
+    short = Tdma(PlainWorld((0, 1)), KBPS_80, Schedule.equal((0, 1), 10 * MS))
     short.offer(AirPacket(0, 0, 1, 101, 0))
     csma = Csma(PlainWorld((0, 1)), wifi_a())
     csma.offer(AirPacket(0, 0, 1, 2305, 0))
@@ -257,7 +259,7 @@ def test_a_packet_longer_than_a_frame_or_a_slot_is_too_long() -> None:
 
 def test_a_node_without_a_slot_hears_and_has_no_room_for_its_packets() -> None:
     """They are lost as they enter and do not pile up, though its queue has no limit."""
-    medium = Tdma(PlainWorld((0, 1)), KBPS_80, Schedule((0,), 20 * MS), UNLIMITED)
+    medium = Tdma(PlainWorld((0, 1)), KBPS_80, Schedule.equal((0,), 20 * MS), UNLIMITED)
     for number in range(3):
         medium.offer(AirPacket(1, number, 0, 100, number * MS))
     medium.offer(AirPacket(0, 0, 1, 100, 5 * MS))
@@ -331,7 +333,7 @@ def test_what_is_replaced_again_and_again_is_sent_in_its_turn() -> None:
 
 def test_a_packet_that_does_not_fit_into_its_slot_waits_in_the_queue() -> None:
     """There it expires, and lets what is more important go first."""
-    medium = Tdma(PlainWorld((0, 1)), BitRate(800_000.0), Schedule((0, 1), 10 * MS))
+    medium = Tdma(PlainWorld((0, 1)), BitRate(800_000.0), Schedule.equal((0, 1), 10 * MS))
     for number, (at_ns, priority, lifetime_ns) in enumerate(
         [(0, 0, None), (0, 0, 9 * MS), (0, 0, None), (15 * MS, 5, None)]
     ):

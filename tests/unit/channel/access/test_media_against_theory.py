@@ -169,7 +169,7 @@ def test_two_that_are_hidden_from_each_other(load: float, survive: float) -> Non
 def test_mean_delay_of_slots(a_second: float, delay_ms: float) -> None:
     """Ten slots of 10 ms, one packet each: F / 2 + rho F / (2 (1 - rho)) + s."""
     nodes, until_ns = range(10), 600 * S
-    medium = Tdma(PlainWorld(nodes), BitRate(80_000.0), Schedule(tuple(nodes), 10_000_000), UNLIMITED)
+    medium = Tdma(PlainWorld(nodes), BitRate(80_000.0), Schedule.equal(tuple(nodes), 10_000_000), UNLIMITED)
     rng = np.random.default_rng(2)
     for node in nodes:
         for number, at_ns in enumerate(poisson(rng, a_second, until_ns)):

@@ -173,6 +173,29 @@ def test_load_on_a_medium_is_over_what_it_carries() -> None:
     )
 
 
+def test_load_on_slots_of_a_schedule_is_that_of_the_busiest_node() -> None:
+    """In 200 ms node 0 has room for one packet at 64 kb/s (41 ms), node 1 for two at 128 (24); each offers 4.
+
+    Another slot of node 0 takes no data packages.
+    """
+    slots = (
+        "{nodes: 0, duration_s: 0.05}, {nodes: 1, duration_s: 0.05, bit_rate_bps: 128e3}, "
+        "{nodes: 0, duration_s: 0.05, priority: 5}"
+    )
+    load = on_medium("model=tdma", f"schedule={{slots: [{slots}], round_s: 0.2}}")["load"]
+    assert (load["medium"], load["is_shared"]) == ("tdma", False)
+    assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([4.0, 2.0])
+    assert load["airtime_share"] == pytest.approx(4.0)
+
+
+def test_load_on_expresslrs_is_held_against_user_bytes() -> None:
+    """Half the slots of 3003 us are the receiver's, and 62 user bytes take 7 of them: 1475 bytes a second."""
+    load = on_medium("model=elrs", "mode=lora-333-full")["load"]
+    assert load["airtime_share"] == pytest.approx(
+        20 * max(HOLDS_BYTES, FLIES_OUT_BYTES) / (62 / (7 * 2 * 0.003003))
+    )
+
+
 def test_load_on_lines_of_each_sender_is_that_of_the_busiest() -> None:
     load = on_medium("model=delay", "least_s=0", "median_s=0.04", "most_s=0.1", "rate_bps=100e3")["load"]
     assert (load["is_shared"], load["capacity_bps"]) == (False, pytest.approx(100e3))

@@ -83,3 +83,22 @@ def test_another_terrain_is_another_run(folder: Path) -> None:
 def test_another_version_of_lostlink_is_another_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metadata, "version", lambda _package: "99.0")
     assert left(folder) == 2
+
+
+@pytest.mark.parametrize("place", ["scenario.yaml", "radio.yaml"])
+def test_another_schedule_of_slots_is_another_run(folder: Path, place: str) -> None:
+    """Whether the scenario names it or a radio of its own does."""
+    medium = "medium: {model: tdma, schedule_file: slots.yaml}"
+    slots = "slots: [{nodes: 0, duration_s: 0.1}, {nodes: 1, duration_s: 0.2}]\n"
+    (folder / "slots.yaml").write_text(slots)
+    file = folder / place
+    old, new = (
+        ("radio: radio.yaml", f"radio: {{preset: radio.yaml, {medium}}}")
+        if place == "scenario.yaml"
+        else ("antenna:", f"{medium}\nantenna:")
+    )
+    file.write_text(file.read_text().replace(old, new))
+    finish(folder)
+    assert left(folder) == 0
+    (folder / "slots.yaml").write_text(slots.replace("0.2", "0.3"))
+    assert left(folder) == 2

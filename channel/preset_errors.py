@@ -1,0 +1,110 @@
+"""What is wrong with a tree of keys and values that pydantic refuses, named with file, line and key."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel
+
+Tree = dict[str, Any]
+
+
+class PresetError(ValueError):
+    """A radio that cannot be: `key` is the dotted place, `file` and `line` where it was written if known."""
+
+    def __init__(
+        self, problem: str, *, key: str = "", file: str | None = None, line: int | None = None
+    ) -> None:
+        place = ":".join(str(part) for part in (file, line) if part is not None)
+        super().__init__(": ".join(part for part in (place, key, problem) if part))
+        self.problem = problem
+        self.key = key
+        self.file = file
+        self.line = line
+
+
+def key_of(location: tuple[int | str, ...], tree: object) -> str:
+    """Return the dotted key of a validation error, without the model names that pydantic puts between."""
+    parts: list[str] = []
+    for part in location:
+        inside = isinstance(tree, Mapping) and part in tree
+        if isinstance(tree, Mapping) and not inside and part == tree.get("model"):
+            continue
+        parts.append(str(part))
+        if isinstance(tree, Mapping):
+            tree = tree.get(part)
+        elif isinstance(tree, list) and isinstance(part, int) and part < len(tree):
+            tree = tree[part]
+    return ".".join(parts)
+
+
+def problem_of(error: Mapping[str, Any], key: str, tree: Tree, model: type[BaseModel]) -> str:
+    """Return what is wrong with the value of a key of a tree that was read as a model."""
+    if error["type"] == "extra_forbidden":
+        return _unknown_key(key, tree, model)
+    if error["type"] == "missing":
+        return "is missing"
+    if error["type"] == "union_tag_invalid":
+        tag, known = error["ctx"]["tag"], error["ctx"]["expected_tags"]
+        close = difflib.get_close_matches(
+            tag, [each.strip(" '") for each in known.split(",")], n=1, cutoff=0.5
+        )
+        hint = f"; did you mean {close[0]}? Allowed:" if close else "; allowed:"
+        return f"no model {tag!r}{hint} {known}"
+    if error["type"] == "too_short":
+        return f"has to have at least {error['ctx']['min_length']}, and has {error['ctx']['actual_length']}"
+    if error["type"] == "value_error":
+        return str(error["msg"]).removeprefix("Value error, ")
+    wanted = {"float_parsing": "has to be a number", "float_type": "has to be a number"}.get(error["type"])
+    return f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {error['input']!r}"
+
+
+def _unknown_key(key: str, tree: Tree, model: type[BaseModel]) -> str:
+    *groups, word = key.split(".")
+    models: list[type[BaseModel]] = [model]
+    here: Any = tree
+    for group in (part for part in groups if not part.isdigit()):
+        inner = [
+            m
+            for model in models
+            if group in model.model_fields
+            for m in _models_in(model.model_fields[group].annotation)
+        ]
+        here = here.get(group) if isinstance(here, Mapping) else None
+        chosen = here.get("model") if isinstance(here, Mapping) else None
+        models = [m for m in inner if chosen in (None, getattr(m.model_fields.get("model"), "default", None))]
+    names = sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
+    close = difflib.get_close_matches(word, names, n=1)
+    hint = f"; did you mean {close[0]}?" if close else ""
+    return (
+        f"unknown key{hint} Allowed: {', '.join(names)}"
+        if hint
+        else f"unknown key; allowed: {', '.join(names)}"
+    )
+
+
+def _models_in(annotation: object) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in getattr(annotation, "__args__", ()) for model in _models_in(part)]
+
+
+def line_of(file: Path, key: str) -> int | None:
+    """Return the line on which the deepest part of a dotted key stands in a YAML file."""
+    node = yaml.compose(file.read_text(encoding="utf-8"))
+    line: int | None = None
+    for part in key.split("."):
+        if isinstance(node, yaml.SequenceNode) and part.isdigit() and int(part) < len(node.value):
+            node = node.value[int(part)]
+            line = node.start_mark.line + 1
+            continue
+        pairs = node.value if isinstance(node, yaml.MappingNode) else []
+        found = next((pair for pair in pairs if pair[0].value == part), None)
+        if found is None:
+            return line
+        line, node = found[0].start_mark.line + 1, found[1]
+    return line

@@ -1,0 +1,57 @@
+"""A schedule of slots from a YAML file, every mistake named with file, line, key and value."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+from pydantic import ValidationError
+
+from channel.access.slot_settings import SlotSchedule
+from channel.preset_errors import PresetError, Tree, key_of, line_of, problem_of
+
+KEY: Final = "schedule_file"
+OF_A_SLOT = re.compile(r"(slots\.\d+(?:\.\w+)?): (.*)", re.DOTALL)
+"""What `Schedule` says of one slot."""
+
+
+def read_schedule(file: Path, named_by: str) -> Tree:
+    """Return what a file has, checked, and its own path, by which a run's provenance has its digest.
+
+    Args:
+        file: YAML with the keys of `SlotSchedule`.
+        named_by: the key that names it.
+
+    Raises:
+        PresetError: it cannot be read, is not YAML, or is no schedule.
+    """
+    tree = _tree(file, named_by) | {"read_from": str(file.absolute())}
+    try:
+        SlotSchedule.model_validate(tree)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
+        key = key_of(first["loc"], tree)
+        problem = problem_of(first, key, tree, SlotSchedule)
+        if found := OF_A_SLOT.fullmatch(problem):
+            key, problem = found.groups()
+        raise PresetError(problem, key=key, file=str(file), line=line_of(file, key)) from error
+    return tree
+
+
+def _tree(file: Path, named_by: str) -> Tree:
+    try:
+        tree: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise PresetError(f"cannot read {file}: {error.strerror}", key=named_by) from error
+    except UnicodeDecodeError as error:
+        raise PresetError("is not a file of text", file=str(file)) from error
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = None if mark is None else mark.line + 1
+        raise PresetError("is not YAML", file=str(file), line=line) from error
+    if not isinstance(tree, dict):
+        raise PresetError("is not a mapping of keys to values", file=str(file))
+    return tree
