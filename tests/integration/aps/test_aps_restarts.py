@@ -17,6 +17,7 @@ async def processes():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 async def test_standin_killed_ten_times(processes, connect):
     fdm_port = await processes.start("fdm", "--home", HOME, "--port=0", "--speed=1", port_in=FDM_PORT)
     with socket.create_server(("127.0.0.1", 0)) as probe:

@@ -91,6 +91,7 @@ def test_what_recording_costs_is_measured(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_speed_of_a_fleet_is_measured_beside_that_of_its_parts(
     capsys: pytest.CaptureFixture[str], free_slot: Callable[[int], int]
 ) -> None:

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ TICK_NS = 50_000_000
 BEFORE = "lostlink: interrupted before the run began"
 slow = partial(pytest.param, marks=pytest.mark.slow)
 both = pytest.mark.parametrize("processes", ["one", "many"])
+long_if_many = pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 slow_if_many = pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 
 
@@ -69,8 +71,15 @@ def assert_tables_are_whole(run: Run) -> int:
 
 
 @both
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("after_s", [0.05, 0.3, 0.5, 1.0, 2.0, slow(5.0), slow(20.0)])
+@pytest.mark.parametrize(
+    ("after_s", "number"),
+    [
+        *product((0.05, 0.3, 0.5, 1.0, 2.0), (signal.SIGINT, signal.SIGTERM)),
+        *(slow(5.0, number) for number in (signal.SIGINT, signal.SIGTERM)),
+        slow(20.0, signal.SIGINT),
+        pytest.param(20.0, signal.SIGTERM, marks=[pytest.mark.slow, pytest.mark.long]),
+    ],
+)
 def test_a_signal_ends_a_run_at_any_time(
     start_run: StartRun, processes: str, number: signal.Signals, after_s: float
 ) -> None:
@@ -393,7 +402,7 @@ def test_one_whose_flight_model_diverges_is_told_and_the_others_fly_on(
 
 
 @pytest.mark.slow
-@both
+@long_if_many
 def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, processes: str) -> None:
     run = start_run(scenario=with_an_agent_that(tmp_path, "block"), processes=processes)
     run.wait_for("no tick for")

@@ -35,7 +35,7 @@ def test_the_page_has_the_table_that_was_recorded() -> None:
     "parts",
     [
         pytest.param(("on_the_ground",), id="short"),
-        pytest.param(PARTS, id="whole", marks=[pytest.mark.slow, pytest.mark.timeout(300)]),
+        pytest.param(PARTS, id="whole", marks=[pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(300)]),
     ],
 )
 def test_the_stand_in_does_what_is_recorded_of_it(

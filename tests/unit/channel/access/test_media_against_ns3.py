@@ -17,6 +17,7 @@ from benchmarks.ns3.settings import SETTINGS, Setting, figures_of
 
 DATA = Path(__file__).parents[3] / "data" / "ns3_dcf.csv"
 QUICK_SEEDS, SEEDS = 2, 8
+LONG = ("broadcast, 10 saturated", "broadcast, 10 saturated, EIFS")
 QUICK = ("broadcast, 2 saturated", "hidden pair", "errors")
 DIFFER = {("capture, 5 dB", "from 33 m")}
 """lostlink goes over to the stronger frame at any time, ns-3 in the first 16 us alone."""
@@ -67,7 +68,9 @@ def test_settings_in_short(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in SETTINGS]
+)
 def test_all_settings(name: str) -> None:
     hold(name, SEEDS)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import exp
 
 import numpy as np
@@ -18,6 +19,7 @@ from channel.access.world import PlainWorld
 
 S = 1_000_000_000
 UNLIMITED = QueueLimits(0)
+long = partial(pytest.param, marks=pytest.mark.long)
 STATIONS = (5, 15, 25, 30, 50)
 SATURATION = {
     ("b", 1.0): ((0.8418, 0.7460, 0.6973, 0.6802, 0.6285), (0.8437, 0.7496, 0.7016, 0.6847, 0.6336)),
@@ -121,7 +123,7 @@ def poisson(rng: np.random.Generator, a_second: float, until_ns: int) -> list[in
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("load", "wait"), [(0.3, 0.2143), (0.6, 0.75), (0.9, 4.5)])
+@pytest.mark.parametrize(("load", "wait"), [(0.3, 0.2143), (0.6, 0.75), long(0.9, 4.5)])
 def test_one_sender_is_an_m_d_1_queue(load: float, wait: float) -> None:
     """Mean wait over service time: rho / (2 (1 - rho)) (Pollaczek and Khinchine)."""
     timing, service_ns = BitRate(64_000.0), 12_500_000
@@ -134,7 +136,7 @@ def test_one_sender_is_an_m_d_1_queue(load: float, wait: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("load", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("load", [long(0.2), 0.5, long(1.0)])
 def test_many_that_do_not_listen_are_aloha(load: float) -> None:
     """G e^-2G (Abramson 1970), heard by a node that only listens."""
     stations, timing = 200, BitRate(1_000_000.0)
