@@ -136,6 +136,10 @@ class Keys:
         """Which other nodes' latest packets reached this one."""
         return f"{self.prefix}/node/{node}/comm_status"
 
+    def radio_status(self, node: str) -> str:
+        """What a node's own radios report: what waits in their queues, and what became of its unicasts."""
+        return f"{self.prefix}/node/{node}/radio_status"
+
     def measurements(self, node: str) -> str:
         """What a node's RF sensor reports."""
         return f"{self.prefix}/node/{node}/measurements"
