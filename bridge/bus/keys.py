@@ -121,7 +121,7 @@ class Keys:
         return f"{self.prefix}/node/{node}/radio"
 
     def tx(self, node: str, channel: str, *, to: str = ALL, radio: str = MAIN) -> str:
-        """What a node gives to one of its radios, for one node or for all; only the radio router reads it."""
+        """What a node gives to one of its radios, for one node, a group or all; only the radio router reads it."""
         return f"{self.prefix}/node/{node}/tx/{radio}/{to}/{channel}"
 
     def next_packet(self, node: str) -> str:
