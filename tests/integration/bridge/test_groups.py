@@ -9,14 +9,14 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from bridge.agents import connect_ua
+from bridge.agents import Reception, connect_ua
 from bridge.agents.client import UaClient
 from lostlink import Run, load_run, redecide
 from lostlink.compare.compare import compare
 from lostlink.replay.player import Player
 from lostlink.report.content import content_of
 from tests.integration.bridge.conftest import StartRun
-from tests.integration.bridge.test_air import RADIO, node, rows, told
+from tests.integration.bridge.test_air import FLAT, RADIO, node, rows, told
 from tests.integration.bridge.test_air_beside import scenario
 from tests.integration.bridge.test_networks import CSMA, MESH, TELEMETRY, WIFI, Flown, flown
 
@@ -55,24 +55,16 @@ def fates(run: Run) -> dict[tuple[str, str], list[str]]:
     return {key: part.fate.tolist() for key, part in parts}
 
 
-@pytest.mark.parametrize(("main", "mesh"), [(TELEMETRY, WIFI), (WIFI | {"mtu_bytes": 200}, CSMA)])
+@pytest.mark.parametrize(
+    ("main", "mesh"),
+    [(TELEMETRY, WIFI), pytest.param(WIFI | {"mtu_bytes": 200}, CSMA, marks=pytest.mark.slow)],
+)
 def test_members_get_it_and_nobody_else_has_a_fate(
     flown: Flown, main: dict[str, Any], mesh: dict[str, Any]
 ) -> None:
-    shares = [
-        {
-            "type": "delivery",
-            "from": "g1",
-            "to": "g3",
-            "at_least": 1.0,
-        },  # not a member of the scouts: no loss
-        {
-            "type": "delivery",
-            "from": "g1",
-            "to": "0",
-            "at_least": 0.66,
-            "at_most": 0.67,
-        },  # too long twice of six: its data package is the first
+    shares = [  # of its data package, at the first tick, which is too long, and of what it sends by either radio
+        {"type": "delivery", "from": "g1", "to": "g3", "at_least": 0.66, "at_most": 0.67},
+        {"type": "delivery", "from": "g1", "to": "0", "at_least": 0.5, "at_most": 0.5},
     ]
     run = flown(five(SENDS), radio=main, networks={"mesh": mesh}, expectations=shares)
     assert fates(run) == EXPECTED
@@ -84,8 +76,8 @@ def test_members_get_it_and_nobody_else_has_a_fate(
     came = {n: [seq - first for seq in numbers if seq >= first] for n, numbers in heard.items()}
     assert came == {"0": [0, 2, 3], "g2": [0, 1, 3, 4], "g3": [1, 3]}
     assert [(row["passed"], row["found"]) for row in run.summary["expectations"]] == [
-        (True, 1.0),
-        (True, pytest.approx(4 / 6)),
+        (True, pytest.approx(2 / 3, abs=1e-6)),  # what is for the scouts is no loss of g3's
+        (True, pytest.approx(3 / 6)),
     ]
 
 
@@ -109,7 +101,7 @@ def test_a_group_is_heard_as_all_are_without_acknowledgement(flown: Flown) -> No
     assert told(run, "g1", "replies") == []
 
 
-@pytest.mark.parametrize("medium", [{"model": "ideal"}, CSMA["medium"]])
+@pytest.mark.parametrize("medium", [pytest.param({"model": "ideal"}, marks=pytest.mark.slow), CSMA["medium"]])
 def test_one_process_and_many_have_the_same_groups_and_what_reads_a_record_has_them(
     flown: Flown, medium: dict[str, Any]
 ) -> None:
@@ -131,24 +123,30 @@ def test_one_process_and_many_have_the_same_groups_and_what_reads_a_record_has_t
     sent = Counter(player.sent[player.nodes.index("g1")].to.tolist())
     assert (sent[-3], sent[-2], sent[2]) == (22, 1, 1)  # ears and scouts, in the order of names
     totals = content_of(one)["totals"]
-    assert totals["sent"] == was.packets.sum()
+    assert totals["sent"] == (was.packets * was.rx.map(lambda rx: 3 if rx == "all" else 1).astype(int)).sum()
 
 
-@pytest.mark.parametrize("processes", ["one", "many"])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 def test_a_program_beside_the_run_sends_to_a_group_and_hears_what_is_for_its_own(
     start_run: StartRun, processes: str
 ) -> None:
     probe = {"id": "probe", "kind": "ground", "groups": ["ears"], "agent": {"type": "free"}}
     sends = [(0.5 + 0.1 * k, ("ears", "scouts")[k % 2], 100) for k in range(60)]
-    text = scenario([*five(sends)[:3], probe], radio=RADIO | {"medium": {"model": "airtime"}})
+    text = scenario([*five(sends)[:3], probe], transmit=FLAT | {"phase_s": "drawn"})  # nobody meets the other
     run = start_run(scenario=text, duration_s=7.0, speed="2", processes=processes)
     run.wait_for("sim time")
     heard: list[int] = []
 
     async def talk(ua: UaClient) -> None:
-        enough = asyncio.Event()
-        ua.on_packet(lambda _sender, _channel, _payload, reception: heard.append(reception.seq))
-        ua.on_packet(lambda *_: len(heard) > 5 and enough.set())
+        begun, enough = asyncio.Event(), asyncio.Event()
+
+        def came(_sender: str, channel: str, _payload: bytes, reception: Reception) -> None:
+            if channel == "test":
+                heard.append(reception.seq)
+                (enough if len(heard) > 5 else begun).set()
+
+        ua.on_packet(came)
+        await asyncio.wait_for(begun.wait(), 30.0)
         ua.transmit("test", bytes(10), to="scouts")
         with pytest.raises(ValueError, match=r"to='scoots': there are all and 0, g1, g2, ears, scouts$"):
             ua.transmit("test", bytes(10), to="scoots")
