@@ -27,6 +27,7 @@ from bridge.agents.client import UaClient
 from bridge.agents.frames import frames_of
 from bridge.agents.measurements import measurements_by_node
 from bridge.agents.outlet import OnEvent
+from bridge.agents.radio import queues_in, replies_in
 from bridge.agents.running.feed import Arrivals, DeliveredPacket, Feeder
 from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.identity.roster import node_identity
@@ -42,6 +43,7 @@ from bridge.bus.messages import (
     DecodeError,
     Header,
     Measurements,
+    RadioStatus,
     decode,
 )
 from bridge.bus.reception import radio_of, signal_of
@@ -156,6 +158,7 @@ class _TicksOnBus:
         for key, handler in (
             (keys.rx(ua.node, "*", "*"), partial(self._settled_came, self._packet_came)),
             (keys.comm_status(ua.node), partial(self._settled_came, self._comm_status_came)),
+            (keys.radio_status(ua.node), partial(self._settled_came, self._radio_status_came)),
             (keys.measurements(ua.node), partial(self._settled_came, self._measurements_came)),
             (keys.clock_release, self._release_came),
             (keys.state(ua.node), self._state_came),
@@ -220,6 +223,13 @@ class _TicksOnBus:
         message = decode(sample.payload.to_bytes(), Measurements)
         for measurements in measurements_by_node(message).values():
             self._arrivals.measurements_came(measurements)
+
+    def _radio_status_came(self, sample: Sample) -> None:
+        message = decode(sample.payload.to_bytes(), RadioStatus)
+        for reply, radio in replies_in(message):
+            self._arrivals.reply_came(reply, radio)
+        for queue, radio in queues_in(message):
+            self._arrivals.queue_changed(queue, radio)
 
     def _packet_came(self, sample: Sample) -> None:
         sender, channel = str(sample.key_expr).split("/")[-2:]

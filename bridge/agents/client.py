@@ -64,7 +64,8 @@ class UaClient(Commands):
         outlet: where what it says goes.
         seed: of the run, for the agent's own random numbers.
         folder: where its own files go; ``None``: nowhere.
-        reach: ids of the nodes on the network of each of the node's radios, by its name, if they are known.
+        reach: ids of the nodes on the network of each of the node's radios, and names of the groups there, by the
+            radio's name, if they are known.
         sensor: what the node knows of its RF sensor; None: it has none.
         frames: the node's and the fleet's frame, if they are known.
         take_off_at_s: sim time before which no aircraft of the run is to take off.
@@ -203,7 +204,7 @@ class UaClient(Commands):
         Args:
             channel: last part of the keys.
             payload: what is transmitted.
-            to: the node that it is for; every other one on the network if not given.
+            to: the node, or the group of nodes, that it is for; every other one on the network if not given.
             radio: name of the node's radio, which is that of the network.
             priority: packets of higher ones leave the queue first; from -128 to 127.
             lifetime_s: after so long in the queue it is dropped, s; it waits for ever if not given.
@@ -211,7 +212,7 @@ class UaClient(Commands):
 
         Raises:
             ValueError: ``channel``, ``to`` or ``radio`` cannot be part of a key, the node has no such radio, there is
-                no such node on its network, or one of the last three cannot be.
+                no such node or group on its network, or one of the last three cannot be.
             TypeError: ``payload`` is neither bytes nor a message.
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """

@@ -36,7 +36,7 @@ class Outlet(Protocol):
         """Give a packet to the radio; called in the agent's thread.
 
         Args:
-            to: id of the addressee, or all.
+            to: id of the addressee, a group, or all.
             channel: last part of the keys.
             payload: what is transmitted.
             encoding: what the payload is, as Zenoh names it; "" for bytes of which nothing is said.

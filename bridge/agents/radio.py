@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+from bridge.bus.messages import DecodeError, RadioStatus
 
 
 class QueueState(NamedTuple):
@@ -62,3 +64,32 @@ class OwnRadio:
         for reply in self.replies:
             for callback in self._on_reply:
                 callback(reply)
+
+
+def queues_in(message: RadioStatus) -> Iterator[tuple[QueueState, str]]:
+    """The transmit queues of a message, each with the name of its radio.
+
+    Raises:
+        DecodeError: its columns are of several lengths.
+    """
+    for radio, *queue in _rows(message.queue_radio, message.queue_packets, message.queue_bytes):
+        yield QueueState(*queue), radio
+
+
+def replies_in(message: RadioStatus) -> Iterator[tuple[UnicastReply, str]]:
+    """What became of unicasts by a message, each with the name of its radio.
+
+    Raises:
+        DecodeError: its columns are of several lengths.
+    """
+    m = message
+    columns = m.reply_seq, m.reply_acknowledged, m.reply_attempts, m.reply_ns
+    for radio, *reply in _rows(m.reply_radio, *columns):
+        yield UnicastReply(*reply), radio
+
+
+def _rows(*columns: Iterable[Any]) -> list[tuple[Any, ...]]:
+    try:
+        return list(zip(*columns, strict=True))
+    except ValueError as error:
+        raise DecodeError(f"RadioStatus: {error}") from error

@@ -121,7 +121,7 @@ class Keys:
         return f"{self.prefix}/node/{node}/radio"
 
     def tx(self, node: str, channel: str, *, to: str = ALL, radio: str = MAIN) -> str:
-        """What a node gives to one of its radios, for one node or for all; only the radio router reads it."""
+        """What a node gives to one of its radios, for one node, a group or all; only the radio router reads it."""
         return f"{self.prefix}/node/{node}/tx/{radio}/{to}/{channel}"
 
     def next_packet(self, node: str) -> str:
@@ -135,6 +135,10 @@ class Keys:
     def comm_status(self, node: str) -> str:
         """Which other nodes' latest packets reached this one."""
         return f"{self.prefix}/node/{node}/comm_status"
+
+    def radio_status(self, node: str) -> str:
+        """What a node's own radios report: what waits in their queues, and what became of its unicasts."""
+        return f"{self.prefix}/node/{node}/radio_status"
 
     def measurements(self, node: str) -> str:
         """What a node's RF sensor reports."""

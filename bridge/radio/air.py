@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bridge.bus.keys import MAIN
+from bridge.bus.keys import ALL, MAIN
 from bridge.bus.messages import Truth
 from bridge.radio.places import NodePlaces
 from bridge.radio.senders import TxPacket
@@ -77,6 +77,7 @@ class NetworkAir:
 
     Attributes:
         index: place among all nodes of each of its own, by id.
+        addressees: `Packets.to` among all nodes, by the name of whom a packet may be for.
         ledger: its books; of its own nodes.
     """
 
@@ -94,7 +95,11 @@ class NetworkAir:
         self.nodes = tuple(nodes) or medium.nodes
         self._places = NodePlaces(medium.nodes, self.nodes)
         self.index = self._places.index
-        self.ledger = Ledger(medium.nodes, causes=tuple(Cause))
+        groups = medium.addressees.groups
+        codes = {name: medium.addressees.codes[name] for name in groups}
+        known = {name: code for name, code in codes.items() if medium.addressees.members(code)}
+        self.addressees = {ALL: EVERYBODY, **self.index, **known}
+        self.ledger = Ledger(medium.nodes, causes=tuple(Cause), addressees=medium.addressees)
         self._network = network
         self._in_flight: dict[tuple[int, int], TxPacket] = {}
         """By place of the sender in the medium, and number."""
@@ -157,11 +162,22 @@ class NetworkAir:
 
     def lose(self, gap: Gap) -> Sequence[Gap]:
         """Book packets that are lost before the channel; a gap for each of their receivers, or one for all nodes."""
-        to = None if gap.to == EVERYBODY else self.nodes[gap.to]
-        self.ledger.lose(self.nodes[gap.tx], gap.cause.value, gap.packets, to)
-        if self._places.are_same or to is not None:
+        tx, cause = self.nodes[gap.tx], gap.cause.value
+        if gap.to == EVERYBODY and self._places.are_same:
+            self.ledger.lose(tx, cause, gap.packets)
             return (gap,)
-        return [gap._replace(to=rx) for rx in self._places.of_all.tolist() if rx != gap.tx]
+        receivers = self._receivers_of(gap)
+        for rx in receivers:
+            self.ledger.lose(tx, cause, gap.packets, self.nodes[rx])
+        return [gap._replace(to=rx) for rx in receivers]
+
+    def _receivers_of(self, gap: Gap) -> list[int]:
+        """Places among all nodes, rising."""
+        if gap.to >= 0:
+            return [gap.to]
+        members = self._places.of_all.tolist()
+        receivers = self.medium.addressees.receivers(self.medium.index[self.nodes[gap.tx]], gap.to)
+        return [members[rx] for rx in sorted(receivers)]
 
     # What becomes of it.
 

@@ -28,20 +28,21 @@ class NodePlaces:
         self.index = {node: everybody[node] for node in members}
         self.of_all = np.array([*self.index.values()], dtype=np.intp)
         self.are_same = tuple(members) == tuple(nodes)
-        self._of_members = np.full(len(nodes) + 1, EVERYBODY, dtype=np.intp)
-        self._of_members[self.of_all] = np.arange(self.of_all.size)  # the last one is for EVERYBODY, -1
+        self._of_members = np.full(len(nodes), EVERYBODY, dtype=np.intp)
+        self._of_members[self.of_all] = np.arange(self.of_all.size)
 
     def on_the_network(self, packets: Packets) -> Packets:
-        """Packets of its nodes, as its medium has them."""
+        """Packets of its nodes, as its medium has them; codes of groups are the same."""
         if self.are_same:
             return packets
-        return packets._replace(tx=self._of_members[packets.tx], to=self._of_members[packets.to])
+        to = np.where(packets.to < 0, packets.to, self._of_members[np.maximum(packets.to, 0)])
+        return packets._replace(tx=self._of_members[packets.tx], to=to)
 
     def among_all(self, receptions: Receptions) -> Receptions:
         """Receptions of its medium, as the run has them."""
         if self.are_same:
             return receptions
         packets, places = receptions.packets, self.of_all
-        to = np.where(packets.to == EVERYBODY, EVERYBODY, places[packets.to])
+        to = np.where(packets.to < 0, packets.to, places[np.maximum(packets.to, 0)])
         packets = packets._replace(tx=places[packets.tx], to=to)
         return replace(receptions, packets=packets, rx=places[receptions.rx])

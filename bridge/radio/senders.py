@@ -38,7 +38,7 @@ class TxPacket(SentPacket):
 
     Attributes:
         tx: index of the sender.
-        to: index of the addressee, or EVERYBODY.
+        to: index of the addressee, EVERYBODY, or a group's code.
         network: place of its radio network among those of the run.
     """
 

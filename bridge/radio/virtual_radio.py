@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.handling import PLAIN, Handling
-from bridge.bus.keys import ALL, Address
+from bridge.bus.keys import Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.air import NetworkAir, Settled, books_of, joined
@@ -26,7 +26,6 @@ from bridge.radio.senders import Refused, Senders, TxPacket
 from bridge.record.tables.deliveries import Gap, Vocabulary
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
-from channel.medium.reception import EVERYBODY
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
@@ -121,7 +120,7 @@ class VirtualRadio:
         if stamp is None or air is None or why is not None:
             self.refused[why or Refused.WITHOUT_STAMP] += 1
             return False
-        to = EVERYBODY if address.to == ALL else self._index[address.to]
+        to = air.addressees[address.to]
         route = f"{address.radio}/{address.to}/{address.channel}"
         tx = self._index[address.node]
         return self._senders.take(
@@ -147,7 +146,7 @@ class VirtualRadio:
             return Refused.WITHOUT_STAMP
         if air is None or address.node not in air.index:
             return Refused.UNKNOWN_RADIO
-        if address.to == address.node or (address.to != ALL and address.to not in air.index):
+        if address.to == address.node or address.to not in air.addressees:
             return Refused.UNKNOWN_ADDRESS
         if len(encoding) > ENCODING_MAX:
             return Refused.MALFORMED

@@ -286,6 +286,12 @@ class Scenario(Part):
             raise ValueError(f"id {twice[0]} is used more than once")
         if RESERVED_ID in ids:
             raise ValueError(f"id {RESERVED_ID}: that is the address of packets for every node")
+        for node in nodes:
+            for group in () if isinstance(node, EmitterNode) else node.groups:
+                if group in (*ids, RESERVED_ID):
+                    text = "that is the address of packets for every node"
+                    text = text if group == RESERVED_ID else "a node has that id"
+                    raise ValueError(f"groups: node {node.node} is in {group}: {text}")
         if not any(isinstance(node, Aircraft) for node in nodes):
             raise ValueError("there has to be a UA: the flight dynamics keep the time")
         return nodes
@@ -376,10 +382,21 @@ class Scenario(Part):
         """The nodes that are on a radio network."""
         return tuple(node for node in self.transceivers if node.networks is None or network in node.networks)
 
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups that nodes are in, sorted."""
+        return tuple(sorted({group for node in self.transceivers for group in node.groups}))
+
+    def groups_on(self, network: str) -> dict[str, tuple[str, ...]]:
+        """Ids of the members of each group that are on a radio network."""
+        nodes = self.nodes_on(network)
+        return {group: tuple(node.node for node in nodes if group in node.groups) for group in self.groups}
+
     def reach_of(self, node_id: str) -> dict[str, tuple[str, ...]]:
-        """The radios of a node by name, and the ids of all nodes on the network of each."""
+        """The radios of a node by name, and for each the ids of all nodes on its network, and the groups there."""
         reach = {name: tuple(node.node for node in self.nodes_on(name)) for name in self.network_names}
-        return {name: ids for name, ids in reach.items() if node_id in ids}
+        groups = {name: [group for group, ids in self.groups_on(name).items() if ids] for name in reach}
+        return {name: (*ids, *groups[name]) for name, ids in reach.items() if node_id in ids}
 
     @property
     def stations(self) -> tuple[str, ...]:

@@ -70,6 +70,8 @@ def _with_main(networks: tuple[str, ...] | None) -> tuple[str, ...] | None:
 
 NetworkNames = Annotated[tuple[Slug, ...] | None, AfterValidator(_with_main)]
 """The radio networks that a node is on; None: all."""
+GroupNames = tuple[Slug, ...]
+"""The groups of addressees that a node is in."""
 RadioOutages = Annotated[tuple[RadioOutage, ...], AfterValidator(_in_order)]
 
 
@@ -84,6 +86,7 @@ class Aircraft(Part):
     parameters: Parameters = Field(default_factory=dict)
     radio: RadioSetting | None = None
     networks: NetworkNames = None
+    groups: GroupNames = ()
     radio_off: RadioOutages = ()
     sensor: RfSensor | None = None
     agent: AgentConfig
@@ -137,6 +140,7 @@ class GroundNode(Part):
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None
     networks: NetworkNames = None
+    groups: GroupNames = ()
     radio_off: RadioOutages = ()
     sensor: RfSensor | None = None
     agent: GroundAgentConfig

@@ -62,12 +62,13 @@ class AirPacket:
     Attributes:
         node: who sends it.
         number: of its sender, rising.
-        to: the node that it is for; None: all that hear it, without acknowledgement.
+        to: the node that it is for; None: all that hear it, or a group of these, without acknowledgement.
         length_bytes: of what the sender gave, 0 or more.
         at_ns: the instant at which it enters the radio.
         priority: packets of higher ones leave the queue first.
         lifetime_ns: after so long in the queue it is dropped; None: it waits for ever.
         key: a queued packet of the same node and key gives way to it; empty: none does.
+        members: of the group that it is for, without acknowledgement, and ``to`` is None; None: it is for no group.
     """
 
     node: int
@@ -78,6 +79,13 @@ class AirPacket:
     priority: int = 0
     lifetime_ns: int | None = None
     key: str = ""
+    members: frozenset[int] | None = None
+
+    def is_for(self, node: int) -> bool:
+        """Whether a node is to have it; of others that hear it there is no fate."""
+        if self.to is not None:
+            return node == self.to
+        return node != self.node and (self.members is None or node in self.members)
 
 
 @dataclass(frozen=True, slots=True)

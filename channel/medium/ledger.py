@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from channel.checks import ChannelInputError, FloatArray
 from channel.link.tables.steps import STEPS_PER_ONE
+from channel.medium.addressees import Addressees
 from channel.medium.bins import Bins
 from channel.medium.reception import DELIVERED, EVERYBODY, FATES, UNDECIDED_FROM, Packets, Receptions
 from channel.numbers.intervals import binomial_interval
@@ -81,6 +82,7 @@ class Ledger:
         nodes: names of all nodes, in the order of the medium's.
         bin_width_m: width of the distance bins.
         causes: of losses that are not the channel's, such as the host's.
+        addressees: who packets are for; nodes and everybody unless given.
 
     Attributes:
         causes: names of what can become of a packet: the channel's fates by their numbers, then the other causes.
@@ -89,7 +91,11 @@ class Ledger:
     """
 
     def __init__(
-        self, nodes: Iterable[str], bin_width_m: float = BIN_WIDTH_M, causes: Iterable[str] = ()
+        self,
+        nodes: Iterable[str],
+        bin_width_m: float = BIN_WIDTH_M,
+        causes: Iterable[str] = (),
+        addressees: Addressees | None = None,
     ) -> None:
         if not bin_width_m > 0.0:
             raise ChannelInputError("bin_width_m", bin_width_m, "> 0")
@@ -100,6 +106,7 @@ class Ledger:
         self.sent = np.zeros((count, count), dtype=np.int64)
         self.settled = np.zeros((count, count, len(self.causes)), dtype=np.int64)
         self._others = ~np.eye(count, dtype=bool)
+        self._addressees = addressees or Addressees(self.nodes)
         self._bins = Bins(3)
 
     def send(self, packets: Packets) -> None:
@@ -107,7 +114,9 @@ class Ledger:
         everybody = packets.to == EVERYBODY
         count = len(self.nodes)
         self.sent += np.bincount(packets.tx[everybody], minlength=count)[:, np.newaxis] * self._others
-        np.add.at(self.sent, (packets.tx[~everybody], packets.to[~everybody]), 1)
+        some = packets.at(~everybody)
+        row, rx = self._addressees.links(some)
+        np.add.at(self.sent, (some.tx[row], rx), 1)
 
     def settle(self, receptions: Receptions) -> None:
         """Book the fates of packets that were booked out before, in the distance bins, too."""

@@ -8,7 +8,7 @@ and receptions come out as columns: all that can be settled is settled in one pa
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from channel.checks import ChannelInputError
 from channel.draws import MAX_SEQ, Draws, LinkDraws, check_seed
 from channel.link.radio import Radio
+from channel.medium.addressees import NO_GROUPS, Addressees
 from channel.medium.judge.judge import Judge
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
@@ -47,17 +48,19 @@ class Medium:
         switches: of the nodes' radios; each is on until it is switched off.
         bases: names of the nodes that stand on the ground; the others are aircraft. For laws that distinguish them.
         ahead_ns: for so long a node goes on as it last moved beyond its newest truth, for `drawing` (0: it stands).
+        groups: names of the members of each group of nodes that packets may be for.
         network: name of a further radio network of the run, whose draws are others; "": the run's own.
 
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
         index: of each name.
         radios: of each node.
+        addressees: who packets are for.
         emitters: where the emitters are: `emitters.observe` takes in their truth.
 
     Raises:
         ChannelInputError: names that are not distinct, a node without a radio, radios on several frequencies, a radio
-            that hears an emitter of another name.
+            that hears an emitter of another name, a group that cannot be.
     """
 
     def __init__(
@@ -72,12 +75,14 @@ class Medium:
         switches: Switches | None = None,
         bases: Iterable[str] = (),
         ahead_ns: int = 0,
+        groups: Mapping[str, Collection[str]] = NO_GROUPS,
         network: str = "",
     ) -> None:
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
         if len(self.index) != len(self.nodes):
             raise ChannelInputError("nodes", self.nodes, "names that differ")
+        self.addressees = Addressees(self.nodes, groups)
         self.draws = Draws(check_seed(seed), network)
         self._tracks = Tracks(len(self.nodes), max_truth_age_ns, ahead_ns)
         self.radios = tuple(self._radio_of(node, radio) for node in self.nodes)
@@ -116,6 +121,7 @@ class Medium:
             emitters=self.emitters,
             switches=self._switches if switched else None,
             bases=self._bases,
+            addressees=self.addressees,
         )
 
     def _on_the_ground(self, bases: Iterable[str]) -> NDArray[np.bool_]:
@@ -134,8 +140,7 @@ class Medium:
     @property
     def in_flight(self) -> int:
         """Number of fates that are still open, which is packets that wait for truth times their receivers."""
-        others = len(self.nodes) - 1
-        return sum(int(np.sum(np.where(part.to == EVERYBODY, others, 1))) for part in self._waiting)
+        return sum(int(self.addressees.count(part).sum()) for part in self._waiting)
 
     def packets(
         self,
@@ -153,13 +158,13 @@ class Medium:
             seq: sequence numbers.
             sim_time_ns: when they were sent.
             length_bytes: of their payloads.
-            to: the one addressee of all; everybody if not given.
+            to: the node or the group that all are for; everybody if not given.
 
         Raises:
-            ChannelInputError: an unknown node, or a number that is not whole.
+            ChannelInputError: an unknown node or group, or a number that is not whole.
         """
         sender = np.asarray(self._indices("tx", tx))
-        receiver = EVERYBODY if to is None else self._index("to", to)
+        receiver = EVERYBODY if to is None else self._code(to)
         numbers = {"sim_time_ns": sim_time_ns, "seq": seq, "length_bytes": length_bytes}
         when, number, length = (_whole(name, value) for name, value in numbers.items())
         columns = np.broadcast_arrays(when, sender, number, length, np.intp(receiver))
@@ -238,7 +243,7 @@ class Medium:
         """
         if not packets.size:
             return
-        _check(packets, len(self.nodes))
+        _check(packets, len(self.nodes), len(self.addressees.groups))
         to_itself = packets.to == packets.tx
         if np.count_nonzero(to_itself):
             node = int(packets.tx[to_itself][0])
@@ -273,6 +278,11 @@ class Medium:
         except KeyError:
             raise ChannelInputError(name, node, f"one of {', '.join(self.nodes)}") from None
 
+    def _code(self, to: str) -> int:
+        if to not in self.addressees.codes:
+            raise ChannelInputError("to", to, f"one of {', '.join(self.addressees.codes)}")
+        return self.addressees.codes[to]
+
     def _indices(self, name: str, node: Which) -> NDArray[np.intp]:
         if isinstance(node, str):
             return np.array(self._index(name, node), dtype=np.intp)
@@ -295,13 +305,13 @@ def _whole(name: str, value: ArrayLike) -> NDArray[np.int64]:
     return array.astype(np.int64, copy=False)
 
 
-def _check(packets: Packets, nodes: int) -> None:
+def _check(packets: Packets, nodes: int, groups: int) -> None:
     """Refuse packets whose columns are not whole numbers in their ranges."""
     columns = np.array(packets)
     if columns.dtype != WHOLE:
         bad = next(name for name in packets._fields if getattr(packets, name).dtype != WHOLE)
         raise ChannelInputError(bad, f"array of {getattr(packets, bad).dtype}", "integers of 64 bits")
-    low, high = _ranges(nodes)
+    low, high = _ranges(nodes, groups)
     # what is below its range wraps round to large numbers
     above = np.maximum.reduce((columns - low[:, np.newaxis]).view(np.uint64), axis=1)
     outside = above > (high - low).view(np.uint64)
@@ -311,14 +321,14 @@ def _check(packets: Packets, nodes: int) -> None:
 
 
 @lru_cache(maxsize=8)
-def _ranges(nodes: int) -> NDArray[np.int64]:
+def _ranges(nodes: int, groups: int) -> NDArray[np.int64]:
     """Return the lowest and the highest value of each column of packets, shape (2, columns)."""
     ranges = {
         "sim_time_ns": (-FOREVER, FOREVER),
         "tx": (0, nodes - 1),
         "seq": (0, MAX_SEQ),
         "length_bytes": (0, MAX_LENGTH_BYTES),
-        "to": (EVERYBODY, nodes - 1),
+        "to": (EVERYBODY - groups, nodes - 1),
     }
     return np.array([ranges[name] for name in Packets._fields]).T
 

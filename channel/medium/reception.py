@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from channel.checks import FloatArray
 
 EVERYBODY = -1
-"""In `Packets.to`: every other node is an intended receiver."""
+"""In `Packets.to`: every other node is an intended receiver. Below it are groups (`channel.medium.addressees`)."""
 
 
 class Fate(Enum):
@@ -58,7 +58,7 @@ class Packets(NamedTuple):
         tx: transmitting node, as its index in `Medium.nodes`, intp.
         seq: the transmitter's sequence number, int64.
         length_bytes: of the payload, as given, int64.
-        to: index of the one addressee, or EVERYBODY, intp.
+        to: index of the one addressee, EVERYBODY, or a group's code, intp.
     """
 
     sim_time_ns: NDArray[np.int64]

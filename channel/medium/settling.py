@@ -14,10 +14,11 @@ from channel.checks import FloatArray
 from channel.draws import LinkDraws, Purpose
 from channel.link.radio import Radio
 from channel.link.tables.lengths import Lengths
+from channel.medium.addressees import Addressees
 from channel.medium.judge.judge import Judge
 from channel.medium.links import Indices, LinksOfPass
 from channel.medium.pair import Pair, SettledLinks, blank, put
-from channel.medium.reception import EVERYBODY, RADIO_OFF, Packets, Receptions
+from channel.medium.reception import RADIO_OFF, Packets, Receptions
 from channel.medium.stations.emitter_tracks import EmitterTracks
 from channel.medium.stations.switches import Switches
 from channel.medium.stations.tracks import Snapshot, Tracks
@@ -38,6 +39,7 @@ class Settling:
         emitters: where the run's emitters are.
         switches: of the nodes' radios; all stay on unless given.
         bases: which nodes stand on the ground; none unless given.
+        addressees: who packets are for; nodes and everybody unless given.
 
     Raises:
         ChannelInputError: radios on several frequencies.
@@ -54,6 +56,7 @@ class Settling:
         emitters: EmitterTracks | None = None,
         switches: Switches | None = None,
         bases: NDArray[np.bool_] | None = None,
+        addressees: Addressees | None = None,
     ) -> None:
         self._draws = draws
         self._tracks = tracks
@@ -72,8 +75,7 @@ class Settling:
         self._switches = switches or Switches(count)
         self._bases = np.zeros(count, dtype=bool) if bases is None else bases
         self._roles = any(pair.radio.needs_roles for pair in self._pairs)
-        nodes = np.arange(max(count - 1, 0))
-        self._others = nodes + (nodes >= np.arange(count)[:, np.newaxis])
+        self._addressees = addressees or Addressees(draws.nodes)
 
     def _kind_of(self, radio: Radio) -> int:
         """Return the number of a radio; nodes with equal ones share it."""
@@ -122,7 +124,7 @@ class Settling:
             packets: the packets.
             counted: their lengths for the error model; as it counts them unless given.
         """
-        packet, rx = self._links(packets)
+        packet, rx = self._addressees.links(packets)
         counted = self.counted_bytes(packets) if counted is None else counted
         if not self._switches.are_used:
             return Receptions(packets, packet, rx, *self._settled(packets, counted, packet, rx))
@@ -147,21 +149,6 @@ class Settling:
             settled = self._pass(packets.at(rows), counted[rows], packet[part] - rows.start, rx[part])
             put(settled, out, part)
         return out
-
-    def _links(self, packets: Packets) -> tuple[Indices, Indices]:
-        """Return the row of the packet and the receiver of each link."""
-        rows, others = np.arange(packets.size), self._others.shape[1]
-        one = packets.to != EVERYBODY
-        addressed = np.count_nonzero(one)
-        if not addressed:
-            return rows.repeat(others), self._others[packets.tx].reshape(-1)
-        if addressed == packets.size:
-            return rows, packets.to
-        packet = rows.repeat(np.where(one, 1, others))
-        rx = np.empty_like(packet)
-        to_one = one[packet]
-        rx[to_one], rx[~to_one] = packets.to[one], self._others[packets.tx[~one]].reshape(-1)
-        return packet, rx
 
     def _pass(
         self, packets: Packets, counted: NDArray[np.int64], packet: Indices, rx: Indices

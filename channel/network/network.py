@@ -50,10 +50,11 @@ class Lived:
 
 @dataclass(slots=True)
 class _Open:
-    """A packet on its way: when its agent sent it, and whose fate is open."""
+    """A packet on its way: when its agent sent it, for whom (`Packets.to`), and whose fate is open."""
 
     packet: AirPacket
     sim_time_ns: int
+    to: int
     receivers: set[int]
 
 
@@ -77,13 +78,13 @@ class Network:
         self._world = LinkWorld(medium, judge)
         self._access = open_medium(self._world)
         self._entry = entry
-        self._everybody = frozenset(range(len(medium.nodes)))
+        self._addressees, self._is_alone = medium.addressees, len(medium.nodes) < 2
         self._unreached: list[AirFate] = []
-        """Of packets to all, at the nodes that their sender's radio has no link to."""
+        """Of packets to several, at the nodes that their sender's radio has no link to."""
         self._open: dict[tuple[int, int], _Open] = {}
         """Packets on their way, by sender and number."""
         self._for_nobody: list[tuple[int, int]] = []
-        """Packets of a node that is alone."""
+        """Packets that are for no other node: of a node that is alone, or to a group without others."""
         self._now_ns = 0
 
     @property
@@ -102,18 +103,19 @@ class Network:
             zip(*columns, strict=True), handling, strict=True
         ):
             at_ns = max(self._entry.at_ns(tx, seq, sim_time_ns), self._now_ns)
-            receiver = None if to < 0 else to
-            packet = AirPacket(tx, seq, receiver, length_bytes, at_ns, how.priority, how.lifetime_ns, how.key)
-            receivers = set(self._access.receivers_of(packet))
-            others = self._everybody - receivers - {tx} if receiver is None else frozenset()
+            receiver, members = None if to < 0 else to, self._addressees.members(to)
+            packet = AirPacket(tx, seq, receiver, length_bytes, at_ns, *how, members)
+            receivers = self._addressees.receivers(tx, to)
+            others = receivers.difference(self._access.receivers_of(packet))
             self._unreached += [
                 AirFate(packet, other, at_ns, NEVER_NS, NEVER_NS, 0, Loss.NO_PEER) for other in sorted(others)
             ]
-            if receivers or others:
-                self._open[tx, seq] = _Open(packet, sim_time_ns, receivers | others)
-                self._access.offer(packet)
+            if receivers:
+                self._open[tx, seq] = _Open(packet, sim_time_ns, to, receivers)
             else:
                 self._for_nobody.append((tx, seq))
+            if not self._is_alone:
+                self._access.offer(packet)
 
     def live(self, until_ns: int) -> Lived:
         """Let the network live until just before an instant; what was decided since the last call."""
@@ -184,13 +186,13 @@ class Network:
         if not order:
             return NO_PACKETS, np.zeros(0, dtype=np.intp)
         row_of = {(tx, seq): row for row, (_, tx, seq) in enumerate(order)}
-        sent = [self._open[tx, seq].packet for _, tx, seq in order]
+        sent = [self._open[tx, seq] for _, tx, seq in order]
         packets = Packets(
             np.array([sim_time_ns for sim_time_ns, _, _ in order]),
             np.array([tx for _, tx, _ in order], dtype=np.intp),
             np.array([seq for _, _, seq in order]),
-            np.array([packet.length_bytes for packet in sent]),
-            np.array([-1 if packet.to is None else packet.to for packet in sent], dtype=np.intp),
+            np.array([each.packet.length_bytes for each in sent]),
+            np.array([each.to for each in sent], dtype=np.intp),
         )
         rows = [row_of[fate.packet.node, fate.packet.number] for fate in fates]
         return packets, np.array(rows, dtype=np.intp)

@@ -11,7 +11,7 @@ from bridge.fleet.how import how_joined, in_words
 from bridge.fleet.preflight.ports import ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import Aircraft, EmitterNode, GroundNode, Transceiver
+from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, GroundNode, Transceiver
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.link.radio import Radio
@@ -53,6 +53,7 @@ class RunPlan:
     Attributes:
         scenario, description, seed, autopilot, speed, duration_s, tick_rate_hz, wind: as in the scenario.
         nodes: all of them.
+        groups: the members of each group of addressees.
         joined: how its parts are joined, in words.
         processes: by name, the nodes that each has to do with; none named: all of them.
         ports: that the run listens on.
@@ -73,6 +74,7 @@ class RunPlan:
     tick_rate_hz: int
     wind: str | dict[str, Any]
     nodes: tuple[NodePlan, ...]
+    groups: dict[str, tuple[str, ...]]
     joined: str
     processes: dict[str, tuple[str, ...]]
     ports: tuple[str, ...]
@@ -100,6 +102,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
         scenario.tick_rate_hz,
         scenario.wind,
         tuple(_node(node, radios) for node in scenario.nodes),
+        scenario.groups_on(MAIN),
         in_words(scenario),
         _processes(scenario),
         tuple(str(use) for use in ports_of(scenario)),

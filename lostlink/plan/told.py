@@ -21,6 +21,8 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
         f"seed {plan.seed}, autopilot {plan.autopilot}, wind {plan.wind}"
     )
     yield from _section(f"Nodes ({len(plan.nodes)})", [_node(node) for node in plan.nodes])
+    groups = [f"{name}: {', '.join(members)}" for name, members in plan.groups.items()]
+    yield from _section(f"Groups of addressees ({len(groups)})", groups)
     processes = [f"{name}: {', '.join(nodes)}" if nodes else name for name, nodes in plan.processes.items()]
     yield from _section(f"Processes ({plan.joined})", processes)
     yield from _section(f"Ports ({len(plan.ports)})", list(plan.ports))

@@ -30,13 +30,13 @@ class SentPackets:
     Args:
         run: the run directory.
         node: the node's id.
-        places: of all nodes' ids.
+        places: of all nodes' ids, and codes of groups (`channel.medium.addressees.codes_of`).
 
     Attributes:
         seq: int64, rising.
         sim_time_ns: when each was transmitted, int64.
         length_bytes: of the payloads, int64.
-        to: place of the addressee, or EVERYBODY.
+        to: place of the addressee, EVERYBODY, or a group's code.
         radios: name of the radio of each.
         channels: last part of each packet's key.
         encodings: what each payload is said to be; "" if nothing.
@@ -111,5 +111,5 @@ def _addressee(address: str, places: dict[str, int]) -> int:
     if to == ALL:
         return EVERYBODY
     if to not in places:
-        raise ValueError(f"it is addressed to {to!r}, which is no node of this run")
+        raise ValueError(f"it is addressed to {to!r}, which is no node or group of this run")
     return places[to]

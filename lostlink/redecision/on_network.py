@@ -17,7 +17,7 @@ from bridge.record.tables.truth import TrueStates
 from bridge.scenario.resolve.channel import RadioChannel
 from channel.access.packets import Handling
 from channel.medium.ledger import Ledger
-from channel.medium.reception import Packets, Receptions
+from channel.medium.reception import EVERYBODY, Packets, Receptions
 from channel.network.instants import NEVER_NS
 from channel.network.network import Network
 from lostlink.redecision.packet_facts import PacketFacts
@@ -61,7 +61,8 @@ class NetworkAnew:
     def __init__(self, channel: RadioChannel, sent: Transmissions) -> None:
         self._channel, self._sent = channel, sent
         self._places = NodePlaces(channel.medium.nodes, sent.nodes)
-        self._ledger = Ledger(channel.medium.nodes, causes=tuple(Cause))
+        medium = channel.medium
+        self._ledger = Ledger(medium.nodes, causes=tuple(Cause), addressees=medium.addressees)
 
     def decide(self, on_done: OnDone) -> list[Columns]:
         """Rows of all its packets, as the table of deliveries has them; `books` are closed then.
@@ -139,13 +140,12 @@ class NetworkAnew:
         return packets.at(fits), packets.at(~fits)
 
     def _too_long_rows(self, packets: Packets) -> Columns:
-        """A row for each; one for each receiver if the packet is for all, and not all nodes are on the network."""
-        rx = np.where(packets.to < 0, len(self._sent.nodes), packets.to)
-        if not self._places.are_same:
-            members = self._places.of_all
-            is_for = (packets.to[:, np.newaxis] == members) | (packets.to[:, np.newaxis] < 0)
-            row, column = np.nonzero(is_for & (packets.tx[:, np.newaxis] != members))
-            packets, rx = packets.at(row), members[column]
+        """A row for each receiver; one for all of them if the packet is for all, and all nodes are on the network."""
+        is_one = (packets.to == EVERYBODY) & self._places.are_same
+        several = packets.at(~is_one)
+        row, rx = self._channel.medium.addressees.links(self._places.on_the_network(several))
+        packets = Packets.joined([packets.at(is_one), several.at(row)])
+        rx = np.append(np.full(np.count_nonzero(is_one), len(self._sent.nodes)), self._places.of_all[rx])
         return {
             "sim_time_ns": packets.sim_time_ns,
             "tx": packets.tx,

@@ -35,6 +35,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import channel_of, medium_settings
 from bridge.scenario.resolve.radio import radios_of
 from channel.access.packets import PLAIN, Handling
+from channel.medium.addressees import Addressees, codes_of
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets
 from lostlink.reading.rows import DeliveryRows
@@ -138,7 +139,7 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
     if not positions.ticks_ns.size:
         raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
-    places = {node: place for place, node in enumerate(nodes)}
+    places = codes_of(nodes, scenario.groups)
     sent = [SentPackets(run, node, places) for node in nodes]
     facts = PacketFacts(run, before, sent, period_ns, took_no_time=_ideal_networks(run))
     packets, last_ns = _transmitted(sent, before), last_whole_ns(positions)
@@ -151,10 +152,11 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     parts, books = [], []
     of_network: list[NDArray[np.intp]] = []
     for name in scenario.network_names:
-        mine = _once(packets.at(np.flatnonzero(radios == name)))
+        channel = channel_of(scenario, switches_of(scenario, run, name), name)
+        mine = _once(packets.at(np.flatnonzero(radios == name)), channel.medium.addressees, nodes)
         lost = missed if name == MAIN else {column: values[:0] for column, values in missed.items()}
         what = Transmissions(nodes, mine, handling, lost, positions, period_ns, facts)
-        anew = NetworkAnew(channel_of(scenario, switches_of(scenario, run, name), name), what)
+        anew = NetworkAnew(channel, what)
         rows = joined(anew.decide(tell.done))
         parts.append(rows)
         of_network.append(np.full(len(rows["tx"]), len(of_network), dtype=np.intp))
@@ -208,17 +210,23 @@ def _handling(nodes: Sequence[SentPackets]) -> dict[tuple[int, int], Handling]:
     }
 
 
-def _once(packets: Packets) -> Packets:
-    """Each packet once: one for all that was too long for its radio has a row for each receiver.
+def _once(packets: Packets, addressees: Addressees, nodes: Sequence[str]) -> Packets:
+    """Each packet once: one for several that was too long for its radio has a row for each receiver.
 
-    That is so on networks that not all nodes are on, where a second node alone cannot be told from an addressee.
+    That is so of groups, and of all on networks that not all nodes are on. Whom it was for follows from who has a row;
+    a receiver alone cannot be told from an addressee.
     """
     again = (packets.tx[1:] == packets.tx[:-1]) & (packets.seq[1:] == packets.seq[:-1])
     if not again.any():
         return packets
-    is_last = np.append(~again, True)
-    is_one_of_many = ~is_last | np.append(False, again)
-    return packets._replace(to=np.where(is_one_of_many, EVERYBODY, packets.to)).at(is_last)
+    to, [lasts] = packets.to.copy(), np.nonzero(np.append(~again, True))
+    place = {node: index for index, node in enumerate(nodes)}
+    members = [place[node] for node in addressees.nodes]
+    for first, last in zip([0, *(lasts[:-1] + 1)], lasts, strict=True):
+        if last > first:
+            found = {members.index(rx) for rx in packets.to[first : last + 1].tolist()}
+            to[last] = addressees.code_of(members.index(int(packets.tx[last])), found)
+    return packets._replace(to=to).at(lasts)
 
 
 def _missed(before: DeliveryRows) -> Columns:

@@ -22,6 +22,7 @@ from bridge.record.tables.deliveries import Cause
 from bridge.record.tables.states import States
 from bridge.record.tables.truth import TRUTH, TrueStates
 from bridge.run.directory import RunDirectory
+from channel.medium.addressees import codes_of
 from channel.medium.ledger import Ledger
 from lostlink.reading.rows import DeliveryRows, take_rows
 from lostlink.reading.sent import SentPackets
@@ -153,7 +154,7 @@ class Player:
     @cached_property
     def sent(self) -> list[SentPackets]:
         """What each node transmitted."""
-        places = {node: place for place, node in enumerate(self.nodes)}
+        places = codes_of(self.nodes, self.scenario.groups)
         return [SentPackets(self.run, node, places) for node in self.nodes]
 
     @cached_property

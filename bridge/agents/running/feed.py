@@ -15,7 +15,7 @@ from bridge.agents.client import LookAtStatus, UaClient
 from bridge.agents.commands import CommandFailed
 from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
-from bridge.agents.radio import QueueState, UnicastReply
+from bridge.agents.radio import OwnRadio, QueueState, UnicastReply
 from bridge.bus.keys import MAIN
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
 from bridge.bus.reception import UNKNOWN, Instants, Reception
@@ -101,7 +101,7 @@ class Arrivals:
 
 
 def _tell_radio(radio: str, queue: QueueState | None, replies: Sequence[UnicastReply], ua: UaClient) -> None:
-    ua.radios[radio].take(queue, replies)
+    ua.radios.setdefault(radio, OwnRadio()).take(queue, replies)
 
 
 def _give_packet(

@@ -77,6 +77,7 @@ TABLE = (
     AccessRow("node/{node}/next_packet", serves=RADIO, asks=NODE | FREE),
     AccessRow("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
     AccessRow("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),
+    AccessRow("node/{node}/radio_status", writes=RADIO, reads=OWN | LOOKERS),
     AccessRow("node/{node}/measurements", writes=RADIO, reads=OWN | LOOKERS),
     AccessRow("node/{node}/agent", writes=HOST | FREE, reads=OWN | RADIO | LOOKERS),
     AccessRow("node/{node}/log/*", writes=HOST | FREE, reads=OWN | LOOKERS),

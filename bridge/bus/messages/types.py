@@ -310,6 +310,22 @@ class Heard(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class RadioStatus(Message):
+    """What a node's own radios report after a tick: transmit queues, and what became of its unicasts."""
+
+    TYPE = f"{PACKAGE}/msg/RadioStatus"
+    header: Header = field(default_factory=Header)
+    queue_radio: tuple[str, ...] = ()
+    queue_packets: Column[int] = ()
+    queue_bytes: Column[int] = ()
+    reply_radio: tuple[str, ...] = ()
+    reply_seq: Column[int] = ()
+    reply_acknowledged: Column[bool] = ()
+    reply_attempts: Column[int] = ()
+    reply_ns: Column[int] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class CommandGoal(Message):
     """A request to ``node/<id>/cmd/<verb>``; fields that the verb does not use are left 0 or empty."""
 

@@ -89,6 +89,7 @@ def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Radi
         switches=switches,
         bases=[node.node for node in scenario.ground if node.node in radios],
         ahead_ns=2 * scenario.tick_period_ns if takes_time else 0,
+        groups=scenario.groups_on(name),
         network=network,
     )
     if isinstance(settings, Ideal):

@@ -19,7 +19,8 @@ class AccessMedium(ABC):
         max_length_bytes: the longest packet.
 
     `offer` packets in any order, each not before the instant that `run` came to, then `run`: the outcomes come in the
-    order of their instants. Each packet has one `AirFate` per receiver: the node that it is for, or all others.
+    order of their instants. Each packet has one `AirFate` per receiver: the node that it is for, all others, or those
+    of a group.
     """
 
     def __init__(self, world: World, limits: QueueLimits, max_length_bytes: int) -> None:
@@ -57,7 +58,7 @@ class AccessMedium(ABC):
         """Who has a fate of it."""
         if packet.to is not None:
             return (packet.to,)
-        return tuple(node for node in self._outboxes if node != packet.node)
+        return tuple(node for node in self._outboxes if packet.is_for(node))
 
     @abstractmethod
     def _wake(self, node: int) -> None:
@@ -96,7 +97,9 @@ class AccessMedium(ABC):
     def _book(
         self, packet: AirPacket, receiver: int, frame: AirFrame | None, attempts: int, loss: Loss | None
     ) -> None:
-        """What became of a packet at a receiver, by the frame that decided; None: it never was on the air."""
+        """What became of a packet at a node, if it is for that; by the frame that decided, None if there was none."""
+        if not packet.is_for(receiver):
+            return
         now_ns = self.agenda.now_ns
         started_ns, ended_ns = (-1, -1) if frame is None else (frame.started_ns, frame.ended_ns)
         fate = AirFate(packet, receiver, max(now_ns, ended_ns), started_ns, ended_ns, attempts, loss, frame)

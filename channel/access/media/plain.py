@@ -68,5 +68,4 @@ class PlainMedium(AccessMedium):
     def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:
         packet = frame.packet
         assert packet is not None
-        if packet.to is None or packet.to == receiver:
-            self._book(packet, receiver, frame, 1, loss)
+        self._book(packet, receiver, frame, 1, loss)

@@ -124,10 +124,11 @@ class Sik(AccessMedium):
                 self._radios[node].begin(receiver)
 
     def receivers_of(self, packet: AirPacket) -> tuple[int, ...]:
-        """The node that it is for; if it is for all, the peer."""
+        """The node that it is for; if it is for several, the peer, if that is one of them."""
         if packet.to is not None:
             return (packet.to,)
-        return (self._peers[packet.node],) if packet.node in self._peers else ()
+        peer = self._peers.get(packet.node)
+        return () if peer is None or not packet.is_for(peer) else (peer,)
 
     def until_window_ns(self, node: int) -> int:
         """How long until a node's own window opens, at the instant that `run` came to; 0: it is open."""

@@ -10,9 +10,10 @@ import pytest
 
 from bridge.agents.beside import _TicksOnBus
 from bridge.agents.client import UaClient
+from bridge.agents.radio import QueueState, UnicastReply
 from bridge.agents.running.feed import Arrivals
 from bridge.bus.keys import Keys
-from bridge.bus.messages import Clock, Header, Message, encode
+from bridge.bus.messages import Clock, Header, Message, RadioStatus, encode
 from bridge.bus.reception import attachment
 from bridge.bus.session import Stamp
 
@@ -67,6 +68,40 @@ def test_packets_come_a_tick_later_whichever_process_is_heard_first(order: str) 
         for name in order.split():
             put(bus, name, tick)
     assert came == [(1, 0.05), (2, 0.05), (3, 0.05)]
+
+
+def test_queues_and_replies_come_with_the_packets_of_their_tick_and_before_them() -> None:
+    bus, came = Bus(), []
+    ua = UaClient("1", SimpleNamespace())  # type: ignore[arg-type]
+    at_once = SimpleNamespace(push=lambda handle: handle())
+    _TicksOnBus(bus, KEYS, ua, at_once, Arrivals())  # type: ignore[arg-type]
+    bus.put(KEYS.answer("1"), Header.at(0, "1"))
+    ua.radio.on_reply(lambda reply: came.append((ua.sim_time_ns, reply)))
+    ua.on_packet(lambda _sender, _channel, _payload, told: came.append((ua.sim_time_ns, told.seq)))
+    ua.on_tick(lambda now_ns: came.append((now_ns, ua.radio.queue, ua.radio.replies)))
+    status = RadioStatus(
+        Header.at(TICK_NS, "1"), ("mesh", "main"), (4, 2), (40, 300), ("main",), (7,), (False,), (3,), (70,)
+    )
+    bus.packet(9, TICK_NS)
+    bus.put(KEYS.radio_status("1"), status)
+    for tick in (1, 2, 3):
+        for name in ("clock", "release", "answer"):
+            put(bus, name, tick)
+    queue, reply = QueueState(2, 300), UnicastReply(7, False, 3, 70)
+    assert came == [
+        (TICK_NS, QueueState(), ()),
+        (2 * TICK_NS, reply),
+        (2 * TICK_NS, 9),
+        (2 * TICK_NS, queue, (reply,)),
+        (3 * TICK_NS, queue, ()),
+    ]
+    assert ua.radios["mesh"].queue == QueueState(4, 40)  # a program that knows no scenario learns of it here
+    bus.put(KEYS.radio_status("1"), RadioStatus(Header.at(0, "1"), ("main",), (1, 2), (3, 4)))
+    for name in ("release", "clock", "answer"):
+        put(bus, name, 4)
+    put(bus, "clock", 5)
+    put(bus, "answer", 5)
+    assert ua.malformed == 1
 
 
 def put(bus: Bus, name: str, tick: int) -> None:

@@ -61,6 +61,21 @@ def test_a_radio_that_is_not_there_and_a_node_that_is_not_on_its_network_are_ref
     assert (ua.sent, outlet.sent) == (0, [])
 
 
+def test_a_group_is_an_addressee_where_it_has_members_and_an_unknown_one_is_told_with_those_there_are() -> (
+    None
+):
+    outlet = Outlet()
+    reach = {"main": ("0", "1", "gcs", "ears", "scouts"), "mesh": ("0", "1", "scouts")}
+    ua = UaClient("0", outlet, reach=reach)  # type: ignore[arg-type]
+    ua.transmit("team", b"x", to="scouts")
+    ua.transmit("team", b"x", to="scouts", radio="mesh")
+    with pytest.raises(ValueError, match=r"to='scoots': there are all and 1, gcs, ears, scouts$"):
+        ua.transmit("team", b"x", to="scoots")
+    with pytest.raises(ValueError, match=r"to='ears': there are all and 1, scouts$"):
+        ua.transmit("team", b"x", to="ears", radio="mesh")
+    assert outlet.sent == [("scouts", "team", 0, "main"), ("scouts", "team", 1, "mesh")]
+
+
 def test_what_radios_say_comes_to_each_and_is_old_at_the_next_tick() -> None:
     ua, arrivals = client(Outlet()), Arrivals()
     reply, heard = UnicastReply(7, True, 2, 90), []

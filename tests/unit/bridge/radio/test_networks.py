@@ -24,12 +24,14 @@ from tests.unit.bridge.radio.core import TICK_NS, place
 NODES = ("0", "1", "2", "gcs")
 ON_MESH = ("2", "0", "gcs")
 """In an order of their own."""
+GROUPS = {"scouts": ("1", "2"), "masts": ("gcs", "2"), "alone": ("1",)}
 MTU_BYTES = {"main": 100, "mesh": 1000}
 
 
 def air(name: str, nodes: Sequence[str], number: int) -> NetworkAir:
     radio = Radio(radio_from_mapping({"preset": "perfect", "mtu_bytes": MTU_BYTES[name]}))
-    medium = Medium(radio, seed=1, nodes=nodes, network="" if name == "main" else name)
+    groups = {group: [node for node in members if node in nodes] for group, members in GROUPS.items()}
+    medium = Medium(radio, seed=1, nodes=nodes, groups=groups, network="" if name == "main" else name)
     return NetworkAir(medium, name=name, nodes=NODES, place=number)
 
 
@@ -94,6 +96,41 @@ def test_each_radio_has_its_mtu_and_what_is_too_long_has_a_row_for_each_of_its_r
         ("mesh", 2, 2),
         ("mesh", 2, 3),
     ]
+
+
+def test_a_packet_to_a_group_comes_to_its_members_on_the_network_and_nobody_else_has_a_fate() -> None:
+    core = two_networks()
+    assert send(core, "0", 0, "main", to="scouts")
+    assert send(core, "0", 1, "mesh", to="scouts")
+    assert send(core, "2", 0, "mesh", to="masts")  # as a member, which does not hear itself
+    assert send(core, "1", 0, "main", to="alone")  # for nobody: no fate, and the books balance
+    assert not send(core, "0", 2, "mesh", to="alone")
+    assert not send(core, "0", 2, "main", to="scoots")
+    assert core.refused == {Refused.UNKNOWN_ADDRESS: 2}
+    settled = core.settle()
+    assert sorted(told(settled)) == [
+        ("0", "1", 0, "delivered"),
+        ("0", "2", 0, "delivered"),
+        ("0", "2", 1, "delivered"),
+        ("2", "gcs", 0, "delivered"),
+    ]
+    core.finish()
+    assert {link: account.sent for link, account in core.ledger.links.items()} == {
+        ("0", "1"): 1,
+        ("0", "2"): 2,
+        ("2", "gcs"): 1,
+    }
+
+
+def test_what_is_too_long_for_a_group_is_lost_at_its_members() -> None:
+    core = two_networks()
+    send(core, "0", 0, "main", to="scouts", length=101)
+    send(core, "2", 0, "mesh", to="masts", length=1001)
+    gaps = [(gap.radio, gap.tx, gap.to, gap.cause) for gap in core.settle().gaps]
+    assert gaps == [("main", 0, 1, "too_long"), ("main", 0, 2, "too_long"), ("mesh", 2, 3, "too_long")]
+    core.finish()
+    lost = {link: dict(account.lost) for link, account in core.ledger.links.items()}
+    assert lost == {("0", "1"): {"too_long": 1}, ("0", "2"): {"too_long": 1}, ("2", "gcs"): {"too_long": 1}}
 
 
 def test_each_network_balances_and_all_together_have_the_counts_of_each_link() -> None:

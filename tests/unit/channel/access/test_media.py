@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ import pytest
 from channel.access.air import Hearing
 from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma, DcfSettings
+from channel.access.media.delay import Delay, DelaySettings, WayDelay
+from channel.access.media.elrs import Elrs
 from channel.access.media.medium import AccessMedium
+from channel.access.media.sik import Sik
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
@@ -31,6 +35,15 @@ MEDIA: dict[str, Callable[[World], AccessMedium]] = {
     "tdma": lambda world: Tdma(
         world, KBPS_80, Schedule.equal(tuple(world.nodes), 20 * MS, MS), QueueLimits(3)
     ),
+}
+
+
+PAIRED: dict[str, Callable[[World], AccessMedium]] = {
+    "delay": lambda world: Delay(
+        world, DelaySettings(WayDelay(20 * MS, 45 * MS, 120 * MS), keeps_order=False)
+    ),
+    "sik": lambda world: Sik(world),
+    "elrs": lambda world: Elrs(world),
 }
 
 
@@ -74,6 +87,43 @@ def test_each_packet_has_one_fate_per_receiver(name: str, seed: int) -> None:
     if name == "csma":
         replies = Counter(one.packet for one in outcomes if isinstance(one, Reply))
         assert replies == Counter(packet for packet in packets if packet.to is not None)
+
+
+@pytest.mark.parametrize("name", [*MEDIA, "delay", "sik", "elrs"])
+def test_a_packet_to_a_group_is_on_the_air_as_one_to_all_and_has_fates_at_members_alone(name: str) -> None:
+    """The medium with broadcasts is the oracle: members get the same, others nothing, and unicasts notice nothing."""
+    nodes, members = list(range(5)), frozenset({1, 2, 4})
+    open_medium = (MEDIA | PAIRED)[name]
+    packets = traffic(nodes, 200, 7)
+
+    def came(group: frozenset[int] | None) -> list[tuple[object, ...]]:
+        medium = open_medium(PlainWorld(nodes, loss=0.1, delay_ns=300))
+        for packet in packets:
+            medium.offer(replace(packet, members=group if packet.to is None else None))
+        return [
+            (
+                one.packet.node,
+                one.packet.number,
+                one.packet.to,
+                one.receiver,
+                one.loss,
+                one.started_ns,
+                one.at_ns,
+            )
+            for one in medium.run(1000 * S)
+            if isinstance(one, AirFate)
+        ]
+
+    to_all, to_group = came(None), came(members)
+    assert to_group == [each for each in to_all if each[2] is not None or each[3] in members]
+    assert 0 < len(to_group) < len(to_all)
+    medium = open_medium(PlainWorld(nodes))
+    heard = {
+        packet: medium.receivers_of(replace(packet, members=members))
+        for packet in packets
+        if packet.to is None
+    }
+    assert {node for receivers in heard.values() for node in receivers} <= members
 
 
 @pytest.mark.parametrize("name", MEDIA)

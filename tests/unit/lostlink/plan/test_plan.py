@@ -271,3 +271,13 @@ def test_a_wrong_scenario_is_told_line_by_line() -> None:
     assert done.exit_code == 2
     options = [line.split("=")[0] for line in done.stderr.splitlines()]
     assert options == ["lostlink: --set sead", "lostlink: --set spead"]
+
+
+def test_groups_of_addressees_are_listed_with_their_members() -> None:
+    options = ["nodes.0.groups=[wing, pair]", "nodes.1.groups=[wing]"]
+    assert plan_with(*options)["groups"] == {"pair": ["0"], "wing": ["0", "1"]}
+    settings = [part for option in options for part in ("--set", option)]
+    lines = checked("separation", *settings).output.splitlines()
+    at = lines.index("Groups of addressees (2)")
+    assert lines[at + 1 : at + 3] == ["  pair: 0", "  wing: 0, 1"]
+    assert not any("Groups" in line for line in checked("separation").output.splitlines())
