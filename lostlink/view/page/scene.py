@@ -13,7 +13,7 @@ FRAMES_PATH = "/frames"
 LABEL = (
     "Map of the fleet. Arrow keys pan, plus and minus zoom, f shows everything, m is the map and t the 3-D view, "
     "page up and down tilt, home and end turn, n and p choose the next and previous node. "
-    "The tables Fleet and Logged say the same in words."
+    "The tables Fleet, Plan and Logged say the same in words."
 )
 
 
