@@ -175,18 +175,77 @@ def read_stream(path: Path) -> Iterator[Entry]:
             return
         offset, before_ns = len(_START), 0
         while len(head := file.read(_HEAD.size)) == _HEAD.size:
-            tick_ns, length = _HEAD.unpack(head)
-            if tick_ns < before_ns:
-                raise StreamError(f"{path}: offset {offset}: tick {tick_ns} ns comes after {before_ns} ns")
-            if length > PAYLOAD_MAX_BYTES:
-                raise StreamError(
-                    f"{path}: offset {offset}: an entry of {length} bytes; up to {PAYLOAD_MAX_BYTES} are allowed"
-                )
+            tick_ns, length = _checked_head(path, offset, head, before_ns)
             payload = file.read(length)
             if len(payload) < length:
                 return
             yield Entry(tick_ns, payload)
             offset, before_ns = offset + _HEAD.size + length, tick_ns
+
+
+class StreamFollower:
+    """Reads a stream file that may still be written: each `read` goes on where the one before ended.
+
+    A file that is packed meanwhile stays open as it was.
+
+    Args:
+        path: of the file as it was written; it need not be there yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file: io.BufferedReader | None = None
+        self._waiting = b""
+        self._offset, self._before_ns = 0, 0
+
+    def read(self, most_bytes: int) -> list[Entry] | None:
+        """The whole entries of up to so many further bytes; None if there are no further ones yet.
+
+        Raises:
+            StreamError: the file is damaged.
+            OSError: it cannot be read.
+        """
+        if self._file is None:
+            if not stream_exists(self._path):
+                return None
+            self._file = open_stream(self._path)
+        more = self._file.read(most_bytes)
+        self._waiting += more
+        return self._take() if more else None
+
+    def _take(self) -> list[Entry]:
+        data, at, entries = self._waiting, 0, []
+        if not self._offset:
+            if not _has_start(self._path, data[:START_BYTES]):
+                return []
+            at = START_BYTES
+        while len(data) - at >= ENTRY_HEAD_BYTES:
+            head = data[at : at + ENTRY_HEAD_BYTES]
+            tick_ns, length = _checked_head(self._path, self._offset + at, head, self._before_ns)
+            end = at + ENTRY_HEAD_BYTES + length
+            if end > len(data):
+                break
+            entries.append(Entry(tick_ns, data[at + ENTRY_HEAD_BYTES : end]))
+            at, self._before_ns = end, tick_ns
+        self._waiting, self._offset = data[at:], self._offset + at
+        return entries
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+
+
+def _checked_head(path: Path, offset: int, head: bytes, before_ns: int) -> tuple[int, int]:
+    """Tick and length of an entry, or StreamError."""
+    tick_ns, length = _HEAD.unpack(head)
+    if tick_ns < before_ns:
+        raise StreamError(f"{path}: offset {offset}: tick {tick_ns} ns comes after {before_ns} ns")
+    if length > PAYLOAD_MAX_BYTES:
+        raise StreamError(
+            f"{path}: offset {offset}: an entry of {length} bytes; up to {PAYLOAD_MAX_BYTES} are allowed"
+        )
+    return tick_ns, length
 
 
 def entries_of(path: Path) -> Iterator[Entry]:

@@ -14,11 +14,13 @@ from urllib.parse import quote
 import numpy as np
 
 from aps.api.guard import ApiConfig
+from bridge.agents.frames import Frames
 from bridge.bus.identity.keyring import OBSERVERS
 from bridge.bus.identity.roster import OPERATOR
 from bridge.run.access import Access, access_of, endpoint_of
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.flight import origin_of
 from bridge.timeouts import START_S
 from lostlink.replay.player import Player
 from lostlink.view.background import Background
@@ -29,6 +31,7 @@ from lostlink.view.picture.fleet_view import view_of
 from lostlink.view.picture.frames import PictureFrames
 from lostlink.view.server import ViewServer
 from lostlink.view.sources.live import LiveSource
+from lostlink.view.sources.onboard import Onboards
 from lostlink.view.sources.operator import Operator
 from lostlink.view.sources.record import RecordSource
 
@@ -94,7 +97,8 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
     operator = Operator(access_of(run.path, OPERATOR), view.tell) if settings.control else None
     viewers = _Viewers(source, partial(view.tell, ""))
     broadcast = Broadcast(PictureFrames(view), viewers.changed)
-    shown = Shown(run.info.run, view, Model(run.scenario).curve, operator, operator)
+    frames, onboards = _frames(run.scenario), Onboards(run.path, lambda: view.sim_time_ns, view.tell)
+    shown = Shown(run.info.run, view, Model(run.scenario).curve, operator, operator, frames, onboards)
     try:
         await source.open()
         if operator is not None:
@@ -102,6 +106,7 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
         async with ViewServer(shown, broadcast, settings.server) as server:
             settings.announce(address_of(settings.server, server.port))
             server.background.start(source.read_logged(), "what agents log")
+            server.background.start(onboards.run(), "what autopilots have on board")
             await _until_nobody_cares(server.background, source, viewers, stop)
     finally:
         await source.close()
@@ -122,11 +127,19 @@ async def view_record(run: RunDirectory, settings: ViewSettings, stop: asyncio.E
     view.duration_s = player.end_ns / 1e9
     source = RecordSource(player, view, monotonic)
     broadcast = Broadcast(PictureFrames(view), lambda _: None)
-    shown = Shown(run.path.name, view, Model(player.scenario).curve, source)
+    frames, onboards = _frames(player.scenario), Onboards(run.path, lambda: view.sim_time_ns, view.tell)
+    model = Model(player.scenario).curve
+    shown = Shown(run.path.name, view, model, source, frames=frames, onboards=onboards)
     async with ViewServer(shown, broadcast, settings.server) as server:
         server.background.start(source.run(), "the record")
+        server.background.start(onboards.run(), "what autopilots have on board")
         settings.announce(address_of(settings.server, server.port))
         await server.background.until(stop)
+
+
+def _frames(scenario: Scenario) -> Frames:
+    """The fleet's frame."""
+    return Frames(origin_of(scenario.origin))
 
 
 async def _until_nobody_cares(

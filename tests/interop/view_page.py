@@ -7,7 +7,7 @@ from time import monotonic
 from typing import Any, cast
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Error, Page
 
 
 class ViewPage:
@@ -27,7 +27,11 @@ class ViewPage:
         self.page.on("websocket", lambda socket: self.hosts.add(urlsplit(socket.url).hostname or ""))
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.on("console", lambda text: self.errors.append(text.text) if text.type == "error" else None)
-        self.page.goto(address)
+        try:
+            self.page.goto(address)
+        except Error:  # a page that is left open would load again by itself, and be one that looks
+            context.close()
+            raise
         self.canvas = self.page.get_by_role("application")
 
     def words(self) -> dict[str, Any]:

@@ -112,6 +112,12 @@ class MissionItem:
         return self.frame in _GLOBAL and has_location(self.command)
 
     @property
+    def is_placed(self) -> bool:
+        """Whether it is at a place on the earth: 0, 0 is for ArduPilot where it is when the item's turn comes."""
+        lat_deg, lon_deg = self.params[4:6]
+        return self.is_global and math.isfinite(lat_deg + lon_deg) and (lat_deg, lon_deg) != (0.0, 0.0)
+
+    @property
     def _scale(self) -> float:
         if self.is_global:
             return DEGREES

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from nicegui import ui
 
+from bridge.agents.frames import Frames
 from lostlink.view.page.charts import (
     DARK,
     LIGHT,
@@ -20,6 +21,7 @@ from lostlink.view.page.charts import (
 )
 from lostlink.view.page.controls import ViewControls
 from lostlink.view.page.logged_panel import LoggedPanel
+from lostlink.view.page.onboard_panels import OnboardPanels
 from lostlink.view.page.parts import button, chart, set_options, set_rows, table
 from lostlink.view.page.scene import Scene
 from lostlink.view.page.style import CSS
@@ -37,6 +39,8 @@ from lostlink.view.page.tables import (
 )
 from lostlink.view.page.timeline import Timeline
 from lostlink.view.picture.fleet_view import FleetView
+from lostlink.view.picture.plan import PlanDrawing
+from lostlink.view.sources.onboard import Onboards
 from lostlink.view.sources.operator import Operator
 from lostlink.view.sources.time_control import TimeControl
 
@@ -48,7 +52,13 @@ LEGEND = "Colours of links: from red, nothing arrives, to blue, everything does"
 LINES_SHOWN = 100
 MANY_NODES = 12
 """From so many on the map begins with the links of the chosen node alone."""
-SWITCHES = {"trails": "trails", "losses": "losses", "wind": "wind", "shapes": "estimates, plans"}
+SWITCHES = {
+    "trails": "trails",
+    "losses": "losses",
+    "wind": "wind",
+    "shapes": "estimates, plans",
+    "plan": "mission",
+}
 """What of the map can be left out, and what it is called."""
 THEMES = {"auto": "as the system", "light": "light", "dark": "dark"}
 _NODE_BUTTON = """
@@ -72,6 +82,8 @@ class Shown:
         model: makes the model's curve up to a distance.
         time_control: None if time cannot be changed.
         operator: who commands; None: nobody may.
+        frames: of the fleet; None: where it is on the earth is not known.
+        onboards: what autopilots have on board; None: it is not known.
     """
 
     name: str
@@ -79,6 +91,8 @@ class Shown:
     model: Callable[[float], ModelCurve]
     time_control: TimeControl | None = None
     operator: Operator | None = None
+    frames: Frames | None = None
+    onboards: Onboards | None = None
 
 
 class Page:
@@ -160,24 +174,20 @@ class Page:
         scene.show("links", links)
 
     def _build_details(self) -> None:
+        self._onboard = self._onboard_panels()
+        onboard = ("Plan", "Messages") if self._onboard is not None else ()
         with ui.tabs().props('dense no-caps align="left" aria-label="Details"') as tabs:
-            for name in ("Fleet", "Link", "Delivery", "Losses", "Matrix", "Agents", "Logged"):
+            for name in ("Fleet", *onboard, "Link", "Delivery", "Losses", "Matrix", "Agents", "Logged"):
                 ui.tab(name)
         self._tabs = tabs
         with ui.tab_panels(tabs, value="Fleet", on_change=lambda _: self.refresh(), animated=False):
             with ui.tab_panel("Fleet"), ui.element("div").classes("ll-tab"):
-                self._fleet = table("Fleet", FLEET_COLUMNS, "id")
-                self._fleet.add_slot("body-cell-node", _NODE_BUTTON)
-                self._fleet.on("choose", lambda e: self._choose_node(int(e.args)))
-                self._chosen = ui.label().classes("ll-words")
-                self._emitters = (
-                    table("Emitters", EMITTER_COLUMNS, "emitter") if self._view.emitters else None
-                )
-                self._controls = (
-                    ViewControls(self._view, self._shown.operator, lambda: self._node, self._choose_node)
-                    if self._shown.operator is not None
-                    else None
-                )
+                self._build_fleet()
+            if self._onboard is not None:
+                with ui.tab_panel("Plan"), ui.element("div").classes("ll-tab"):
+                    self._onboard.build_plan()
+                with ui.tab_panel("Messages"), ui.element("div").classes("ll-tab"):
+                    self._onboard.build_messages()
             with ui.tab_panel("Link"), ui.element("div").classes("ll-tab"):
                 self._build_link()
             with ui.tab_panel("Delivery"), ui.element("div").classes("ll-tab"):
@@ -194,6 +204,27 @@ class Page:
         name = 'aria-label="What nodes and operators said"'
         with ui.element("div").classes("ll-said").props(f'tabindex="0" role="region" {name}'):
             self._said = ui.element("ol").props(f'role="log" {name}')
+
+    def _onboard_panels(self) -> OnboardPanels | None:
+        shown = self._shown
+        if shown.onboards is None or shown.frames is None:
+            return None
+        return OnboardPanels(self._view, shown.onboards, PlanDrawing(shown.frames), shown.operator)
+
+    def _build_fleet(self) -> None:
+        self._fleet = table("Fleet", FLEET_COLUMNS, "id")
+        self._fleet.add_slot("body-cell-node", _NODE_BUTTON)
+        self._fleet.on("choose", lambda e: self._choose_node(int(e.args)))
+        self._chosen = ui.label().classes("ll-words")
+        self._emitters = table("Emitters", EMITTER_COLUMNS, "emitter") if self._view.emitters else None
+        self._controls = self._view_controls()
+
+    def _view_controls(self) -> ViewControls | None:
+        shown = self._shown
+        if shown.operator is None or shown.frames is None:
+            return None
+        chosen, choose = lambda: self._node, self._choose_node
+        return ViewControls(self._view, shown.operator, chosen, choose, self._scene, shown.frames)
 
     def _build_link(self) -> None:
         names = {number: node.title for number, node in enumerate(self._view.nodes)}
@@ -219,6 +250,8 @@ class Page:
     def _choose_node(self, number: int) -> None:
         self._node = number
         self._scene.select(number)
+        if self._onboard is not None:
+            self._onboard.choose(number)
         if number >= 0:
             self._logged.choose(number)
         if number >= 0 and len(self._view.nodes) > 1 and number not in self._link:
@@ -247,6 +280,8 @@ class Page:
         self._status.set_text(self._status_words())
         self._timeline.refresh()
         self._refresh_said()
+        if self._onboard is not None:
+            self._onboard.refresh(self._scene)
         match self._tabs.value:
             case "Fleet":
                 set_rows(self._fleet, fleet_rows(view, self._node))

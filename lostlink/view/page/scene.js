@@ -1,5 +1,6 @@
 // Map and 3-D view of a fleet on one canvas: an orthographic camera, from above or aslant. Frames come over a WebSocket.
 import { Marks } from "lostlink-marks";
+import { Plan } from "lostlink-plan";
 
 const UNKNOWN = -(2 ** 31), FLASH_MS = 900, FADES = 4, MANY = 12, TRAIL_POINTS = 240, STEPS = 11;
 const nice = (x) => { const p = 10 ** Math.floor(Math.log10(x)); return [1, 2, 5, 10].find((k) => k * p >= x) * p; };
@@ -10,10 +11,10 @@ export default {
   props: { label: String, url: String },
   mounted() {
     this.nodes = []; this.trail = []; this.pairs = []; this.quality = []; this.flashes = new Map();
-    this.now = this.before = null; this.marks = new Marks();
+    this.now = this.before = null; this.marks = new Marks(); this.onboard = new Plan();
     this.camera = { north: 0, east: 0, up: 0, scale: 1, azimuth: 0, elevation: Math.PI / 2 };
-    this.shown = { trails: true, links: "all", losses: true, wind: true, labels: true, shapes: true };
-    this.selected = -1; this.follow = true; this.dirty = true; this.drawn = 0; this.total = 0; this.frames = 0;
+    this.shown = { trails: true, links: "all", losses: true, wind: true, labels: true, shapes: true, plan: true };
+    this.aiming = false; this.selected = -1; this.follow = true; this.dirty = true; this.drawn = 0; this.total = 0; this.frames = 0;
     this.observer = new ResizeObserver(() => { this.dirty = true; });
     this.observer.observe(this.$refs.canvas);
     this.listen();
@@ -61,10 +62,12 @@ export default {
       this.follow = true; this.fit(true);
     },
     show(what, value) { this.shown[what] = value; this.dirty = true; },
+    plan(content) { this.onboard.take(content); this.dirty = true; },
+    aim(on) { this.aiming = on; this.$refs.canvas.style.cursor = on ? "crosshair" : ""; this.dirty = true; },
     select(number) { this.selected = number; this.dirty = true; },
     zoom(factor) { this.camera.scale *= factor; this.follow = false; this.dirty = true; },
     fit(closer) {
-      const places = [...this.trail, this.now?.position ?? [], this.marks.places].flatMap((p) => this.places(p));
+      const places = [...this.trail, this.now?.position ?? [], this.marks.places, this.shown.plan ? this.onboard.places : []].flatMap((p) => this.places(p));
       if (!places.length) return;
       const c = this.camera, size = this.$refs.canvas, box = [Infinity, Infinity, -Infinity, -Infinity];
       const flat = { ...c, scale: 1, north: 0, east: 0, up: 0 };
@@ -106,6 +109,7 @@ export default {
         m: () => this.look("map"), t: () => this.look("3d"),
         PageUp: () => this.turn(0, 0.1), PageDown: () => this.turn(0, -0.1),
         Home: () => this.turn(-0.1, 0), End: () => this.turn(0.1, 0),
+        Enter: () => this.aiming && this.aimAt(this.width / 2, this.height / 2), Escape: () => this.aiming && this.leave(),
         n: () => this.pick((this.selected + 1) % this.nodes.length),
         p: () => this.pick((this.selected + this.nodes.length - (this.selected < 0 ? 0 : 1)) % this.nodes.length),
       };
@@ -124,12 +128,21 @@ export default {
         if (e.shiftKey || e.buttons & 2) this.turn(dx / 200, dy / 200); else this.move(-dx, dy);
       });
       canvas.addEventListener("pointerup", (e) => {
-        if (this.drag?.far < 4) this.pickAt(e.offsetX, e.offsetY);
+        const isClick = this.drag?.far < 4;
+        if (isClick && this.aiming) this.aimAt(e.offsetX, e.offsetY);
+        else if (isClick) this.pickAt(e.offsetX, e.offsetY);
         this.drag = null;
       });
       canvas.addEventListener("contextmenu", (e) => e.preventDefault());
     },
     pick(number) { this.select(number); this.$emit("pick", number); },
+    aimAt(x, y) { // a place on the ground was chosen to go to
+      const c = this.camera, right = (x - this.width / 2) / c.scale, away = (this.height / 2 - y) / c.scale / Math.sin(c.elevation);
+      const north = c.north - right * Math.sin(c.azimuth) + away * Math.cos(c.azimuth);
+      const east = c.east + right * Math.cos(c.azimuth) + away * Math.sin(c.azimuth);
+      this.leave(); this.$emit("aimed", { north, east });
+    },
+    leave() { this.aim(false); this.$emit("unaimed"); },
     pickAt(x, y) {
       const far = (this.seen ?? []).map((p) => (p ? Math.hypot(p[0] - x, p[1] - y) : Infinity));
       const nearest = far.indexOf(Math.min(...far));
@@ -176,12 +189,14 @@ export default {
       this.drawGrid();
       if (this.shown.trails) this.drawTrails();
       if (this.shown.shapes) this.marks.drawShapes(this);
+      if (this.shown.plan) this.onboard.draw(this);
       if (this.shown.links !== "none") this.drawLinks();
       if (this.shown.losses) this.drawLosses(at);
       this.marks.drawEmitters(this);
       this.drawNodes();
       if (this.shown.labels) this.marks.drawLabels(this);
       this.drawCorner();
+      if (this.aiming) this.drawAim();
       this.drawn += 1; this.total += 1;
     },
     readColours() {
@@ -190,7 +205,7 @@ export default {
       const style = getComputedStyle(this.$refs.canvas), colour = (name) => style.getPropertyValue(name).trim();
       this.theme = theme;
       this.ink = colour("--ll-ink"); this.faint = colour("--ll-faint"); this.accent = colour("--ll-accent");
-      this.bad = colour("--ll-loss"); this.ground = colour("--ll-ground"); this.steps = colour("--ll-steps").split(",");
+      this.bad = colour("--ll-loss"); this.planColour = colour("--ll-plan"); this.ground = colour("--ll-ground"); this.steps = colour("--ll-steps").split(",");
       this.nodeColours = colour("--ll-nodes").split(",");
     },
     line(a, b) { this.g.moveTo(a[0], a[1]); this.g.lineTo(b[0], b[1]); },
@@ -307,6 +322,11 @@ export default {
       const c = { ...this.camera, north: 0, east: 0, scale: 22 }, [x1, y1] = this.project([1, 0, 0], c, this.width - 34, 40);
       g.beginPath(); this.line([this.width - 34, 40], [x1, y1]); g.stroke(); g.fillText("N", x1 - 4, y1 - 4);
     },
+    drawAim() { // where Enter aims at
+      const g = this.g, x = this.width / 2, y = this.height / 2;
+      g.strokeStyle = this.accent; g.lineWidth = 2; g.beginPath();
+      this.line([x - 14, y], [x + 14, y]); this.line([x, y - 14], [x, y + 14]); g.stroke(); g.lineWidth = 1;
+    },
     words() { // for tests and for whoever wants to know: what is drawn, in words
       return {
         nodes: this.nodes.map((node, i) => ({ id: node.id, place: this.at(i), pixel: this.at(i) && this.project(this.at(i)),
@@ -314,7 +334,7 @@ export default {
         links: this.quality.map((percent, i) => ({ tx: this.nodes[this.pairs[2 * i]]?.id, rx: this.nodes[this.pairs[2 * i + 1]]?.id, percent,
           colour: this.steps?.[Math.round((percent / 100) * (STEPS - 1))] })),
         trail: this.trail.length, losses: this.flashes.size, time: this.now?.time, elevation: this.camera.elevation,
-        ...this.marks.words(),
+        ...this.marks.words(), ...this.onboard.words(), aiming: this.aiming,
       };
     },
   },

@@ -8,11 +8,11 @@ from lostlink.view.page.charts import SERIES_COLOURS, STEPS
 
 _LIGHT: Final = (
     "--ll-ink:#1c2733;--ll-faint:#dde3e9;--ll-accent:#2b7bba;--ll-loss:#b3001b;--ll-ground:#fbfcfd;"
-    "--ll-panel:#ffffff;--ll-page:#eef1f4;--ll-line:#c5ced7;--ll-bar:#22384d;"
+    "--ll-panel:#ffffff;--ll-page:#eef1f4;--ll-line:#c5ced7;--ll-bar:#22384d;--ll-plan:#8a5a00;"
 )
 _DARK: Final = (
     "--ll-ink:#e4e9ee;--ll-faint:#2b343d;--ll-accent:#6fb3e8;--ll-loss:#ff6b7d;--ll-ground:#12171c;"
-    "--ll-panel:#1a2027;--ll-page:#0d1115;--ll-line:#3a444e;--ll-bar:#16222e;"
+    "--ll-panel:#1a2027;--ll-page:#0d1115;--ll-line:#3a444e;--ll-bar:#16222e;--ll-plan:#f0b84a;"
 )
 CSS: Final = f"""
 body {{ {_LIGHT} --ll-steps:{",".join(STEPS)}; --ll-nodes:{",".join(SERIES_COLOURS)};
@@ -42,6 +42,7 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
   display:flex; flex-direction:column-reverse; /* stays at its newest line, unless it is scrolled away */
   border-top:1px solid var(--ll-line); font-size:.85rem; }}
 .ll-said ol {{ list-style:none; margin:0 0 auto; padding:0; }}
+.ll-panel .q-tab {{ padding:0 9px; min-width:0; }}
 .q-table__container {{ background:transparent; color:inherit; }}
 .q-table tbody td {{ font-variant-numeric:tabular-nums; }}
 .q-table--dense th, .q-table--dense td {{ padding:2px 5px !important; }}
@@ -49,6 +50,8 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
 .ll-tab .q-table th:not(.sorted) .q-table__sort-icon {{ display:none; }} /* it takes room that columns need */
 .ll-tab .nicegui-table {{ width:100%; max-height:100%; }}
 .ll-words {{ font-size:.9rem; }}
+.ll-emergency, .ll-alert, .ll-critical, .ll-error {{ color:var(--ll-loss); font-weight:600; }}
+.ll-warning {{ font-weight:600; }}
 *:focus-visible {{ outline:2px solid var(--ll-accent); outline-offset:1px; }}
 @media (max-width: 900px) {{ .ll-main {{ grid-template-columns:1fr; height:auto; }} .ll-scene {{ min-height:420px; }} }}
 """

@@ -12,15 +12,13 @@ from lostlink.view.picture.fleet_view import FleetView
 Rows = list[dict[str, Any]]
 
 
-def _columns(*columns: tuple[str, str, str], sortable: bool = False) -> Rows:
+def columns(*of: tuple[str, str, str], sortable: bool = False) -> Rows:
     """Columns as Quasar's table takes them: of each its name, label and side."""
     more = {"sortable": True} if sortable else {}
-    return [
-        {"name": name, "label": label, "field": name, "align": align} | more for name, label, align in columns
-    ]
+    return [{"name": name, "label": label, "field": name, "align": align} | more for name, label, align in of]
 
 
-FLEET_COLUMNS = _columns(
+FLEET_COLUMNS = columns(
     ("node", "node", "left"),
     ("mode", "mode", "left"),
     ("north", "north m", "right"),
@@ -32,10 +30,10 @@ FLEET_COLUMNS = _columns(
     ("delay", "delay s", "right"),
     sortable=True,
 )
-AGENT_COLUMNS = _columns(
+AGENT_COLUMNS = columns(
     ("node", "node", "left"), ("activity", "its agent", "left"), ("logged", "values it logged", "left")
 )
-EMITTER_COLUMNS = _columns(
+EMITTER_COLUMNS = columns(
     ("emitter", "emitter", "left"),
     ("frequency", "MHz", "right"),
     ("power", "dBm", "right"),
@@ -43,13 +41,13 @@ EMITTER_COLUMNS = _columns(
     ("east", "east m", "right"),
     ("height", "height m", "right"),
 )
-LOGGED_COLUMNS = _columns(
+LOGGED_COLUMNS = columns(
     ("name", "name", "left"),
     ("time", "sim time s", "right"),
     ("value", "value", "left"),
     ("drawn", "drawn as", "left"),
 )
-LOSS_COLUMNS = _columns(
+LOSS_COLUMNS = columns(
     ("cause", "fate", "left"), ("packets", "packets", "right"), ("share", "share", "right")
 )
 
@@ -86,7 +84,7 @@ def _mode_words(state: AircraftState | None, *, is_off: bool) -> str:
 
 
 def node_words(view: FleetView, number: int) -> str:
-    """What the autopilot of the node that is chosen says of battery and GPS; "" if none is, or has one."""
+    """What the autopilot of the node that is chosen says of battery and GPS, and its agent of itself; else ""."""
     state = view.news[view.nodes[number].id].state if number >= 0 else None
     if state is None or not state.mav_id:
         return ""
@@ -94,9 +92,11 @@ def node_words(view: FleetView, number: int) -> str:
         f"{state.latitude_deg:.6f}, {state.longitude_deg:.6f}" if np.isfinite(state.latitude_deg) else "none"
     )
     ready = "armed" if state.armed else "ready to arm" if state.ready_to_arm else "not ready to arm"
+    agent = view.news[view.nodes[number].id].agent
+    steered = f"; its agent: {agent.activity}" if agent is not None and agent.activity else ""
     return (
         f"{view.nodes[number].title}: {ready}; battery {_number(state.voltage_v)} V, {_number(state.current_a)} A; "
-        f"GPS {place}, {_number(state.altitude_rel_m)} m above home"
+        f"GPS {place}, {_number(state.altitude_rel_m)} m above home{steered}"
     )
 
 

@@ -47,10 +47,18 @@ class Operator:
         """
         self._session = await asyncio.to_thread(self._access.open)
 
-    def command(self, node: str, verb: str, goal: CommandGoal | None = None) -> None:
-        """Ask for a command; its result is reported."""
+    def command(
+        self,
+        node: str,
+        verb: str,
+        goal: CommandGoal | None = None,
+        on_done: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Ask for a command; its result is reported. ``on_done`` is called when it is done, unless it fails."""
         assert self._session is not None, "an operator commands after it has joined"
-        inbox: Inbox[CommandEvent] = Inbox(self._loop, lambda event: self._on_event(node, verb, event))
+        inbox: Inbox[CommandEvent] = Inbox(
+            self._loop, lambda event: self._on_event(node, verb, event, on_done)
+        )
         self._tell(node, f"{verb}: asked")
         self._session.query(
             self._keys.command(node, verb),
@@ -60,12 +68,14 @@ class Operator:
             timeout_s=COMMAND_QUERY_S,
         )
 
-    def _on_event(self, node: str, verb: str, event: CommandEvent) -> None:
+    def _on_event(self, node: str, verb: str, event: CommandEvent, on_done: Callable[[], object]) -> None:
         if event.phase == CommandEvent.ACCEPTED:
             self._tell(node, f"{verb}: accepted")
         elif event.phase == CommandEvent.RESULT:
             outcome = "done" if event.success else "failed"
             self._tell(node, f"{verb}: {outcome} ({event.text})" if event.text else f"{verb}: {outcome}")
+            if event.success:
+                on_done()
 
     # The clock.
 

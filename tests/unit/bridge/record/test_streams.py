@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import struct
 import tracemalloc
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from bridge.record.packets import SentPacket, decode_packet, encode_packet
-from bridge.record.streams import PAYLOAD_MAX_BYTES, Entry, StreamError, StreamWriter, read_stream
+from bridge.record.streams import (
+    PAYLOAD_MAX_BYTES,
+    Entry,
+    StreamError,
+    StreamFollower,
+    StreamWriter,
+    pack_stream,
+    read_stream,
+)
 
 ENTRIES = [Entry(0, b""), Entry(50_000_000, b"abc"), Entry(50_000_000, b"d" * 1000)]
 
@@ -100,3 +109,40 @@ def test_packet_mistakes_are_refused() -> None:
     for size in range(len(whole)):
         with pytest.raises(ValueError, match="too few"):
             decode_packet(whole[:size])
+
+
+@pytest.mark.parametrize("most_bytes", [1, 7, 1 << 16])
+def test_a_follower_reads_on_as_the_file_grows(tmp_path: Path, most_bytes: int) -> None:
+    path = tmp_path / "s.bin"
+    follower = StreamFollower(path)
+    assert follower.read(most_bytes) is None
+    whole = written(tmp_path / "whole.bin", ENTRIES).read_bytes()
+    found: list[Entry] = []
+    for begin, end in pairwise((0, 3, 12, 20, 30, len(whole) - 1, len(whole))):
+        with path.open("ab") as file:
+            file.write(whole[begin:end])
+        while (more := follower.read(most_bytes)) is not None:
+            found += more
+        assert found == list(read_stream(path))
+    assert found == ENTRIES
+    follower.close()
+
+
+def test_a_follower_reads_what_is_packed_before_and_meanwhile(tmp_path: Path) -> None:
+    path = written(tmp_path / "s.bin", ENTRIES)
+    early, late = StreamFollower(path), StreamFollower(path)
+    assert early.read(30) == ENTRIES[:1]
+    pack_stream(path)
+    assert early.read(1 << 16) == ENTRIES[1:]
+    assert late.read(1 << 16) == ENTRIES
+    early.close()
+    late.close()
+
+
+def test_a_follower_names_the_place_of_damage(tmp_path: Path) -> None:
+    path = written(tmp_path / "s.bin", ENTRIES[1:])
+    with path.open("ab") as file:
+        file.write(struct.pack("<qI", 1, 0))
+    with pytest.raises(StreamError, match="offset 1039: tick 1 ns comes after 50000000 ns"):
+        (follower := StreamFollower(path)).read(1 << 16)
+    follower.close()

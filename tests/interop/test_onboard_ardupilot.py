@@ -1,0 +1,46 @@
+"""What the view knows of a real ArduCopter: the plan that an agent uploaded, home, and its messages."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bridge.agents.frames import Frames
+from fdm.model.geodesy import GeodeticPosition
+from lostlink.view.picture.plan import PlanDrawing
+from lostlink.view.sources.onboard import OnboardLog
+from tests.integration.bridge.conftest import LOSTLINK
+from tests.interop.surveyor import AGENT, SCENARIO
+
+pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(400)]
+
+
+def test_the_plan_of_a_real_arducopter(
+    arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    (tmp_path / "surveyor.py").write_text(AGENT)
+    scenario = tmp_path / "survey.yaml"
+    scenario.write_text(SCENARIO.format(speed="max", duration_s=65.0, slot=free_slot(2)))
+    command = [*LOSTLINK, "run", str(scenario), "--out", str(tmp_path / "out"), "--no-figure"]
+    command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=380)
+    assert done.returncode == 0, done.stderr
+    (run,) = (tmp_path / "out").iterdir()
+    log = OnboardLog(run, "1")
+    while log.read():
+        pass
+    onboard = log.at(65_000_000_000)
+    log.close()
+    assert (onboard.current, onboard.mission_state, onboard.gps_fix) == (2, "ACTIVE", 6)
+    assert {"Flight plan received", "Arming motors", "Mission: 2 WP"} <= {each.text for each in onboard.texts}
+    content = PlanDrawing(Frames(GeodeticPosition(40.1331, -105.2404, 1690.0))).content(
+        onboard, is_guided=False
+    )
+    places = {item["number"]: item["at"][:2] for item in content["items"] if not item.get("beside")}
+    assert places == {2: [600, 0], 3: [600, 800], 4: [1000, 800], 5: [1000, 0]}  # dm
+    assert content["home"] == pytest.approx([0, 0, 0], abs=10)
+    assert [part["inside"] for part in content["fence"]] == [True, False, False, True]
+    assert content["rally"][0] == pytest.approx([0, 1100, -250], abs=10)
