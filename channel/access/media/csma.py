@@ -73,13 +73,14 @@ class Csma(AccessMedium):
     ) -> None:
         super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
         self.timing, self.settings = timing, settings or DcfSettings()
-        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed)
+        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed, self._book_all)
         draws = Draws(seed)
         self._stations = {
             node: Station(self, node, WordStream(draws, str(node), "backoff")) for node in sorted(world.nodes)
         }
         for node, receiver in self.air.join(self._stations).items():
             self._stations[node].receiver = receiver
+            receiver.ignore()
 
     def next_packet(self, node: int) -> AirPacket | None:
         """What a station sends next."""
@@ -165,6 +166,7 @@ class Station:
 
     def wake(self) -> None:
         """A packet waits, perhaps the first: if the medium is idle, and stays so for DIFS, it needs no back-off."""
+        self.receiver.attend()
         if self._packet is None and self._take() and self._has_counted_down():
             now_ns = self._agenda.now_ns
             if self.receiver.is_busy or now_ns < self._nav_ns:
@@ -309,23 +311,28 @@ class Station:
     # What it hears (`channel.access.air.Ear`).
 
     def busy(self) -> None:
-        """The medium is busy: what was planned has to wait."""
+        """The medium is busy: what was planned has to wait; nobody attends without a packet or a back-off."""
         pending, self._pending = self._pending, None
         self._agenda.call_off(pending)
-        if self._backoff == NO_BACKOFF:
-            if pending is not None:
-                self._draw_backoff()
-            return
+        if self._backoff != NO_BACKOFF:
+            self._count_down()
+        elif pending is not None:
+            self._draw_backoff()
+        if self._backoff == NO_BACKOFF and self._packet is None:
+            self.receiver.ignore()
+
+    def _count_down(self) -> None:
+        """Take off the back-off the slots that were idle until now."""
         passed = (self._agenda.now_ns - self._counts_from_ns()) // self._timing.slot_ns
         if passed > 0:
             self._backoff = max(self._backoff - passed, 0)
         if passed >= 0 and self._backoff == 0 and self._packet is None:
             self._backoff = NO_BACKOFF  # it ran out while there was nothing to send
 
-    def idle(self, damaged: bool) -> None:
-        """The medium is idle from now on."""
+    def idle(self, damaged: bool, since_ns: int) -> None:
+        """The medium is idle, since an instant."""
         timing = self._timing
-        self._idle_since_ns = self._agenda.now_ns
+        self._idle_since_ns = since_ns
         self._ifs_ns = timing.eifs_ns if damaged and self._medium.settings.uses_eifs else self._difs_ns
         self._schedule()
 

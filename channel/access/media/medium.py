@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+import numpy as np
+from numpy.typing import NDArray
+
 from channel.access.agenda import ACTS, Agenda
-from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
+from channel.access.packets import AirFate, AirFates, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
-from channel.access.world import AirFrame, World
+from channel.access.world import AirFrame, Rows, World
 
 
 class AccessMedium(ABC):
@@ -27,7 +30,7 @@ class AccessMedium(ABC):
         self.agenda = Agenda()
         self._outboxes = {node: TransmitQueue(limits) for node in sorted(world.nodes)}
         self._max_length_bytes = max_length_bytes
-        self._outcomes: list[Outcome] = []
+        self._outcomes: list[Outcome | AirFates] = []
 
     def offer(self, packet: AirPacket) -> None:
         """Have a packet enter its sender's radio at its instant.
@@ -44,6 +47,13 @@ class AccessMedium(ABC):
 
     def run(self, until_ns: int) -> list[Outcome]:
         """Let the network live until an instant; what came of packets since the last call."""
+        singly: list[Outcome] = []
+        for outcome in self.live(until_ns):
+            singly += outcome.singly() if isinstance(outcome, AirFates) else (outcome,)
+        return sorted(singly, key=lambda outcome: outcome.at_ns)
+
+    def live(self, until_ns: int) -> list[Outcome | AirFates]:
+        """As `run`, in no order, and fates of one frame together where it passed receivers as a whole."""
         self.agenda.run(until_ns)
         outcomes, self._outcomes = self._outcomes, []
         return outcomes
@@ -101,6 +111,13 @@ class AccessMedium(ABC):
         started_ns, ended_ns = (-1, -1) if frame is None else (frame.started_ns, frame.ended_ns)
         fate = AirFate(packet, receiver, max(now_ns, ended_ns), started_ns, ended_ns, attempts, loss, frame)
         self._outcomes.append(fate)
+
+    def _book_all(
+        self, frame: AirFrame, receiver: Rows, at_ns: NDArray[np.int64], came: NDArray[np.bool_]
+    ) -> None:
+        """What became of a broadcast at several receivers."""
+        assert frame.packet is not None
+        self._outcomes.append(AirFates(frame.packet, frame, receiver, at_ns, came))
 
     def _lost(self, packet: AirPacket, loss: Loss) -> None:
         """Lost before it was on the air, for all that it was for."""
