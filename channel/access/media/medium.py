@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ class AccessMedium(ABC):
         max_length_bytes: the longest packet.
 
     `offer` packets in any order, each not before the instant that `run` came to, then `run`: the outcomes come in the
-    order of their instants. Each packet has one `AirFate` per receiver: the node that it is for, or all others.
+    order of their instants, then of their packets and receivers. Each packet has one `AirFate` per receiver: the node that it is for, or all others.
     """
 
     def __init__(self, world: World, limits: QueueLimits, max_length_bytes: int) -> None:
@@ -50,7 +51,7 @@ class AccessMedium(ABC):
         singly: list[Outcome] = []
         for outcome in self.live(until_ns):
             singly += outcome.singly() if isinstance(outcome, AirFates) else (outcome,)
-        return sorted(singly, key=lambda outcome: outcome.at_ns)
+        return sorted(singly, key=_order)
 
     def live(self, until_ns: int) -> list[Outcome | AirFates]:
         """As `run`, in no order, and fates of one frame together where it passed receivers as a whole."""
@@ -125,3 +126,9 @@ class AccessMedium(ABC):
             self._book(packet, receiver, None, 0, loss)
         if packet.to is not None:
             self._outcomes.append(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))
+
+
+def _order(outcome: Outcome) -> tuple[int, int, int, float]:
+    """What a sender learns comes after what happened."""
+    receiver = outcome.receiver if isinstance(outcome, AirFate) else inf
+    return outcome.at_ns, outcome.packet.node, outcome.packet.number, receiver
