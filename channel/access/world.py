@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import NamedTuple, Protocol, overload
+from typing import NamedTuple, Protocol, overload, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +126,8 @@ class Arrivals(Sequence[Arrival]):
     def __getitem__(self, row: slice) -> Sequence[Arrival]: ...
 
     def __getitem__(self, row: int | slice) -> Arrival | Sequence[Arrival]:
+        if self._rows is None and isinstance(row, int):
+            return Arrival(int(self.receiver[row]), float(self.power_mw[row]), int(self.delay_ns[row]))
         return self.rows[row]
 
     def __iter__(self) -> Iterator[Arrival]:
@@ -146,6 +148,14 @@ class World(Protocol):
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
         """Whether a frame came through, and whether it would have done so without interference."""
+
+
+@runtime_checkable
+class Foreseeing(Protocol):
+    """A world that finds out about many frames together faster than one by one."""
+
+    def expect(self, frames: Sequence[AirFrame]) -> object:
+        """Frames that are likely to start before the network stops; what it knew of others is of no use any more."""
 
 
 class PlainWorld:

@@ -18,6 +18,7 @@ from channel.checks import ChannelInputError
 from channel.draws import MAX_SEQ, Draws, LinkDraws, check_seed
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
+from channel.medium.judge.taken import Witness
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
 from channel.medium.stations.emitter_tracks import EmitterTracks
@@ -90,7 +91,7 @@ class Medium:
         self._settling = self.drawing(judge=judge, cull=True)
         self._waiting: list[Packets] = []
 
-    def drawing(self, *, judge: Judge | None = None, cull: bool = False, switched: bool = True) -> Settling:
+    def drawing(self, *, judge: Witness | None = None, cull: bool = False, switched: bool = True) -> Settling:
         """Return what draws fates at once, where the nodes are by now, for whoever decides when a packet is on the air.
 
         Args:

@@ -7,7 +7,7 @@ transmission it is drawn anew from 0 to CW; CW doubles with each failed attempt 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -102,6 +102,11 @@ class Csma(AccessMedium):
         """How often a station's present packet was on the air."""
         return self._stations[node].attempts
 
+    def _likely(self, entering: Sequence[AirPacket]) -> list[AirFrame]:
+        """Broadcasts that find their station and the medium idle."""
+        first = {packet.node: packet for packet in sorted(entering, key=lambda packet: -packet.at_ns)}
+        return [self._stations[node].likely(packet) for node, packet in first.items() if packet.to is None]
+
     def _wake(self, node: int) -> None:
         self._stations[node].wake()
 
@@ -174,6 +179,15 @@ class Station:
             else:
                 self._backoff, self._immediate_ns = NO_BACKOFF, now_ns + self._difs_ns
         self._schedule()
+
+    def likely(self, packet: AirPacket) -> AirFrame:
+        """A broadcast's frame, if nothing is in its way."""
+        timing, at_ns = self._timing, packet.at_ns + self._difs_ns
+        length_bytes, ended_ns = (
+            packet.length_bytes + timing.header_bytes,
+            at_ns + timing.broadcast_ns(packet.length_bytes),
+        )
+        return AirFrame(self._node, self._frames, DATA, length_bytes, at_ns, ended_ns, packet)
 
     def _has_counted_down(self) -> bool:
         """Whether no back-off is left of the last transmission."""
