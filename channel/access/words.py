@@ -47,9 +47,13 @@ class WordStream:
 
     def below(self, count: int) -> int:
         """The next word as an integer from 0 to ``count`` - 1; by the product, which for small counts has no bias."""
-        word = self.word(self._next)
+        found = self.coming_below(count)
         self._next += 1
-        return (word * count) >> 64
+        return found
+
+    def coming_below(self, count: int) -> int:
+        """What `below` will return."""
+        return (self.word(self._next) * count) >> 64
 
     def next_uniform(self) -> float:
         """The next word as a number in [0, 1)."""

@@ -154,8 +154,11 @@ class World(Protocol):
 class Foreseeing(Protocol):
     """A world that finds out about many frames together faster than one by one."""
 
-    def expect(self, frames: Sequence[AirFrame]) -> object:
-        """Frames that are likely to start before the network stops; what it knew of others is of no use any more."""
+    def expect(self, frames: Sequence[AirFrame]) -> Sequence[Arrivals]:
+        """What arrives of frames that are likely to start before `forget`."""
+
+    def forget(self) -> object:
+        """What was expected is of no use any more."""
 
 
 class PlainWorld:

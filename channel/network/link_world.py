@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from channel.access.world import AirFrame, Arrivals, Piece, Rows
+from channel.access.world import AirFrame, Alone, Arrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.medium.judge.judge import Judge
 from channel.medium.judge.taken import Notebook
@@ -30,29 +30,24 @@ class Met:
     Args:
         drawn: the pass in which it was drawn.
         number: of it in this pass.
-        noise: what it had for noise at receivers, piece by piece; without pieces it is that of its start.
+        alone: asks for what comes through.
 
     Attributes:
-        drawn, noise: as given.
+        drawn: as given.
+        arrivals: at those that hear it.
         first: the row of the first other node in the pass.
+        noise: what it had for noise at receivers, piece by piece; without pieces it is that of its start.
         lost_to_sources: receivers at which it came through but for sources of interference.
     """
 
-    __slots__ = ("_figures", "_number", "arrivals", "drawn", "first", "lost_to_sources", "noise")
+    __slots__ = ("_number", "arrivals", "drawn", "first", "lost_to_sources", "noise")
 
-    def __init__(self, drawn: Drawn, number: int, noise: NoisePieces | None) -> None:
-        self.drawn, self._number, self.noise = drawn, number, noise
+    def __init__(self, drawn: Drawn, number: int, alone: Alone) -> None:
+        self.drawn, self._number = drawn, number
+        self.arrivals = drawn.arrivals(number, alone)
         self.first = drawn.rows_of(number).start
+        self.noise: NoisePieces | None = None
         self.lost_to_sources: set[int] = set()
-        self.arrivals: Arrivals
-        self._figures: Sequence[Sequence[float]] = ()
-
-    @property
-    def figures(self) -> Sequence[Sequence[float]]:
-        """Rows of `Drawn.table`."""
-        if not self._figures:
-            self._figures = self.drawn.table[self.drawn.rows_of(self._number)].tolist()
-        return self._figures
 
     @property
     def receptions(self) -> Receptions:
@@ -93,31 +88,35 @@ class LinkWorld:
         self._always_on = medium.drawing(switched=False)
         """For the noise of a frame that is on the air: its start decides whether radios are on."""
         self._slots_ns, self._has_sources = self._other.slots_ns, self._other.has_sources
-        self._expected: dict[_Key, tuple[Drawn, int]] = {}
+        self._expected: dict[_Key, Met] = {}
         """Frames that were drawn before they started."""
         self._first: dict[_Key, Met] = {}
         self._per = lru_cache(maxsize=65_536)(self._per_of)
 
-    def expect(self, frames: Sequence[AirFrame]) -> None:
+    def expect(self, frames: Sequence[AirFrame]) -> Sequence[Arrivals]:
         """Draw frames in one pass that may start before anything in the world is told anew."""
+        if not frames:
+            return []
+        in_order = sorted(frames, key=lambda frame: frame.started_ns)
+        drawn = self._draw(in_order)
+        met = {_key(frame): Met(drawn, number, self._alone) for number, frame in enumerate(in_order)}
+        self._expected |= met
+        return [met[_key(frame)].arrivals for frame in frames]
+
+    def forget(self) -> None:
+        """Places, radios or sources may be other ones from now on."""
         self._expected.clear()
-        if frames:
-            frames = sorted(frames, key=lambda frame: frame.started_ns)
-            drawn = self._draw(frames)
-            self._expected = {_key(frame): (drawn, number) for number, frame in enumerate(frames)}
 
     def reach(self, frame: AirFrame) -> Arrivals:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
-        is_first = frame.kind == "data" and frame.attempt == 1
-        if is_first:
-            drawn, number = self._expected.get(_key(frame)) or (self._draw([frame]), 0)
+        key = _key(frame)
+        if frame.kind == "data" and frame.attempt == 1:
+            met = self._expected.get(key) or Met(self._draw([frame]), 0, self._alone)
+            self._first[key] = met
         else:
             packets, counted = as_packets([frame], [frame.started_ns])
-            drawn, number = Drawn(self._other.receptions(packets, counted)), 0
-        frame.met = met = Met(drawn, number, self._noise_of(frame))
-        if is_first:
-            self._first[_key(frame)] = met
-        met.arrivals = drawn.arrivals(number, self._alone)
+            met = Met(Drawn(self._other.receptions(packets, counted)), 0, self._alone)
+        frame.met, met.noise = met, self._noise_of(frame)
         return met.arrivals
 
     def _draw(self, frames: Sequence[AirFrame]) -> Drawn:
@@ -195,7 +194,9 @@ class LinkWorld:
 
     def figures(self, frame: AirFrame, receiver: int) -> Sequence[float]:
         """Distance, m, power, dBm, SNR, dB, error rate, chance of delivery of a frame at a node, alone on the air."""
-        return _met(frame).figures[_row(frame, receiver)]
+        met = _met(frame)
+        figures: list[float] = met.drawn.table[met.first + _row(frame, receiver)].tolist()
+        return figures
 
     def figures_at(self, frame: AirFrame, receivers: Rows) -> FloatArray:
         """As `figures`, at several nodes, shape (nodes, 5)."""

@@ -14,12 +14,13 @@ from typing import Final
 
 from channel.access.agenda import ACTS, Agenda, Entry
 from channel.access.air import Air, Hearing, Receiver
+from channel.access.media.forecast import Deferred
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirPacket, Loss, Reply
 from channel.access.queue import QueueLimits
 from channel.access.timing import ACK_BYTES, CTS_BYTES, RTS_BYTES, Wifi
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, World
+from channel.access.world import AirFrame, Foreseeing, World
 from channel.draws import Draws
 
 DATA, ACK, RTS, CTS = "data", "ack", "rts", "cts"
@@ -102,10 +103,19 @@ class Csma(AccessMedium):
         """How often a station's present packet was on the air."""
         return self._stations[node].attempts
 
-    def _likely(self, entering: Sequence[AirPacket]) -> list[AirFrame]:
-        """Broadcasts that find their station and the medium idle."""
+    def _foresee(self, world: Foreseeing, entering: Sequence[AirPacket]) -> None:
+        """Broadcasts, first as if each found the medium idle, then those that do not."""
         first = {packet.node: packet for packet in sorted(entering, key=lambda packet: -packet.at_ns)}
-        return [self._stations[node].likely(packet) for node, packet in first.items() if packet.to is None]
+        frames = [
+            self._stations[node].foreseen(packet) for node, packet in first.items() if packet.to is None
+        ]
+        if len(frames) > 1:
+            arrivals = world.expect(frames)
+            stations, cca_ns = self._stations, self.air.hearing.cca_ns
+            deferred = Deferred(
+                frames, arrivals, self.timing, cca_ns, lambda node: stations[node].foreseen_backoff()
+            )
+            world.expect(deferred.frames())
 
     def _wake(self, node: int) -> None:
         self._stations[node].wake()
@@ -180,7 +190,7 @@ class Station:
                 self._backoff, self._immediate_ns = NO_BACKOFF, now_ns + self._difs_ns
         self._schedule()
 
-    def likely(self, packet: AirPacket) -> AirFrame:
+    def foreseen(self, packet: AirPacket) -> AirFrame:
         """A broadcast's frame, if nothing is in its way."""
         timing, at_ns = self._timing, packet.at_ns + self._difs_ns
         length_bytes, ended_ns = (
@@ -188,6 +198,10 @@ class Station:
             at_ns + timing.broadcast_ns(packet.length_bytes),
         )
         return AirFrame(self._node, self._frames, DATA, length_bytes, at_ns, ended_ns, packet)
+
+    def foreseen_backoff(self) -> int:
+        """What it will draw next, slots."""
+        return self._words.coming_below(self._cw + 1)
 
     def _has_counted_down(self) -> bool:
         """Whether no back-off is left of the last transmission."""

@@ -65,7 +65,8 @@ class AccessMedium(ABC):
         if self._foresees is not None:
             entering = [packet for packet in self._offered if packet.at_ns <= until_ns]
             self._offered = [packet for packet in self._offered if packet.at_ns > until_ns]
-            self._foresees.expect(self._likely(entering))
+            self._foresees.forget()
+            self._foresee(self._foresees, entering)
         self.agenda.run(until_ns)
         outcomes, self._outcomes = self._outcomes, []
         return outcomes
@@ -81,13 +82,12 @@ class AccessMedium(ABC):
             return (packet.to,)
         return tuple(node for node in self._outboxes if node != packet.node)
 
-    def _likely(self, entering: Sequence[AirPacket]) -> list[AirFrame]:
-        """First transmissions that are likely to come of packets that enter now: the world looks at them together.
+    def _foresee(self, world: Foreseeing, entering: Sequence[AirPacket]) -> None:
+        """Have the world look together at frames that are likely to come of packets that enter now.
 
         A wrong guess costs time and changes nothing.
         """
-        del entering
-        return []
+        del world, entering
 
     @abstractmethod
     def _wake(self, node: int) -> None:
