@@ -143,6 +143,7 @@ class Air:
     def _let_pass(self, frame: AirFrame, arrivals: Arrivals, last_ns: int) -> Sequence[Arrival]:
         """Let a frame pass those who do not attend; the others."""
         attending = self._attending
+        attending -= {node for node in attending if self._receivers[node].is_done()}
         attend = [node in attending for node in arrivals.receiver.tolist()]
         rows = np.flatnonzero(~np.array(attend, dtype=bool))
         self._passage = Passage(frame, arrivals, rows)

@@ -64,6 +64,9 @@ class Ear(Protocol):
     def heard(self, frame: AirFrame) -> object:
         """A frame came through."""
 
+    def is_done(self) -> bool:
+        """Whether by now it has nothing left for which it would attend."""
+
 
 class DeafEar:
     """The access of a node that acts on nothing that it hears."""
@@ -76,6 +79,10 @@ class DeafEar:
 
     def heard(self, frame: AirFrame) -> None:
         """Nothing: its fate says it."""
+
+    def is_done(self) -> bool:
+        """Always."""
+        return True
 
 
 class _Reception:
@@ -139,6 +146,10 @@ class Receiver:
     def ignore(self) -> None:
         """From now on its access only takes note of what it hears, and no time is given to it."""
         self._air.ignore(self)
+
+    def is_done(self) -> bool:
+        """Whether its access has nothing left for which it would attend."""
+        return self._ear.is_done()
 
     def has_heard(self, damaged: bool | None, idle_since_ns: int) -> None:
         """Frames have passed; the last one that it followed had errors or not; None: it followed none."""

@@ -349,6 +349,13 @@ class Station:
         if self._backoff == NO_BACKOFF and self._packet is None:
             self.receiver.ignore()
 
+    def is_done(self) -> bool:
+        """Whether its back-off has run out while there is nothing to send."""
+        if self._packet is not None or not self._has_counted_down():
+            return False
+        self._backoff = NO_BACKOFF
+        return True
+
     def _count_down(self) -> None:
         """Take off the back-off the slots that were idle until now."""
         passed = (self._agenda.now_ns - self._counts_from_ns()) // self._timing.slot_ns

@@ -287,5 +287,9 @@ class SikRadio:
             self._quiet_since = (self._agenda.now_ns - self._epoch_ns) // self._settings.tick_ns
             self._wake_soon()
 
+    def is_done(self) -> bool:
+        """Never: it follows its peer."""
+        return False
+
     def heard(self, frame: AirFrame) -> None:
         """The medium says it to the peer alone; radios drop packets of another NETID."""
