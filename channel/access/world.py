@@ -154,8 +154,11 @@ class World(Protocol):
 class Foreseeing(Protocol):
     """A world that finds out about many frames together faster than one by one."""
 
-    def expect(self, frames: Sequence[AirFrame]) -> Sequence[Arrivals]:
-        """What arrives of frames that are likely to start before `forget`."""
+    def delays_ns(self, frames: Sequence[AirFrame]) -> Sequence[Mapping[int, int]]:
+        """How long each frame will be on its way to those who are likely to hear it."""
+
+    def expect(self, frames: Sequence[AirFrame]) -> object:
+        """Frames that are likely to start before `forget`, in the order of their instants."""
 
     def forget(self) -> object:
         """What was expected is of no use any more."""

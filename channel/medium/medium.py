@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from channel.checks import ChannelInputError
+from channel.checks import ChannelInputError, FloatArray
 from channel.draws import MAX_SEQ, Draws, LinkDraws, check_seed
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
@@ -194,6 +194,10 @@ class Medium:
         """Return where all nodes were at an instant, in the order of `nodes`, with attitudes and velocities."""
         instants = np.array([sim_time_ns], dtype=np.int64)
         return self._tracks.at(instants, attitude=True, velocity=True)
+
+    def positions_ned_m(self, instants_ns: NDArray[np.int64]) -> FloatArray:
+        """Return where all nodes were at rising instants, shape (3, instants, nodes)."""
+        return self._tracks.at(instants_ns).position_ned_m.reshape(3, instants_ns.size, len(self.nodes))
 
     def place(self, node: str, position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None = None) -> None:
         """Put a node where it stays for the whole run (a ground station): no packet waits for its truth."""

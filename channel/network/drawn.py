@@ -55,7 +55,7 @@ class Drawn:
         """Where each frame begins among those who hear one; receivers, powers, mW, delays, ns: nearest first."""
         r = self.receptions
         rows = np.flatnonzero(IS_HEARD[r.fate] & (r.snr_db >= HEARD_DB))
-        delay_ns = np.rint(r.distance_m[rows] * (NS_PER_S / SPEED_OF_LIGHT_MPS)).astype(np.int64)
+        delay_ns = delays_ns(r.distance_m[rows]).astype(np.int64)
         order = np.lexsort((delay_ns, r.packet[rows]))
         rows = rows[order]
         first: list[int] = np.searchsorted(r.packet[rows], np.arange(r.packets.size + 1)).tolist()
@@ -85,6 +85,11 @@ class Drawn:
             r.probability_of_delivery[part],
             r.fate[part],
         )
+
+
+def delays_ns(distance_m: FloatArray) -> FloatArray:
+    """How long a signal is on its way, whole ns."""
+    return np.rint(distance_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
 
 
 def as_packets(frames: Sequence[AirFrame], instants_ns: Sequence[int]) -> tuple[Packets, NDArray[np.int64]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from channel.medium.judge.judge import Judge
 from channel.medium.judge.taken import Notebook
 from channel.medium.medium import Medium
 from channel.medium.reception import DELIVERED, ERASED, Receptions
-from channel.network.drawn import Drawn, as_packets
+from channel.network.drawn import Drawn, as_packets, delays_ns
 from channel.numbers.units import db_from_ratio, ratio_from_db
 
 _Key = tuple[int, int, int, int]
@@ -82,7 +82,7 @@ class LinkWorld:
 
     def __init__(self, medium: Medium, judge: Judge | None = None) -> None:
         self.nodes = tuple(range(len(medium.nodes)))
-        self._judge, self._notebook = judge, Notebook()
+        self._medium, self._judge, self._notebook = medium, judge, Notebook()
         self._judged = medium.drawing(judge=None if judge is None else self._notebook)
         self._other = medium.drawing()
         self._always_on = medium.drawing(switched=False)
@@ -91,21 +91,30 @@ class LinkWorld:
         self._expected: dict[_Key, Met] = {}
         """Frames that were drawn before they started."""
         self._first: dict[_Key, Met] = {}
+        self._reached: dict[int, Sequence[int]] = {}
+        """By the last frame of a node."""
         self._per = lru_cache(maxsize=65_536)(self._per_of)
 
-    def expect(self, frames: Sequence[AirFrame]) -> Sequence[Arrivals]:
+    def delays_ns(self, frames: Sequence[AirFrame]) -> Sequence[Mapping[int, int]]:
+        """To those whom the last frame of its node reached; to all, if there was none."""
+        instants_ns, which = np.unique([frame.started_ns for frame in frames], return_inverse=True)
+        places = self._medium.positions_ned_m(instants_ns)[:, which]
+        tx = np.array([frame.node for frame in frames])
+        way = places - np.take_along_axis(places, tx[np.newaxis, :, np.newaxis], axis=2)
+        delays = delays_ns(np.sqrt((way * way).sum(axis=0))).astype(np.int64).tolist()
+        return [
+            {rx: row[rx] for rx in self._reached.get(frame.node, self.nodes)}
+            for frame, row in zip(frames, delays, strict=True)
+        ]
+
+    def expect(self, frames: Sequence[AirFrame]) -> None:
         """Draw frames in one pass that may start before anything in the world is told anew."""
-        if not frames:
-            return []
-        in_order = sorted(frames, key=lambda frame: frame.started_ns)
-        drawn = self._draw(in_order)
-        met = {_key(frame): Met(drawn, number, self._alone) for number, frame in enumerate(in_order)}
-        self._expected |= met
-        return [met[_key(frame)].arrivals for frame in frames]
+        drawn = self._draw(frames)
+        self._expected = {_key(frame): Met(drawn, number, self._alone) for number, frame in enumerate(frames)}
 
     def forget(self) -> None:
         """Places, radios or sources may be other ones from now on."""
-        self._expected.clear()
+        self._expected = {}
 
     def reach(self, frame: AirFrame) -> Arrivals:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
@@ -117,6 +126,7 @@ class LinkWorld:
             packets, counted = as_packets([frame], [frame.started_ns])
             met = Met(Drawn(self._other.receptions(packets, counted)), 0, self._alone)
         frame.met, met.noise = met, self._noise_of(frame)
+        self._reached[frame.node] = met.arrivals.receiver.tolist()
         return met.arrivals
 
     def _draw(self, frames: Sequence[AirFrame]) -> Drawn:

@@ -14,7 +14,7 @@ from typing import Final
 
 from channel.access.agenda import ACTS, Agenda, Entry
 from channel.access.air import Air, Hearing, Receiver
-from channel.access.media.forecast import Deferred
+from channel.access.media.forecast import Forecast
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirPacket, Loss, Reply
 from channel.access.queue import QueueLimits
@@ -104,18 +104,16 @@ class Csma(AccessMedium):
         return self._stations[node].attempts
 
     def _foresee(self, world: Foreseeing, entering: Sequence[AirPacket]) -> None:
-        """Broadcasts, first as if each found the medium idle, then those that do not."""
+        """The next broadcast of each station that has none under way."""
         first = {packet.node: packet for packet in sorted(entering, key=lambda packet: -packet.at_ns)}
-        frames = [
-            self._stations[node].foreseen(packet) for node, packet in first.items() if packet.to is None
-        ]
+        stations, cca_ns = self._stations, self.air.hearing.cca_ns
+        frames = [stations[node].foreseen(packet) for node, packet in first.items() if packet.to is None]
         if len(frames) > 1:
-            arrivals = world.expect(frames)
-            stations, cca_ns = self._stations, self.air.hearing.cca_ns
-            deferred = Deferred(
-                frames, arrivals, self.timing, cca_ns, lambda node: stations[node].foreseen_backoff()
+            delays_ns = world.delays_ns(frames)
+            forecast = Forecast(
+                frames, delays_ns, self.timing, cca_ns, lambda node: stations[node].foreseen_backoff()
             )
-            world.expect(deferred.frames())
+            world.expect(forecast.frames())
 
     def _wake(self, node: int) -> None:
         self._stations[node].wake()

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from channel.access.timing import Wifi
-from channel.access.world import AirFrame, Arrivals
+from channel.access.world import AirFrame
 
 
-class Deferred:
-    """Frames that find the medium busy: they wait for its end, DIFS and a back-off, and may have to wait again.
+class Forecast:
+    """Frames that wait for the end of others that they hear, DIFS and a back-off, and may have to wait again.
 
     Errors, EIFS and collisions are left out.
 
     Args:
         frames: one of each station, each as if the medium were idle.
-        arrivals: of these.
+        delays_ns: of each, to those who hear it.
         timing: of slots and windows.
         cca_ns: how long a carrier is there before it is sensed.
         backoff: what a station will draw next, slots.
@@ -26,41 +26,38 @@ class Deferred:
     def __init__(
         self,
         frames: Sequence[AirFrame],
-        arrivals: Sequence[Arrivals],
+        delays_ns: Sequence[Mapping[int, int]],
         timing: Wifi,
         cca_ns: int,
         backoff: Callable[[int], int],
     ) -> None:
         self._frames, self._timing, self._cca_ns, self._backoff = frames, timing, cca_ns, backoff
-        self._delays: list[dict[int, int]] = [
-            dict(zip(a.receiver.tolist(), a.delay_ns.tolist(), strict=True)) for a in arrivals
-        ]
+        self._delays_ns = delays_ns
         self._slots: dict[int, int] = {}
         """Those that wait, and what is left of their back-off ..."""
         self._counts_from_ns: dict[int, int] = {}
         """... since this instant."""
 
     def frames(self) -> list[AirFrame]:
-        """Those that wait, with the instants at which they start."""
+        """The frames, with the instants at which they start."""
         turns = [(frame.started_ns, number) for number, frame in enumerate(self._frames)]
         heapq.heapify(turns)
-        later: list[AirFrame] = []
+        started: list[AirFrame] = []
         last = -1, 0
         while turns:
             at_ns, number = heapq.heappop(turns)
             again_ns = self._waits_until_ns(at_ns, number, *last)
-            if again_ns is not None:
+            if again_ns is None:
+                ended_ns = at_ns + self._duration_ns(number)
+                started.append(replace(self._frames[number], started_ns=at_ns, ended_ns=ended_ns))
+                last = number, at_ns
+            else:
                 heapq.heappush(turns, (again_ns, number))
-                continue
-            if number in self._slots:
-                frame = self._frames[number]
-                later.append(replace(frame, started_ns=at_ns, ended_ns=at_ns + self._duration_ns(number)))
-            last = number, at_ns
-        return later
+        return started
 
     def _waits_until_ns(self, at_ns: int, number: int, last: int, last_at_ns: int) -> int | None:
         """When it is a frame's turn again, if the last one before it is in its way."""
-        delay_ns = self._delays[last].get(self._frames[number].node) if last >= 0 else None
+        delay_ns = self._delays_ns[last].get(self._frames[number].node) if last >= 0 else None
         if delay_ns is None:
             return None
         sensed_ns = last_at_ns + delay_ns + self._cca_ns

@@ -8,14 +8,14 @@ import pytest
 from channel.access.air import Hearing
 from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma
-from channel.access.media.forecast import Deferred
+from channel.access.media.forecast import Forecast
 from channel.access.media.medium import AccessMedium
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.packets import AirFate, AirFates, AirPacket
 from channel.access.queue import QueueLimits
 from channel.access.radio_world import RadioWorld
 from channel.access.timing import BitRate, wifi_g
-from channel.access.world import AirFrame, Arrival, Arrivals, PlainWorld, World
+from channel.access.world import AirFrame, Arrival, PlainWorld, World
 from channel.link.radio import Radio
 from channel.presets import load_radio
 
@@ -110,16 +110,12 @@ def frame_of(node: int, started_ns: int) -> AirFrame:
 
 def test_who_finds_the_medium_busy_waits_for_its_end_difs_and_its_back_off() -> None:
     """802.11g: DIFS is 28 us, a slot 9 us; frames of 200 us, ways of 1 us."""
-    delays = np.array([1 * US, 1 * US])
-
-    def arrivals(node: int) -> Arrivals:
-        others = np.array([other for other in range(3) if other != node])
-        return Arrivals(others, np.ones(2), delays, lambda frame, rows: np.ones(rows.size, dtype=bool))
-
     entered_us = (0, 50, 120)
     frames = [frame_of(node, (entered + 28) * US) for node, entered in enumerate(entered_us)]
-    deferred = Deferred(frames, [arrivals(node) for node in range(3)], wifi_g(), 4 * US, {1: 7, 2: 3}.get)  # type: ignore[arg-type]
-    second, third = deferred.frames()
+    delays_ns = [{other: 1 * US for other in range(3) if other != node} for node in range(3)]
+    forecast = Forecast(frames, delays_ns, wifi_g(), 4 * US, lambda node: {1: 7, 2: 3}[node])
+    first, second, third = forecast.frames()
+    assert (first.node, first.started_ns) == (0, 28 * US)
     # node 0 is on the air from 28 to 228 us: at 229 us it is idle for nodes 1 and 2, which count from 257 us on
     assert (second.node, second.started_ns) == (2, (257 + 3 * 9) * US)
     # node 2 starts at 284 us: node 1 senses it at 289 us, when 3 of its 7 slots are over, and counts on from 513 us
