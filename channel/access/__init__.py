@@ -9,8 +9,8 @@ air         transmissions on their way to all receivers
 receiver    what one node hears of those that overlap, piece by piece
 passing     frames that meet no other: past receivers that do not attend to them, as columns
 media/      who transmits when: airtime (as soon as it can), csma (IEEE 802.11 DCF), delay (a line per node), elrs
-            (ExpressLRS), sik (telemetry radios in pairs; sik_*: its parts), tdma (slots); plain: what two share; forecast: when frames of csma
-            will start, so that they are drawn together
+            (ExpressLRS), sik (telemetry radios in pairs; sik_*: its parts), tdma (slots); plain: what two share;
+            forecast: when frames of csma are likely to start, so that they are drawn together
 elrs_modes  slots and packets of ExpressLRS
 stubborn    its stop and wait
 timing      how long a frame lasts: 802.11b, 802.11a/g, plain bit rates
