@@ -51,6 +51,11 @@ class Agenda:
             heapq.heappop(entries)
         return entries[0][0] if entries else None
 
+    @property
+    def until_ns(self) -> int:
+        """Up to which instant events happen in this run."""
+        return self._until_ns
+
     def goes_on_to(self, at_ns: int) -> bool:
         """Come to a later instant, if nothing else is due by then: an event may go on without an entry of its own."""
         if at_ns > self._until_ns or (self._entries and self._entries[0][0] <= at_ns):
