@@ -36,7 +36,9 @@ CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
 
 @click.command()
 @click.argument("medium", type=click.Choice(["airtime", "csma", "delay", "elrs", "sik", "tdma"]))
-@click.option("--nodes", type=click.IntRange(2, 500), help="How many stations; 6 if not given, 2 of elrs and sik.")
+@click.option(
+    "--nodes", type=click.IntRange(2, 500), help="How many stations; 6 if not given, 2 of elrs and sik."
+)
 @click.option(
     "--length-bytes", default=200, show_default=True, type=click.IntRange(1), help="Of each packet."
 )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ from channel.medium.reception import (
 )
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
+if TYPE_CHECKING:
+    from channel.network.beside import Beside
+
 HEARD_DB = -20.0
 """A signal so far below the noise, or further, is no signal, and no interference either."""
 IS_HEARD = np.isin(np.arange(len(FATES)), (DELIVERED, ERASED, BASE_LOSS, BURST))
@@ -44,7 +47,7 @@ class Met:
         row: of each receiver in these.
         noise: what it had for noise at receivers, piece by piece; without pieces it is that of its start.
         figures: of each row, once somebody asked for them.
-        lost_to_sources: receivers at which it came through but for sources of interference.
+        lost_to_sources: receivers at which it came through but for sources of interference and other networks.
     """
 
     receptions: Receptions
@@ -77,10 +80,14 @@ class LinkWorld:
     Args:
         medium: where the nodes are, and their radios.
         judge: takes in what is drawn.
+
+    Attributes:
+        beside: the network among others in its band; None: there are none.
     """
 
     def __init__(self, medium: Medium, judge: Judge | None = None) -> None:
         self.nodes = tuple(range(len(medium.nodes)))
+        self.beside: Beside | None = None
         self._judged = medium.drawing(judge=judge)
         self._other = self._judged if judge is None else medium.drawing()
         self._always_on = medium.drawing(switched=False)
@@ -91,6 +98,8 @@ class LinkWorld:
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
+        if self.beside is not None:
+            self.beside.starts(frame)
         r = self._draw(frame)
         frame.met = Met(r, {rx: row for row, rx in enumerate(r.rx.tolist())}, self._noise_of(frame))
         delays_ns = np.rint(r.distance_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
@@ -109,21 +118,35 @@ class LinkWorld:
         row, r = met.row[receiver], met.receptions
         fate = int(r.fate[row])
         disturbed = any(interference_mw for _, interference_mw in pieces)
-        if fate not in (DELIVERED, ERASED) or not (disturbed or self._has_sources):
+        foreign = self._foreign(frame, receiver)
+        has_sources = self._has_sources or bool(foreign)
+        if fate not in (DELIVERED, ERASED) or not (disturbed or has_sources):
             return fate == DELIVERED, fate == DELIVERED
         drawn = self._drawn(met, receiver)
         start_mw = float(ratio_from_db(float(r.received_power_dbm[row] - r.snr_db[row])))
         own = _noise_at(met.noise, row, frame, start_mw)
+        if foreign:
+            own = added(own, foreign)
         alone = fate == DELIVERED
-        if met.noise is not None:
+        if met.noise is not None or (alone and foreign):
             alone = drawn > self._lost(frame, receiver, power_mw, own)
         if not alone:
             quiet_mw = float(ratio_from_db(self._other.radio(frame.node, receiver).noise_floor_dbm))
             quiet = [Piece(frame.ended_ns - frame.started_ns, quiet_mw)]
-            if self._has_sources and drawn > self._lost(frame, receiver, power_mw, quiet):
+            if has_sources and drawn > self._lost(frame, receiver, power_mw, quiet):
                 met.lost_to_sources.add(receiver)
             return False, False
         return not disturbed or drawn > self._lost(frame, receiver, power_mw, added(own, pieces)), True
+
+    def _foreign(self, frame: AirFrame, receiver: int) -> Sequence[Piece]:
+        """The power of other networks in the band at a receiver, while a frame comes in there; empty: none."""
+        if self.beside is None:
+            return ()
+        met = _met(frame)
+        way_m = float(met.receptions.distance_m[met.row[receiver]])
+        delay_ns = round(way_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
+        span = frame.started_ns + delay_ns, frame.ended_ns + delay_ns
+        return self.beside.pieces(receiver, frame.channel, *span)
 
     def _lost(self, frame: AirFrame, receiver: int, power_mw: float, noise: Sequence[Piece]) -> float:
         """The error rate of a frame by pieces of constant noise, which are the share of its bits that they last."""
@@ -170,7 +193,7 @@ class LinkWorld:
         return int(met.receptions.fate[met.row[receiver]])
 
     def is_lost_to_sources(self, frame: AirFrame, receiver: int) -> bool:
-        """Whether a frame that was lost to noise would have come through without sources of interference."""
+        """Whether a frame lost to noise would have come through without sources of interference and other networks."""
         return receiver in _met(frame).lost_to_sources
 
     def first_transmissions(self) -> list[Receptions]:

@@ -61,6 +61,8 @@ class Csma(AccessMedium):
         hearing: how receivers hear.
     """
 
+    air: Air
+
     def __init__(
         self,
         world: World,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from channel.access.agenda import ACTS, Agenda
+from channel.access.air import Air
 from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
 from channel.access.world import AirFrame, World
@@ -20,7 +21,13 @@ class AccessMedium(ABC):
 
     `offer` packets in any order, each not before the instant that `run` came to, then `run`: the outcomes come in the
     order of their instants. Each packet has one `AirFate` per receiver: the node that it is for, or all others.
+
+    Attributes:
+        agenda: what happens when.
+        air: what its receivers hear; None: they sense no carrier.
     """
+
+    air: Air | None = None
 
     def __init__(self, world: World, limits: QueueLimits, max_length_bytes: int) -> None:
         self.world = world
