@@ -59,6 +59,13 @@ class Agenda:
             heapq.heappop(entries)
         return entries[0][0] if entries else None
 
+    def goes_on_to(self, at_ns: int) -> bool:
+        """Come to a later instant, if nothing else is due by then: an event may go on without an entry of its own."""
+        if at_ns > self._until_ns or (self._entries and self._entries[0][0] <= at_ns):
+            return False
+        self.now_ns = at_ns
+        return True
+
     def join(self, clock: Clock) -> None:
         """Run with others from now on; nothing was run yet."""
         self._clock, self._until_ns = clock, ALONE_NEVER_NS
@@ -73,13 +80,6 @@ class Agenda:
         self.now_ns, _, _, _, callback, arguments = heapq.heappop(self._entries)
         self.handled += 1
         callback(*arguments)
-
-    def goes_on_to(self, at_ns: int) -> bool:
-        """Come to a later instant, if nothing else is due by then: an event may go on without an entry of its own."""
-        if at_ns > self._until_ns or (self._entries and self._entries[0][0] <= at_ns):
-            return False
-        self.now_ns = at_ns
-        return True
 
     def run(self, until_ns: int) -> None:
         """Let everything happen that is due by ``until_ns``, and come to it; so do those on the same clock."""

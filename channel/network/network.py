@@ -65,10 +65,6 @@ class Network:
         open_medium: makes the medium in a world.
         entry: when packets enter their radios.
         judge: takes in what is drawn.
-
-    Attributes:
-        world: what frames meet.
-        access: who transmits when.
     """
 
     def __init__(
@@ -78,8 +74,8 @@ class Network:
         entry: EntryInstants,
         judge: Judge | None = None,
     ) -> None:
-        self.world = LinkWorld(medium, judge)
-        self.access = open_medium(self.world)
+        self._world = LinkWorld(medium, judge)
+        self._access = open_medium(self._world)
         self._entry = entry
         self._everybody = frozenset(range(len(medium.nodes)))
         self._unreached: list[AirFate] = []
@@ -95,9 +91,19 @@ class Network:
         """Of all nodes."""
         return self._entry.phases_ns
 
+    @property
+    def world(self) -> LinkWorld:
+        """What frames meet."""
+        return self._world
+
+    @property
+    def access(self) -> AccessMedium:
+        """Who transmits when."""
+        return self._access
+
     def queued(self, node: int) -> tuple[int, int]:
         """How many packets of a node wait, and their length in bytes."""
-        return self.access.queued(node)
+        return self._access.queued(node)
 
     def send(self, packets: Packets, handling: Sequence[Handling]) -> None:
         """Have packets enter their radios: in canonical order, none before the instant that `live` came to."""
@@ -108,20 +114,20 @@ class Network:
             at_ns = max(self._entry.at_ns(tx, seq, sim_time_ns), self._now_ns)
             receiver = None if to < 0 else to
             packet = AirPacket(tx, seq, receiver, length_bytes, at_ns, how.priority, how.lifetime_ns, how.key)
-            receivers = set(self.access.receivers_of(packet))
+            receivers = set(self._access.receivers_of(packet))
             others = self._everybody - receivers - {tx} if receiver is None else frozenset()
             self._unreached += [
                 AirFate(packet, other, at_ns, NEVER_NS, NEVER_NS, 0, Loss.NO_PEER) for other in sorted(others)
             ]
             if receivers or others:
                 self._open[tx, seq] = _Open(packet, sim_time_ns, receivers | others)
-                self.access.offer(packet)
+                self._access.offer(packet)
             else:
                 self._for_nobody.append((tx, seq))
 
     def live(self, until_ns: int) -> Lived:
         """Let the network live until just before an instant; what was decided since the last call."""
-        outcomes = self.access.run(until_ns - 1)
+        outcomes = self._access.run(until_ns - 1)
         self._now_ns = until_ns
         fates = [outcome for outcome in outcomes if isinstance(outcome, AirFate)]
         fates += [fate for fate in self._unreached if fate.at_ns < until_ns]
@@ -164,7 +170,7 @@ class Network:
         )
         done = [*self._for_nobody, *self._close(fates)]
         self._for_nobody.clear()
-        return Lived(receptions, instants, replies, done, self.world.first_transmissions())
+        return Lived(receptions, instants, replies, done, self._world.first_transmissions())
 
     def _entered_ns(self, packet: AirPacket) -> int:
         return packet.at_ns if packet.at_ns < self._now_ns else NEVER_NS
@@ -201,7 +207,7 @@ class Network:
 
     def _figures(self, fate: AirFate) -> Sequence[float]:
         """Distance, power, SNR, error rate and chance of delivery on the channel alone."""
-        return NOTHING if fate.frame is None else self.world.figures(fate.frame, fate.receiver)
+        return NOTHING if fate.frame is None else self._world.figures(fate.frame, fate.receiver)
 
     def _code(self, fate: AirFate) -> int:
         """What the record calls it; a frame that is lost to noise is lost as the channel says, or went unnoticed."""
@@ -210,7 +216,7 @@ class Network:
             return DELIVERED
         if loss is not Loss.NOISE or frame is None:
             return OF_LOSS.get(loss, ERASED)
-        if self.world.is_lost_to_sources(frame, fate.receiver):
+        if self._world.is_lost_to_sources(frame, fate.receiver):
             return INTERFERED
-        alone = self.world.fate(frame, fate.receiver)
+        alone = self._world.fate(frame, fate.receiver)
         return ERASED if alone == DELIVERED else alone

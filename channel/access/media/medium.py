@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
 
 from channel.access.agenda import ACTS, Agenda
-from channel.access.air import Air
 from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
 from channel.access.world import AirFrame, World
+
+if TYPE_CHECKING:
+    from channel.access.air import Air
 
 
 class AccessMedium(ABC):

@@ -22,15 +22,14 @@ class PlainMedium(AccessMedium):
         hearing: how receivers hear.
     """
 
-    air: Air
-
     def __init__(
         self, world: World, timing: FrameTiming, limits: QueueLimits | None, hearing: Hearing | None
     ) -> None:
         super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
         self._timing = timing
-        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed)
-        self._receivers = self.air.join({node: DeafEar() for node in world.nodes})
+        self._air = Air(self.agenda, world, hearing or Hearing(), self._passed)
+        self._receivers = self._air.join({node: DeafEar() for node in world.nodes})
+        self.air = self._air
         self._numbers = dict.fromkeys(world.nodes, 0)
 
     def _transmit(self, packet: AirPacket, then: Callable[[], object]) -> None:
@@ -42,7 +41,7 @@ class PlainMedium(AccessMedium):
         length_bytes = packet.length_bytes + self._timing.header_bytes
         channel = self._receivers[node].channel
         frame = AirFrame(node, number, "data", length_bytes, now_ns, ended_ns, packet, channel=channel)
-        self.air.transmit(frame, then)
+        self._air.transmit(frame, then)
 
     def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:
         packet = frame.packet
