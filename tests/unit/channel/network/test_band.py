@@ -235,6 +235,15 @@ def test_noise_is_added_piece_by_piece() -> None:
     assert kept == pytest.approx(0.5, abs=4.0 * sqrt(0.25 / count))
 
 
+def test_what_met_the_beginning_of_a_long_frame_counts_at_its_end() -> None:
+    """One short loud frame, then many quiet ones: 200 m and 20 km from a receiver that hears 100 m."""
+    quiet = [Sent("4", 5 * MS + k * 2 * MS, 2) for k in range(45)]
+    for first, fate in (([Sent("3", MS, 2)], "interfered"), ([], "delivered")):
+        run = Run({"a": (RADIO, {"1": 0.0, "2": 100.0}), "b": (RADIO, {"3": 300.0, "4": 20_100.0})})
+        came = run.fates({"a": [Sent("1", 0, 800)], "b": first + quiet})["a"]
+        assert at(came, "2") == [fate]
+
+
 @pytest.mark.parametrize(("isolation_db", "fate"), [(107.0, "interfered"), (108.5, "delivered")])
 def test_radios_of_one_node_have_an_isolation_between_them(isolation_db: float, fate: str) -> None:
     """Node 2 transmits on the other network, from distance 0, while it receives over 97.7 dB of free space."""
