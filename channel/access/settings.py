@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from channel.access.air import Hearing
+from channel.access.carriers import Carriers
 from channel.access.elrs_modes import ELRS_MODES
 from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma, DcfSettings
@@ -114,6 +115,9 @@ class Ideal(Variant):
     """Whether `capacity_bps` is for all nodes together; else each sender has so much."""
     model: Literal["ideal"] = "ideal"
 
+    def carriers(self) -> None:
+        """Nothing is on the air for any time: other networks neither hear it nor disturb it."""
+
 
 class Locking(Variant):
     """Radios with a queue each, and receivers that hear one frame at a time."""
@@ -147,6 +151,10 @@ class Locking(Variant):
         capture = float("inf") if self.capture_db is None else float(ratio_from_db(self.capture_db))
         return Hearing(float(ratio_from_db(preamble_dbm)), float(ratio_from_db(energy_dbm)), capture)
 
+    def carriers(self) -> Carriers:
+        """Where it is on the air."""
+        return Carriers()
+
 
 class Shared(Locking):
     """Radios on channels that each keeps."""
@@ -172,6 +180,10 @@ class Shared(Locking):
         used = set(channels.values()) | {0}
         adjacent = surroundings.leaks(self.channel_spacing_hz, max(used) - min(used)) if channels else ()
         return replace(super().hearing(surroundings), channels=channels, adjacent=adjacent)
+
+    def carriers(self) -> Carriers:
+        """Where it is on the air: channel 0 is the radio's carrier."""
+        return Carriers(self.channel_spacing_hz, tuple(sorted({0, *self.channels.values()})))
 
 
 class Serial(Shared):
@@ -353,6 +365,9 @@ class DelayMedium(Variant):
             max_length_bytes=self.max_length_bytes,
         )
 
+    def carriers(self) -> None:
+        """Only the way from end to end is known: other networks neither hear it nor disturb it."""
+
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """Bits of packets of a length per second, of each sender."""
         return self.rate_bps * length_bytes / (length_bytes + self.header_bytes)
@@ -388,6 +403,10 @@ class ElrsMedium(Variant):
         settings = ElrsSettings(ELRS_MODES[self.mode], pairs, self.has_rc, self.buffer_bytes)
         return Elrs(surroundings.world, settings, seed=surroundings.seed)
 
+    def carriers(self) -> Carriers:
+        """Where it is on the air."""
+        return ELRS_MODES[self.mode].carriers
+
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """Bits a second down, as the firmware counts them."""
         return 8 * ELRS_MODES[self.mode].down_bytes_per_s
@@ -416,6 +435,12 @@ class SikMedium(Locking):
     lbt: bool = Field(default=False, description="LBT_RSSI: listens before it talks, for energy_dbm")
     channels: int = Field(
         default=50, ge=1, le=50, description="NUM_CHANNELS: 50 at 915 MHz, 10 at 433 and 868"
+    )
+    channel_spacing_hz: float = Field(
+        default=250e3,
+        gt=0.0,
+        le=1e9,
+        description="between two of them: (MAX_FREQ - MIN_FREQ) / (NUM_CHANNELS + 2), for other networks in the band",
     )
     uint8_fault: bool = Field(
         default=True, description="the bytes that fit are taken modulo 256, as the firmware does"
@@ -470,6 +495,10 @@ class SikMedium(Locking):
             hearing=self.hearing(surroundings),
         )
 
+    def carriers(self) -> Carriers:
+        """Where it is on the air."""
+        return Carriers.centred(self.channels, self.channel_spacing_hz)
+
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """Bits of packets of a length per second, if one of a pair sends them back to back and the other nothing.
 
@@ -500,3 +529,9 @@ MediumSettings = Annotated[
 def name_of(settings: MediumSettings) -> str:
     """What a medium is called: of one's own by its class."""
     return str(getattr(settings, "model", type(settings).__name__))
+
+
+def carriers_of(settings: MediumSettings) -> Carriers | None:
+    """Where a medium is on the air, one's own too: on the radio's carrier unless it says so; None: nowhere."""
+    found: Carriers | None = getattr(settings, "carriers", Carriers)()
+    return found
