@@ -54,6 +54,10 @@ class Air:
         self._clear_ns = -1
         """Until this instant something may be on the air."""
 
+    def receiver(self, node: int) -> Receiver:
+        """A node's receiver."""
+        return self._receivers[node]
+
     def join(self, ears: Mapping[int, Ear]) -> dict[int, Receiver]:
         """Give each node its receiver; all attend but the deaf."""
         self._receivers = {node: Receiver(self, node, ear) for node, ear in sorted(ears.items())}

@@ -26,7 +26,7 @@ class Loss(StrEnum):
     HALF_DUPLEX = "half_duplex"
     """The receiver transmitted."""
     INTERFERED = "interfered"
-    """It would have come through without what emitters and other sources of interference add to the noise."""
+    """It would have come through without what emitters, other sources of interference and other networks add."""
     COLLIDED = "collided"
     """It would have come through if no other frame of the network had been on the air."""
     NOISE = "noise"

@@ -52,6 +52,13 @@ class Hearing:
         return self.adjacent[channels - 1] if channels <= len(self.adjacent) else 0.0
 
 
+class Foreign(Protocol):
+    """A signal of another network at a receiver."""
+
+    def taken_mw(self, channel: int) -> float:
+        """What a receiver on a channel takes in of it."""
+
+
 class Ear(Protocol):
     """What a node's access does on what it hears."""
 
@@ -117,6 +124,7 @@ class Receiver:
         "_damaged",
         "_ear",
         "_elsewhere",
+        "_foreign",
         "_locked",
         "_lost",
         "_noticing",
@@ -134,6 +142,8 @@ class Receiver:
         self._locked: _Reception | None = None
         self._elsewhere: dict[AirFrame, float] = {}
         """Signals on other channels."""
+        self._foreign: list[Foreign] = []
+        """Signals of other networks."""
         self._damaged = False
         self._noticing: Entry | None = None
         self.transmits = self.is_busy = False
@@ -262,6 +272,16 @@ class Receiver:
             locked.change(self._heard_mw(but=locked.frame), self._air.agenda.now_ns)
         self._sense()
 
+    def foreign_starts(self, signal: Foreign) -> None:
+        """A signal of another network arrives: energy, and nothing else; as noise the world counts it."""
+        self._foreign.append(signal)
+        self._sense()
+
+    def foreign_ends(self, signal: Foreign) -> None:
+        """A signal of another network has passed."""
+        self._foreign.remove(signal)
+        self._sense()
+
     def begins_to_transmit(self) -> None:
         """It is on the air from now on: what it was about to hear is lost."""
         self.transmits = True
@@ -281,12 +301,19 @@ class Receiver:
             self.transmits
             or self._locked is not None
             or (
-                (bool(self._signals) or bool(self._elsewhere))
-                and self._heard_mw() >= self._air.hearing.energy_mw
+                (bool(self._signals) or bool(self._elsewhere) or bool(self._foreign))
+                and self._energy_mw() >= self._air.hearing.energy_mw
             )
         )
         if is_busy != self.is_busy or self._noticing is not None:
             self._changes(is_busy)
+
+    def _energy_mw(self) -> float:
+        """All power, that of other networks too."""
+        heard_mw = self._heard_mw()
+        if self._foreign:
+            heard_mw += sum(signal.taken_mw(self.channel) for signal in self._foreign)
+        return heard_mw
 
     def _changes(self, is_busy: bool) -> None:
         """A carrier of others is noticed when it has been there for a while, all else at once."""

@@ -58,6 +58,7 @@ class Medium:
         radios: of each node.
         addressees: who packets are for.
         emitters: where the emitters are: `emitters.observe` takes in their truth.
+        bases: which nodes stand on the ground, shape (nodes,).
 
     Raises:
         ChannelInputError: names that are not distinct, a node without a radio, radios on several frequencies, a radio
@@ -92,7 +93,7 @@ class Medium:
         if not heard <= set(self.emitters.names):
             raise ChannelInputError("emitters", self.emitters.names, f"with {', '.join(sorted(heard))}")
         self._switches = switches or Switches(len(self.nodes))
-        self._bases = self._on_the_ground(bases)
+        self.bases = self._on_the_ground(bases)
         self._settling = self.drawing(judge=judge, cull=True)
         self._waiting: list[Packets] = []
 
@@ -121,7 +122,7 @@ class Medium:
             judge=judge,
             emitters=self.emitters,
             switches=self._switches if switched else None,
-            bases=self._bases,
+            bases=self.bases,
             addressees=self.addressees,
         )
 

@@ -6,11 +6,12 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from channel.access.timing import NS_PER_S
 from channel.access.world import AirFrame, Alone, Arrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.medium.judge.judge import Judge
@@ -19,7 +20,10 @@ from channel.medium.medium import Medium
 from channel.medium.reception import DELIVERED, ERASED, Receptions
 from channel.medium.settling import Settling
 from channel.network.drawn import Drawn, as_packets, delays_ns
-from channel.numbers.units import db_from_ratio, ratio_from_db
+from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
+
+if TYPE_CHECKING:
+    from channel.network.beside import Beside
 
 _Key = tuple[int, int, int, int]
 """Of a frame: instant, ns, transmitter, number, length."""
@@ -38,7 +42,7 @@ class Met:
         arrivals: at those that hear it.
         first: the row of the first other node in the pass.
         noise: what it had for noise at receivers, piece by piece; without pieces it is that of its start.
-        lost_to_sources: receivers at which it came through but for sources of interference.
+        lost_to_sources: receivers at which it came through but for sources of interference and other networks.
     """
 
     __slots__ = ("_number", "arrivals", "drawn", "first", "lost_to_sources", "noise")
@@ -79,10 +83,14 @@ class LinkWorld:
     Args:
         medium: where the nodes are, and their radios.
         judge: takes in what is drawn.
+
+    Attributes:
+        beside: the network among others in its band; None: there are none.
     """
 
     def __init__(self, medium: Medium, judge: Judge | None = None) -> None:
         self.nodes = tuple(range(len(medium.nodes)))
+        self.beside: Beside | None = None
         self._medium, self._judge, self._notebook = medium, judge, Notebook()
         self._by_rate: dict[float | None, tuple[Settling, Settling]] = {}
         """What draws first transmissions and others, by their bit rates."""
@@ -128,6 +136,8 @@ class LinkWorld:
 
     def reach(self, frame: AirFrame) -> Arrivals:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
+        if self.beside is not None:
+            self.beside.starts(frame)
         key = _key(frame)
         if frame.kind == "data" and frame.attempt == 1:
             met = self._expected.get(key) or Met(self._draw([frame]), 0, self._alone)
@@ -168,22 +178,36 @@ class LinkWorld:
         row, r = _row(frame, receiver), met.drawn.receptions
         fate = int(r.fate[met.first + row])
         disturbed = any(interference_mw for _, interference_mw in pieces)
-        if fate not in (DELIVERED, ERASED) or not (disturbed or self._has_sources):
+        foreign = self._foreign(frame, receiver)
+        has_sources = self._has_sources or bool(foreign)
+        if fate not in (DELIVERED, ERASED) or not (disturbed or has_sources):
             return fate == DELIVERED, fate == DELIVERED
         drawn = self._drawn(frame, receiver)
         start_dbm = float(r.received_power_dbm[met.first + row] - r.snr_db[met.first + row])
         start_mw = float(ratio_from_db(start_dbm))
         own = _noise_at(met.noise, row, frame, start_mw)
+        if foreign:
+            own = added(own, foreign)
         alone = fate == DELIVERED
-        if met.noise is not None:
+        if met.noise is not None or (alone and foreign):
             alone = drawn > self._lost(frame, receiver, power_mw, own)
         if not alone:
             quiet_mw = float(ratio_from_db(self._other.radio(frame.node, receiver).noise_floor_dbm))
             quiet = [Piece(frame.ended_ns - frame.started_ns, quiet_mw)]
-            if self._has_sources and drawn > self._lost(frame, receiver, power_mw, quiet):
+            if has_sources and drawn > self._lost(frame, receiver, power_mw, quiet):
                 met.lost_to_sources.add(receiver)
             return False, False
         return not disturbed or drawn > self._lost(frame, receiver, power_mw, added(own, pieces)), True
+
+    def _foreign(self, frame: AirFrame, receiver: int) -> Sequence[Piece]:
+        """The power of other networks in the band at a receiver, while a frame comes in there; empty: none."""
+        if self.beside is None:
+            return ()
+        met = _met(frame)
+        way_m = float(met.drawn.receptions.distance_m[met.first + _row(frame, receiver)])
+        delay_ns = round(way_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
+        span = frame.started_ns + delay_ns, frame.ended_ns + delay_ns
+        return self.beside.pieces(receiver, frame.channel, *span)
 
     def _lost(self, frame: AirFrame, receiver: int, power_mw: float, noise: Sequence[Piece]) -> float:
         """The error rate of a frame by pieces of constant noise, which are the share of its bits that they last."""
@@ -236,7 +260,7 @@ class LinkWorld:
         return _met(frame).drawn.receptions.fate[_rows(frame, receivers)]
 
     def lost_to_sources(self, frame: AirFrame) -> set[int]:
-        """Nodes at which a frame was lost to noise that would have come through without sources of interference."""
+        """Nodes at which a frame was lost to noise, but not without sources of interference and other networks."""
         return _met(frame).lost_to_sources
 
     def first_transmissions(self) -> list[Receptions]:

@@ -86,6 +86,16 @@ class Network:
         """Of all nodes."""
         return self._entry.phases_ns
 
+    @property
+    def world(self) -> LinkWorld:
+        """What frames meet."""
+        return self._world
+
+    @property
+    def access(self) -> AccessMedium:
+        """Who transmits when."""
+        return self._access
+
     def queued(self, node: int) -> tuple[int, int]:
         """How many packets of a node wait, and their length in bytes."""
         return self._access.queued(node)

@@ -62,6 +62,8 @@ class Csma(AccessMedium):
         hearing: how receivers hear.
     """
 
+    air: Air
+
     def __init__(
         self,
         world: World,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from channel.access.agenda import ACTS, Agenda
 from channel.access.packets import AirFate, AirFates, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
 from channel.access.world import AirFrame, Foreseeing, Rows, World
+
+if TYPE_CHECKING:
+    from channel.access.air import Air
 
 
 class AccessMedium(ABC):
@@ -26,7 +30,13 @@ class AccessMedium(ABC):
     `offer` packets in any order, each not before the instant that `run` came to, then `run`: the outcomes come in the
     order of their instants, then of their packets and receivers. Each packet has one `AirFate` per receiver: the node
     that it is for, all others, or those of a group.
+
+    Attributes:
+        agenda: what happens when.
+        air: what its receivers hear; None: they sense no carrier.
     """
+
+    air: Air | None = None
 
     def __init__(self, world: World, limits: QueueLimits, max_length_bytes: int) -> None:
         self.world = world
@@ -37,6 +47,10 @@ class AccessMedium(ABC):
         self._foresees = world if isinstance(world, Foreseeing) else None
         self._offered: list[AirPacket] = []
         """Packets that have not entered yet, for a world that foresees."""
+
+    def foresees_nothing(self) -> None:
+        """Its world looks at frames one by one: others are run with it, whom nobody asks to forget."""
+        self._foresees = None
 
     def offer(self, packet: AirPacket) -> None:
         """Have a packet enter its sender's radio at its instant.

@@ -29,6 +29,7 @@ class PlainMedium(AccessMedium):
         self._timing = timing
         self._air = Air(self.agenda, world, hearing or Hearing(), self._passed, self._book_all)
         self._receivers = self._air.join({node: DeafEar() for node in world.nodes})
+        self.air = self._air
         self._numbers = dict.fromkeys(world.nodes, 0)
 
     def _transmit(
