@@ -4,7 +4,7 @@
 
 Saturated 802.11a stations with unicasts to one (Bianchi's case); nodes on a ring that broadcast 100 bytes at 10 Hz
 over `csma`, all hearing all, by a radio's powers and errors; and the same with moving nodes and all that is drawn, as a
-run has it. The last line is JSON.
+run has it, over `csma` and on a medium that takes no time (`ideal`). The last line is JSON.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from channel.access.world import PlainWorld
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
+from channel.medium.reception import Packets, Receptions
 from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
 from channel.presets import load_radio
@@ -71,15 +72,20 @@ class Fleet:
 
     Args:
         nodes: how many.
+        is_ideal: whether packets take no time; else there is `csma`.
     """
 
-    def __init__(self, nodes: int) -> None:
+    def __init__(self, nodes: int, *, is_ideal: bool = False) -> None:
+        self._is_ideal = is_ideal
         names = [str(node) for node in range(nodes)]
         radio = Radio(load_radio("wifi-2.4"))
         self._names, self._tick, self._number = names, 0, 0
-        self._medium = Medium(radio, seed=1, nodes=names, ahead_ns=2 * TICK_NS)
+        judge = Judge(nodes)
+        self._medium = Medium(
+            radio, seed=1, nodes=names, ahead_ns=2 * TICK_NS, judge=judge if is_ideal else None
+        )
         entry = EntryInstants(names, EntrySettings(None, 0.001, 0.001), TICK_NS, self._medium.draws)
-        self._network = Network(self._medium, lambda world: Csma(world, wifi_g()), entry, Judge(nodes))
+        self._network = Network(self._medium, lambda world: Csma(world, wifi_g()), entry, judge)
         turn = 2.0 * pi / nodes
         self._places = np.array(
             [(RING_M * cos(turn * n), RING_M * sin(turn * n), -40.0) for n in range(nodes)]
@@ -95,12 +101,21 @@ class Fleet:
             if self._tick % 2 == 0:
                 seq = np.full(len(self._names), self._number)
                 packets = self._medium.packets(tx=self._names, seq=seq, sim_time_ns=now_ns, length_bytes=100)
-                self._network.send(packets, [PLAIN] * packets.size)
+                self._send(packets)
                 self._number += 1
             self._tick += 1
-            receptions += self._network.live(self._tick * TICK_NS).receptions.size
+            receptions += self._settle(self._tick * TICK_NS).size
         took_s = process_time() - begin_s
         return receptions / took_s, duration_s / took_s
+
+    def _send(self, packets: Packets) -> None:
+        if self._is_ideal:
+            self._medium.send(packets)
+        else:
+            self._network.send(packets, [PLAIN] * packets.size)
+
+    def _settle(self, until_ns: int) -> Receptions:
+        return self._medium.settle() if self._is_ideal else self._network.live(until_ns).receptions
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -123,14 +138,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"{options.nodes} nodes, {name}: {events:,.0f} events a second, {factor:.1f} times real time",
             flush=True,
         )
-    fleet = Fleet(options.nodes)
-    fleet.measured(1.0)
-    rounds = [fleet.measured(options.duration / 4.0) for _ in range(options.rounds)]
-    receptions, factor = (statistics.median(column) for column in zip(*rounds, strict=True))
-    found["fleet"] = {"receptions_per_s": round(receptions), "real_time_factor": round(factor, 1)}
-    print(
-        f"{options.nodes} nodes of a run: {receptions:,.0f} receptions a second, {factor:.1f} times real time"
-    )
+    for name, fleet in (
+        ("fleet", Fleet(options.nodes)),
+        ("ideal", Fleet(options.nodes, is_ideal=True)),
+    ):
+        fleet.measured(1.0)
+        rounds = [fleet.measured(options.duration / 4.0) for _ in range(options.rounds)]
+        receptions, factor = (statistics.median(column) for column in zip(*rounds, strict=True))
+        found[name] = {"receptions_per_s": round(receptions), "real_time_factor": round(factor, 1)}
+        print(
+            f"{options.nodes} nodes of a run, {name}: {receptions:,.0f} receptions a second, "
+            f"{factor:.1f} times real time"
+        )
     print(json.dumps({"bench": "media", "nodes": options.nodes} | found))
 
 

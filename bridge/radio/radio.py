@@ -24,7 +24,7 @@ from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.run.directory import RunDirectory
-from bridge.scenario.resolve.channel import channel_of
+from bridge.scenario.resolve.channel import channels_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
 
 NO_PACKAGE = "no_data_package_on_the_data_channel"
@@ -69,9 +69,8 @@ class RecordedRadio:
             end_ns=round(scenario.duration_s * 1e9),
             tick_period_ns=scenario.tick_period_ns,
         )
-        self._channels = [
-            channel_of(scenario, switches_of(scenario, network=name), name) for name in scenario.network_names
-        ]
+        switches = {name: switches_of(scenario, network=name) for name in scenario.network_names}
+        self._channels = channels_of(scenario, switches)
         airs = [
             NetworkAir(each.medium, each.network, name=each.name, nodes=nodes, place=place)
             for place, each in enumerate(self._channels)

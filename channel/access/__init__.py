@@ -5,9 +5,12 @@ packets     what enters a medium, and what comes out of it
 queue       packets of one node that wait: bounded, with classes, life times and replacement by key
 world       how strong a node hears another, and what survives: an interface, and a plain one
 radio_world the same by the physics of a radio
-air         transmissions that overlap: what each receiver hears, piece by piece
+air         transmissions on their way to all receivers
+receiver    what one node hears of those that overlap, piece by piece
+passing     frames that meet no other: past receivers that do not attend to them, as columns
 media/      who transmits when: airtime (as soon as it can), csma (IEEE 802.11 DCF), delay (a line per node), elrs
-            (ExpressLRS), sik (telemetry radios in pairs; sik_*: its parts), tdma (slots); plain: what two share
+            (ExpressLRS), sik (telemetry radios in pairs; sik_*: its parts), tdma (slots); plain: what two share;
+            forecast: when frames of csma are likely to start, so that they are drawn together
 elrs_modes  slots and packets of ExpressLRS
 stubborn    its stop and wait
 timing      how long a frame lasts: 802.11b, 802.11a/g, plain bit rates

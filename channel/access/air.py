@@ -1,261 +1,28 @@
-"""Transmissions that overlap: what each receiver hears of them, piece by piece.
+"""Transmissions on their way to all receivers (`channel.access.receiver`).
 
-A receiver that is free locks on to the first signal that is strong enough, and follows it to its end; all other power
-is interference, piecewise constant. Who transmits hears nothing. With capture, a signal that is stronger by enough
-takes a locked receiver over.
+A frame that meets no other passes the receivers whose access does not attend to it as a whole, when it is over
+(`channel.access.passing`). At all others its edges are events.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from math import inf
-from types import MappingProxyType
-from typing import Protocol
 
-from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda, Entry
+import numpy as np
+from numpy.typing import NDArray
+
+from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda
 from channel.access.packets import Loss
-from channel.access.world import AirFrame, Piece, World
+from channel.access.passing import Notes, Passage
+from channel.access.receiver import DeafEar, Ear, Hearing, Receiver
+from channel.access.world import AirFrame, Arrival, Arrivals, Rows, World
 
+__all__ = ["Air", "DeafEar", "Ear", "Hearing", "OnFates", "Receiver"]
 
-@dataclass(frozen=True, slots=True)
-class Hearing:
-    """How receivers hear; powers in mW.
-
-    Attributes:
-        preamble_mw: the weakest signal that a receiver locks on to, and senses as a carrier.
-        energy_mw: any power of at least this is sensed as a carrier.
-        capture: how many times stronger a later signal has to be to take a receiver over; inf: never.
-        interferes: whether frames of the same network disturb each other at all.
-        cca_ns: how long a carrier is there before it is sensed; 802.11's aCCATime is at most 4 us with OFDM.
-        channels: on which nodes listen and transmit; 0 unless given.
-        adjacent: shares of power that a receiver takes in from signals 1, 2, ... channels away; nothing beyond.
-    """
-
-    preamble_mw: float = 1e-12
-    energy_mw: float = 1e-12
-    capture: float = inf
-    interferes: bool = True
-    cca_ns: int = 0
-    channels: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
-    adjacent: tuple[float, ...] = ()
-
-    def leak(self, channels: int) -> float:
-        """The share of a signal so many channels away."""
-        return self.adjacent[channels - 1] if channels <= len(self.adjacent) else 0.0
-
-
-class Ear(Protocol):
-    """What a node's access does on what it hears."""
-
-    def busy(self) -> object:
-        """A carrier is there."""
-
-    def idle(self, damaged: bool) -> object:
-        """No carrier is there any longer; ``damaged``: what was heard last had errors."""
-
-    def heard(self, frame: AirFrame) -> object:
-        """A frame came through."""
-
-
-class DeafEar:
-    """The access of a node that acts on nothing that it hears."""
-
-    def busy(self) -> None:
-        """Nothing."""
-
-    def idle(self, damaged: bool) -> None:
-        """Nothing."""
-
-    def heard(self, frame: AirFrame) -> None:
-        """Nothing: its fate says it."""
-
-
-class _Reception:
-    __slots__ = ("alone", "frame", "interference_mw", "pieces", "power_mw", "since_ns")
-
-    def __init__(self, frame: AirFrame, power_mw: float, interference_mw: float, now_ns: int) -> None:
-        self.frame, self.power_mw, self.interference_mw = frame, power_mw, interference_mw
-        self.since_ns = now_ns
-        self.pieces: list[Piece] = []
-
-    def change(self, interference_mw: float, now_ns: int) -> None:
-        if now_ns > self.since_ns:
-            self.pieces.append(Piece(now_ns - self.since_ns, self.interference_mw))
-            self.since_ns = now_ns
-        self.interference_mw = interference_mw
-
-
-class Receiver:
-    """What one node hears.
-
-    Attributes:
-        transmits: whether it is on the air itself.
-        is_busy: whether it senses a carrier.
-        channel: where it listens.
-    """
-
-    __slots__ = (
-        "_air",
-        "_damaged",
-        "_ear",
-        "_elsewhere",
-        "_locked",
-        "_lost",
-        "_noticing",
-        "_signals",
-        "channel",
-        "is_busy",
-        "node",
-        "transmits",
-    )
-
-    def __init__(self, air: Air, node: int, ear: Ear) -> None:
-        self._air, self.node, self._ear = air, node, ear
-        self._signals: dict[AirFrame, float] = {}
-        self._lost: dict[AirFrame, Loss] = {}
-        self._locked: _Reception | None = None
-        self._elsewhere: dict[AirFrame, float] = {}
-        """Signals on other channels."""
-        self._damaged = False
-        self._noticing: Entry | None = None
-        self.transmits = self.is_busy = False
-        self.channel = air.hearing.channels.get(node, 0)
-
-    @property
-    def follows(self) -> AirFrame | None:
-        """The frame that it is locked on to."""
-        return None if self._locked is None else self._locked.frame
-
-    def tune(self, channel: int) -> None:
-        """Listen on a channel from now on; what is under way there it has no preamble of, and does not lock on to."""
-        if channel == self.channel:
-            return
-        self.channel = channel
-        here = {**self._signals, **self._elsewhere}
-        for frame in here:
-            self._lost.setdefault(frame, Loss.NO_LOCK)
-        self._signals = {frame: power for frame, power in here.items() if frame.channel == channel}
-        self._elsewhere = {frame: power for frame, power in here.items() if frame.channel != channel}
-        self._locked = None
-        self._damaged = False
-        self._sense()
-
-    def starts(self, frame: AirFrame, power_mw: float) -> None:
-        """A signal arrives."""
-        if frame.channel != self.channel:
-            self._elsewhere[frame] = power_mw
-            self._lost[frame] = Loss.HALF_DUPLEX if self.transmits else Loss.NO_LOCK
-            self._leaks()
-            return
-        hearing, locked, signals = self._air.hearing, self._locked, self._signals
-        now_ns = self._air.agenda.now_ns
-        others_mw = self._heard_mw() if hearing.interferes else 0.0
-        signals[frame] = power_mw
-        if self.transmits:
-            self._lost[frame] = Loss.HALF_DUPLEX
-        elif power_mw < hearing.preamble_mw:
-            self._lost[frame] = Loss.NOISE
-            if locked is not None and hearing.interferes:
-                locked.change(others_mw + power_mw - locked.power_mw, now_ns)
-        elif locked is None:
-            self._locked = _Reception(frame, power_mw, others_mw, now_ns)
-        elif not hearing.interferes:
-            self._lost[frame] = Loss.COLLIDED
-        elif power_mw >= hearing.capture * locked.power_mw:
-            self._lost[locked.frame] = Loss.COLLIDED
-            self._locked = _Reception(frame, power_mw, others_mw, now_ns)
-        else:
-            self._lost[frame] = Loss.COLLIDED
-            locked.change(others_mw + power_mw - locked.power_mw, now_ns)
-        self._sense()
-
-    def ends(self, frame: AirFrame) -> None:
-        """A signal has passed."""
-        air, locked = self._air, self._locked
-        if frame.channel != self.channel:
-            del self._elsewhere[frame]
-            self._leaks()
-            air.on_fate(frame, self.node, self._lost.pop(frame))
-            return
-        del self._signals[frame]
-        loss = self._lost.pop(frame, None)
-        if locked is not None:
-            if locked.frame is frame:
-                self._locked = None
-                locked.change(0.0, air.agenda.now_ns)
-                came, alone = air.world.survives(frame, self.node, locked.power_mw, locked.pieces)
-                loss = None if came else Loss.COLLIDED if alone else Loss.NOISE
-                self._damaged = not came
-            elif air.hearing.interferes:
-                locked.change(self._heard_mw(but=locked.frame), air.agenda.now_ns)
-        air.on_fate(frame, self.node, loss)
-        if loss is None:
-            self._ear.heard(frame)
-        self._sense()
-
-    def _heard_mw(self, but: AirFrame | None = None) -> float:
-        """The power of all signals but one, with what leaks in from other channels."""
-        heard_mw = sum(power for frame, power in self._signals.items() if frame is not but)
-        hearing = self._air.hearing
-        if self._elsewhere and hearing.adjacent:
-            for frame, power in self._elsewhere.items():
-                heard_mw += power * hearing.leak(abs(frame.channel - self.channel))
-        return heard_mw
-
-    def _leaks(self) -> None:
-        """What is on other channels has changed."""
-        hearing, locked = self._air.hearing, self._locked
-        if not hearing.adjacent:
-            return
-        if locked is not None and hearing.interferes:
-            locked.change(self._heard_mw(but=locked.frame), self._air.agenda.now_ns)
-        self._sense()
-
-    def begins_to_transmit(self) -> None:
-        """It is on the air from now on: what it was about to hear is lost."""
-        self.transmits = True
-        if self._locked is not None:
-            self._lost[self._locked.frame] = Loss.HALF_DUPLEX
-            self._locked = None
-        self._damaged = False
-        self._sense()
-
-    def ends_to_transmit(self) -> None:
-        """It hears again; signals that are under way it senses by their energy alone."""
-        self.transmits = False
-        self._sense()
-
-    def _sense(self) -> None:
-        is_busy = (
-            self.transmits
-            or self._locked is not None
-            or (
-                (bool(self._signals) or bool(self._elsewhere))
-                and self._heard_mw() >= self._air.hearing.energy_mw
-            )
-        )
-        if is_busy != self.is_busy or self._noticing is not None:
-            self._changes(is_busy)
-
-    def _changes(self, is_busy: bool) -> None:
-        """A carrier of others is noticed when it has been there for a while, all else at once."""
-        agenda, cca_ns = self._air.agenda, self._air.hearing.cca_ns
-        if is_busy and cca_ns and not self.transmits:
-            if self._noticing is None:
-                self._noticing = agenda.at(agenda.now_ns + cca_ns, SIGNAL_STARTS, self.node, self._tell, True)
-            return
-        agenda.call_off(self._noticing)
-        self._tell(is_busy)
-
-    def _tell(self, is_busy: bool) -> None:
-        self._noticing = None
-        if is_busy != self.is_busy:
-            self.is_busy = is_busy
-            if is_busy:
-                self._ear.busy()
-            else:
-                self._ear.idle(self._damaged)
+Step = tuple[int, Callable[..., None], tuple[object, ...]]
+"""An edge at a receiver: instant, ns, and what is called with what."""
+OnFates = Callable[[AirFrame, Rows, NDArray[np.int64], NDArray[np.bool_]], object]
+"""Takes a frame, nodes, when it has passed each, and whether it came through."""
 
 
 class Air:
@@ -266,6 +33,8 @@ class Air:
         world: what lies between the nodes.
         hearing: how receivers hear.
         on_fate: called with each frame at each node that it reaches, when it has passed: why it was lost, or None.
+        on_fates: called with a frame that has passed several nodes, for which it came or was lost to noise; without it
+            no frame passes as a whole.
     """
 
     def __init__(
@@ -274,36 +43,85 @@ class Air:
         world: World,
         hearing: Hearing,
         on_fate: Callable[[AirFrame, int, Loss | None], object],
+        on_fates: OnFates | None = None,
     ) -> None:
         self.agenda, self.world, self.hearing, self.on_fate = agenda, world, hearing, on_fate
+        self._on_fates = on_fates
         self._receivers: dict[int, Receiver] = {}
+        self._attending: set[int] = set()
+        self._notes = Notes(max(world.nodes, default=-1) + 1)
+        self._passage: Passage | None = None
+        self._clear_ns = -1
+        """Until this instant something may be on the air."""
+
+    def receiver(self, node: int) -> Receiver:
+        """A node's receiver."""
+        return self._receivers[node]
 
     def join(self, ears: Mapping[int, Ear]) -> dict[int, Receiver]:
-        """Give each node its receiver."""
+        """Give each node its receiver; all attend but the deaf."""
         self._receivers = {node: Receiver(self, node, ear) for node, ear in sorted(ears.items())}
+        self._attending = {node for node, ear in ears.items() if not isinstance(ear, DeafEar)}
         return self._receivers
+
+    def attend(self, receiver: Receiver) -> None:
+        """A receiver's access acts on what it hears: what has passed it is made up for."""
+        node = receiver.node
+        if node in self._attending:
+            return
+        self._attending.add(node)
+        if self._passage is not None:
+            self._go_on_singly(self._passage, self._passage.take_out(node))
+        self._make_up(node)
+
+    def ignore(self, receiver: Receiver) -> None:
+        """A receiver's access does nothing but note when it last heard something, and whether that had errors."""
+        self._attending.discard(receiver.node)
 
     def transmit(self, frame: AirFrame, then: Callable[[], object]) -> None:
         """Put a frame on the air now; ``then`` is called at its end, before anybody acts on it."""
+        node, agenda = frame.node, self.agenda
+        if self._passage is not None:
+            self._end_passage(self._passage)
+        arrivals = self.world.reach(frame)
+        if len(arrivals) < len(self._receivers) - 1:
+            self._pass_by(frame, arrivals)
+        last_ns = frame.ended_ns + (arrivals[-1].delay_ns if arrivals else 0)
+        if isinstance(arrivals, Arrivals) and self._is_alone(frame, last_ns):
+            singly = self._let_pass(frame, arrivals, last_ns)
+        else:
+            singly = arrivals
+            for noted in self._notes.taken():
+                self._make_up(noted)
+        self._clear_ns = max(self._clear_ns, last_ns)
+        self._receivers[node].begins_to_transmit()
+        self._edges(frame, singly)
+        agenda.at(frame.ended_ns, SIGNAL_ENDS, node, self._end, node, then)
+
+    def _edges(self, frame: AirFrame, arrivals: Sequence[Arrival]) -> None:
+        """Have a frame that starts now start and end at some receivers."""
+        if not arrivals:
+            return
         node, now_ns, receivers = frame.node, self.agenda.now_ns, self._receivers
-        reach = self.world.reach(frame)
-        if len(reach) < len(receivers) - 1:
-            reached = {node, *(arrival.receiver for arrival in reach)}
-            others = tuple(other for other in receivers if other not in reached)
-            self.agenda.at(frame.ended_ns, SIGNAL_ENDS, node, self._passed_by, frame, others)
-        arrivals = [(now_ns + delay_ns, receivers[other], power_mw) for other, power_mw, delay_ns in reach]
-        receivers[node].begins_to_transmit()
-        if arrivals:
-            _Front(
-                self.agenda, SIGNAL_STARTS, node, [(at, _start_of(r, frame, p)) for at, r, p in arrivals]
-            ).go()
-            length_ns = frame.ended_ns - frame.started_ns
-            ends = [(at + length_ns, _end_of(r, frame)) for at, r, _ in arrivals]
-            _Front(self.agenda, SIGNAL_ENDS, node, ends).go()
-        self.agenda.at(frame.ended_ns, SIGNAL_ENDS, node, self._end, node, then)
+        length_ns = frame.ended_ns - frame.started_ns
+        there = [(now_ns + delay_ns, receivers[other], power_mw) for other, power_mw, delay_ns in arrivals]
+        _Front(self.agenda, SIGNAL_STARTS, node, [(at, r.starts, (frame, p)) for at, r, p in there]).go()
+        _Front(
+            self.agenda, SIGNAL_ENDS, node, [(at + length_ns, r.ends, (frame,)) for at, r, _ in there]
+        ).go()
+
+    def _pass_by(self, frame: AirFrame, arrivals: Sequence[Arrival]) -> None:
+        """Nothing comes of a frame to those that it does not reach."""
+        reached = {frame.node, *(arrival.receiver for arrival in arrivals)}
+        others = tuple(other for other in self._receivers if other not in reached)
+        self.agenda.at(frame.ended_ns, SIGNAL_ENDS, frame.node, self._passed_by, frame, others)
 
     def _passed_by(self, frame: AirFrame, others: tuple[int, ...]) -> None:
-        """Nothing came of a frame to these."""
+        if self._on_fates is not None and frame.is_broadcast:
+            nodes = np.array(others, dtype=np.intp)
+            ended_ns = np.full(nodes.size, frame.ended_ns)
+            self._on_fates(frame, nodes, ended_ns, np.zeros(nodes.size, dtype=bool))
+            return
         for other in others:
             self.on_fate(frame, other, Loss.NOISE)
 
@@ -311,15 +129,81 @@ class Air:
         then()
         self._receivers[node].ends_to_transmit()
 
+    # Frames that pass as a whole.
 
-def _start_of(
-    receiver: Receiver, frame: AirFrame, power_mw: float
-) -> tuple[Callable[..., None], tuple[object, ...]]:
-    return receiver.starts, (frame, power_mw)
+    def _is_alone(self, frame: AirFrame, last_ns: int) -> bool:
+        """Whether a frame that starts now may pass as a whole: it is the only one, and over before the agenda stops."""
+        return (
+            self._on_fates is not None
+            and frame.is_broadcast
+            and self._clear_ns < frame.started_ns
+            and last_ns <= self.agenda.until_ns
+            and frame.channel == 0
+            and not self.hearing.channels
+            and frame.ended_ns - frame.started_ns > self.hearing.cca_ns
+            and 2 * len(self._attending) <= len(self._receivers)
+        )
 
+    def _let_pass(self, frame: AirFrame, arrivals: Arrivals, last_ns: int) -> Sequence[Arrival]:
+        """Let a frame pass those who do not attend; the others."""
+        attending = self._attending
+        attending -= {node for node in attending if self._receivers[node].is_done()}
+        attend = [node in attending for node in arrivals.receiver.tolist()]
+        rows = np.flatnonzero(~np.array(attend, dtype=bool))
+        self._passage = Passage(frame, arrivals, rows)
+        self.agenda.at(last_ns, SIGNAL_ENDS, frame.node, self._has_passed, self._passage)
+        return [arrivals[row] for row, attends in enumerate(attend) if attends]
 
-def _end_of(receiver: Receiver, frame: AirFrame) -> tuple[Callable[..., None], tuple[object, ...]]:
-    return receiver.ends, (frame,)
+    def _has_passed(self, passage: Passage) -> None:
+        if self._passage is passage:
+            self._passage = None
+            self._passed(passage, passage.take())
+
+    def _passed(self, passage: Passage, rows: Rows) -> None:
+        """A frame has passed some of its receivers."""
+        frame, arrivals, hearing = passage.frame, passage.arrivals, self.hearing
+        followed = arrivals.power_mw[rows] >= hearing.preamble_mw
+        came = np.zeros(len(rows), dtype=bool)
+        came[followed] = arrivals.alone(frame, rows[followed])
+        self._notes.take(passage, rows, followed, came, hearing)
+        assert self._on_fates is not None
+        self._on_fates(frame, arrivals.receiver[rows], passage.ends_ns[rows], came)
+        self.agenda.handled += 2 * len(rows)
+
+    def _end_passage(self, passage: Passage) -> None:
+        """Another frame starts: from now on each receiver is on its own."""
+        self._passage = None
+        self._go_on_singly(passage, passage.take())
+
+    def _go_on_singly(self, passage: Passage, rows: Rows) -> None:
+        """Bring receivers, which a frame was passing, to where they would be by now, and have events for the rest."""
+        frame, arrivals, now_ns = passage.frame, passage.arrivals, self.agenda.now_ns
+        is_over = passage.ends_ns[rows] <= now_ns
+        if is_over.any():
+            self._passed(passage, rows[is_over])
+            rows = rows[~is_over]
+        starts: list[Step] = []
+        ends: list[Step] = []
+        times = zip(
+            rows.tolist(), passage.starts_ns[rows].tolist(), passage.ends_ns[rows].tolist(), strict=True
+        )
+        for row, start_ns, end_ns in times:
+            node, power_mw, _ = arrivals[row]
+            receiver = self._receivers[node]
+            if start_ns < now_ns:
+                receiver.has_met(frame, power_mw, start_ns)
+            else:
+                starts.append((start_ns, receiver.starts, (frame, power_mw)))
+            ends.append((end_ns, receiver.ends, (frame,)))
+        for rank, steps in ((SIGNAL_STARTS, starts), (SIGNAL_ENDS, ends)):
+            if steps:
+                _Front(self.agenda, rank, frame.node, steps).go()
+
+    def _make_up(self, node: int) -> None:
+        """Tell a receiver what has passed it."""
+        note = self._notes.take_out(node)
+        if note is not None:
+            self._receivers[node].has_heard(*note)
 
 
 class _Front:
@@ -327,13 +211,7 @@ class _Front:
 
     __slots__ = ("_agenda", "_node", "_place", "_rank", "_steps")
 
-    def __init__(
-        self,
-        agenda: Agenda,
-        rank: int,
-        node: int,
-        steps: Sequence[tuple[int, tuple[Callable[..., None], tuple[object, ...]]]],
-    ) -> None:
+    def __init__(self, agenda: Agenda, rank: int, node: int, steps: Sequence[Step]) -> None:
         self._agenda, self._rank, self._node, self._steps, self._place = agenda, rank, node, steps, 0
 
     def go(self) -> None:
@@ -344,7 +222,7 @@ class _Front:
         steps, now_ns = self._steps, self._agenda.now_ns
         count = len(steps)
         while self._place < count:
-            at_ns, (call, arguments) = steps[self._place]
+            at_ns, call, arguments = steps[self._place]
             if at_ns > now_ns:
                 if not self._agenda.goes_on_to(at_ns):
                     self.go()

@@ -7,6 +7,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import Final
 
+from channel.access.carriers import Carriers
+
 SYNC_MS: Final = 5000
 """How often a transmitter that hears its receiver sends a sync packet."""
 STATS_BYTES: Final = 4
@@ -36,6 +38,7 @@ class ElrsMode:
         channels: frequencies; one of them is for sync.
         lost_ms: a receiver that hears nothing for longer loses its link.
         sync_lost_ms: how often a transmitter that does not hear its receiver sends a sync packet.
+        spacing_hz: between frequencies.
     """
 
     interval_us: int
@@ -46,12 +49,18 @@ class ElrsMode:
     channels: int
     lost_ms: int
     sync_lost_ms: int
+    spacing_hz: float = 1e6
 
     def __post_init__(self) -> None:
         if not (0 < self.air_us < self.interval_us and self.hop_slots > 0 and self.channels > 0):
             raise ValueError(
                 f"packets of {self.air_us} us in slots of {self.interval_us} us: shorter, above 0"
             )
+
+    @property
+    def carriers(self) -> Carriers:
+        """Where it is on the air."""
+        return Carriers.centred(self.channels, self.spacing_hz)
 
     @property
     def data_bytes(self) -> int:
@@ -96,7 +105,11 @@ def _frames_of_a_chunk(data_bytes: int, burst: int) -> float:
 
 
 GHZ_24, FCC_915 = 80, 40
-"""Frequencies of the bands at 2.4 GHz and, of those about 900 MHz, of FCC 915; EU 868 has 13."""
+"""Frequencies of the bands at 2.4 GHz and, of those about 900 MHz, of FCC 915; EU 868 has 13.
+
+They are 2400.4 to 2479.4 MHz, and 903.5 to 926.9 MHz.
+"""
+FCC_915_SPACING_HZ: Final = 600e3
 ELRS_MODES: Final = MappingProxyType(
     {
         "flrc-1000": ElrsMode(1_000, -104.0, 389, 8, 2, GHZ_24, 2500, 3),
@@ -104,9 +117,9 @@ ELRS_MODES: Final = MappingProxyType(
         "lora-333-full": ElrsMode(3_003, -105.0, 2_374, 13, 4, GHZ_24, 2500, 4),
         "lora-150": ElrsMode(6_666, -112.0, 5_871, 8, 4, GHZ_24, 3500, 10),
         "lora-50": ElrsMode(20_000, -115.0, 10_798, 8, 2, GHZ_24, 4000, 0),
-        "900-200": ElrsMode(5_000, -112.0, 4_380, 8, 4, FCC_915, 3000, 600),
-        "900-100-full": ElrsMode(10_000, -112.0, 6_690, 13, 4, FCC_915, 3500, 600),
-        "900-25": ElrsMode(40_000, -123.0, 29_950, 8, 2, FCC_915, 6000, 600),
+        "900-200": ElrsMode(5_000, -112.0, 4_380, 8, 4, FCC_915, 3000, 600, FCC_915_SPACING_HZ),
+        "900-100-full": ElrsMode(10_000, -112.0, 6_690, 13, 4, FCC_915, 3500, 600, FCC_915_SPACING_HZ),
+        "900-25": ElrsMode(40_000, -123.0, 29_950, 8, 2, FCC_915, 6000, 600, FCC_915_SPACING_HZ),
     }
 )
 """By band or modulation, and packets per second: SX1280 at 2.4 GHz, SX127x at 900 MHz.

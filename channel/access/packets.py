@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 if TYPE_CHECKING:
     from channel.access.world import AirFrame
 
@@ -23,7 +26,7 @@ class Loss(StrEnum):
     HALF_DUPLEX = "half_duplex"
     """The receiver transmitted."""
     INTERFERED = "interfered"
-    """It would have come through without what emitters and other sources of interference add to the noise."""
+    """It would have come through without what emitters, other sources of interference and other networks add."""
     COLLIDED = "collided"
     """It would have come through if no other frame of the network had been on the air."""
     NOISE = "noise"
@@ -110,6 +113,34 @@ class AirFate:
     attempts: int
     loss: Loss | None
     frame: AirFrame | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AirFates:
+    """What became of a packet at several receivers by its only transmission, as columns: it came, or noise took it.
+
+    Attributes:
+        packet: which.
+        frame: that transmission.
+        receiver: the nodes.
+        at_ns: when it arrived at each, or was lost.
+        came: whether it arrived.
+    """
+
+    packet: AirPacket
+    frame: AirFrame
+    receiver: NDArray[np.intp]
+    at_ns: NDArray[np.int64]
+    came: NDArray[np.bool_]
+
+    def singly(self) -> list[AirFate]:
+        """One by one."""
+        packet, frame = self.packet, self.frame
+        columns = self.receiver.tolist(), self.at_ns.tolist(), self.came.tolist()
+        return [
+            AirFate(packet, rx, at, frame.started_ns, frame.ended_ns, 1, None if came else Loss.NOISE, frame)
+            for rx, at, came in zip(*columns, strict=True)
+        ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from channel.access.timing import NS_PER_S
 from channel.access.words import FrameDraws
-from channel.access.world import AirFrame, Arrival, Piece
+from channel.access.world import AirFrame, Arrival, Arrivals, Piece, Rows
+from channel.checks import FloatArray
 from channel.link.radio import Radio
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
@@ -33,18 +35,22 @@ class RadioWorld:
         self.nodes = tuple(sorted(places_ned_m))
         self._radio, self._draws = radio, FrameDraws(seed)
         self._noise_mw: dict[tuple[int, int], float] = {}
-        self._reach: dict[int, list[Arrival]] = {tx: [] for tx in self.nodes}
+        reach: dict[int, list[Arrival]] = {tx: [] for tx in self.nodes}
         self.longest_delay_ns = 0
         """Of any way."""
         for tx in self.nodes:
             for rx in self.nodes:
                 if tx != rx:
-                    self._join((tx, rx), places_ned_m[tx], places_ned_m[rx])
-            self._reach[tx].sort(key=lambda arrival: arrival.delay_ns)
+                    reach[tx] += self._join((tx, rx), places_ned_m[tx], places_ned_m[rx])
+            reach[tx].sort(key=lambda arrival: arrival.delay_ns)
+        self._reach = {tx: Arrivals.of(arrivals, self._alone) for tx, arrivals in reach.items()}
+        self._reached = {tx: tuple(rx for rx, _, _ in arrivals) for tx, arrivals in reach.items()}
         self._per = lru_cache(maxsize=65_536)(self._per_of)
         self._at_rate = lru_cache(maxsize=None)(radio.at_bit_rate)
+        self._chances = lru_cache(maxsize=4_096)(self._chances_of)
 
-    def _join(self, link: tuple[int, int], tx: Sequence[float], rx: Sequence[float]) -> None:
+    def _join(self, link: tuple[int, int], tx: Sequence[float], rx: Sequence[float]) -> list[Arrival]:
+        """What arrives of a transmitter at a receiver, if anything."""
         path = self._radio.path(position_tx_ned_m=tx, position_rx_ned_m=rx)
         power_dbm = float(self._radio.mean_power_dbm(path))
         noise_dbm = float(self._radio.noise_dbm(path))
@@ -54,8 +60,7 @@ class RadioWorld:
         self._noise_mw[link] = float(ratio_from_db(noise_dbm))
         delay_ns = int(float(path.distance_m) / SPEED_OF_LIGHT_MPS * NS_PER_S + 0.5)
         self.longest_delay_ns = max(self.longest_delay_ns, delay_ns)
-        if is_heard:
-            self._reach[link[0]].append(Arrival(link[1], float(ratio_from_db(power_dbm)), delay_ns))
+        return [Arrival(link[1], float(ratio_from_db(power_dbm)), delay_ns)] if is_heard else []
 
     @property
     def noise_mw(self) -> float:
@@ -83,6 +88,24 @@ class RadioWorld:
             sinr = power_mw / (noise_mw + interference_mw)
             together *= 1.0 - self._per(rate_bps, sinr, frame.length_bytes * piece_ns / duration_ns)
         return drawn < together, drawn < alone
+
+    def _alone(self, frame: AirFrame, rows: Rows) -> NDArray[np.bool_]:
+        receivers, chances = self._chances(frame.node, frame.length_bytes, frame.bit_rate_bps)
+        came: NDArray[np.bool_] = (
+            self._draws.uniforms(frame.node, receivers, frame.number)[rows] < chances[rows]
+        )
+        return came
+
+    def _chances_of(
+        self, tx: int, length_bytes: int, bit_rate_bps: float | None
+    ) -> tuple[Sequence[int], FloatArray]:
+        """Whom a transmitter reaches, and with which chance a frame that is alone comes through there."""
+        reach = self._reach[tx].rows
+        chances = [
+            1.0 - self._per(bit_rate_bps, power_mw / self._noise_mw[tx, rx], length_bytes)
+            for rx, power_mw, _ in reach
+        ]
+        return self._reached[tx], np.array(chances)
 
     def _per_of(self, bit_rate_bps: float | None, snr: float, length_bytes: float) -> float:
         return float(self._at_rate(bit_rate_bps).per_unchecked(db_from_ratio(snr), length_bytes))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from channel.access.air import Hearing
+from channel.access.carriers import Carriers
 from channel.access.elrs_modes import ELRS_MODES
 from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma, DcfSettings
@@ -117,6 +118,9 @@ class Ideal(Variant):
     """Whether `capacity_bps` is for all nodes together; else each sender has so much."""
     model: Literal["ideal"] = "ideal"
 
+    def carriers(self) -> None:
+        """Nothing is on the air for any time: other networks neither hear it nor disturb it."""
+
 
 class Locking(Variant):
     """Radios with a queue each, and receivers that hear one frame at a time."""
@@ -150,6 +154,10 @@ class Locking(Variant):
         capture = float("inf") if self.capture_db is None else float(ratio_from_db(self.capture_db))
         return Hearing(float(ratio_from_db(preamble_dbm)), float(ratio_from_db(energy_dbm)), capture)
 
+    def carriers(self) -> Carriers:
+        """Where it is on the air."""
+        return Carriers()
+
 
 class Shared(Locking):
     """Radios on channels that each keeps."""
@@ -172,13 +180,17 @@ class Shared(Locking):
             ValueError: a channel of a node that is not there.
         """
         channels = {surroundings.place(node): channel for node, channel in self.channels.items()}
-        used = self.channels_used(surroundings)
+        used = self.channels_used()
         adjacent = surroundings.leaks(self.channel_spacing_hz, max(used) - min(used))
         return replace(super().hearing(surroundings), channels=channels, adjacent=adjacent)
 
-    def channels_used(self, surroundings: Surroundings) -> frozenset[int]:  # noqa: ARG002
+    def channels_used(self) -> frozenset[int]:
         """Those that nodes are on at some time."""
         return frozenset(self.channels.values()) | {0}
+
+    def carriers(self) -> Carriers:
+        """Where it is on the air: channel 0 is the radio's carrier."""
+        return Carriers(self.channel_spacing_hz, tuple(sorted(self.channels_used())))
 
 
 class Serial(Shared):
@@ -252,9 +264,10 @@ class TdmaMedium(Serial):
         slot_ns = round((self.slot_s or 0.0) * NS_PER_S)
         return Schedule.equal(self.slots or tuple(nodes), slot_ns, round(self.guard_s * NS_PER_S))
 
-    def channels_used(self, surroundings: Surroundings) -> frozenset[int]:
+    def channels_used(self) -> frozenset[int]:
         """Those of its slots, too."""
-        return super().channels_used(surroundings) | self._by_id(surroundings.nodes).channels
+        of_slots = self._by_id(()).channels if self.schedule is not None else frozenset()
+        return super().channels_used() | of_slots
 
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium.
@@ -419,6 +432,9 @@ class DelayMedium(Variant):
             max_length_bytes=self.max_length_bytes,
         )
 
+    def carriers(self) -> None:
+        """Only the way from end to end is known: other networks neither hear it nor disturb it."""
+
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """Bits of packets of a length per second, of each sender."""
         return self.rate_bps * length_bytes / (length_bytes + self.header_bytes)
@@ -454,6 +470,10 @@ class ElrsMedium(Variant):
         settings = ElrsSettings(ELRS_MODES[self.mode], pairs, self.has_rc, self.buffer_bytes)
         return Elrs(surroundings.world, settings, seed=surroundings.seed)
 
+    def carriers(self) -> Carriers:
+        """Where it is on the air."""
+        return ELRS_MODES[self.mode].carriers
+
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """User bits a second of a stream down, in full chunks."""
         return 8 * ELRS_MODES[self.mode].user_bytes_per_s
@@ -482,6 +502,12 @@ class SikMedium(Locking):
     lbt: bool = Field(default=False, description="LBT_RSSI: listens before it talks, for energy_dbm")
     channels: int = Field(
         default=50, ge=1, le=50, description="NUM_CHANNELS: 50 at 915 MHz, 10 at 433 and 868"
+    )
+    channel_spacing_hz: float = Field(
+        default=250e3,
+        gt=0.0,
+        le=1e9,
+        description="between two of them: (MAX_FREQ - MIN_FREQ) / (NUM_CHANNELS + 2), for other networks in the band",
     )
     uint8_fault: bool = Field(
         default=True, description="the bytes that fit are taken modulo 256, as the firmware does"
@@ -536,6 +562,10 @@ class SikMedium(Locking):
             hearing=self.hearing(surroundings),
         )
 
+    def carriers(self) -> Carriers:
+        """Where it is on the air."""
+        return Carriers.centred(self.channels, self.channel_spacing_hz)
+
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """Bits of packets of a length per second, if one of a pair sends them back to back and the other nothing.
 
@@ -566,3 +596,9 @@ MediumSettings = Annotated[
 def name_of(settings: MediumSettings) -> str:
     """What a medium is called: of one's own by its class."""
     return str(getattr(settings, "model", type(settings).__name__))
+
+
+def carriers_of(settings: MediumSettings) -> Carriers | None:
+    """Where a medium is on the air, one's own too: on the radio's carrier unless it says so; None: nowhere."""
+    found: Carriers | None = getattr(settings, "carriers", Carriers)()
+    return found

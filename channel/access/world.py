@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, overload, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from channel.access.packets import AirPacket
 from channel.access.words import FrameDraws
+from channel.checks import FloatArray
+
+Rows = NDArray[np.intp]
 
 
 class Piece(NamedTuple):
@@ -51,6 +57,12 @@ class AirFrame:
     bit_rate_bps: float | None = None
     met: object = field(default=None, repr=False)
 
+    @property
+    def is_broadcast(self) -> bool:
+        """Whether it carries a packet for all, so that nobody answers it."""
+        packet = self.packet
+        return packet is not None and packet.to is None and self.to is None and not self.reserved_ns
+
 
 class Arrival(NamedTuple):
     """A frame at one of the nodes that it reaches.
@@ -64,6 +76,64 @@ class Arrival(NamedTuple):
     receiver: int
     power_mw: float
     delay_ns: int
+
+
+Alone = Callable[[AirFrame, Rows], NDArray[np.bool_]]
+
+
+class Arrivals(Sequence[Arrival]):
+    """A frame at all nodes that it reaches, the nearest first: one by one, and as columns.
+
+    Args:
+        receiver: the nodes.
+        power_mw: in which it is received; above 0.
+        delay_ns: of propagation.
+        alone: whether a frame comes through at rows of these, if it is the only one on the air there.
+    """
+
+    __slots__ = ("_rows", "alone", "delay_ns", "power_mw", "receiver")
+
+    def __init__(
+        self, receiver: Rows, power_mw: FloatArray, delay_ns: NDArray[np.int64], alone: Alone
+    ) -> None:
+        self.receiver, self.power_mw, self.delay_ns, self.alone = receiver, power_mw, delay_ns, alone
+        self._rows: list[Arrival] | None = None
+
+    @classmethod
+    def of(cls, arrivals: Sequence[Arrival], alone: Alone) -> Arrivals:
+        """From one by one."""
+        receiver, power_mw, delay_ns = zip(*arrivals, strict=True) if arrivals else ((), (), ())
+        return cls(
+            np.array(receiver, dtype=np.intp),
+            np.array(power_mw, dtype=np.float64),
+            np.array(delay_ns, dtype=np.int64),
+            alone,
+        )
+
+    @property
+    def rows(self) -> list[Arrival]:
+        """One by one."""
+        if self._rows is None:
+            columns = self.receiver.tolist(), self.power_mw.tolist(), self.delay_ns.tolist()
+            self._rows = [Arrival(*each) for each in zip(*columns, strict=True)]
+        return self._rows
+
+    def __len__(self) -> int:
+        return len(self.receiver)
+
+    @overload
+    def __getitem__(self, row: int) -> Arrival: ...
+
+    @overload
+    def __getitem__(self, row: slice) -> Sequence[Arrival]: ...
+
+    def __getitem__(self, row: int | slice) -> Arrival | Sequence[Arrival]:
+        if self._rows is None and isinstance(row, int):
+            return Arrival(int(self.receiver[row]), float(self.power_mw[row]), int(self.delay_ns[row]))
+        return self.rows[row]
+
+    def __iter__(self) -> Iterator[Arrival]:
+        return iter(self.rows)
 
 
 class World(Protocol):
@@ -80,6 +150,20 @@ class World(Protocol):
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
         """Whether a frame came through, and whether it would have done so without interference."""
+
+
+@runtime_checkable
+class Foreseeing(Protocol):
+    """A world that finds out about many frames together faster than one by one."""
+
+    def delays_ns(self, frames: Sequence[AirFrame]) -> Sequence[Mapping[int, int]]:
+        """How long each frame will be on its way to those who are likely to hear it."""
+
+    def expect(self, frames: Sequence[AirFrame]) -> object:
+        """Frames that are likely to start before `forget`, in the order of their instants."""
+
+    def forget(self) -> object:
+        """What was expected is of no use any more."""
 
 
 class PlainWorld:
@@ -109,11 +193,14 @@ class PlainWorld:
         self.nodes = tuple(nodes)
         self._loss, self._sinr_min, self._draws = loss, sinr_min, FrameDraws(seed)
         self._reach = {
-            tx: [
-                Arrival(rx, power_mw[tx, rx] if isinstance(power_mw, Mapping) else power_mw, delay_ns)
-                for rx in self.nodes
-                if rx != tx and (tx, rx) not in deaf
-            ]
+            tx: Arrivals.of(
+                [
+                    Arrival(rx, power_mw[tx, rx] if isinstance(power_mw, Mapping) else power_mw, delay_ns)
+                    for rx in self.nodes
+                    if rx != tx and (tx, rx) not in deaf
+                ],
+                self._alone,
+            )
             for tx in self.nodes
         }
 
@@ -125,8 +212,13 @@ class PlainWorld:
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
         """Lost by a draw of its own, or by any interference that is too strong."""
-        alone = True
-        if self._loss:
-            alone = self._draws.uniform(frame.node, receiver, frame.number) >= self._loss
+        alone = self._comes_alone(frame, receiver)
         worst_mw = max(piece.interference_mw for piece in pieces)
         return alone and (worst_mw == 0.0 or power_mw >= self._sinr_min * worst_mw), alone
+
+    def _comes_alone(self, frame: AirFrame, receiver: int) -> bool:
+        return not self._loss or self._draws.uniform(frame.node, receiver, frame.number) >= self._loss
+
+    def _alone(self, frame: AirFrame, rows: Rows) -> NDArray[np.bool_]:
+        receivers = self._reach[frame.node].receiver[rows].tolist()
+        return np.array([self._comes_alone(frame, receiver) for receiver in receivers], dtype=bool)

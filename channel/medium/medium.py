@@ -14,11 +14,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from channel.checks import ChannelInputError
+from channel.checks import ChannelInputError, FloatArray
 from channel.draws import MAX_SEQ, Draws, LinkDraws, check_seed
 from channel.link.radio import Radio
 from channel.medium.addressees import NO_GROUPS, Addressees
 from channel.medium.judge.judge import Judge
+from channel.medium.judge.taken import Witness
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
 from channel.medium.stations.emitter_tracks import EmitterTracks
@@ -57,6 +58,7 @@ class Medium:
         radios: of each node.
         addressees: who packets are for.
         emitters: where the emitters are: `emitters.observe` takes in their truth.
+        bases: which nodes stand on the ground, shape (nodes,).
 
     Raises:
         ChannelInputError: names that are not distinct, a node without a radio, radios on several frequencies, a radio
@@ -91,14 +93,14 @@ class Medium:
         if not heard <= set(self.emitters.names):
             raise ChannelInputError("emitters", self.emitters.names, f"with {', '.join(sorted(heard))}")
         self._switches = switches or Switches(len(self.nodes))
-        self._bases = self._on_the_ground(bases)
+        self.bases = self._on_the_ground(bases)
         self._settling = self.drawing(judge=judge, cull=True)
         self._waiting: list[Packets] = []
 
     def drawing(
         self,
         *,
-        judge: Judge | None = None,
+        judge: Witness | None = None,
         cull: bool = False,
         switched: bool = True,
         bit_rate_bps: float | None = None,
@@ -120,7 +122,7 @@ class Medium:
             judge=judge,
             emitters=self.emitters,
             switches=self._switches if switched else None,
-            bases=self._bases,
+            bases=self.bases,
             addressees=self.addressees,
         )
 
@@ -207,6 +209,10 @@ class Medium:
         """Return where all nodes were at an instant, in the order of `nodes`, with attitudes and velocities."""
         instants = np.array([sim_time_ns], dtype=np.int64)
         return self._tracks.at(instants, attitude=True, velocity=True)
+
+    def positions_ned_m(self, instants_ns: NDArray[np.int64]) -> FloatArray:
+        """Return where all nodes were at rising instants, shape (3, instants, nodes)."""
+        return self._tracks.at(instants_ns).position_ned_m.reshape(3, instants_ns.size, len(self.nodes))
 
     def place(self, node: str, position_ned_m: ArrayLike, attitude_wxyz: ArrayLike | None = None) -> None:
         """Put a node where it stays for the whole run (a ground station): no packet waits for its truth."""

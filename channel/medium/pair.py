@@ -19,7 +19,7 @@ from channel.link.radio import Radio
 from channel.link.tables.lengths import Lengths
 from channel.link.tables.steps import STEPS_PER_M, STEPS_PER_ONE, in_steps
 from channel.medium.interferer_terms import InterfererTerms
-from channel.medium.judge.judge import Judge
+from channel.medium.judge.taken import Witness
 from channel.medium.links import Indices, LinksOfPass
 from channel.medium.random_terms import RandomTerms
 from channel.medium.reception import BASE_LOSS, BURST, ERASED, NO_POSITION, OUT_OF_RANGE
@@ -71,7 +71,7 @@ class Pair:
         tracks: Tracks,
         *,
         cull: bool = True,
-        judge: Judge | None = None,
+        judge: Witness | None = None,
     ) -> None:
         self.radio = radio
         self.terms = RandomTerms(radio, draws)

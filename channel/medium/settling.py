@@ -15,7 +15,7 @@ from channel.draws import LinkDraws, Purpose
 from channel.link.radio import Radio
 from channel.link.tables.lengths import Lengths
 from channel.medium.addressees import Addressees
-from channel.medium.judge.judge import Judge
+from channel.medium.judge.taken import Witness
 from channel.medium.links import Indices, LinksOfPass
 from channel.medium.pair import Pair, SettledLinks, blank, put
 from channel.medium.reception import RADIO_OFF, Packets, Receptions
@@ -52,7 +52,7 @@ class Settling:
         tracks: Tracks,
         *,
         cull: bool = True,
-        judge: Judge | None = None,
+        judge: Witness | None = None,
         emitters: EmitterTracks | None = None,
         switches: Switches | None = None,
         bases: NDArray[np.bool_] | None = None,

@@ -3,56 +3,61 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.timing import NS_PER_S
-from channel.access.world import AirFrame, Arrival, Piece
+from channel.access.world import AirFrame, Alone, Arrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.medium.judge.judge import Judge
+from channel.medium.judge.taken import Notebook
 from channel.medium.medium import Medium
-from channel.medium.reception import (
-    BASE_LOSS,
-    BURST,
-    DELIVERED,
-    ERASED,
-    EVERYBODY,
-    FATES,
-    Packets,
-    Receptions,
-)
+from channel.medium.reception import DELIVERED, ERASED, Receptions
 from channel.medium.settling import Settling
+from channel.network.drawn import Drawn, as_packets, delays_ns
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
-HEARD_DB = -20.0
-"""A signal so far below the noise, or further, is no signal, and no interference either."""
-IS_HEARD = np.isin(np.arange(len(FATES)), (DELIVERED, ERASED, BASE_LOSS, BURST))
-"""With which fates a link carries power."""
+if TYPE_CHECKING:
+    from channel.network.beside import Beside
+
+_Key = tuple[int, int, int, int]
+"""Of a frame: instant, ns, transmitter, number, length."""
 
 
-@dataclass(slots=True, eq=False)
 class Met:
-    """What a frame met at all other nodes.
+    """What a frame met at all other nodes, in their order: as if it were a packet, alone on the air.
+
+    Args:
+        drawn: the pass in which it was drawn.
+        number: of it in this pass.
+        alone: asks for what comes through.
 
     Attributes:
-        receptions: as if it were a packet, alone on the air.
-        row: of each receiver in these.
+        drawn: as given.
+        arrivals: at those that hear it.
+        first: the row of the first other node in the pass.
         noise: what it had for noise at receivers, piece by piece; without pieces it is that of its start.
-        figures: of each row, once somebody asked for them.
-        lost_to_sources: receivers at which it came through but for sources of interference.
+        lost_to_sources: receivers at which it came through but for sources of interference and other networks.
     """
 
-    receptions: Receptions
-    row: dict[int, int]
-    noise: NoisePieces | None = None
-    figures: Sequence[Sequence[float]] = ()
-    lost_to_sources: set[int] = field(default_factory=set)
+    __slots__ = ("_number", "arrivals", "drawn", "first", "lost_to_sources", "noise")
+
+    def __init__(self, drawn: Drawn, number: int, alone: Alone) -> None:
+        self.drawn, self._number = drawn, number
+        self.arrivals = drawn.arrivals(number, alone)
+        self.first = drawn.rows_of(number).start
+        self.noise: NoisePieces | None = None
+        self.lost_to_sources: set[int] = set()
+
+    @property
+    def receptions(self) -> Receptions:
+        """At all of them."""
+        return self.drawn.receptions_of(self._number)
 
 
 class NoisePieces(NamedTuple):
@@ -78,63 +83,131 @@ class LinkWorld:
     Args:
         medium: where the nodes are, and their radios.
         judge: takes in what is drawn.
+
+    Attributes:
+        beside: the network among others in its band; None: there are none.
     """
 
     def __init__(self, medium: Medium, judge: Judge | None = None) -> None:
         self.nodes = tuple(range(len(medium.nodes)))
-        self._medium, self._judge = medium, judge
+        self.beside: Beside | None = None
+        self._medium, self._judge, self._notebook = medium, judge, Notebook()
         self._by_rate: dict[float | None, tuple[Settling, Settling]] = {}
         """What draws first transmissions and others, by their bit rates."""
         self._judged, self._other = self._at_rate(None)
         self._always_on = medium.drawing(switched=False)
         """For the noise of a frame that is on the air: its start decides whether radios are on."""
         self._slots_ns, self._has_sources = self._other.slots_ns, self._other.has_sources
-        self._first: list[Receptions] = []
+        self._expected: dict[_Key, Met] = {}
+        """Frames that were drawn before they started."""
+        self._first: dict[_Key, Met] = {}
+        self._reached: dict[int, Sequence[int]] = {}
+        """By the last frame of a node."""
         self._per = lru_cache(maxsize=65_536)(self._per_of)
 
     def _at_rate(self, bit_rate_bps: float | None) -> tuple[Settling, Settling]:
         """What draws first transmissions, and others, at a bit rate; None: the radios' own."""
         if bit_rate_bps not in self._by_rate:
-            judged = self._medium.drawing(judge=self._judge, bit_rate_bps=bit_rate_bps)
-            other = judged if self._judge is None else self._medium.drawing(bit_rate_bps=bit_rate_bps)
-            self._by_rate[bit_rate_bps] = judged, other
+            notebook = None if self._judge is None else self._notebook
+            judged = self._medium.drawing(judge=notebook, bit_rate_bps=bit_rate_bps)
+            self._by_rate[bit_rate_bps] = judged, self._medium.drawing(bit_rate_bps=bit_rate_bps)
         return self._by_rate[bit_rate_bps]
 
-    def reach(self, frame: AirFrame) -> Sequence[Arrival]:
+    def delays_ns(self, frames: Sequence[AirFrame]) -> Sequence[Mapping[int, int]]:
+        """To those whom the last frame of its node reached; to all, if there was none."""
+        instants_ns, which = np.unique([frame.started_ns for frame in frames], return_inverse=True)
+        places = self._medium.positions_ned_m(instants_ns)[:, which]
+        tx = np.array([frame.node for frame in frames])
+        way = places - np.take_along_axis(places, tx[np.newaxis, :, np.newaxis], axis=2)
+        delays = delays_ns(np.sqrt((way * way).sum(axis=0))).astype(np.int64).tolist()
+        return [
+            {rx: row[rx] for rx in self._reached.get(frame.node, self.nodes)}
+            for frame, row in zip(frames, delays, strict=True)
+        ]
+
+    def expect(self, frames: Sequence[AirFrame]) -> None:
+        """Draw frames in one pass that may start before anything in the world is told anew."""
+        drawn = self._draw(frames)
+        self._expected = {_key(frame): Met(drawn, number, self._alone) for number, frame in enumerate(frames)}
+
+    def forget(self) -> None:
+        """Places, radios or sources may be other ones from now on."""
+        self._expected = {}
+
+    def reach(self, frame: AirFrame) -> Arrivals:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
-        r = self._draw(frame)
-        frame.met = Met(r, {rx: row for row, rx in enumerate(r.rx.tolist())}, self._noise_of(frame))
-        delays_ns = np.rint(r.distance_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
-        heard = IS_HEARD[r.fate] & (r.snr_db >= HEARD_DB)
-        rows = np.flatnonzero(heard)
-        rows = rows[np.argsort(delays_ns[rows], kind="stable")]
-        power_mw = ratio_from_db(r.received_power_dbm[rows])
-        columns = r.rx[rows].tolist(), np.asarray(power_mw).tolist(), delays_ns[rows].astype(int).tolist()
-        return [Arrival(*each) for each in zip(*columns, strict=True)]
+        if self.beside is not None:
+            self.beside.starts(frame)
+        key = _key(frame)
+        if frame.kind == "data" and frame.attempt == 1:
+            met = self._expected.get(key) or Met(self._draw([frame]), 0, self._alone)
+            self._first[key] = met
+        else:
+            packets, counted = as_packets([frame], [frame.started_ns])
+            _, other = self._at_rate(frame.bit_rate_bps)
+            met = Met(Drawn(other.receptions(packets, counted)), 0, self._alone)
+        frame.met, met.noise = met, self._noise_of(frame)
+        self._reached[frame.node] = met.arrivals.receiver.tolist()
+        return met.arrivals
+
+    def _draw(self, frames: Sequence[AirFrame]) -> Drawn:
+        [bit_rate_bps] = {frame.bit_rate_bps for frame in frames}
+        judged, _ = self._at_rate(bit_rate_bps)
+        receptions = judged.receptions(*as_packets(frames, [frame.started_ns for frame in frames]))
+        return Drawn(receptions, self._notebook.taken())
+
+    def _alone(self, frame: AirFrame, rows: Rows) -> NDArray[np.bool_]:
+        """Whether a frame comes through at rows of its arrivals, if it is the only one on the air there."""
+        met = _met(frame)
+        receivers = met.arrivals.receiver[rows]
+        fate = met.drawn.receptions.fate[_rows(frame, receivers)]
+        came: NDArray[np.bool_] = fate == DELIVERED
+        if self._has_sources:
+            quiet = [Piece(frame.ended_ns - frame.started_ns, 0.0)]
+            is_open = fate == ERASED if met.noise is None else (fate == ERASED) | came
+            for place in np.flatnonzero(is_open).tolist():
+                power_mw = float(met.arrivals.power_mw[rows[place]])
+                came[place], _ = self.survives(frame, int(receivers[place]), power_mw, quiet)
+        return came
 
     def survives(
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
         """By one draw for all: who comes through with interference does so without."""
         met = _met(frame)
-        row, r = met.row[receiver], met.receptions
-        fate = int(r.fate[row])
+        row, r = _row(frame, receiver), met.drawn.receptions
+        fate = int(r.fate[met.first + row])
         disturbed = any(interference_mw for _, interference_mw in pieces)
-        if fate not in (DELIVERED, ERASED) or not (disturbed or self._has_sources):
+        foreign = self._foreign(frame, receiver)
+        has_sources = self._has_sources or bool(foreign)
+        if fate not in (DELIVERED, ERASED) or not (disturbed or has_sources):
             return fate == DELIVERED, fate == DELIVERED
-        drawn = self._drawn(met, receiver)
-        start_mw = float(ratio_from_db(float(r.received_power_dbm[row] - r.snr_db[row])))
+        drawn = self._drawn(frame, receiver)
+        start_dbm = float(r.received_power_dbm[met.first + row] - r.snr_db[met.first + row])
+        start_mw = float(ratio_from_db(start_dbm))
         own = _noise_at(met.noise, row, frame, start_mw)
+        if foreign:
+            own = added(own, foreign)
         alone = fate == DELIVERED
-        if met.noise is not None:
+        if met.noise is not None or (alone and foreign):
             alone = drawn > self._lost(frame, receiver, power_mw, own)
         if not alone:
             quiet_mw = float(ratio_from_db(self._other.radio(frame.node, receiver).noise_floor_dbm))
             quiet = [Piece(frame.ended_ns - frame.started_ns, quiet_mw)]
-            if self._has_sources and drawn > self._lost(frame, receiver, power_mw, quiet):
+            if has_sources and drawn > self._lost(frame, receiver, power_mw, quiet):
                 met.lost_to_sources.add(receiver)
             return False, False
         return not disturbed or drawn > self._lost(frame, receiver, power_mw, added(own, pieces)), True
+
+    def _foreign(self, frame: AirFrame, receiver: int) -> Sequence[Piece]:
+        """The power of other networks in the band at a receiver, while a frame comes in there; empty: none."""
+        if self.beside is None:
+            return ()
+        met = _met(frame)
+        way_m = float(met.drawn.receptions.distance_m[met.first + _row(frame, receiver)])
+        delay_ns = round(way_m * (NS_PER_S / SPEED_OF_LIGHT_MPS))
+        span = frame.started_ns + delay_ns, frame.ended_ns + delay_ns
+        return self.beside.pieces(receiver, frame.channel, *span)
 
     def _lost(self, frame: AirFrame, receiver: int, power_mw: float, noise: Sequence[Piece]) -> float:
         """The error rate of a frame by pieces of constant noise, which are the share of its bits that they last."""
@@ -146,9 +219,9 @@ class LinkWorld:
             whole *= 1.0 - self._per(*link, power_mw / noise_mw, share)
         return 1.0 - whole
 
-    def _drawn(self, met: Met, receiver: int) -> float:
-        one = np.zeros(1, dtype=np.intp)
-        [drawn] = self._judged.erasure_draws(met.receptions.packets, one, np.array([receiver]))
+    def _drawn(self, frame: AirFrame, receiver: int) -> float:
+        packets, _ = as_packets([frame], [frame.started_ns])
+        [drawn] = self._judged.erasure_draws(packets, np.zeros(1, dtype=np.intp), np.array([receiver]))
         return float(drawn)
 
     def _noise_of(self, frame: AirFrame) -> NoisePieces | None:
@@ -162,7 +235,7 @@ class LinkWorld:
         if len(changes) == 1:
             return None
         instants = sorted(changes)
-        r = self._always_on.receptions(*_as_packets(frame, instants))
+        r = self._always_on.receptions(*as_packets([frame] * len(instants), instants))
         noise_mw = ratio_from_db(r.received_power_dbm - r.snr_db)
         durations = [end - begin for begin, end in pairwise((*instants, frame.ended_ns))]
         return NoisePieces(durations, np.asarray(noise_mw).reshape(len(instants), -1))
@@ -170,34 +243,34 @@ class LinkWorld:
     def figures(self, frame: AirFrame, receiver: int) -> Sequence[float]:
         """Distance, m, power, dBm, SNR, dB, error rate, chance of delivery of a frame at a node, alone on the air."""
         met = _met(frame)
-        if not met.figures:
-            r = met.receptions
-            columns = r.distance_m, r.received_power_dbm, r.snr_db, r.per, r.probability_of_delivery
-            met.figures = np.column_stack(columns).tolist()
-        return met.figures[met.row[receiver]]
+        figures: list[float] = met.drawn.table[met.first + _row(frame, receiver)].tolist()
+        return figures
+
+    def figures_at(self, frame: AirFrame, receivers: Rows) -> FloatArray:
+        """As `figures`, at several nodes, shape (nodes, 5)."""
+        return _met(frame).drawn.table[_rows(frame, receivers)]
 
     def fate(self, frame: AirFrame, receiver: int) -> int:
         """What becomes of a frame at a node, alone on the air."""
         met = _met(frame)
-        return int(met.receptions.fate[met.row[receiver]])
+        return int(met.drawn.receptions.fate[met.first + _row(frame, receiver)])
 
-    def is_lost_to_sources(self, frame: AirFrame, receiver: int) -> bool:
-        """Whether a frame that was lost to noise would have come through without sources of interference."""
-        return receiver in _met(frame).lost_to_sources
+    def fates_at(self, frame: AirFrame, receivers: Rows) -> NDArray[np.uint8]:
+        """As `fate`, at several nodes."""
+        return _met(frame).drawn.receptions.fate[_rows(frame, receivers)]
+
+    def lost_to_sources(self, frame: AirFrame) -> set[int]:
+        """Nodes at which a frame was lost to noise, but not without sources of interference and other networks."""
+        return _met(frame).lost_to_sources
 
     def first_transmissions(self) -> list[Receptions]:
-        """What first transmissions to all met since the last call, alone on the air."""
-        first, self._first = self._first, []
-        return first
-
-    def _draw(self, frame: AirFrame) -> Receptions:
-        packets, counted = _as_packets(frame, [frame.started_ns])
-        judged, other = self._at_rate(frame.bit_rate_bps)
-        if frame.kind != "data" or frame.attempt > 1:
-            return other.receptions(packets, counted)
-        receptions = judged.receptions(packets, counted)
-        self._first.append(receptions)
-        return receptions
+        """What first transmissions to all met since the last call, alone on the air; the judge takes them in."""
+        first, self._first = self._first, {}
+        if self._judge is not None and first:
+            passes = {id(met.drawn): met.drawn for met in first.values()}.values()
+            order = {key: number for number, key in enumerate(first)}
+            self._judge.take_in_order([taken for each in passes for taken in each.taken], order)
+        return [met.receptions for met in first.values()]
 
     def _per_of(
         self, tx: int, rx: int, bit_rate_bps: float | None, sinr: float, length_bytes: float
@@ -212,18 +285,20 @@ def _met(frame: AirFrame) -> Met:
     return met
 
 
-def _as_packets(frame: AirFrame, instants_ns: Sequence[int]) -> tuple[Packets, NDArray[np.int64]]:
-    """A frame as packets to everybody, sent at instants, with their lengths for the error model."""
-    count = len(instants_ns)
-    lengths = np.full(count, frame.length_bytes)
-    packets = Packets(
-        np.array(instants_ns),
-        np.full(count, frame.node, dtype=np.intp),
-        np.full(count, frame.number),
-        lengths,
-        np.full(count, EVERYBODY, dtype=np.intp),
-    )
-    return packets, lengths
+def _row(frame: AirFrame, receiver: int) -> int:
+    """The place of a node among all but the sender."""
+    return receiver - (receiver > frame.node)
+
+
+def _rows(frame: AirFrame, receivers: Rows) -> Rows:
+    """The rows of nodes in the pass in which a frame was drawn."""
+    rows: Rows = receivers + (_met(frame).first - (receivers > frame.node))
+    return rows
+
+
+def _key(frame: AirFrame) -> _Key:
+    """What is drawn for a frame depends on it, and on where the nodes are."""
+    return frame.started_ns, frame.node, frame.number, frame.length_bytes
 
 
 def _noise_at(noise: NoisePieces | None, row: int, frame: AirFrame, start_mw: float) -> Sequence[Piece]:

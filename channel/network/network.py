@@ -4,29 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirFate, AirPacket, Handling, Loss, Reply
+from channel.access.packets import AirFate, AirFates, AirPacket, Handling, Loss, Reply
 from channel.access.world import World
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
-from channel.medium.reception import DELIVERED, ERASED, FATES, NO_PACKETS, Fate, Packets, Receptions
+from channel.medium.reception import FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.network.entry import EntryInstants
+from channel.network.fates import FateColumns
 from channel.network.instants import NEVER_NS, InstantColumns
 from channel.network.link_world import LinkWorld
 
-OF_LOSS: Final[dict[Loss, int]] = {
-    loss: FATES.index(Fate.TOO_LONG_FOR_A_SLOT if loss is Loss.TOO_LONG else Fate(loss.value))
-    for loss in Loss
-    if loss is not Loss.NOISE
-}
-"""What the record calls a loss; noise is what the channel says."""
-INTERFERED: Final = FATES.index(Fate.INTERFERED)
-NOTHING: Final = (float("nan"),) * 5
+Keys = Sequence[tuple[int, int]]
+"""Of packets: sender and number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +38,7 @@ class Lived:
     receptions: Receptions
     instants: InstantColumns
     replies: Sequence[Reply]
-    done: Sequence[tuple[int, int]]
+    done: Keys
     first: Sequence[Receptions]
 
 
@@ -92,6 +86,16 @@ class Network:
         """Of all nodes."""
         return self._entry.phases_ns
 
+    @property
+    def world(self) -> LinkWorld:
+        """What frames meet."""
+        return self._world
+
+    @property
+    def access(self) -> AccessMedium:
+        """Who transmits when."""
+        return self._access
+
     def queued(self, node: int) -> tuple[int, int]:
         """How many packets of a node wait, and their length in bytes."""
         return self._access.queued(node)
@@ -119,12 +123,13 @@ class Network:
 
     def live(self, until_ns: int) -> Lived:
         """Let the network live until just before an instant; what was decided since the last call."""
-        outcomes = self._access.run(until_ns - 1)
+        outcomes = self._access.live(until_ns - 1)
         self._now_ns = until_ns
         fates = [outcome for outcome in outcomes if isinstance(outcome, AirFate)]
         fates += [fate for fate in self._unreached if fate.at_ns < until_ns]
         self._unreached = [fate for fate in self._unreached if fate.at_ns >= until_ns]
-        return self._lived(fates, [outcome for outcome in outcomes if isinstance(outcome, Reply)])
+        together = [outcome for outcome in outcomes if isinstance(outcome, AirFates)]
+        return self._lived(fates, together, [outcome for outcome in outcomes if isinstance(outcome, Reply)])
 
     def end(self) -> Lived:
         """The run is over: what is not decided never will be."""
@@ -133,56 +138,61 @@ class Network:
             for each in self._open.values()
             for rx in sorted(each.receivers)
         ]
-        lived = self._lived(fates, [])
+        lived = self._lived(fates, [], [])
         lived.receptions.fate[:] = FATES.index(Fate.RUN_ENDED)
         return lived
 
-    def _lived(self, fates: list[AirFate], replies: Sequence[Reply]) -> Lived:
-        fates.sort(key=lambda fate: (fate.at_ns, fate.packet.node, fate.packet.number, fate.receiver))
-        packets, rows = self._packets_of(fates)
-        table = np.array([self._figures(fate) for fate in fates]).reshape(-1, 5)
-        codes = [self._code(fate) for fate in fates]
+    def _lived(
+        self, fates: Sequence[AirFate], together: Sequence[AirFates], replies: Sequence[Reply]
+    ) -> Lived:
+        columns = FateColumns.of(fates, together, self._world)
+        packets, rows = self._packets_of(columns)
+        order = np.lexsort((columns.receiver, packets.seq[rows], packets.tx[rows], columns.at_ns))
+        columns, rows = columns.at(order), rows[order]
+        entered_ns = np.array([packet.at_ns for packet in columns.packets], dtype=np.int64)[columns.packet]
+        instants = InstantColumns(
+            np.where(entered_ns < self._now_ns, entered_ns, NEVER_NS),
+            columns.started_ns,
+            columns.ended_ns,
+            columns.at_ns,
+            columns.attempts,
+        )
+        done = [*self._for_nobody, *self._close(packets, rows, columns.receiver)]
+        self._for_nobody.clear()
+        figures = columns.figures.T.copy()
         receptions = Receptions(
             packets,
             rows,
-            np.array([fate.receiver for fate in fates], dtype=np.intp),
-            table[:, 0],
-            table[:, 1],
-            table[:, 2],
-            table[:, 3],
-            table[:, 4],
-            np.array(codes, dtype=np.uint8),
+            columns.receiver,
+            figures[0],
+            figures[1],
+            figures[2],
+            figures[3],
+            figures[4],
+            columns.code,
         )
-        instants = InstantColumns(
-            np.array([self._entered_ns(fate.packet) for fate in fates], dtype=np.int64),
-            np.array([fate.started_ns for fate in fates], dtype=np.int64),
-            np.array([fate.ended_ns for fate in fates], dtype=np.int64),
-            np.array([fate.at_ns for fate in fates], dtype=np.int64),
-            np.array([fate.attempts for fate in fates], dtype=np.int32),
-        )
-        done = [*self._for_nobody, *self._close(fates)]
-        self._for_nobody.clear()
         return Lived(receptions, instants, replies, done, self._world.first_transmissions())
 
-    def _entered_ns(self, packet: AirPacket) -> int:
-        return packet.at_ns if packet.at_ns < self._now_ns else NEVER_NS
-
-    def _close(self, fates: Sequence[AirFate]) -> Sequence[tuple[int, int]]:
-        """Take note of what is decided; the packets of which now all is."""
+    def _close(self, packets: Packets, rows: NDArray[np.intp], receiver: NDArray[np.intp]) -> Keys:
+        """Take note of what is decided, in order; the packets of which now all is."""
+        last, by_packet = np.zeros(packets.size, dtype=np.intp), np.argsort(rows, kind="stable")
+        last[rows] = np.arange(rows.size)
+        ends = np.cumsum(np.bincount(rows, minlength=packets.size)).tolist()
+        keys = list(zip(packets.tx.tolist(), packets.seq.tolist(), strict=True))
+        decided = receiver[by_packet].tolist()
         done = []
-        for fate in fates:
-            key = fate.packet.node, fate.packet.number
-            receivers = self._open[key].receivers
-            receivers.remove(fate.receiver)
-            if not receivers:
+        for key, begin, end, place in zip(keys, [0, *ends], ends, last.tolist(), strict=False):
+            still_open = self._open[key].receivers
+            still_open.difference_update(decided[begin:end])
+            if not still_open:
                 del self._open[key]
-                done.append(key)
-        return done
+                done.append((place, key))
+        return [key for _, key in sorted(done)]
 
-    def _packets_of(self, fates: Sequence[AirFate]) -> tuple[Packets, NDArray[np.intp]]:
+    def _packets_of(self, columns: FateColumns) -> tuple[Packets, NDArray[np.intp]]:
         """The packets that fates are of, in canonical order, and the row of each fate's."""
-        keys = {(fate.packet.node, fate.packet.number) for fate in fates}
-        order = sorted((self._open[key].sim_time_ns, *key) for key in keys)
+        keys = [(packet.node, packet.number) for packet in columns.packets]
+        order = sorted((self._open[key].sim_time_ns, *key) for key in set(keys))
         if not order:
             return NO_PACKETS, np.zeros(0, dtype=np.intp)
         row_of = {(tx, seq): row for row, (_, tx, seq) in enumerate(order)}
@@ -194,21 +204,4 @@ class Network:
             np.array([each.packet.length_bytes for each in sent]),
             np.array([each.to for each in sent], dtype=np.intp),
         )
-        rows = [row_of[fate.packet.node, fate.packet.number] for fate in fates]
-        return packets, np.array(rows, dtype=np.intp)
-
-    def _figures(self, fate: AirFate) -> Sequence[float]:
-        """Distance, power, SNR, error rate and chance of delivery on the channel alone."""
-        return NOTHING if fate.frame is None else self._world.figures(fate.frame, fate.receiver)
-
-    def _code(self, fate: AirFate) -> int:
-        """What the record calls it; a frame that is lost to noise is lost as the channel says, or went unnoticed."""
-        loss, frame = fate.loss, fate.frame
-        if loss is None:
-            return DELIVERED
-        if loss is not Loss.NOISE or frame is None:
-            return OF_LOSS.get(loss, ERASED)
-        if self._world.is_lost_to_sources(frame, fate.receiver):
-            return INTERFERED
-        alone = self._world.fate(frame, fate.receiver)
-        return ERASED if alone == DELIVERED else alone
+        return packets, np.array([row_of[key] for key in keys], dtype=np.intp)[columns.packet]

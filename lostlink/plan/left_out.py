@@ -27,7 +27,7 @@ BY_MEDIUM = {
     "csma": "access points, association, rate adaptation, aggregation, power save: stations have one rate",
     "delay": "contention: nodes do not disturb each other; delays and outages are a distribution, whoever sends",
     "elrs": "contention: pairs do not disturb each other; the search for a transmitter's mode",
-    "sik": "other networks on the hopping channels; multipoint firmware",
+    "sik": "other users of the hopping channels than the run's networks; multipoint firmware",
 }
 
 

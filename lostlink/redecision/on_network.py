@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,9 @@ class NetworkAnew:
     Args:
         channel: of the network, which got nothing yet.
         sent: what its nodes transmitted.
+
+    Attributes:
+        rows: of its packets so far, as the table of deliveries has them.
     """
 
     def __init__(self, channel: RadioChannel, sent: Transmissions) -> None:
@@ -63,34 +67,36 @@ class NetworkAnew:
         self._places = NodePlaces(channel.medium.nodes, sent.nodes)
         medium = channel.medium
         self._ledger = Ledger(medium.nodes, causes=tuple(Cause), addressees=medium.addressees)
+        self.rows: list[Columns] = []
 
-    def decide(self, on_done: OnDone) -> list[Columns]:
-        """Rows of all its packets, as the table of deliveries has them; `books` are closed then.
+    def steps(self, on_done: OnDone) -> Iterator[None]:
+        """Decide all its packets; yields where networks in its band have to come as far before it goes on.
 
         Raises:
             LedgerError: sent is not delivered plus lost: a defect of ours.
         """
         packets, too_long = self._split()
-        parts = [self._too_long_rows(too_long), self._sent.lost]
-        for part in parts:
+        self.rows += [self._too_long_rows(too_long), self._sent.lost]
+        for part in self.rows:
             self._book(part)
         packets = self._places.on_the_network(packets)
         self._ledger.send(packets)
         network = self._channel.network
         decided = self._at_once(packets) if network is None else self._lived(packets, network)
         for rows, done in decided:
-            parts.append(rows)
-            on_done(done)
+            if rows is not None:
+                self.rows.append(rows)
+                on_done(done)
+            yield
         self._ledger.check(in_flight=0)
-        return parts
 
     @property
     def books(self) -> Books:
-        """What was sent and what became of it."""
+        """What was sent and what became of it, when all steps are done."""
         channel = self._channel
         return Books(self._ledger, channel.judge.verdict(), channel.shares_draws, channel.name)
 
-    def _at_once(self, packets: Packets) -> Iterator[tuple[Columns, int]]:
+    def _at_once(self, packets: Packets) -> Iterator[tuple[Columns | None, int]]:
         medium, facts = self._channel.medium, self._sent.facts
         due_ns = tick_of(packets.sim_time_ns, self._sent.tick_period_ns)
         for receptions in settle(medium, self._positions(), packets, due_ns):
@@ -100,7 +106,7 @@ class NetworkAnew:
             came = {"received_ns": facts.received_ns(found.packets.seq, found.packets.tx)}
             yield columns_of(found, counted_bytes, came), found.packets.size
 
-    def _lived(self, packets: Packets, network: Network) -> Iterator[tuple[Columns, int]]:
+    def _lived(self, packets: Packets, network: Network) -> Iterator[tuple[Columns | None, int]]:
         medium, period_ns = self._channel.medium, self._sent.tick_period_ns
         due_ns = tick_of(packets.sim_time_ns, period_ns)
         index, nodes = self._channel.medium.index, self._sent.nodes
@@ -111,6 +117,9 @@ class NetworkAnew:
         }
         steps = live(network, medium, self._positions(), packets, due_ns, handling, period_ns)
         for tick_ns, lived in steps:
+            if lived is None:
+                yield None, 0
+                continue
             self._ledger.book(lived.receptions)
             if lived.first:
                 self._ledger.place(Receptions.joined(lived.first))
@@ -166,3 +175,13 @@ class NetworkAnew:
         columns = (rows[name].tolist() for name in ("tx", "rx", "fate", "packets"))
         for tx, rx, fate, count in zip(*columns, strict=True):
             self._ledger.lose(self._sent.nodes[tx], FATES[fate], count, names[rx])
+
+
+def decide_all(networks: Sequence[NetworkAnew], on_done: OnDone) -> None:
+    """Decide the packets of all networks of a run, in step: those in one band live on one clock.
+
+    Raises:
+        LedgerError: sent is not delivered plus lost: a defect of ours.
+    """
+    for _ in zip_longest(*(network.steps(on_done) for network in networks)):
+        pass

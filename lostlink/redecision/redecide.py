@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bridge.bus.keys import MAIN
 from bridge.radio.ledger_file import Books
@@ -32,7 +31,7 @@ from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve.channel import channel_of, medium_settings
+from bridge.scenario.resolve.channel import channels_of, medium_settings
 from bridge.scenario.resolve.radio import radios_of
 from channel.access.packets import PLAIN, Handling
 from channel.medium.addressees import Addressees, codes_of
@@ -41,7 +40,7 @@ from channel.medium.reception import EVERYBODY, Packets
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
-from lostlink.redecision.on_network import NetworkAnew, Transmissions
+from lostlink.redecision.on_network import NetworkAnew, Transmissions, decide_all
 from lostlink.redecision.packet_facts import PacketFacts
 from lostlink.redecision.settling import last_whole_ns, without_nonsense
 
@@ -149,20 +148,19 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     if unknown := sorted(set(radios) - set(scenario.network_names)):
         raise ValueError(f"{run}: it has packets of radio {unknown[0]}, of which the scenario has no network")
     tell = _Progress(on_progress, packets.size)
-    parts, books = [], []
-    of_network: list[NDArray[np.intp]] = []
-    for name in scenario.network_names:
-        channel = channel_of(scenario, switches_of(scenario, run, name), name)
+    switches = {name: switches_of(scenario, run, name) for name in scenario.network_names}
+    anew = []
+    for channel in channels_of(scenario, switches):
+        name = channel.name
         mine = _once(packets.at(np.flatnonzero(radios == name)), channel.medium.addressees, nodes)
         lost = missed if name == MAIN else {column: values[:0] for column, values in missed.items()}
         what = Transmissions(nodes, mine, handling, lost, positions, period_ns, facts)
-        anew = NetworkAnew(channel, what)
-        rows = joined(anew.decide(tell.done))
-        parts.append(rows)
-        of_network.append(np.full(len(rows["tx"]), len(of_network), dtype=np.intp))
-        books.append(anew.books)
-    after = DeliveryRows(nodes, joined(parts)).in_order_of(before, np.concatenate(of_network))
-    return Redecision(run, scenario, before, after, facts, tuple(books))
+        anew.append(NetworkAnew(channel, what))
+    decide_all(anew, tell.done)
+    parts = [joined(each.rows) for each in anew]
+    of_network = np.repeat(np.arange(len(parts)), [len(rows["tx"]) for rows in parts])
+    after = DeliveryRows(nodes, joined(parts)).in_order_of(before, of_network)
+    return Redecision(run, scenario, before, after, facts, tuple(each.books for each in anew))
 
 
 class _Progress:

@@ -69,8 +69,11 @@ def live(
     due_ns: NDArray[np.int64],
     handling: Mapping[tuple[int, int], Handling],
     tick_period_ns: int,
-) -> Iterator[tuple[int, Lived]]:
+) -> Iterator[tuple[int, Lived | None]]:
     """Yield what comes of packets on a medium that takes time, tick by tick as in a run, with the tick of its coming.
+
+    Before each tick is lived through it yields None: networks that live on one clock have to be told first, all of
+    them, where their nodes are and what these send.
 
     Args:
         network: of the medium, which got nothing yet.
@@ -93,6 +96,7 @@ def live(
         until = int(np.searchsorted(due_ns, tick_ns, side="right"))
         send(sent, until)
         sent, came_ns = until, tick_ns + tick_period_ns
+        yield came_ns, None
         yield came_ns, network.live(came_ns)
     send(sent, None)
     yield came_ns, network.end()

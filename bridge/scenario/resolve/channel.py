@@ -10,13 +10,15 @@ from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.media.medium import AccessMedium
-from channel.access.settings import Ideal, MediumSettings, Surroundings, name_of
+from channel.access.settings import Ideal, MediumSettings, Surroundings, carriers_of, name_of
 from channel.access.world import World
 from channel.draws import Draws
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
 from channel.medium.stations.switches import Switches
+from channel.network.band import Neighbour, share_band
+from channel.network.crossing import Side
 from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
 from channel.presets import PresetError
@@ -43,6 +45,14 @@ class RadioChannel:
         """Whether packets share what is drawn."""
         return any(radio.shares_draws for radio in self.medium.radios)
 
+    @property
+    def neighbour(self) -> Neighbour | None:
+        """What the other networks of its band have to do with; None: nothing is on the air for any time."""
+        carriers = carriers_of(self.medium.radios[0].config.medium)
+        if self.network is None or carriers is None:
+            return None
+        return Neighbour(self.network, Side(self.name, self.medium, carriers))
+
 
 def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
     """The medium that all radios of a network share.
@@ -62,8 +72,23 @@ def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
     return settings
 
 
+def channels_of(scenario: Scenario, switches: Mapping[str, Switches]) -> list[RadioChannel]:
+    """The channels of all radio networks of a run; those that are in one band disturb each other.
+
+    Args:
+        scenario: of the run.
+        switches: of each network's nodes, by its name.
+
+    Raises:
+        PresetError: as `channel_of`.
+    """
+    channels = [channel_of(scenario, switches[name], name) for name in scenario.network_names]
+    share_band([neighbour for each in channels if (neighbour := each.neighbour) is not None])
+    return channels
+
+
 def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> RadioChannel:
-    """The channel of a radio network of a run.
+    """The channel of a radio network of a run, as if there were no other.
 
     Args:
         scenario: of the run.

@@ -7,19 +7,20 @@ transmission it is drawn anew from 0 to CW; CW doubles with each failed attempt 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
 from channel.access.agenda import ACTS, Agenda, Entry
 from channel.access.air import Air, Hearing, Receiver
+from channel.access.media.forecast import Forecast
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirPacket, Loss, Reply
 from channel.access.queue import QueueLimits
 from channel.access.timing import ACK_BYTES, CTS_BYTES, RTS_BYTES, Wifi
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, World
+from channel.access.world import AirFrame, Foreseeing, World
 from channel.draws import Draws
 
 DATA, ACK, RTS, CTS = "data", "ack", "rts", "cts"
@@ -61,6 +62,8 @@ class Csma(AccessMedium):
         hearing: how receivers hear.
     """
 
+    air: Air
+
     def __init__(
         self,
         world: World,
@@ -73,13 +76,14 @@ class Csma(AccessMedium):
     ) -> None:
         super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
         self.timing, self.settings = timing, settings or DcfSettings()
-        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed)
+        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed, self._book_all)
         draws = Draws(seed)
         self._stations = {
             node: Station(self, node, WordStream(draws, str(node), "backoff")) for node in sorted(world.nodes)
         }
         for node, receiver in self.air.join(self._stations).items():
             self._stations[node].receiver = receiver
+            receiver.ignore()
 
     def next_packet(self, node: int) -> AirPacket | None:
         """What a station sends next."""
@@ -100,6 +104,18 @@ class Csma(AccessMedium):
     def attempts(self, node: int) -> int:
         """How often a station's present packet was on the air."""
         return self._stations[node].attempts
+
+    def _foresee(self, world: Foreseeing, entering: Sequence[AirPacket]) -> None:
+        """The next broadcast of each station that has none under way."""
+        first = {packet.node: packet for packet in sorted(entering, key=lambda packet: -packet.at_ns)}
+        stations, cca_ns = self._stations, self.air.hearing.cca_ns
+        frames = [stations[node].foreseen(packet) for node, packet in first.items() if packet.to is None]
+        if len(frames) > 1:
+            delays_ns = world.delays_ns(frames)
+            forecast = Forecast(
+                frames, delays_ns, self.timing, cca_ns, lambda node: stations[node].foreseen_backoff()
+            )
+            world.expect(forecast.frames())
 
     def _wake(self, node: int) -> None:
         self._stations[node].wake()
@@ -165,6 +181,7 @@ class Station:
 
     def wake(self) -> None:
         """A packet waits, perhaps the first: if the medium is idle, and stays so for DIFS, it needs no back-off."""
+        self.receiver.attend()
         if self._packet is None and self._take() and self._has_counted_down():
             now_ns = self._agenda.now_ns
             if self.receiver.is_busy or now_ns < self._nav_ns:
@@ -172,6 +189,19 @@ class Station:
             else:
                 self._backoff, self._immediate_ns = NO_BACKOFF, now_ns + self._difs_ns
         self._schedule()
+
+    def foreseen(self, packet: AirPacket) -> AirFrame:
+        """A broadcast's frame, if nothing is in its way."""
+        timing, at_ns = self._timing, packet.at_ns + self._difs_ns
+        length_bytes, ended_ns = (
+            packet.length_bytes + timing.header_bytes,
+            at_ns + timing.broadcast_ns(packet.length_bytes),
+        )
+        return AirFrame(self._node, self._frames, DATA, length_bytes, at_ns, ended_ns, packet)
+
+    def foreseen_backoff(self) -> int:
+        """What it will draw next, slots."""
+        return self._words.coming_below(self._cw + 1)
 
     def _has_counted_down(self) -> bool:
         """Whether no back-off is left of the last transmission."""
@@ -309,23 +339,35 @@ class Station:
     # What it hears (`channel.access.air.Ear`).
 
     def busy(self) -> None:
-        """The medium is busy: what was planned has to wait."""
+        """The medium is busy: what was planned has to wait; nobody attends without a packet or a back-off."""
         pending, self._pending = self._pending, None
         self._agenda.call_off(pending)
-        if self._backoff == NO_BACKOFF:
-            if pending is not None:
-                self._draw_backoff()
-            return
+        if self._backoff != NO_BACKOFF:
+            self._count_down()
+        elif pending is not None:
+            self._draw_backoff()
+        if self._backoff == NO_BACKOFF and self._packet is None:
+            self.receiver.ignore()
+
+    def is_done(self) -> bool:
+        """Whether its back-off has run out while there is nothing to send."""
+        if self._packet is not None or not self._has_counted_down():
+            return False
+        self._backoff = NO_BACKOFF
+        return True
+
+    def _count_down(self) -> None:
+        """Take off the back-off the slots that were idle until now."""
         passed = (self._agenda.now_ns - self._counts_from_ns()) // self._timing.slot_ns
         if passed > 0:
             self._backoff = max(self._backoff - passed, 0)
         if passed >= 0 and self._backoff == 0 and self._packet is None:
             self._backoff = NO_BACKOFF  # it ran out while there was nothing to send
 
-    def idle(self, damaged: bool) -> None:
-        """The medium is idle from now on."""
+    def idle(self, damaged: bool, since_ns: int) -> None:
+        """The medium is idle, since an instant."""
         timing = self._timing
-        self._idle_since_ns = self._agenda.now_ns
+        self._idle_since_ns = since_ns
         self._ifs_ns = timing.eifs_ns if damaged and self._medium.settings.uses_eifs else self._difs_ns
         self._schedule()
 

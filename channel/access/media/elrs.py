@@ -106,17 +106,21 @@ class _Pair:
 
     Attributes:
         hop: of slot 0, counted from the frequency of sync.
+        order: of frequencies, that of sync first.
         synced_ns: when the last sync was sent.
         burst: data frames since the last with statistics.
         is_turn_of_data: whether data go up next, and not RC.
+        channel: the frequency of the present slot.
     """
 
     up: _Way
     down: _Way
     hop: int
+    order: tuple[int, ...]
     synced_ns: int
     burst: int
     is_turn_of_data: bool = True
+    channel: int = 0
 
 
 class Elrs(AccessMedium):
@@ -144,10 +148,11 @@ class Elrs(AccessMedium):
         self._ways: dict[int, _Way] = {}
         draws = Draws(seed)
         for transmitter, receiver in self.settings.pairs or _two_by_two(world.nodes):
-            pair = self._join(transmitter, receiver, WordStream(draws, str(transmitter), "phases"))
+            order = hop_order(self.mode.channels, WordStream(draws, str(transmitter), "hops"))
+            pair = self._join(transmitter, receiver, WordStream(draws, str(transmitter), "phases"), order)
             self.agenda.at(0, SIGNAL_STARTS, transmitter, self._slot, pair, 0)
 
-    def _join(self, transmitter: int, receiver: int, words: WordStream) -> _Pair:
+    def _join(self, transmitter: int, receiver: int, words: WordStream, order: tuple[int, ...]) -> _Pair:
         for node in (transmitter, receiver):
             if node not in self._outboxes or node in self._ways or transmitter == receiver:
                 raise ValueError(
@@ -159,6 +164,7 @@ class Elrs(AccessMedium):
             _Way(transmitter, receiver, up, StubbornReceiver(RESYNC_UP)),
             _Way(receiver, transmitter, down, StubbornReceiver(resync)),
             hop=words.below(self.mode.channels),
+            order=order,
             synced_ns=-words.below(SYNC_MS) * NS_PER_MS,
             burst=words.below(self.mode.burst + 1),
         )
@@ -224,6 +230,8 @@ class Elrs(AccessMedium):
         now_ns, mode = self.agenda.now_ns, self.mode
         at_ns = (index + 1) * mode.interval_us * US
         self.agenda.at(at_ns, SIGNAL_STARTS, pair.up.node, self._slot, pair, index + 1)
+        hop = (pair.hop + index // mode.hop_slots) % mode.channels
+        pair.channel = pair.order[hop]
         if index % 2:
             if now_ns - pair.up.heard_ns > mode.lost_ms * NS_PER_MS:
                 pair.up.is_heard = False
@@ -232,7 +240,7 @@ class Elrs(AccessMedium):
             return
         if now_ns - pair.down.heard_ns > mode.lost_down_ms * NS_PER_MS:
             pair.down.is_heard = False
-        self._send_up(pair, is_sync_channel=(pair.hop + index // mode.hop_slots) % mode.channels == 0)
+        self._send_up(pair, is_sync_channel=hop == 0)
 
     def _send_up(self, pair: _Pair, *, is_sync_channel: bool) -> None:
         now_ns, way, has_rc = self.agenda.now_ns, pair.up, self.settings.has_rc
@@ -259,7 +267,9 @@ class Elrs(AccessMedium):
     def _transmit(self, pair: _Pair, way: _Way, kind: str, fragment: Fragment) -> None:
         now_ns, mode = self.agenda.now_ns, self.mode
         ended_ns, slot_ends_ns = now_ns + mode.air_us * US, now_ns + mode.interval_us * US
-        frame = AirFrame(way.node, way.frames, kind, mode.packet_bytes, now_ns, ended_ns, to=way.peer)
+        frame = AirFrame(
+            way.node, way.frames, kind, mode.packet_bytes, now_ns, ended_ns, to=way.peer, channel=pair.channel
+        )
         way.frames += 1
         if fragment.length and way.chunk is not None:
             for entered, _ in way.chunk.packets:
@@ -340,3 +350,16 @@ class Elrs(AccessMedium):
 def _two_by_two(nodes: Sequence[int]) -> list[tuple[int, int]]:
     """Neighbours in the order of the nodes; an odd one out has no peer."""
     return list(zip(nodes[::2], nodes[1::2], strict=False))
+
+
+def hop_order(channels: int, words: WordStream) -> tuple[int, ...]:
+    """The frequencies in the order of a pair: that of sync, in the middle, then the others as drawn (`FHSS.cpp`).
+
+    The firmware draws them by the binding phrase, and anew for each of the rounds that fit in 256 hops.
+    """
+    sync = channels // 2
+    others = [channel for channel in range(channels) if channel != sync]
+    for place in range(len(others) - 1, 0, -1):
+        other = words.below(place + 1)
+        others[place], others[other] = others[other], others[place]
+    return (sync, *others)

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from channel.access.agenda import ACTS, Agenda
-from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
+from channel.access.packets import AirFate, AirFates, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
-from channel.access.world import AirFrame, World
+from channel.access.world import AirFrame, Foreseeing, Rows, World
+
+if TYPE_CHECKING:
+    from channel.access.air import Air
 
 
 class AccessMedium(ABC):
@@ -19,16 +28,29 @@ class AccessMedium(ABC):
         max_length_bytes: the longest packet.
 
     `offer` packets in any order, each not before the instant that `run` came to, then `run`: the outcomes come in the
-    order of their instants. Each packet has one `AirFate` per receiver: the node that it is for, all others, or those
-    of a group.
+    order of their instants, then of their packets and receivers. Each packet has one `AirFate` per receiver: the node
+    that it is for, all others, or those of a group.
+
+    Attributes:
+        agenda: what happens when.
+        air: what its receivers hear; None: they sense no carrier.
     """
+
+    air: Air | None = None
 
     def __init__(self, world: World, limits: QueueLimits, max_length_bytes: int) -> None:
         self.world = world
         self.agenda = Agenda()
         self._outboxes = {node: TransmitQueue(limits) for node in sorted(world.nodes)}
         self._max_length_bytes = max_length_bytes
-        self._outcomes: list[Outcome] = []
+        self._outcomes: list[Outcome | AirFates] = []
+        self._foresees = world if isinstance(world, Foreseeing) else None
+        self._offered: list[AirPacket] = []
+        """Packets that have not entered yet, for a world that foresees."""
+
+    def foresees_nothing(self) -> None:
+        """Its world looks at frames one by one: others are run with it, whom nobody asks to forget."""
+        self._foresees = None
 
     def offer(self, packet: AirPacket) -> None:
         """Have a packet enter its sender's radio at its instant.
@@ -42,9 +64,23 @@ class AccessMedium(ABC):
         if packet.to == packet.node:
             raise ValueError(f"node {packet.node} sends to itself")
         self.agenda.at(packet.at_ns, ACTS, packet.node, self._enter, packet)
+        if self._foresees is not None:
+            self._offered.append(packet)
 
     def run(self, until_ns: int) -> list[Outcome]:
         """Let the network live until an instant; what came of packets since the last call."""
+        singly: list[Outcome] = []
+        for outcome in self.live(until_ns):
+            singly += outcome.singly() if isinstance(outcome, AirFates) else (outcome,)
+        return sorted(singly, key=_order)
+
+    def live(self, until_ns: int) -> list[Outcome | AirFates]:
+        """As `run`, in no order, and fates of one frame together where it passed receivers as a whole."""
+        if self._foresees is not None:
+            entering = [packet for packet in self._offered if packet.at_ns <= until_ns]
+            self._offered = [packet for packet in self._offered if packet.at_ns > until_ns]
+            self._foresees.forget()
+            self._foresee(self._foresees, entering)
         self.agenda.run(until_ns)
         outcomes, self._outcomes = self._outcomes, []
         return outcomes
@@ -59,6 +95,13 @@ class AccessMedium(ABC):
         if packet.to is not None:
             return (packet.to,)
         return tuple(node for node in self._outboxes if packet.is_for(node))
+
+    def _foresee(self, world: Foreseeing, entering: Sequence[AirPacket]) -> None:
+        """Have the world look together at frames that are likely to come of packets that enter now.
+
+        A wrong guess costs time and changes nothing.
+        """
+        del world, entering
 
     @abstractmethod
     def _wake(self, node: int) -> None:
@@ -105,9 +148,26 @@ class AccessMedium(ABC):
         fate = AirFate(packet, receiver, max(now_ns, ended_ns), started_ns, ended_ns, attempts, loss, frame)
         self._outcomes.append(fate)
 
+    def _book_all(
+        self, frame: AirFrame, receiver: Rows, at_ns: NDArray[np.int64], came: NDArray[np.bool_]
+    ) -> None:
+        """What became of a packet to all, or to a group, at several nodes; of those that it is for."""
+        packet = frame.packet
+        assert packet is not None
+        if packet.members is not None:
+            own = np.isin(receiver, list(packet.members))
+            receiver, at_ns, came = receiver[own], at_ns[own], came[own]
+        self._outcomes.append(AirFates(packet, frame, receiver, at_ns, came))
+
     def _lost(self, packet: AirPacket, loss: Loss) -> None:
         """Lost before it was on the air, for all that it was for."""
         for receiver in self.receivers_of(packet):
             self._book(packet, receiver, None, 0, loss)
         if packet.to is not None:
             self._outcomes.append(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))
+
+
+def _order(outcome: Outcome) -> tuple[int, int, int, float]:
+    """What a sender learns comes after what happened."""
+    receiver = outcome.receiver if isinstance(outcome, AirFate) else inf
+    return outcome.at_ns, outcome.packet.node, outcome.packet.number, receiver

@@ -27,8 +27,9 @@ class PlainMedium(AccessMedium):
     ) -> None:
         super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
         self._timing = timing
-        self._air = Air(self.agenda, world, hearing or Hearing(), self._passed)
+        self._air = Air(self.agenda, world, hearing or Hearing(), self._passed, self._book_all)
         self._receivers = self._air.join({node: DeafEar() for node in world.nodes})
+        self.air = self._air
         self._numbers = dict.fromkeys(world.nodes, 0)
 
     def _transmit(

@@ -98,6 +98,8 @@ class Sik(AccessMedium):
         ValueError: pairs that do not fit the nodes, or settings that radios do not have.
     """
 
+    air: Air
+
     def __init__(
         self,
         world: World,

@@ -280,12 +280,16 @@ class SikRadio:
         if self._settings.lbt and not self._rests:
             self._rests = self._words.below(LBT_TICKS)
 
-    def idle(self, damaged: bool) -> None:
+    def idle(self, damaged: bool, since_ns: int) -> None:
         """The channel is free from now on, whatever was on it."""
-        del damaged
+        del damaged, since_ns
         if self._settings.lbt:
             self._quiet_since = (self._agenda.now_ns - self._epoch_ns) // self._settings.tick_ns
             self._wake_soon()
+
+    def is_done(self) -> bool:
+        """Never: it follows its peer."""
+        return False
 
     def heard(self, frame: AirFrame) -> None:
         """The medium says it to the peer alone; radios drop packets of another NETID."""

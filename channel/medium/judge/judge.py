@@ -10,7 +10,7 @@ from packet to packet as they should (`changes`). Each answer says which defect 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 
 import numpy as np
@@ -32,6 +32,7 @@ from channel.medium.judge.check import (
 )
 from channel.medium.judge.heard import HeardPower, heard_power
 from channel.medium.judge.places import PowersAtPlaces
+from channel.medium.judge.taken import Taken
 from channel.medium.links import LinksOfPass
 from channel.numbers import special
 
@@ -47,6 +48,11 @@ EXACT_DB = 2.0 / STEPS_PER_DB
 OFF_SHARE = 0.01
 OFF_SHARE_OF_BIN = 0.05
 """The checks of losses are measured by so many more of the packets, in all or in each bin."""
+NOWHERE = -1
+
+Ints = NDArray[np.int64]
+PacketKey = tuple[int, int, int, int]
+"""Instant, ns, transmitter, sequence number, length."""
 
 
 class Judge:
@@ -91,27 +97,73 @@ class Judge:
             erased: whether the draw of the error model lost the packet.
         """
         per = signal.per
-        self._packets += per.size
-        index = np.minimum(links.distance_m * (1.0 / BIN_WIDTH_M), MAX_BINS - 1).astype(np.intp)
+        index = _bins(links.distance_m)
         spread = per * (1.0 - per)
         self._sent += np.bincount(index, minlength=MAX_BINS)
         self._expected += np.bincount(index, per, MAX_BINS)
         self._variance += np.bincount(index, spread, MAX_BINS)
         self._erased += np.bincount(index, erased, MAX_BINS)
         noise_db = signal.received_power_dbm - signal.snr_db - noise_dbm
-        self._off_noise += int(np.count_nonzero(np.abs(noise_db) > EXACT_DB))
-        certain = spread == 0.0
-        if certain.any():
-            self._impossible += int(np.count_nonzero(erased[certain] != (per[certain] == 1.0)))
+        self._count(per, spread, erased, noise_db)
         self._powers.take(radio, links, mean_power_dbm, signal.received_power_dbm)
 
     def take_base_losses(self, radio: Radio, lost: NDArray[np.bool_]) -> None:
         """Take in which packets the base loss of a radio lost, shape (L,)."""
-        share = radio.config.base_loss
-        self._base_packets += lost.size
-        self._base_expected += lost.size * share
-        self._base_variance += lost.size * share * (1.0 - share)
-        self._base_losses += int(np.count_nonzero(lost))
+        self._take_base_losses(radio.config.base_loss, lost.size, int(np.count_nonzero(lost)))
+
+    def _take_base_losses(self, share: float, packets: int, lost: int) -> None:
+        self._base_packets += packets
+        self._base_expected += packets * share
+        self._base_variance += packets * share * (1.0 - share)
+        self._base_losses += lost
+
+    def _count(
+        self, per: FloatArray, spread: FloatArray, erased: NDArray[np.bool_], off_db: FloatArray
+    ) -> None:
+        """Count packets, those whose fate cannot be, and those whose noise is off."""
+        self._packets += per.size
+        self._off_noise += int(np.count_nonzero(np.abs(off_db) > EXACT_DB))
+        certain = spread == 0.0
+        if certain.any():
+            self._impossible += int(np.count_nonzero(erased[certain] != (per[certain] == 1.0)))
+
+    def take_in_order(self, taken: Sequence[Taken], order: Mapping[PacketKey, int]) -> None:
+        """Take in the packets that are in an order, one after the other, and no others of what was drawn.
+
+        All sums are those of calls of `take` for each packet alone.
+
+        Args:
+            taken: what was drawn, of all links of a packet.
+            order: places of packets by their first four columns.
+        """
+        rows = [_in_order(part, order) for part in taken]
+        picked = [(part, *row) for part, row in zip(taken, rows, strict=True) if row[0].size]
+        if not picked:
+            return
+        place = np.concatenate([place for _, _, place in picked])
+        part = np.repeat(np.arange(len(picked)), [row.size for _, row, _ in picked])
+        order_of_rows = np.lexsort((part, place))
+        each = [_columns(*one) for one in picked]
+        distance_m, per, erased, off_db = (np.concatenate(columns) for columns in zip(*each, strict=True))
+        self._sum(
+            (place * len(picked) + part)[order_of_rows],
+            *(c[order_of_rows] for c in (distance_m, per, erased)),
+        )
+        self._count(per, per * (1.0 - per), erased, off_db)
+        self._powers.take_in_order([(part, row) for part, row, _ in picked], part, order_of_rows)
+        losses = [(loss, number) for number, one in enumerate(picked) for loss in _base_losses(*one)]
+        for (_, *loss), number in sorted(losses, key=lambda each: (each[0][0], each[1])):
+            self._take_base_losses(picked[number][0].radio.config.base_loss, *loss)
+
+    def _sum(self, group: Ints, distance_m: FloatArray, per: FloatArray, erased: NDArray[np.bool_]) -> None:
+        """Add up groups of rows, each by itself first."""
+        index = _bins(distance_m)
+        self._sent += np.bincount(index, minlength=MAX_BINS)
+        self._erased += np.bincount(index, erased, MAX_BINS)
+        sums, which = np.unique(group * MAX_BINS + index, return_inverse=True)
+        bins = sums % MAX_BINS
+        np.add.at(self._expected, bins, np.bincount(which, per))
+        np.add.at(self._variance, bins, np.bincount(which, per * (1.0 - per)))
 
     def verdict(self) -> Verdict:
         """Return what there is to say by now."""
@@ -138,6 +190,36 @@ class Judge:
             yield _bins_check(
                 "losses by distance", *(each[enough] for each in (self._sent, off, self._variance))
             )
+
+
+def _bins(distance_m: FloatArray) -> NDArray[np.intp]:
+    return np.minimum(distance_m * (1.0 / BIN_WIDTH_M), MAX_BINS - 1).astype(np.intp)
+
+
+def _in_order(taken: Taken, order: Mapping[PacketKey, int]) -> tuple[NDArray[np.intp], Ints]:
+    """The links of packets that are in an order, and the places of these."""
+    packets = taken.links.packets
+    keys = zip(*(column.tolist() for column in packets[:4]), strict=True)
+    place = np.array([order.get(key, NOWHERE) for key in keys], dtype=np.int64)[taken.links.packet]
+    rows = np.flatnonzero(place != NOWHERE)
+    return rows, place[rows]
+
+
+def _columns(
+    taken: Taken, rows: NDArray[np.intp], _place: Ints
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], FloatArray]:
+    """Distance, error rate, whether it was lost, and how far the noise is off, dB."""
+    signal = taken.signal
+    off_db = signal.received_power_dbm - signal.snr_db - taken.noise_dbm
+    return taken.links.distance_m[rows], signal.per[rows], taken.erased[rows], off_db[rows]
+
+
+def _base_losses(taken: Taken, rows: NDArray[np.intp], place: Ints) -> Iterator[tuple[int, int, int]]:
+    """Place, number of links and of losses of each packet, where there is a base loss."""
+    if taken.base_lost is not None:
+        sent, lost = np.bincount(place), np.bincount(place, taken.base_lost[rows])
+        for at in np.flatnonzero(sent).tolist():
+            yield at, int(sent[at]), int(lost[at])
 
 
 def _count_check(name: str, packets: int, off: float, variance: float) -> Check | Unjudged:
@@ -184,23 +266,58 @@ class _Powers:
         self._asked = False
 
     def take(self, radio: Radio, links: LinksOfPass, mean_dbm: FloatArray, power_dbm: FloatArray) -> None:
-        config = radio.config
-        if not (config.shadowing.is_random or config.fading.is_random or radio.sight is not None):
-            self._exact += power_dbm.size
-            self._off += int(np.count_nonzero(np.abs(power_dbm - mean_dbm) > EXACT_DB))
+        if not self._is_asked(radio, mean_dbm, power_dbm):
             return
-        self._asked = True
+        for row in np.flatnonzero(self._due(links)).tolist():
+            self._look(radio, links, row, mean_dbm, power_dbm)
+
+    def take_in_order(
+        self,
+        picked: Sequence[tuple[Taken, NDArray[np.intp]]],
+        part: NDArray[np.intp],
+        order: NDArray[np.intp],
+    ) -> None:
+        """Take in rows of parts one after the other: `part` says of which part each is, `order` which comes when."""
+        due = []
+        for taken, rows in picked:
+            power_dbm = taken.signal.received_power_dbm
+            is_asked = self._is_asked(taken.radio, taken.mean_power_dbm[rows], power_dbm[rows])
+            due.append(self._due(taken.links)[rows] if is_asked else np.zeros(rows.size, dtype=bool))
+        row_of = np.concatenate([rows for _, rows in picked])
+        for each in order[np.concatenate(due)[order]].tolist():
+            taken, _ = picked[part[each]]
+            power_dbm = taken.signal.received_power_dbm
+            self._look(taken.radio, taken.links, int(row_of[each]), taken.mean_power_dbm, power_dbm)
+
+    def _is_asked(self, radio: Radio, mean_dbm: FloatArray, power_dbm: FloatArray) -> bool:
+        """Whether there are questions to powers; without random terms they are what the budget says."""
+        config = radio.config
+        if config.shadowing.is_random or config.fading.is_random or radio.sight is not None:
+            self._asked = True
+            return True
+        self._exact += power_dbm.size
+        self._off += int(np.count_nonzero(np.abs(power_dbm - mean_dbm) > EXACT_DB))
+        return False
+
+    def _due(self, links: LinksOfPass) -> NDArray[np.bool_]:
+        """Which links may be looked at."""
         number = self._number[links.tx * self._nodes + links.rx]
-        when_ns = links.sim_time_ns
-        due = np.flatnonzero((number >= 0) & (when_ns >= self._next_ns.min(axis=0)[number]))
-        for row, link, now_ns in zip(due.tolist(), number[due].tolist(), when_ns[due].tolist(), strict=True):
-            look: HeardPower | None = None
-            for question, next_ns in zip(self._questions, self._next_ns, strict=True):
-                if now_ns >= next_ns[link]:
-                    look = look or heard_power(
-                        radio, links, link, row, float(mean_dbm[row]), float(power_dbm[row])
-                    )
-                    next_ns[link] = now_ns + self._stretched(question.take(look), now_ns)
+        due: NDArray[np.bool_] = (number >= 0) & (links.sim_time_ns >= self._next_ns.min(axis=0)[number])
+        return due
+
+    def _look(
+        self, radio: Radio, links: LinksOfPass, row: int, mean_dbm: FloatArray, power_dbm: FloatArray
+    ) -> None:
+        """Ask the questions that are due of a link."""
+        link = int(self._number[links.tx[row] * self._nodes + links.rx[row]])
+        now_ns = int(links.packets.sim_time_ns[links.packet[row]])
+        look: HeardPower | None = None
+        for question, next_ns in zip(self._questions, self._next_ns, strict=True):
+            if now_ns >= next_ns[link]:
+                look = look or heard_power(
+                    radio, links, link, row, float(mean_dbm[row]), float(power_dbm[row])
+                )
+                next_ns[link] = now_ns + self._stretched(question.take(look), now_ns)
 
     def _stretched(self, wait_ns: int, now_ns: int) -> int:
         """Return a wait that grows with the run, but within a pair: looks do not cost more in larger fleets."""

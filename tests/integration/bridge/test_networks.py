@@ -185,3 +185,70 @@ def test_one_process_and_many_have_the_same_networks_and_redecide_has_them_again
     pd.testing.assert_frame_equal(*of_mesh, check_categorical=False)
     assert not (other[other.radio == "main"].fate == "base_loss").any()
     assert (was[was.radio == "main"].fate == "base_loss").any()
+
+
+APART_HZ = 2e6
+"""Farther than 2.5 bandwidths of the emission and of the filter: 650 kHz."""
+OVER_EACH_OTHER: list[tuple[Any, ...]] = [(1.0 + 0.05 * k, "0", 100) for k in range(10)]
+"""12.5 ms each, at the same instants on either network."""
+
+
+def in_one_band(apart_hz: float = 0.0, **more: Any) -> dict[str, Any]:
+    """g1 sends to UA 0 over `main`, 100 m, and g2 to g3 over `mesh`, 200 m from UA 0; UA 0 sends on `mesh` later."""
+    main = TELEMETRY | more
+    mesh = TELEMETRY | {"frequency_hz": TELEMETRY["frequency_hz"] + apart_hz}
+    over_mesh = [(at_s, "g3", size, *MESH) for at_s, _, size in OVER_EACH_OTHER]
+    later = [(at_s + 1.0, "g3", size, *MESH) for at_s, _, size in OVER_EACH_OTHER[:5]]
+    to_ua = OVER_EACH_OTHER + [(at_s + 1.0, "0", size) for at_s, _, size in OVER_EACH_OTHER[:5]]
+    nodes = [
+        node(0, 0.0, sends=later),
+        node(1, 100.0, sends=to_ua) | {"networks": ["main"]},
+        node(2, 200.0, sends=over_mesh),
+        node(3, 250.0),
+    ]
+    return {"nodes": nodes, "radio": main, "networks": {"mesh": mesh}}
+
+
+def fates_on(run: Run, radio: str, tx: str, rx: str) -> list[str]:
+    found = rows(run, tx, rx)
+    return found[found.radio == radio].fate.astype(str).tolist()
+
+
+def test_networks_in_one_band_disturb_each_other_and_apart_they_do_not(flown: Flown) -> None:
+    """10 dB over all else: UA 0 hears g1 from 100 m, 6 dB above g2 from 200 m, and its own other radio at -5 dBm."""
+    together = flown(**in_one_band())
+    assert fates_on(together, "main", "g1", "0") == ["interfered"] * 15
+    # g3 hears g2 from 50 m, and g1 from 150 m, 9.5 dB below; UA 0 from 250 m where g1 transmits, too
+    assert fates_on(together, "mesh", "g2", "g3") == ["interfered"] * 10
+    assert fates_on(together, "mesh", "0", "g3") == ["interfered"] * 5
+    balances(together)
+    apart = flown(**in_one_band(APART_HZ))
+    for radio, tx, rx, count in (("main", "g1", "0", 15), ("mesh", "g2", "g3", 10), ("mesh", "0", "g3", 5)):
+        assert fates_on(apart, radio, tx, rx) == ["delivered"] * count
+    balances(apart)
+    taken = redecide(together.path, radio=in_one_band()["radio"] | {"frequency_hz": 917e6}).table.to_pandas()
+    assert set(taken[(taken.channel == "test")].fate.astype(str)) == {"delivered"}
+
+
+@pytest.mark.slow
+def test_radios_of_one_ua_are_kept_apart_by_their_isolation(flown: Flown) -> None:
+    """UA 0 hears g1 through 71.7 dB of free space: 82 dB of isolation leave 10 dB."""
+    for isolation_db, fate in ((81.0, "interfered"), (83.0, "delivered")):
+        run = flown(**in_one_band(interference={"isolation_db": isolation_db, "rejection": [[0.0, 0.0]]}))
+        assert fates_on(run, "main", "g1", "0")[10:] == [fate] * 5
+        assert fates_on(run, "main", "g1", "0")[:10] == ["interfered"] * 10
+
+
+@pytest.mark.slow
+def test_networks_in_one_band_are_the_same_in_one_process_and_many_and_decided_again(flown: Flown) -> None:
+    options = in_one_band(error={"model": "noncoherent-fsk"})
+    deaf = {"model": "csma", "standard": "11a", "energy_dbm": 0.0}
+    options["networks"]["mesh"] |= {"medium": deaf, "base_loss": 0.2}
+    one, many = (flown(**options, processes=processes) for processes in ("one", "many"))
+    assert compare(one.path, many.path) is None
+    assert one.digest == many.digest
+    assert "interfered" in set(one.packets.fate.astype(str))
+    again = redecide(one.path)
+    assert again.comparison.is_same
+    was = one.table("deliveries").to_pandas()
+    pd.testing.assert_frame_equal(again.table.to_pandas(), was, check_categorical=False)

@@ -444,7 +444,7 @@ def test_eifs_is_as_long_at_every_basic_rate() -> None:
 def test_the_nav_is_followed_by_difs_though_a_frame_was_damaged() -> None:
     """EIFS counts from the damaged frame alone (10.3.2.3.7): a NAV that lasts longer ends it."""
     station = Csma(PlainWorld((0, 1)), wifi_a())._stations[0]
-    station.idle(damaged=True)
+    station.idle(damaged=True, since_ns=0)
     assert station._counts_from_ns() == 94_000
     station.heard(AirFrame(1, 0, "cts", 14, 0, 1, to=5, reserved_ns=80_000))
     assert station._counts_from_ns() == 80_000 + 34_000

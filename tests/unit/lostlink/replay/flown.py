@@ -32,7 +32,7 @@ from bridge.record.tables.truth import TruthWriter
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.file import parse_scenario
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve.channel import channel_of
+from bridge.scenario.resolve.channel import channels_of
 
 TICK_NS = 50_000_000
 NS_PER_S = 1_000_000_000
@@ -129,9 +129,8 @@ class Router:
         self.run = RunDirectory(path)
         self.run.write(scenario, "tcp/127.0.0.1:1")
         nodes = scenario.transceiver_ids
-        self.channels = [
-            channel_of(scenario, switches_of(scenario, network=name), name) for name in scenario.network_names
-        ]
+        switches = {name: switches_of(scenario, network=name) for name in scenario.network_names}
+        self.channels = channels_of(scenario, switches)
         airs = [
             NetworkAir(each.medium, each.network, name=each.name, nodes=nodes, place=place)
             for place, each in enumerate(self.channels)
