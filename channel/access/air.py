@@ -53,6 +53,8 @@ class Air:
         self._passage: Passage | None = None
         self._clear_ns = -1
         """Until this instant something may be on the air."""
+        self._is_split = bool(hearing.channels)
+        """Receivers may be on several channels."""
 
     def receiver(self, node: int) -> Receiver:
         """A node's receiver."""
@@ -77,6 +79,12 @@ class Air:
     def ignore(self, receiver: Receiver) -> None:
         """A receiver's access does nothing but note when it last heard something, and whether that had errors."""
         self._attending.discard(receiver.node)
+
+    def tunes(self) -> None:
+        """A receiver is about to turn to another channel: frames reach no longer all alike."""
+        self._is_split = True
+        if self._passage is not None:
+            self._end_passage(self._passage)
 
     def transmit(self, frame: AirFrame, then: Callable[[], object]) -> None:
         """Put a frame on the air now; ``then`` is called at its end, before anybody acts on it."""
@@ -138,8 +146,7 @@ class Air:
             and frame.is_broadcast
             and self._clear_ns < frame.started_ns
             and last_ns <= self.agenda.until_ns
-            and frame.channel == 0
-            and not self.hearing.channels
+            and not self._is_split
             and frame.ended_ns - frame.started_ns > self.hearing.cca_ns
             and 2 * len(self._attending) <= len(self._receivers)
         )

@@ -191,6 +191,7 @@ class Receiver:
         """Listen on a channel from now on; what is under way there it has no preamble of, and does not lock on to."""
         if channel == self.channel:
             return
+        self._air.tunes()
         self.channel = channel
         here = {**self._signals, **self._elsewhere}
         for frame in here:

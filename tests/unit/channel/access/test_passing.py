@@ -10,8 +10,9 @@ from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma
 from channel.access.media.forecast import Forecast
 from channel.access.media.medium import AccessMedium
-from channel.access.media.tdma import Schedule, Tdma
-from channel.access.packets import AirFate, AirFates, AirPacket
+from channel.access.media.schedule import Schedule, Slot
+from channel.access.media.tdma import Tdma
+from channel.access.packets import AirFate, AirFates, AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.radio_world import RadioWorld
 from channel.access.timing import BitRate, wifi_g
@@ -59,7 +60,7 @@ def medium_of(name: str, world: World) -> AccessMedium:
         return Csma(world, wifi_g(), hearing=Hearing(1e-10, 1e-9, capture=10.0))
     if name == "airtime":
         return AirTime(world, BitRate(2e6))
-    return Tdma(world, BitRate(2e6), Schedule(tuple(range(NODES)), 2_000 * US, 100 * US))
+    return Tdma(world, BitRate(2e6), Schedule.equal(tuple(range(NODES)), 2_000 * US, 100 * US))
 
 
 def offer(medium: AccessMedium, rate_hz: float, unicasts: bool) -> None:
@@ -94,6 +95,23 @@ def test_passing_changes_nothing(
         wanted = singly.run(tick * S // 10)
         assert sorted(map(repr, found)) == sorted(map(repr, wanted))
     assert passed > 20
+
+
+def test_radios_that_turn_to_other_channels_hear_one_by_one() -> None:
+    """All listen on channel 0 until the first turn; then half of them are elsewhere while node 0 transmits there."""
+    slots = (
+        Slot((0,), 0, 4_000 * US),
+        Slot((0,), 4_000 * US, 4_000 * US, listeners=tuple(range(1, 6))),
+        Slot((6,), 4_000 * US, 4_000 * US, channel=1, listeners=tuple(range(7, NODES))),
+    )
+    passing, singly = (
+        Tdma(world, BitRate(2e6), Schedule(slots, 8_000 * US)) for world in (near(), OneByOne(near()))
+    )
+    for medium in (passing, singly):
+        offer(medium, 60, unicasts=False)
+    found = passing.run(S)
+    assert list(map(repr, found)) == list(map(repr, singly.run(S)))
+    assert {one.loss for one in found if isinstance(one, AirFate)} >= {None, Loss.NO_LOCK}
 
 
 def test_outcomes_come_in_the_order_of_their_instants() -> None:
