@@ -137,9 +137,16 @@ class Modem:
 
     # From the air to the host.
 
-    def deliver(self, data: bytes, now_ns: int) -> None:
-        """The air has brought bytes; those that find no room are dropped."""
-        kept = data[: max(self._room_to_host(now_ns), 0)]
+    def deliver(self, data: bytes, now_ns: int, parts: int = 1) -> None:
+        """The air has brought bytes; those that find no room are dropped.
+
+        Args:
+            data: the bytes of a unit.
+            now_ns: when the last of them came.
+            parts: in how many packets: the firmware writes each as it comes, so the last alone has to find room now.
+        """
+        written_bytes = len(data) - len(data) // max(parts, 1)
+        kept = data[: max(self._room_to_host(now_ns) + written_bytes, 0)]
         self.counts.cut_bytes += len(data) - len(kept)
         if kept:
             self.counts.bytes_out += len(kept)

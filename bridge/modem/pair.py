@@ -155,4 +155,4 @@ class ModemPair:
             return
         counts.units_arrived += 1
         counts.bytes_arrived += len(sent.unit.data)
-        self.modems[1 - end].deliver(sent.unit.data, now_ns)
+        self.modems[1 - end].deliver(sent.unit.data, now_ns, fate.attempts)

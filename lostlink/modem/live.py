@@ -18,8 +18,8 @@ from bridge.modem.radio_link import RadioLink
 from lostlink.modem.endpoints.endpoint import Endpoint
 
 NS_PER_S: Final = 1_000_000_000
-GRAIN_NS: Final = 1_000_000
-"""The timer is armed for no less: what comes within it comes at once."""
+GRAIN_NS: Final = 4_000_000
+"""The timer is armed for no less: what is due within it comes together. A window of SiK takes 110 ms."""
 IDLE_NS: Final = 250_000_000
 """So often the radios live on while nothing is under way."""
 LATE_NS: Final = 10_000_000
@@ -90,7 +90,6 @@ class LiveLink:
     def _received(self, end: int, data: bytes) -> None:
         """The host of an end sends."""
         now_ns = self.now_ns
-        self._advance(now_ns)
         waits = self.link.pair.modems[end].line_bytes
         if not self.endpoints[end].can_wait and waits > UDP_BYTES:
             self.overrun_bytes[end] += len(data)
@@ -114,13 +113,15 @@ class LiveLink:
             self.endpoints[end].write(data)
 
     def _arm(self, now_ns: int) -> None:
-        """Have the timer ring when something is due, and hold hosts whose lines are full."""
+        """Hold hosts whose lines are full, and have the timer ring when something is due."""
         for end, endpoint in self.endpoints.items():
             waits = self.link.pair.modems[end].line_bytes
             if waits > LINE_BYTES:
                 endpoint.hold()
             elif waits <= LINE_GOES_ON_BYTES:
                 endpoint.go_on()
+        if self._timer is not None and self._timer_ns <= now_ns + GRAIN_NS:
+            return
         next_ns = self.link.pair.next_ns
         due_ns = now_ns + IDLE_NS if next_ns is None else min(next_ns, now_ns + IDLE_NS)
         due_ns = max(due_ns, now_ns + GRAIN_NS)
