@@ -1,4 +1,4 @@
-"""Modems take any bytes in any pieces at any instants: none crash them, and a valid frame that follows comes through."""
+"""Modems take any bytes in any pieces at any instants: nothing crashes, and valid frames that follow come through."""
 
 from __future__ import annotations
 
