@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bridge.modem.pair import AIR, ENDS, GROUND
+from bridge.modem.pair import AIR, GROUND
 from bridge.modem.radio_link import RadioLink
 from lostlink.modem.endpoints.address import endpoint_of
 from lostlink.modem.live import NS_PER_S, LiveLink
@@ -37,11 +37,17 @@ class End:
     """
 
     came: list[Came] = field(default_factory=list)
-    _said: list[tuple[int, int, bytes]] = field(default_factory=list)
+    _said: list[tuple[int, bytes]] = field(default_factory=list)
 
     def send(self, data: bytes, at_s: float) -> None:
         """Have this end's host send bytes at an instant of the link's time, in s."""
-        self._said.append((round(at_s * NS_PER_S), len(self._said), data))
+        self._said.append((round(at_s * NS_PER_S), data))
+
+    def take(self, until_ns: int) -> list[tuple[int, bytes]]:
+        """What was said for instants up to one, as (instant ns, bytes); it is said once."""
+        taken = [each for each in self._said if each[0] <= until_ns]
+        self._said = [each for each in self._said if each[0] > until_ns]
+        return taken
 
     @property
     def data(self) -> bytes:
@@ -68,14 +74,11 @@ class ScriptedLink:
             ValueError: something was said for an instant that had passed.
         """
         until_ns = round(until_s * NS_PER_S)
-        ends = {GROUND: self.gcs, AIR: self.autopilot}
-        said = sorted((at_ns, end, n, data) for end in ENDS for at_ns, n, data in ends[end]._said)
-        for at_ns, end, _, data in said:
-            if at_ns <= until_ns:
-                self._advance(at_ns)
-                self._link.receive(end, data, at_ns)
-        for end in ends.values():
-            end._said = [each for each in end._said if each[0] > until_ns]
+        said = [(at_ns, GROUND, data) for at_ns, data in self.gcs.take(until_ns)]
+        said += [(at_ns, AIR, data) for at_ns, data in self.autopilot.take(until_ns)]
+        for at_ns, end, data in sorted(said, key=lambda each: each[0]):
+            self._advance(at_ns)
+            self._link.receive(end, data, at_ns)
         self._advance(until_ns)
 
     def _advance(self, until_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""The pytest plugin: the fixtures `fleet` and `modem_link`. It loads with every pytest session, so it imports nothing before its use."""
+"""The pytest plugin: the fixtures `fleet` and `modem_link`. It loads with every pytest session, and imports nothing early."""
 
 from __future__ import annotations
 
