@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from aps.wire.framer import Framer
 from bridge.modem.heard import Heard
@@ -13,6 +14,8 @@ from bridge.modem.serial_line import SerialLine
 from bridge.modem.settings import ModemSettings
 from bridge.modem.units import Unit, UnitCutter
 from channel.access.packets import Loss
+
+NO_UNITS: Final[Sequence[Unit]] = ()
 
 
 class HostBytes(NamedTuple):
@@ -63,10 +66,11 @@ class Modem:
     Args:
         settings: of the modem.
         heard: what its radio measures.
+        waiting_bytes: gives what waits for the air in the radio.
     """
 
-    def __init__(self, settings: ModemSettings, heard: Heard) -> None:
-        self.settings, self.heard = settings, heard
+    def __init__(self, settings: ModemSettings, heard: Heard, waiting_bytes: Callable[[], int]) -> None:
+        self.settings, self.heard, self._waiting_bytes = settings, heard, waiting_bytes
         self.counts = Counts()
         self._from_host, self._to_host = SerialLine(settings.baud), SerialLine(settings.baud)
         self._cutter = UnitCutter(self._from_host.span_ns(1))
@@ -92,39 +96,36 @@ class Modem:
 
     def acts_ns(self) -> int | None:
         """The next instant at which it may do something by itself; None: it waits."""
-        instants = (
-            self._from_host.arrives_ns(self._cutter.needs_bytes),
-            self._cutter.gives_up_ns,
-            self._status_ns,
-        )
-        return min((at_ns for at_ns in instants if at_ns is not None), default=None)
+        at_ns = self._status_ns
+        if self._from_host.waiting_bytes:
+            arrives_ns = self._from_host.arrives_ns(self._cutter.needs_bytes)
+            at_ns = arrives_ns if at_ns is None or (arrives_ns is not None and arrives_ns < at_ns) else at_ns
+        gives_up_ns = self._cutter.gives_up_ns
+        if gives_up_ns is not None and (at_ns is None or gives_up_ns < at_ns):
+            return gives_up_ns
+        return at_ns
 
-    def next_byte_ns(self, until_ns: int, waiting_bytes: int) -> int | None:
-        """When the next byte arrives, if not all that arrive up to an instant are sure to find room.
-
-        Args:
-            until_ns: the instant.
-            waiting_bytes: for the air, in the radio.
-        """
-        if self._from_host.arrived(until_ns) <= self._room_bytes(waiting_bytes):
+    def next_byte_ns(self, until_ns: int) -> int | None:
+        """When the next byte arrives, if not all that arrive up to an instant are sure to find room."""
+        count = self._from_host.arrived(until_ns) if self._from_host.waiting_bytes else 0
+        if not count or count <= self._room_bytes():
             return None
         return self._from_host.arrives_ns(1)
 
-    def listen(self, now_ns: int, waiting_bytes: int) -> list[Unit]:
+    def listen(self, now_ns: int) -> Sequence[Unit]:
         """Take in what has arrived; returns what goes on the air now.
 
         Args:
             now_ns: not beyond the instants of `acts_ns` and `next_byte_ns`.
-            waiting_bytes: for the air, in the radio.
         """
-        gives_up_ns, units = self._cutter.gives_up_ns, []
-        count = self._from_host.arrived(now_ns)
+        gives_up_ns, units = self._cutter.gives_up_ns, NO_UNITS
+        count = self._from_host.arrived(now_ns) if self._from_host.waiting_bytes else 0
         arrived_ns = self._from_host.arrives_ns(count) if count else None
         if arrived_ns is not None:
             data = self._from_host.take(count)
-            kept = data[: max(self._room_bytes(waiting_bytes), 0)]
+            kept = data[: max(self._room_bytes(), 0)]
             self.counts.dropped_bytes += count - len(kept)
-            units = self._cutter.feed(kept, arrived_ns) if kept else []
+            units = self._cutter.feed(kept, arrived_ns) if kept else NO_UNITS
         elif gives_up_ns is not None and gives_up_ns <= now_ns:
             units = self._cutter.give_up()
         for unit in units:
@@ -132,8 +133,8 @@ class Modem:
         self.counts.units_sent += len(units)
         return units
 
-    def _room_bytes(self, waiting_bytes: int) -> int:
-        return self.settings.from_host_bytes - waiting_bytes - self._cutter.held_bytes
+    def _room_bytes(self) -> int:
+        return self.settings.from_host_bytes - self._waiting_bytes() - self._cutter.held_bytes
 
     # From the air to the host.
 
@@ -158,7 +159,7 @@ class Modem:
         status = self.settings.status
         self._owes_status |= status is not None and status.answers(unit)
 
-    def tell(self, now_ns: int, waiting_bytes: int) -> None:
+    def tell(self, now_ns: int) -> None:
         """Tell its host how the link is, if that is due, and if there is room for it."""
         status = self.settings.status
         if status is None:
@@ -168,8 +169,7 @@ class Modem:
             self._status_ns += status.period_ns
         if not self._owes_status:
             return
-        used_bytes = waiting_bytes + self._cutter.held_bytes
-        buffer = Buffer(used_bytes, self.settings.from_host_bytes)
+        buffer = Buffer(self._waiting_bytes() + self._cutter.held_bytes, self.settings.from_host_bytes)
         frame = status.frame(self._version, self._seq, self.heard, buffer, now_ns)
         if len(frame) <= self._room_to_host(now_ns):
             self._seq = (self._seq + 1) & 0xFF

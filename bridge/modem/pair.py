@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from typing import Final, NamedTuple
 
@@ -56,7 +57,9 @@ class ModemPair:
     def __init__(
         self, medium: AccessMedium, settings: Mapping[int, ModemSettings], heard: Mapping[int, Heard]
     ) -> None:
-        self.modems = {end: Modem(settings[end], heard[end]) for end in ENDS}
+        self.modems = {
+            end: Modem(settings[end], heard[end], partial(medium.waiting_bytes, end)) for end in ENDS
+        }
         self._medium = medium
         self._sent: dict[tuple[int, int], _Sent] = {}
         """Units by end and number of each of their packets."""
@@ -109,23 +112,23 @@ class ModemPair:
             acts_ns = modem.acts_ns()
             if acts_ns is not None and acts_ns < at_ns:
                 at_ns = acts_ns
-        for end, modem in self.modems.items():
-            if modem.line_bytes:
-                horizon_ns = self.now_ns if at_ns == inf else int(at_ns)
-                byte_ns = modem.next_byte_ns(horizon_ns, self.waiting_bytes(end))
-                at_ns = at_ns if byte_ns is None else min(at_ns, byte_ns)
+        if at_ns < inf:
+            for modem in self.modems.values():
+                byte_ns = modem.next_byte_ns(int(at_ns))
+                if byte_ns is not None and byte_ns < at_ns:
+                    at_ns = byte_ns
         return at_ns
 
     def _step(self, now_ns: int) -> None:
         """Nothing happened since the last step; all that happens now."""
         fates = [each for each in self._medium.run(now_ns) if isinstance(each, AirFate)]
         for end, modem in self.modems.items():
-            for unit in modem.listen(now_ns, self.waiting_bytes(end)):
+            for unit in modem.listen(now_ns):
                 self._send(end, unit, now_ns)
         for fate in fates:
             self._settle(fate, now_ns)
-        for end, modem in self.modems.items():
-            modem.tell(now_ns, self.waiting_bytes(end))
+        for modem in self.modems.values():
+            modem.tell(now_ns)
 
     def _send(self, end: int, unit: Unit, now_ns: int) -> None:
         """Give a unit to the radio, in packets that its medium takes."""

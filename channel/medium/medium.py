@@ -90,13 +90,21 @@ class Medium:
         self._settling = self.drawing(judge=judge, cull=True)
         self._waiting: list[Packets] = []
 
-    def drawing(self, *, judge: Judge | None = None, cull: bool = False, switched: bool = True) -> Settling:
+    def drawing(
+        self,
+        *,
+        judge: Judge | None = None,
+        cull: bool = False,
+        switched: bool = True,
+        expects: bool = True,
+    ) -> Settling:
         """Return what draws fates at once, where the nodes are by now, for whoever decides when a packet is on the air.
 
         Args:
             judge: takes in what is drawn.
             cull: whether to leave out draws that cannot change a fate: then weak signals have no power.
             switched: whether radios may be off; else all are on.
+            expects: whether to say how likely each delivery was; else that is NaN, and takes no time.
         """
         return Settling(
             self.radios,
@@ -107,6 +115,7 @@ class Medium:
             emitters=self.emitters,
             switches=self._switches if switched else None,
             bases=self._bases,
+            expects=expects,
         )
 
     def _on_the_ground(self, bases: Iterable[str]) -> NDArray[np.bool_]:

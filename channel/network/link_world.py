@@ -77,12 +77,13 @@ class LinkWorld:
     Args:
         medium: where the nodes are, and their radios.
         judge: takes in what is drawn.
+        expects: whether `figures` have the chance of delivery; else that is NaN, and takes no time.
     """
 
-    def __init__(self, medium: Medium, judge: Judge | None = None) -> None:
+    def __init__(self, medium: Medium, judge: Judge | None = None, *, expects: bool = True) -> None:
         self.nodes = tuple(range(len(medium.nodes)))
-        self._judged = medium.drawing(judge=judge)
-        self._other = self._judged if judge is None else medium.drawing()
+        self._judged = medium.drawing(judge=judge, expects=expects)
+        self._other = self._judged if judge is None else medium.drawing(expects=expects)
         self._always_on = medium.drawing(switched=False)
         """For the noise of a frame that is on the air: its start decides whether radios are on."""
         self._slots_ns, self._has_sources = self._other.slots_ns, self._other.has_sources

@@ -1,4 +1,4 @@
-"""The pytest plugin: the fixtures `fleet` and `modem_link`. It loads with every pytest session, and imports nothing early."""
+"""The pytest plugin: the fixtures `fleet` and `modem_link`. It loads with every session: nothing is imported early."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def test_a_full_buffer_takes_bytes_as_soon_as_there_is_room() -> None:
 
 
 def test_the_buffer_to_the_host_is_cut() -> None:
-    modem = Modem(ModemSettings(57_600, 1850, 645), Heard())
+    modem = Modem(ModemSettings(57_600, 1850, 645), Heard(), lambda: 0)
     modem.deliver(bytes(range(256)) * 4, 0)
     (out,) = modem.outputs(S)
     assert out.data == (bytes(range(256)) * 4)[:645]
