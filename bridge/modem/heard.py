@@ -18,7 +18,7 @@ STATISTICS: Final = "statistics"
 
 
 @dataclass(slots=True)
-class Heard:
+class RadioMeter:
     """What one radio has measured.
 
     Attributes:
@@ -65,7 +65,7 @@ class HeardWorld:
     def __init__(self, world: LinkWorld, noise_dbm: Mapping[int, float]) -> None:
         self._world = world
         self.nodes = world.nodes
-        self.heard = {node: Heard(noise=register_of(noise_dbm[node])) for node in world.nodes}
+        self.heard = {node: RadioMeter(noise=register_of(noise_dbm[node])) for node in world.nodes}
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         """As in the world; whoever could hear it takes note of a frame."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from aps.wire.framer import Framer
-from bridge.modem.heard import Heard
+from bridge.modem.heard import RadioMeter
 from bridge.modem.radio_status import Buffer
 from bridge.modem.serial_line import SerialLine
 from bridge.modem.settings import ModemSettings
@@ -69,7 +69,7 @@ class Modem:
         waiting_bytes: gives what waits for the air in the radio.
     """
 
-    def __init__(self, settings: ModemSettings, heard: Heard, waiting_bytes: Callable[[], int]) -> None:
+    def __init__(self, settings: ModemSettings, heard: RadioMeter, waiting_bytes: Callable[[], int]) -> None:
         self.settings, self.heard, self._waiting_bytes = settings, heard, waiting_bytes
         self.counts = Counts()
         self._from_host, self._to_host = SerialLine(settings.baud), SerialLine(settings.baud)

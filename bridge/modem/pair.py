@@ -16,7 +16,7 @@ from functools import partial
 from math import inf
 from typing import Final, NamedTuple
 
-from bridge.modem.heard import Heard
+from bridge.modem.heard import RadioMeter
 from bridge.modem.modem import HostBytes, Modem
 from bridge.modem.settings import ModemSettings
 from bridge.modem.units import Unit
@@ -55,7 +55,7 @@ class ModemPair:
     """
 
     def __init__(
-        self, medium: AccessMedium, settings: Mapping[int, ModemSettings], heard: Mapping[int, Heard]
+        self, medium: AccessMedium, settings: Mapping[int, ModemSettings], heard: Mapping[int, RadioMeter]
     ) -> None:
         self.modems = {
             end: Modem(settings[end], heard[end], partial(medium.waiting_bytes, end)) for end in ENDS

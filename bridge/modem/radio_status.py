@@ -9,7 +9,7 @@ from typing import Final, Protocol
 from fastcrc.crc16 import mcrf4xx
 
 from aps.wire.dialect import CRC_EXTRA
-from bridge.modem.heard import Heard
+from bridge.modem.heard import RadioMeter
 from bridge.modem.units import MAGIC_V1, MAGIC_V2, Unit
 
 RADIO_STATUS: Final = 109
@@ -40,7 +40,7 @@ class RadioStatus(Protocol):
     def answers(self, unit: Unit) -> bool:
         """Whether a unit of its host that was on the air is followed by one."""
 
-    def frame(self, version: int, seq: int, heard: Heard, buffer: Buffer, now_ns: int) -> bytes:
+    def frame(self, version: int, seq: int, heard: RadioMeter, buffer: Buffer, now_ns: int) -> bytes:
         """The frame, in the version of MAVLink that the host speaks."""
 
 
@@ -53,7 +53,7 @@ class SikStatus:
         """To a HEARTBEAT."""
         return unit.is_heartbeat
 
-    def frame(self, version: int, seq: int, heard: Heard, buffer: Buffer, now_ns: int) -> bytes:
+    def frame(self, version: int, seq: int, heard: RadioMeter, buffer: Buffer, now_ns: int) -> bytes:
         """`serial_read_space` reckons in eighths; what the peer said is forgotten after some 3 s without a packet."""
         free_bytes = max(buffer.size_bytes - buffer.used_bytes, 0)
         free_percent = min(100 * (free_bytes // 8) // max(buffer.size_bytes // 8, 1), 100)
@@ -73,7 +73,7 @@ class ElrsStatus:
         """To nothing."""
         return False
 
-    def frame(self, version: int, seq: int, heard: Heard, buffer: Buffer, now_ns: int) -> bytes:  # noqa: ARG002
+    def frame(self, version: int, seq: int, heard: RadioMeter, buffer: Buffer, now_ns: int) -> bytes:  # noqa: ARG002
         """Link quality, and powers of the way up without their sign."""
         free_percent = max(buffer.size_bytes - buffer.used_bytes, 0) * 100 // buffer.size_bytes
         quality_percent = 100 * sum(heard.quality) // max(len(heard.quality), 1)

@@ -14,22 +14,22 @@ WAYS: Final = {"up": GROUND, "down": AIR}
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class Tally:
     """What was counted up to an instant: its bytes at the hosts, by end that sent them."""
 
     at_ns: int
     arrived_bytes: dict[int, int]
 
     @classmethod
-    def of(cls, live: LiveLink) -> Moment:
+    def of(cls, live: LiveLink) -> Tally:
         """The present one."""
         modems = live.link.pair.modems
         return cls(live.now_ns, {end: modems[1 - end].counts.bytes_out for end in ENDS})
 
 
-def progress(live: LiveLink, since: Moment) -> tuple[str, Moment]:
-    """One line about what went since another moment, and the present moment."""
-    now = Moment.of(live)
+def progress(live: LiveLink, since: Tally) -> tuple[str, Tally]:
+    """One line about what went since another tally, and the present tally."""
+    now = Tally.of(live)
     span_s = max(now.at_ns - since.at_ns, 1) / NS_PER_S
     parts = []
     for way, end in WAYS.items():

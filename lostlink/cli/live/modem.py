@@ -155,7 +155,7 @@ def _opened(plan: LinkPlan) -> Any:
 
 async def _serve(live: LiveLink, duration_s: float | None, say: Callable[[str], None]) -> None:
     """Keep the link up for so long, or until a signal."""
-    from lostlink.modem.report import Moment, progress
+    from lostlink.modem.report import Tally, progress
 
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -165,14 +165,14 @@ async def _serve(live: LiveLink, duration_s: float | None, say: Callable[[str], 
     try:
         await live.open()
         say(f"ready: ground station at {live.endpoints[0].name}, autopilot at {live.endpoints[1].name}")
-        moment = Moment.of(live)
+        tally = Tally.of(live)
         while not stop.is_set() and (ends_s is None or loop.time() < ends_s):
             left_s = PROGRESS_S if ends_s is None else min(PROGRESS_S, ends_s - loop.time())
             try:
                 async with asyncio.timeout(left_s):
                     await stop.wait()
             except TimeoutError:
-                line, moment = progress(live, moment)
+                line, tally = progress(live, tally)
                 say(line)
     finally:
         await live.close()

@@ -9,12 +9,12 @@ from aps.links.address import DEFAULT_BAUD, LOOPBACK, parse_host_port
 from lostlink.modem.endpoints.endpoint import Endpoint
 from lostlink.modem.endpoints.line import PseudoTerminal, SerialPort
 from lostlink.modem.endpoints.tcp import TcpConnection, TcpPort
-from lostlink.modem.endpoints.udp import UdpPort, UdpSender
+from lostlink.modem.endpoints.udp import UdpPort, UdpTarget
 
 KINDS: Final[dict[str, Callable[[str, str, int], Endpoint]]] = {
     "tcp": TcpConnection,
     "tcpin": TcpPort,
-    "udp": UdpSender,
+    "udp": UdpTarget,
     "udpin": UdpPort,
 }
 """Those with HOST:PORT; one that listens may be given port 0, any free one."""

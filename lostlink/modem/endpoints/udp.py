@@ -41,7 +41,7 @@ class _Udp(Endpoint, asyncio.DatagramProtocol):
             self._transport.abort()
 
 
-class UdpSender(_Udp):
+class UdpTarget(_Udp):
     """Sends to a port that is known, and takes what comes back from there."""
 
     async def open(self) -> None:

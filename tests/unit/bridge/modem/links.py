@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from bridge.modem.heard import Heard
+from bridge.modem.heard import RadioMeter
 from bridge.modem.modem import HostBytes
 from bridge.modem.pair import ENDS, ModemPair
 from bridge.modem.radio_status import SikStatus
@@ -51,7 +51,7 @@ def sik_pair(world: RecordingWorld | PlainWorld, *, baud: int = 57_600, **settin
     """SiK modems in a plain world."""
     medium = Sik(world, SikSettings(**settings), seed=5)
     modem = ModemSettings(baud, 1850, 645, status=SikStatus() if medium.settings.framing else None)
-    return ModemPair(medium, dict.fromkeys(ENDS, modem), {end: Heard() for end in ENDS})
+    return ModemPair(medium, dict.fromkeys(ENDS, modem), {end: RadioMeter() for end in ENDS})
 
 
 def live(

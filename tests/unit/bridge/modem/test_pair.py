@@ -6,7 +6,7 @@ from itertools import accumulate
 
 import pytest
 
-from bridge.modem.heard import Heard
+from bridge.modem.heard import RadioMeter
 from bridge.modem.modem import Modem
 from bridge.modem.pair import ENDS, ModemPair
 from bridge.modem.settings import ModemSettings
@@ -76,7 +76,7 @@ def test_a_full_buffer_takes_bytes_as_soon_as_there_is_room() -> None:
 
 
 def test_the_buffer_to_the_host_is_cut() -> None:
-    modem = Modem(ModemSettings(57_600, 1850, 645), Heard(), lambda: 0)
+    modem = Modem(ModemSettings(57_600, 1850, 645), RadioMeter(), lambda: 0)
     modem.deliver(bytes(range(256)) * 4, 0)
     (out,) = modem.outputs(S)
     assert out.data == (bytes(range(256)) * 4)[:645]
@@ -201,7 +201,7 @@ def test_elrs_tells_the_autopilot_alone_and_carries_what_it_can() -> None:
 
     medium = Elrs(PlainWorld([0, 1]), ElrsSettings(ELRS_MODES["900-200"]))
     modems = {0: ModemSettings(460_800, 1024, 512), 1: ModemSettings(460_800, 1024, 512, status=ElrsStatus())}
-    pair = ModemPair(medium, modems, {end: Heard() for end in ENDS})
+    pair = ModemPair(medium, modems, {end: RadioMeter() for end in ENDS})
     out = live(pair, 60 * S, busy((1,), 600.0, 60))
     assert statuses(out[0]) == []
     assert len(statuses(out[1])) == pytest.approx(60 / 0.011, abs=2)
@@ -212,7 +212,7 @@ def test_elrs_tells_the_autopilot_alone_and_carries_what_it_can() -> None:
 def test_longer_units_are_cut_for_a_medium_of_short_packets() -> None:
     medium = AirTime(PlainWorld([0, 1]), BitRate(100_000, max_length_bytes=100), QueueLimits(0))
     modems = dict.fromkeys(ENDS, ModemSettings(packet_bytes=100))
-    pair = ModemPair(medium, modems, {end: Heard() for end in ENDS})
+    pair = ModemPair(medium, modems, {end: RadioMeter() for end in ENDS})
     out = live(pair, S, [(0, 0, frame_of(263, 0))])
     assert out[1] == [(263 * 8 * S // 100_000, frame_of(263, 0))]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bridge.modem.heard import Heard, register_of
+from bridge.modem.heard import RadioMeter, register_of
 from bridge.modem.radio_status import Buffer, ElrsStatus, SikStatus
 from bridge.modem.units import Unit
 from tests.unit.bridge.modem.frames import decoded
@@ -12,8 +12,8 @@ from tests.unit.bridge.modem.frames import decoded
 LOOK_NS = 513_600_000
 
 
-def heard_at(at_ns: int) -> Heard:
-    return Heard(rssi=118, noise=34, remote=(117, 35), errors=7, heard_ns=at_ns)
+def heard_at(at_ns: int) -> RadioMeter:
+    return RadioMeter(rssi=118, noise=34, remote=(117, 35), errors=7, heard_ns=at_ns)
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -58,7 +58,7 @@ def test_registers() -> None:
 
 
 def test_averages_as_in_the_firmware() -> None:
-    heard = Heard(noise=36)
+    heard = RadioMeter(noise=36)
     heard.takes(-70.0, 38.0, 5)
     assert (heard.rssi, heard.noise) == (108 // 8, (36 + 3 * 36) // 4)
     heard.takes(-70.0, 38.0, 6)
@@ -66,7 +66,7 @@ def test_averages_as_in_the_firmware() -> None:
 
 
 def test_elrs() -> None:
-    heard = Heard(power_dbm=-81.4, snr_db=-3.0, heard_ns=1)
+    heard = RadioMeter(power_dbm=-81.4, snr_db=-3.0, heard_ns=1)
     heard.quality.extend([True] * 75 + [False] * 25)
     frame = ElrsStatus().frame(1, 3, heard, Buffer(256, 1024), 0)
     (message,) = decoded(frame)
@@ -78,5 +78,5 @@ def test_elrs() -> None:
 
 
 def test_elrs_before_it_heard_anything() -> None:
-    (message,) = decoded(ElrsStatus().frame(2, 0, Heard(), Buffer(0, 1024), 0))
+    (message,) = decoded(ElrsStatus().frame(2, 0, RadioMeter(), Buffer(0, 1024), 0))
     assert (message.rssi, message.remrssi, message.txbuf) == (0, 0, 100)
