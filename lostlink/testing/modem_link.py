@@ -87,7 +87,8 @@ class ScriptedLink:
             came.append(Came(at_ns / NS_PER_S, data))
 
 
-class OpenLink(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class OpenLink:
     """A link in wall time.
 
     Attributes:
