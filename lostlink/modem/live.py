@@ -105,12 +105,15 @@ class LiveLink:
         self._arm(now_ns)
 
     def _advance(self, now_ns: int) -> None:
+        out: dict[int, list[bytes]] = {end: [] for end in self.endpoints}
         for end, (at_ns, data) in self.link.advance(now_ns):
             late_ns, lateness = now_ns - at_ns, self.lateness
             lateness.outputs += 1
             lateness.late += late_ns > LATE_NS
             lateness.worst_ns = max(lateness.worst_ns, late_ns)
-            self.endpoints[end].write(data)
+            out[end].append(data)
+        for end, pieces in out.items():
+            self.endpoints[end].write_all(pieces)
 
     def _arm(self, now_ns: int) -> None:
         """Hold hosts whose lines are full, and have the timer ring when something is due."""

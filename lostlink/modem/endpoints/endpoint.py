@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 
 def _nobody(data: bytes) -> None:
@@ -49,6 +49,11 @@ class Endpoint(ABC):
     @abstractmethod
     def write(self, data: bytes) -> None:
         """Give bytes to the host; if it does not take them they are counted, and gone."""
+
+    def write_all(self, pieces: Sequence[bytes]) -> None:
+        """Give several pieces to the host, at once if it takes a stream."""
+        if pieces:
+            self.write(b"".join(pieces))
 
     @abstractmethod
     async def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from typing import Any, cast
 
 from lostlink.modem.endpoints.endpoint import Endpoint
@@ -28,6 +29,11 @@ class _Udp(Endpoint, asyncio.DatagramProtocol):
 
     def error_received(self, exc: Exception) -> None:
         """asyncio: nobody listens there yet; the next datagram may arrive."""
+
+    def write_all(self, pieces: Sequence[bytes]) -> None:
+        """A datagram each."""
+        for piece in pieces:
+            self.write(piece)
 
     def _hold(self) -> None:
         """A datagram that is not read is lost all the same."""
