@@ -10,8 +10,9 @@ from typing import Final, cast
 from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
 from lostlink.modem.endpoints.endpoint import Endpoint
 
-RECEIVE_BUFFER_BYTES: Final = 4096
-"""Asked of the kernel: a host that sends faster than its line should wait, as at a UART, and not fill buffers."""
+RECEIVE_BUFFER_BYTES: Final = 16_384
+"""Asked of the kernel, so that a host that sends faster than its line soon waits, as at a UART. The kernel counts what
+a segment takes of its memory: with 4 kB many short ones do not fit, are dropped, and come again much later."""
 UNREAD_BYTES: Final = 1 << 16
 """For a host that does not read."""
 
