@@ -28,7 +28,7 @@ class Agenda:
         self.handled = 0
         self._entries: list[Entry] = []
         self._number = 0
-        self._clock: Clock | None = None
+        self._clock: SharedClock | None = None
 
     def at(
         self, at_ns: int, rank: int, node: int, callback: Callable[..., object], *arguments: object
@@ -71,7 +71,7 @@ class Agenda:
         self.now_ns = at_ns
         return True
 
-    def join(self, clock: Clock) -> None:
+    def join(self, clock: SharedClock) -> None:
         """Run with others from now on; nothing was run yet."""
         self._clock, self._until_ns = clock, ALONE_NEVER_NS
 
@@ -101,7 +101,7 @@ class Agenda:
         self.now_ns = max(self.now_ns, until_ns)
 
 
-class Clock:
+class SharedClock:
     """One time for several agendas: the running of one is that of all.
 
     Args:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda
 from channel.access.packets import Loss
-from channel.access.passing import Notes, Passage
+from channel.access.passing import Notes, PassingFrame
 from channel.access.receiver import DeafEar, Ear, Hearing, Receiver
-from channel.access.world import AirFrame, Arrival, Arrivals, Rows, World
+from channel.access.world import AirFrame, Arrival, FrameArrivals, Rows, World
 
 __all__ = ["Air", "DeafEar", "Ear", "Hearing", "OnFates", "Receiver"]
 
@@ -50,7 +50,7 @@ class Air:
         self._receivers: dict[int, Receiver] = {}
         self._attending: set[int] = set()
         self._notes = Notes(max(world.nodes, default=-1) + 1)
-        self._passage: Passage | None = None
+        self._passage: PassingFrame | None = None
         self._clear_ns = -1
         """Until this instant something may be on the air."""
         self._is_split = bool(hearing.channels)
@@ -95,7 +95,7 @@ class Air:
         if len(arrivals) < len(self._receivers) - 1:
             self._pass_by(frame, arrivals)
         last_ns = frame.ended_ns + (arrivals[-1].delay_ns if arrivals else 0)
-        if isinstance(arrivals, Arrivals) and self._is_alone(frame, last_ns):
+        if isinstance(arrivals, FrameArrivals) and self._is_alone(frame, last_ns):
             singly = self._let_pass(frame, arrivals, last_ns)
         else:
             singly = arrivals
@@ -151,22 +151,22 @@ class Air:
             and 2 * len(self._attending) <= len(self._receivers)
         )
 
-    def _let_pass(self, frame: AirFrame, arrivals: Arrivals, last_ns: int) -> Sequence[Arrival]:
+    def _let_pass(self, frame: AirFrame, arrivals: FrameArrivals, last_ns: int) -> Sequence[Arrival]:
         """Let a frame pass those who do not attend; the others."""
         attending = self._attending
         attending -= {node for node in attending if self._receivers[node].is_done()}
         attend = [node in attending for node in arrivals.receiver.tolist()]
         rows = np.flatnonzero(~np.array(attend, dtype=bool))
-        self._passage = Passage(frame, arrivals, rows)
+        self._passage = PassingFrame(frame, arrivals, rows)
         self.agenda.at(last_ns, SIGNAL_ENDS, frame.node, self._has_passed, self._passage)
         return [arrivals[row] for row, attends in enumerate(attend) if attends]
 
-    def _has_passed(self, passage: Passage) -> None:
+    def _has_passed(self, passage: PassingFrame) -> None:
         if self._passage is passage:
             self._passage = None
             self._passed(passage, passage.take())
 
-    def _passed(self, passage: Passage, rows: Rows) -> None:
+    def _passed(self, passage: PassingFrame, rows: Rows) -> None:
         """A frame has passed some of its receivers."""
         frame, arrivals, hearing = passage.frame, passage.arrivals, self.hearing
         followed = arrivals.power_mw[rows] >= hearing.preamble_mw
@@ -177,12 +177,12 @@ class Air:
         self._on_fates(frame, arrivals.receiver[rows], passage.ends_ns[rows], came)
         self.agenda.handled += 2 * len(rows)
 
-    def _end_passage(self, passage: Passage) -> None:
+    def _end_passage(self, passage: PassingFrame) -> None:
         """Another frame starts: from now on each receiver is on its own."""
         self._passage = None
         self._go_on_singly(passage, passage.take())
 
-    def _go_on_singly(self, passage: Passage, rows: Rows) -> None:
+    def _go_on_singly(self, passage: PassingFrame, rows: Rows) -> None:
         """Bring receivers, which a frame was passing, to where they would be by now, and have events for the rest."""
         frame, arrivals, now_ns = passage.frame, passage.arrivals, self.agenda.now_ns
         is_over = passage.ends_ns[rows] <= now_ns

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.receiver import Hearing
-from channel.access.world import AirFrame, Arrivals, Rows
+from channel.access.world import AirFrame, FrameArrivals, Rows
 
 NEVER_NS = -1
 UNKNOWN = -1
 
 
-class Passage:
+class PassingFrame:
     """A frame on its way over receivers that do not attend to it.
 
     Args:
@@ -27,7 +27,7 @@ class Passage:
 
     __slots__ = ("_is_left", "arrivals", "ends_ns", "frame", "starts_ns")
 
-    def __init__(self, frame: AirFrame, arrivals: Arrivals, rows: Rows) -> None:
+    def __init__(self, frame: AirFrame, arrivals: FrameArrivals, rows: Rows) -> None:
         self.frame, self.arrivals = frame, arrivals
         self.starts_ns = arrivals.delay_ns + frame.started_ns
         self.ends_ns = arrivals.delay_ns + frame.ended_ns
@@ -60,7 +60,7 @@ class Notes:
 
     def take(
         self,
-        passage: Passage,
+        passage: PassingFrame,
         rows: Rows,
         followed: NDArray[np.bool_],
         came: NDArray[np.bool_],

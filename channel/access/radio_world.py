@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from channel.access.timing import NS_PER_S
 from channel.access.words import FrameDraws
-from channel.access.world import AirFrame, Arrival, Arrivals, Piece, Rows
+from channel.access.world import AirFrame, Arrival, FrameArrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.link.radio import Radio
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
@@ -43,7 +43,7 @@ class RadioWorld:
                 if tx != rx:
                     reach[tx] += self._join((tx, rx), places_ned_m[tx], places_ned_m[rx])
             reach[tx].sort(key=lambda arrival: arrival.delay_ns)
-        self._reach = {tx: Arrivals.of(arrivals, self._alone) for tx, arrivals in reach.items()}
+        self._reach = {tx: FrameArrivals.of(arrivals, self._alone) for tx, arrivals in reach.items()}
         self._reached = {tx: tuple(rx for rx, _, _ in arrivals) for tx, arrivals in reach.items()}
         self._per = lru_cache(maxsize=65_536)(self._per_of)
         self._at_rate = lru_cache(maxsize=None)(radio.at_bit_rate)

@@ -81,7 +81,7 @@ class Arrival(NamedTuple):
 Alone = Callable[[AirFrame, Rows], NDArray[np.bool_]]
 
 
-class Arrivals(Sequence[Arrival]):
+class FrameArrivals(Sequence[Arrival]):
     """A frame at all nodes that it reaches, the nearest first: one by one, and as columns.
 
     Args:
@@ -100,7 +100,7 @@ class Arrivals(Sequence[Arrival]):
         self._rows: list[Arrival] | None = None
 
     @classmethod
-    def of(cls, arrivals: Sequence[Arrival], alone: Alone) -> Arrivals:
+    def of(cls, arrivals: Sequence[Arrival], alone: Alone) -> FrameArrivals:
         """From one by one."""
         receiver, power_mw, delay_ns = zip(*arrivals, strict=True) if arrivals else ((), (), ())
         return cls(
@@ -193,7 +193,7 @@ class PlainWorld:
         self.nodes = tuple(nodes)
         self._loss, self._sinr_min, self._draws = loss, sinr_min, FrameDraws(seed)
         self._reach = {
-            tx: Arrivals.of(
+            tx: FrameArrivals.of(
                 [
                     Arrival(rx, power_mw[tx, rx] if isinstance(power_mw, Mapping) else power_mw, delay_ns)
                     for rx in self.nodes

@@ -104,6 +104,7 @@ class Medium:
         cull: bool = False,
         switched: bool = True,
         bit_rate_bps: float | None = None,
+        expects: bool = True,
     ) -> Settling:
         """Return what draws fates at once, where the nodes are by now, for whoever decides when a packet is on the air.
 
@@ -112,6 +113,7 @@ class Medium:
             cull: whether to leave out draws that cannot change a fate: then weak signals have no power.
             switched: whether radios may be off; else all are on.
             bit_rate_bps: at which radios transmit; each at its own unless given.
+            expects: whether to say how likely each delivery was; else that is NaN, and takes no time.
         """
         kinds = {radio: radio.at_bit_rate(bit_rate_bps) for radio in self.radios}
         return Settling(
@@ -124,6 +126,7 @@ class Medium:
             switches=self._switches if switched else None,
             bases=self.bases,
             addressees=self.addressees,
+            expects=expects,
         )
 
     def _on_the_ground(self, bases: Iterable[str]) -> NDArray[np.bool_]:

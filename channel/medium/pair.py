@@ -62,6 +62,7 @@ class Pair:
         tracks: which nodes were seen.
         cull: whether to leave out draws that cannot change a fate.
         judge: takes in what is drawn, for a verdict.
+        expects: whether to say how likely delivery was before anything was drawn; else that is NaN.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class Pair:
         *,
         cull: bool = True,
         judge: Witness | None = None,
+        expects: bool = True,
     ) -> None:
         self.radio = radio
         self.terms = RandomTerms(radio, draws)
@@ -79,6 +81,7 @@ class Pair:
         self._tracks = tracks
         self._cull = cull
         self._judge = judge
+        self._expects = expects
         self._least_dbm = radio.noise_floor_dbm - self.terms.max_gain_db - MARGIN_DB
         self._has_range = math.isfinite(radio.max_range_m)
         self._has_interferers = bool(radio.sources)
@@ -137,7 +140,10 @@ class Pair:
     def _heard(self, links: LinksOfPass, lengths: Lengths, mean_dbm: FloatArray) -> SettledLinks:
         """Return what the signal decides."""
         radio, terms, path = self.radio, self.terms, links.path
-        chance = in_steps(radio.delivery_from_table(mean_dbm, path, lengths), STEPS_PER_ONE)
+        if self._expects:
+            chance = in_steps(radio.delivery_from_table(mean_dbm, path, lengths), STEPS_PER_ONE)
+        else:
+            chance = np.full(mean_dbm.size, np.nan)
         uniform = self._uniforms(links, *terms.purposes)
         power_dbm = mean_dbm + terms.gain_db(links, uniform)
         on = terms.interferers_on(links) if self._has_interferers else ()

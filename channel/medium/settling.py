@@ -40,6 +40,7 @@ class Settling:
         switches: of the nodes' radios; all stay on unless given.
         bases: which nodes stand on the ground; none unless given.
         addressees: who packets are for; nodes and everybody unless given.
+        expects: whether to say how likely each delivery was; else that is NaN.
 
     Raises:
         ChannelInputError: radios on several frequencies.
@@ -57,13 +58,14 @@ class Settling:
         switches: Switches | None = None,
         bases: NDArray[np.bool_] | None = None,
         addressees: Addressees | None = None,
+        expects: bool = True,
     ) -> None:
         self._draws = draws
         self._tracks = tracks
         self._kinds: list[Radio] = []
         self._kind = np.array([self._kind_of(radio) for radio in radios], dtype=np.intp)
         self._pairs = [
-            Pair(here.towards(there), draws, tracks, cull=cull, judge=judge)
+            Pair(here.towards(there), draws, tracks, cull=cull, judge=judge, expects=expects)
             for here in self._kinds
             for there in self._kinds
         ]

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from itertools import permutations
 from typing import NamedTuple
 
-from channel.access.agenda import Clock
+from channel.access.agenda import SharedClock
 from channel.network.beside import Beside
-from channel.network.crossing import Crossing, Side
+from channel.network.crossing import Crossing, NetworkSide
 from channel.network.network import Network
 
 
@@ -16,7 +16,7 @@ class Neighbour(NamedTuple):
     """A network of a run, and how others meet it."""
 
     network: Network
-    side: Side
+    side: NetworkSide
 
 
 def share_band(networks: Sequence[Neighbour]) -> list[tuple[str, str]]:
@@ -40,7 +40,7 @@ def share_band(networks: Sequence[Neighbour]) -> list[tuple[str, str]]:
         networks[place].network.world.beside = beside
         networks[place].network.access.foresees_nothing()
     for group in _together([pair[:2] for pair in found]):
-        Clock([networks[place].network.access.agenda for place in sorted(group)])
+        SharedClock([networks[place].network.access.agenda for place in sorted(group)])
     return [(networks[source].side.name, networks[target].side.name) for source, target, _ in found]
 
 

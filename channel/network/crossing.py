@@ -28,7 +28,7 @@ from channel.phy.spectrum import captured_db, reaches
 SAME_NODE_DELAY_NS = 0
 
 
-class Side(NamedTuple):
+class NetworkSide(NamedTuple):
     """A network as others meet it.
 
     Attributes:
@@ -58,7 +58,7 @@ class Crossing:
         target: at whose nodes.
     """
 
-    def __init__(self, source: Side, target: Side) -> None:
+    def __init__(self, source: NetworkSide, target: NetworkSide) -> None:
         self._source, self._target = source, target
         here, there = source.medium, target.medium
         self._tx_kinds, self._tx_kind = _kinds(here.radios)
@@ -124,8 +124,8 @@ class Crossing:
             distance_m[own] = 0.0
         return power_dbm, distance_m
 
-    def _law_of(self, tx_kind: int, rx_kind: int) -> Law:
-        return Law(self._tx_kinds[tx_kind], self._rx_kinds[rx_kind], self._draws, self._source.name)
+    def _law_of(self, tx_kind: int, rx_kind: int) -> CrossingLaw:
+        return CrossingLaw(self._tx_kinds[tx_kind], self._rx_kinds[rx_kind], self._draws, self._source.name)
 
     def _links(self, frame: AirFrame) -> LinksOfPass:
         """From the transmitter of a frame to all nodes of the target, where they are when it starts."""
@@ -148,7 +148,7 @@ class Crossing:
         return LinksOfPass(_as_packet(frame, tx[0]), packet, tx, np.arange(count), path, distance_m, *speeds)
 
 
-class Law:
+class CrossingLaw:
     """The way from one kind of foreign transmitter to one kind of receiver.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.timing import NS_PER_S
-from channel.access.world import AirFrame, Alone, Arrivals, Rows
+from channel.access.world import AirFrame, Alone, FrameArrivals, Rows
 from channel.checks import FloatArray
 from channel.medium.judge.taken import Taken
 from channel.medium.reception import (
@@ -61,11 +61,11 @@ class Drawn:
         first: list[int] = np.searchsorted(r.packet[rows], np.arange(r.packets.size + 1)).tolist()
         return first, r.rx[rows], np.asarray(ratio_from_db(r.received_power_dbm[rows])), delay_ns[order]
 
-    def arrivals(self, number: int, alone: Alone) -> Arrivals:
+    def arrivals(self, number: int, alone: Alone) -> FrameArrivals:
         """A frame at all that hear it."""
         first, receiver, power_mw, delay_ns = self._heard
         part = slice(first[number], first[number + 1])
-        return Arrivals(receiver[part], power_mw[part], delay_ns[part], alone)
+        return FrameArrivals(receiver[part], power_mw[part], delay_ns[part], alone)
 
     def rows_of(self, number: int) -> slice:
         """The rows of a frame: of all nodes but its own, in their order."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.timing import NS_PER_S
-from channel.access.world import AirFrame, Alone, Arrivals, Piece, Rows
+from channel.access.world import AirFrame, Alone, FrameArrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.medium.judge.judge import Judge
 from channel.medium.judge.taken import Notebook
@@ -83,15 +83,17 @@ class LinkWorld:
     Args:
         medium: where the nodes are, and their radios.
         judge: takes in what is drawn.
+        expects: whether `figures` have the chance of delivery; else that is NaN, and takes no time.
 
     Attributes:
         beside: the network among others in its band; None: there are none.
     """
 
-    def __init__(self, medium: Medium, judge: Judge | None = None) -> None:
+    def __init__(self, medium: Medium, judge: Judge | None = None, *, expects: bool = True) -> None:
         self.nodes = tuple(range(len(medium.nodes)))
         self.beside: Beside | None = None
         self._medium, self._judge, self._notebook = medium, judge, Notebook()
+        self._expects = expects
         self._by_rate: dict[float | None, tuple[Settling, Settling]] = {}
         """What draws first transmissions and others, by their bit rates."""
         self._judged, self._other = self._at_rate(None)
@@ -109,8 +111,8 @@ class LinkWorld:
         """What draws first transmissions, and others, at a bit rate; None: the radios' own."""
         if bit_rate_bps not in self._by_rate:
             notebook = None if self._judge is None else self._notebook
-            judged = self._medium.drawing(judge=notebook, bit_rate_bps=bit_rate_bps)
-            self._by_rate[bit_rate_bps] = judged, self._medium.drawing(bit_rate_bps=bit_rate_bps)
+            draw = partial(self._medium.drawing, bit_rate_bps=bit_rate_bps, expects=self._expects)
+            self._by_rate[bit_rate_bps] = draw(judge=notebook), draw()
         return self._by_rate[bit_rate_bps]
 
     def delays_ns(self, frames: Sequence[AirFrame]) -> Sequence[Mapping[int, int]]:
@@ -134,7 +136,7 @@ class LinkWorld:
         """Places, radios or sources may be other ones from now on."""
         self._expected = {}
 
-    def reach(self, frame: AirFrame) -> Arrivals:
+    def reach(self, frame: AirFrame) -> FrameArrivals:
         """All that its power reaches, unless it is far below the noise there, or the radio is off."""
         if self.beside is not None:
             self.beside.starts(frame)

@@ -21,6 +21,7 @@ COMMANDS = {
     "aps": "lostlink.cli.live.aps",
     "doctor": "lostlink.cli.live.doctor",
     "echo": "lostlink.cli.live.echo",
+    "modem": "lostlink.cli.live.modem",
     "token": "lostlink.cli.live.token",
     "study": "lostlink.cli.flying.study",
     "view": "lostlink.cli.live.view",

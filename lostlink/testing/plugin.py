@@ -1,4 +1,4 @@
-"""The pytest plugin: the fixture `fleet`. It loads with every pytest session, so it imports nothing before its use."""
+"""The pytest plugin: the fixtures `fleet` and `modem_link`. It loads with every session: nothing is imported early."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 if TYPE_CHECKING:
     from lostlink.testing.flight import Flights
+    from lostlink.testing.modem_link import ModemLinks
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -32,3 +33,11 @@ def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Flights]:
     flights = Flights(tmp_path, Path(ardupilot_dir) if ardupilot_dir else None)
     yield flights
     flights.stop()
+
+
+@pytest.fixture
+def modem_link() -> ModemLinks:
+    """Makes lossy radio links between a ground station and an autopilot; they need no flight, and no simulation."""
+    from lostlink.testing.modem_link import ModemLinks
+
+    return ModemLinks()

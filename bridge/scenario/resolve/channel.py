@@ -18,7 +18,7 @@ from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
 from channel.medium.stations.switches import Switches
 from channel.network.band import Neighbour, share_band
-from channel.network.crossing import Side
+from channel.network.crossing import NetworkSide
 from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
 from channel.presets import PresetError
@@ -51,7 +51,7 @@ class RadioChannel:
         carriers = carriers_of(self.medium.radios[0].config.medium)
         if self.network is None or carriers is None:
             return None
-        return Neighbour(self.network, Side(self.name, self.medium, carriers))
+        return Neighbour(self.network, NetworkSide(self.name, self.medium, carriers))
 
 
 def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:

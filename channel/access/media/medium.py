@@ -90,6 +90,10 @@ class AccessMedium(ABC):
         outbox = self._outboxes[node]
         return len(outbox), outbox.length_bytes
 
+    def waiting_bytes(self, node: int) -> int:
+        """All bytes of a node that wait: its queue, and what is left of a packet that it has begun to send."""
+        return self._outboxes[node].length_bytes + self._beside_bytes(node)
+
     def receivers_of(self, packet: AirPacket) -> tuple[int, ...]:
         """Who has a fate of it."""
         if packet.to is not None:

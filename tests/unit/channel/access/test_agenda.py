@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from channel.access.agenda import ACTS, SIGNAL_ENDS, SIGNAL_STARTS, Agenda, Clock
+from channel.access.agenda import ACTS, SIGNAL_ENDS, SIGNAL_STARTS, Agenda, SharedClock
 from channel.access.media.csma import Csma
 from channel.access.packets import AirPacket
 from channel.access.timing import wifi_g
@@ -14,7 +14,7 @@ from channel.access.world import PlainWorld
 def test_events_come_by_time_then_rank_then_network_then_node_then_number() -> None:
     rng = np.random.default_rng(5)
     agendas = Agenda(), Agenda(), Agenda()
-    Clock(agendas)
+    SharedClock(agendas)
     expected, found = [], []
     for number in range(400):
         network, at_ns, node = (int(rng.integers(0, n)) for n in (3, 20, 4))
@@ -34,7 +34,7 @@ def test_events_come_by_time_then_rank_then_network_then_node_then_number() -> N
 
 def test_an_event_may_add_one_to_another_network_at_the_same_instant() -> None:
     first, second = Agenda(), Agenda()
-    Clock((first, second))
+    SharedClock((first, second))
     found: list[str] = []
     second.at(5, ACTS, 0, first.at, 5, SIGNAL_STARTS, 0, found.append, "first, told by the second")
     second.at(5, SIGNAL_STARTS, 0, found.append, "second")
@@ -55,5 +55,5 @@ def csma(seed: int) -> Csma:
 def test_networks_that_only_share_a_clock_do_what_they_do_alone() -> None:
     alone = [repr(csma(seed).run(1_000_000_000)) for seed in (1, 2)]
     media = [csma(seed) for seed in (1, 2)]
-    Clock([medium.agenda for medium in media])
+    SharedClock([medium.agenda for medium in media])
     assert [repr(medium.run(1_000_000_000)) for medium in media] == alone

@@ -20,7 +20,7 @@ from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, FATES, Packets
 from channel.network.band import Neighbour, share_band
-from channel.network.crossing import Crossing, Side
+from channel.network.crossing import Crossing, NetworkSide
 from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
 from channel.presets import load_radio, radio_from_mapping
@@ -118,7 +118,7 @@ class Run:
         )
         carriers = carriers_of(config.medium)
         assert carriers is not None
-        return Neighbour(network, Side(name, medium, carriers))
+        return Neighbour(network, NetworkSide(name, medium, carriers))
 
     def fates(self, sent: Mapping[str, Sequence[Sent]], until_ns: int = 2 * S) -> dict[str, list[Came]]:
         """What becomes of packets on each network, tick by tick."""

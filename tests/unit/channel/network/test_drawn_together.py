@@ -11,7 +11,7 @@ from channel.access.air import Hearing
 from channel.access.media.csma import Csma
 from channel.access.packets import PLAIN
 from channel.access.timing import wifi_g
-from channel.access.world import AirFrame, Arrivals, World
+from channel.access.world import AirFrame, FrameArrivals, World
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
@@ -63,7 +63,7 @@ class Counting:
         self._expected |= {(each.node, each.number, each.started_ns) for each in frames}
         self._world.expect(frames)
 
-    def reach(self, frame: AirFrame) -> Arrivals:
+    def reach(self, frame: AirFrame) -> FrameArrivals:
         self.started += 1
         self.expected += (frame.node, frame.number, frame.started_ns) in self._expected
         return self._world.reach(frame)  # type: ignore[no-any-return]

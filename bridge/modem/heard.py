@@ -1,0 +1,92 @@
+"""What radios measure of what they hear: powers, noise, errors. A world that looks on while a medium uses another."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from channel.access.world import AirFrame, Arrival, Piece
+from channel.network.link_world import LinkWorld
+
+FRAMES_OF_QUALITY: Final = 100
+"""ExpressLRS: link quality is the share of the last so many frames of its peer that a receiver heard."""
+COUNTER_MAX: Final = 0xFFFF
+STATISTICS: Final = "statistics"
+"""The frames of a SiK radio that tell its peer what it measures."""
+
+
+@dataclass(slots=True)
+class RadioMeter:
+    """What one radio has measured.
+
+    Attributes:
+        rssi, noise: averages as SiK's firmware has them, in its units (`register_of`).
+        remote: these two of the peer, as it said last.
+        frames: that came through.
+        errors: frames that it followed and that had errors.
+        power_dbm, snr_db: of the last frame that came.
+        heard_ns: when that was; None: none came.
+        quality: of the last frames of the peer, whether they came.
+    """
+
+    rssi: int = 0
+    noise: int = 0
+    remote: tuple[int, int] = (0, 0)
+    frames: int = 0
+    errors: int = 0
+    power_dbm: float = float("nan")
+    snr_db: float = float("nan")
+    heard_ns: int | None = None
+    quality: deque[bool] = field(default_factory=lambda: deque(maxlen=FRAMES_OF_QUALITY))
+
+    def takes(self, power_dbm: float, snr_db: float, at_ns: int) -> None:
+        """A frame came."""
+        self.frames += 1
+        self.power_dbm, self.snr_db, self.heard_ns = power_dbm, snr_db, at_ns
+        self.rssi = (register_of(power_dbm) + 7 * self.rssi) // 8
+        self.noise = (register_of(power_dbm - snr_db) + 3 * self.noise) // 4
+
+
+def register_of(power_dbm: float) -> int:
+    """A power as the radio chip of SiK radios measures it: dBm = register / 1.9 - 127."""
+    return min(max(round((power_dbm + 127.0) * 1.9), 0), 255)
+
+
+class HeardWorld:
+    """A world, and what its nodes' radios measure in it.
+
+    Args:
+        world: links as in a run.
+        noise_dbm: of each node's receiver, while nothing is heard.
+    """
+
+    def __init__(self, world: LinkWorld, noise_dbm: Mapping[int, float]) -> None:
+        self._world = world
+        self.nodes = world.nodes
+        self.heard = {node: RadioMeter(noise=register_of(noise_dbm[node])) for node in world.nodes}
+
+    def reach(self, frame: AirFrame) -> Sequence[Arrival]:
+        """As in the world; whoever could hear it takes note of a frame."""
+        for node, heard in self.heard.items():
+            if node != frame.node:
+                heard.quality.append(False)
+        return self._world.reach(frame)
+
+    def survives(
+        self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
+    ) -> tuple[bool, bool]:
+        """As in the world; the receiver measures it."""
+        fate = self._world.survives(frame, receiver, power_mw, pieces)
+        heard = self.heard[receiver]
+        if fate[0]:
+            _, power_dbm, snr_db, *_ = self._world.figures(frame, receiver)
+            heard.takes(power_dbm, snr_db, frame.ended_ns)
+            heard.quality[-1] = True
+            if frame.kind == STATISTICS:
+                sender = self.heard[frame.node]
+                heard.remote = (sender.rssi, sender.noise)
+        else:
+            heard.errors = min(heard.errors + 1, COUNTER_MAX)
+        return fate

@@ -1,0 +1,108 @@
+"""Where the two ends of a link are, over time: samples that a medium goes along linearly."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from channel.medium.medium import Medium
+
+NS_PER_S: Final = 1_000_000_000
+COLUMNS: Final = ("time_s", "distance_m")
+
+
+class Sample(NamedTuple):
+    """A place at an instant.
+
+    Attributes:
+        at_ns: the instant.
+        position_ned_m: north, east, down, from a point on the ground.
+        attitude_wxyz: body to north-east-down; None: level, the nose north.
+    """
+
+    at_ns: int
+    position_ned_m: tuple[float, float, float]
+    attitude_wxyz: tuple[float, float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Samples of one end, their instants rising. Before the first it stands there, after the last at that."""
+
+    samples: Sequence[Sample]
+
+
+class Guide:
+    """Tells a medium where its nodes are, as far as it needs to know.
+
+    Args:
+        medium: whose nodes they are.
+        tracks: of each node, in the order of the medium's.
+    """
+
+    def __init__(self, medium: Medium, tracks: Sequence[Track]) -> None:
+        self._medium = medium
+        self._left: list[tuple[str, Sequence[Sample], int]] = []
+        for node, track in zip(medium.nodes, tracks, strict=True):
+            if len(track.samples) == 1:
+                only = track.samples[0]
+                medium.place(node, only.position_ned_m, only.attitude_wxyz)
+            else:
+                self._left.append((node, track.samples, 0))
+
+    def lead(self, until_ns: int) -> None:
+        """Tell all samples up to the first at or after an instant."""
+        for place, (node, samples, next_) in enumerate(self._left):
+            while next_ < len(samples) and (next_ == 0 or samples[next_ - 1].at_ns < until_ns):
+                sample = samples[next_]
+                self._medium.observe(node, sample.at_ns, sample.position_ned_m, sample.attitude_wxyz)
+                next_ += 1
+            self._left[place] = (node, samples, next_)
+
+
+def apart(distance_m: float, heights_m: tuple[float, float]) -> tuple[Track, Track]:
+    """Two ends that stand, so far from each other over the ground."""
+    return apart_over_time([(0.0, distance_m)], heights_m)
+
+
+def apart_over_time(
+    distances: Sequence[tuple[float, float]], heights_m: tuple[float, float]
+) -> tuple[Track, Track]:
+    """The first end stands, the second goes away north and comes back: (time s, distance m over the ground)."""
+    ground = Track([Sample(0, (0.0, 0.0, -heights_m[0]))])
+    air = [
+        Sample(round(time_s * NS_PER_S), (distance_m, 0.0, -heights_m[1])) for time_s, distance_m in distances
+    ]
+    return ground, Track(air)
+
+
+def read_distances(file: Path) -> list[tuple[float, float]]:
+    """The rows of a CSV file with the columns ``time_s`` and ``distance_m``.
+
+    Raises:
+        ValueError: it is no such file; the text names file and line.
+        OSError: it cannot be read.
+    """
+    with file.open(encoding="utf-8", newline="") as lines:
+        reader = csv.DictReader(lines)
+        if not set(COLUMNS) <= set(reader.fieldnames or ()):
+            raise ValueError(f"{file}:1: the first line has to name the columns {', '.join(COLUMNS)}")
+        rows: list[tuple[float, float]] = []
+        for row in reader:
+            place = f"{file}:{reader.line_num}"
+            try:
+                time_s, distance_m = (float(row[name] or "") for name in COLUMNS)
+            except ValueError:
+                raise ValueError(f"{place}: {', '.join(COLUMNS)} have to be numbers") from None
+            if not (isfinite(time_s) and isfinite(distance_m) and time_s >= 0.0 and distance_m >= 0.0):
+                raise ValueError(f"{place}: {time_s:g} s, {distance_m:g} m: 0 or more")
+            if rows and time_s <= rows[-1][0]:
+                raise ValueError(f"{place}: {time_s:g} s does not come after {rows[-1][0]:g} s")
+            rows.append((time_s, distance_m))
+    if not rows:
+        raise ValueError(f"{file}: no row below the first line")
+    return rows

@@ -1,0 +1,57 @@
+"""Of a modem: its serial line, its buffers, its status, by the medium that its radio is on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from bridge.modem.radio_status import ElrsStatus, ModemStatus, SikStatus
+from channel.access.settings import DelayMedium, ElrsMedium, MediumSettings, Serial, SikMedium
+
+SIK_BAUD, ELRS_BAUD = 57_600, 460_800
+SIK_TO_HOST_BYTES, ELRS_TO_HOST_BYTES = 645, 512
+NO_LIMIT: Final = 1 << 30
+
+
+@dataclass(frozen=True, slots=True)
+class ModemSettings:
+    """One modem.
+
+    Attributes:
+        baud: of the serial line to its host; 0: there is none, bytes pass at once.
+        from_host_bytes: of the buffer from its host; bytes that find no room are dropped.
+        to_host_bytes: of the buffer to its host, likewise.
+        packet_bytes: the longest packet that its medium takes: longer units are cut.
+        status: what it tells its host; None: nothing.
+    """
+
+    baud: int = 0
+    from_host_bytes: int = NO_LIMIT
+    to_host_bytes: int = NO_LIMIT
+    packet_bytes: int = NO_LIMIT
+    status: ModemStatus | None = None
+
+
+def modem_of(
+    medium: MediumSettings, baud: int | None = None, *, is_transmitter: bool = False
+) -> ModemSettings:
+    """The modem of a radio's medium: SiK's, ExpressLRS's, or one that has no limits of its own.
+
+    Args:
+        medium: of the radio.
+        baud: in place of the firmware's default.
+        is_transmitter: of a pair of ExpressLRS, whether it is the transmitter module, which says nothing to its host.
+    """
+    if isinstance(medium, SikMedium):
+        size_bytes = medium.queue.length_bytes or NO_LIMIT
+        status = SikStatus() if medium.framing else None
+        return ModemSettings(_or(baud, SIK_BAUD), size_bytes, SIK_TO_HOST_BYTES, status=status)
+    if isinstance(medium, ElrsMedium):
+        elrs = None if is_transmitter else ElrsStatus()
+        return ModemSettings(_or(baud, ELRS_BAUD), medium.buffer_bytes, ELRS_TO_HOST_BYTES, status=elrs)
+    longest = medium.max_length_bytes if isinstance(medium, Serial | DelayMedium) else NO_LIMIT
+    return ModemSettings(_or(baud, 0), packet_bytes=longest)
+
+
+def _or(baud: int | None, default: int) -> int:
+    return default if baud is None else baud

@@ -1,0 +1,117 @@
+"""Where a modem's firmware cuts a stream of bytes: after a MAVLink frame, by its start marker and length alone.
+
+Source: ArduPilot/SiK 50189f29, `Firmware/radio/packet.c`: checksums are not looked at; a frame whose end does not come
+goes on as it is; bytes before a start marker go on as they are. No byte is lost here, and none changes its place.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+MAGIC_V1: Final = 0xFE
+MAGIC_V2: Final = 0xFD
+AROUND_V1_BYTES, AROUND_V2_BYTES, SIGNATURE_BYTES = 8, 12, 13
+"""Of a frame beside its payload: header and checksum; with MAVLink 2 perhaps a signature."""
+HEARTBEAT_BYTES: Final = 9
+LEAST_TO_JUDGE: Final = 3
+"""Start marker, length, and of MAVLink 2 the flags."""
+RAW_BYTES: Final = 32
+"""Bytes that are no frame go on when so many are there, or when the line pauses."""
+PAUSE_BYTES: Final = 2
+PATIENCE_NS: Final = 20_000_000
+"""At least so long the rest of a frame is waited for: hosts that write a frame in two parts make pauses."""
+
+
+class Unit(NamedTuple):
+    """Bytes that belong together.
+
+    Attributes:
+        data: the bytes.
+        version: of MAVLink, 1 or 2; 0: it is no frame.
+        is_heartbeat: whether it looks like a HEARTBEAT.
+    """
+
+    data: bytes
+    version: int = 0
+    is_heartbeat: bool = False
+
+
+class UnitCutter:
+    """Cuts the bytes that arrive at a modem.
+
+    Args:
+        byte_ns: how long a byte takes on the line; 0: none.
+    """
+
+    __slots__ = ("_byte_ns", "_held", "_latest_ns")
+
+    def __init__(self, byte_ns: int) -> None:
+        self._byte_ns = byte_ns
+        self._held = b""
+        self._latest_ns = 0
+
+    @property
+    def held_bytes(self) -> int:
+        """That wait for more."""
+        return len(self._held)
+
+    @property
+    def needs_bytes(self) -> int:
+        """No unit is complete before so many more bytes are there."""
+        held = self._held
+        if not held or held[0] not in (MAGIC_V1, MAGIC_V2):
+            return 1
+        if len(held) < LEAST_TO_JUDGE:
+            return LEAST_TO_JUDGE - len(held)
+        return _frame_bytes(held) - len(held)
+
+    @property
+    def gives_up_ns(self) -> int | None:
+        """When what is held goes on as it is, unless more comes; None: nothing is held."""
+        held = self._held
+        if not held:
+            return None
+        if held[0] in (MAGIC_V1, MAGIC_V2):
+            whole = _frame_bytes(held) if len(held) >= LEAST_TO_JUDGE else LEAST_TO_JUDGE
+            return self._latest_ns + max(whole * self._byte_ns, PATIENCE_NS)
+        return self._latest_ns + PAUSE_BYTES * self._byte_ns
+
+    def feed(self, data: bytes, at_ns: int) -> list[Unit]:
+        """Take the bytes that have arrived by an instant; returns what they complete."""
+        held, self._latest_ns = self._held + data, at_ns
+        units: list[Unit] = []
+        while held:
+            cut = _cut(held)
+            if cut is None:
+                break
+            units.append(cut)
+            held = held[len(cut.data) :]
+        self._held = held
+        return units
+
+    def give_up(self) -> list[Unit]:
+        """What is held goes on as it is."""
+        held, self._held = self._held, b""
+        return [Unit(held)] if held else []
+
+
+def _cut(held: bytes) -> Unit | None:
+    """The unit that begins here, if it is complete."""
+    if held[0] not in (MAGIC_V1, MAGIC_V2):
+        ends = [place for magic in (MAGIC_V1, MAGIC_V2) if (place := held.find(magic)) >= 0]
+        end = min([*ends, RAW_BYTES])
+        return Unit(held[:end]) if ends or len(held) >= RAW_BYTES else None
+    if len(held) < LEAST_TO_JUDGE or len(held) < (end := _frame_bytes(held)):
+        return None
+    data = held[:end]
+    is_v2 = data[0] == MAGIC_V2
+    names_it = data[7:10] == b"\0\0\0" if is_v2 else data[5] == 0
+    is_right_long = data[1] <= HEARTBEAT_BYTES if is_v2 else data[1] == HEARTBEAT_BYTES
+    return Unit(data, 2 if is_v2 else 1, names_it and is_right_long)
+
+
+def _frame_bytes(held: bytes) -> int:
+    """How long the frame is that begins here."""
+    if held[0] == MAGIC_V1:
+        return AROUND_V1_BYTES + held[1]
+    return AROUND_V2_BYTES + held[1] + (SIGNATURE_BYTES if held[2] & 1 else 0)

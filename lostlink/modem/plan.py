@@ -1,0 +1,114 @@
+"""From what a user asks for to the link: a radio and distances, or two nodes of a recorded run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from bridge.modem.places import Sample, Track, apart_over_time, read_distances
+from bridge.modem.radio_link import LinkPlan
+from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
+from bridge.scenario.resolve.radio import radios_of
+from channel.link.radio import Radio
+from channel.presets import load_radio, overrides_from_settings
+from lostlink.reading.run import load_run
+
+DEFAULT_RADIO, DEFAULT_DISTANCE_M = "sik-433", 100.0
+PREFIX = "radio."
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A link between two ends that are a distance apart.
+
+    Attributes:
+        radio: a preset's name, or a file.
+        settings: texts KEY=VALUE, as of ``--set``: ``radio.base_loss=0.1``.
+        distance_m: over the ground.
+        distances: in its place a CSV file with the columns ``time_s`` and ``distance_m``, or such rows.
+        heights_m: of the ground station and of the UA; the radio's default unless given.
+        seed: of all that is drawn.
+        baud: of both serial lines; the modem's default unless given.
+    """
+
+    radio: str = DEFAULT_RADIO
+    settings: tuple[str, ...] = ()
+    distance_m: float = DEFAULT_DISTANCE_M
+    distances: Path | Sequence[tuple[float, float]] | None = None
+    heights_m: tuple[float, float] | None = None
+    seed: int = 1
+    baud: int | None = field(default=None)
+
+
+def plan_of(asked: Asked) -> LinkPlan:
+    """The link.
+
+    Raises:
+        ValueError: a radio, key, value, height or distance that cannot be; the text says which.
+        OSError: a file cannot be read.
+    """
+    config = load_radio(asked.radio, overrides_from_settings(_of_radio(text) for text in asked.settings))
+    heights_m = asked.heights_m or (config.default_height_m, config.default_height_m)
+    if min(heights_m) < 0.0:
+        raise ValueError(f"heights {heights_m[0]:g} and {heights_m[1]:g} m: 0 or more")
+    if asked.distance_m < 0.0:
+        raise ValueError(f"a distance of {asked.distance_m:g} m: 0 or more")
+    rows: Sequence[tuple[float, float]] = [(0.0, asked.distance_m)]
+    if asked.distances is not None:
+        rows = read_distances(asked.distances) if isinstance(asked.distances, Path) else asked.distances
+    radio = Radio(config)
+    return LinkPlan((radio, radio), apart_over_time(rows, heights_m), asked.seed, asked.baud)
+
+
+def _of_radio(text: str) -> str:
+    if not text.startswith(PREFIX):
+        raise ValueError(f"--set {text}: only the radio can be changed here, as in {PREFIX}base_loss=0.1")
+    return text.removeprefix(PREFIX)
+
+
+def plan_of_run(run: Path, nodes: Sequence[str] | None = None, baud: int | None = None) -> LinkPlan:
+    """The link between two nodes of a recorded run: their radios, their places over time, its seed.
+
+    Raises:
+        ValueError: it is no run, or has no such nodes.
+        OSError: its record cannot be read.
+    """
+    recorded = load_run(run)
+    scenario = recorded.scenario
+    radios = radios_of(scenario)
+    ground, air = _two(tuple(radios)[:2] if nodes is None else nodes, tuple(radios))
+    truth = TrueStates.read(recorded.path, recorded.nodes, (*POSITION, *ATTITUDE))
+    tracks = tuple(_track(truth, recorded.nodes.index(node)) for node in (ground, air))
+    bases = [node.node for node in scenario.ground if node.node in (ground, air)]
+    return LinkPlan(
+        (radios[ground], radios[air]),
+        (tracks[0], tracks[1]),
+        scenario.seed,
+        baud,
+        (ground, air),
+        bases,
+    )
+
+
+def _two(nodes: Sequence[str], known: Sequence[str]) -> tuple[str, str]:
+    for node in nodes:
+        if node not in known:
+            raise ValueError(f"the run has no radio at node {node}; there are {', '.join(known)}")
+    if len(set(nodes)) != 2:
+        raise ValueError(f"nodes {','.join(nodes)}: two that differ, as in 0,1")
+    return nodes[0], nodes[1]
+
+
+def _track(truth: TrueStates, node: int) -> Track:
+    mine = truth.at(truth.node == node)
+    if not mine.sim_time_ns.size:
+        raise ValueError(f"the run has no places of node {truth.nodes[node]}")
+    rows = np.hstack((mine.position_ned_m, mine.attitude_wxyz)).tolist()
+    samples = [
+        Sample(at_ns, tuple(row[:3]), tuple(row[3:]))
+        for at_ns, row in zip(mine.sim_time_ns.tolist(), rows, strict=True)
+    ]
+    return Track(samples)
