@@ -1,7 +1,7 @@
 """How often the verdict fails right and wrong worlds: `python -m tests.unit.channel.medium.counted_worlds 100`.
 
 A line for each of `worlds`: how many of so many failed; of wrong ones by the check that should see what is wrong, with
-the power that the check states of itself (median over the worlds). `right` or `wrong` after the number counts these alone.
+the power that the check states of itself (median over the worlds). `right` or `wrong` after the number: these alone.
 """
 
 import statistics
