@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -110,3 +112,16 @@ def test_from_two_sides_both_find_what_neither_finds_alone(tmp_path: Path) -> No
     for node in ("0", "1"):
         assert alone[f"final_error_{node}_m"] > 45.0
         assert alone[f"final_bound_{node}_m"] > 2.0 * alone["final_bound_m"]
+
+
+def test_readings_are_drawn_anew_along_a_flight(fly_mission: FlyMission) -> None:
+    settings = {"tick_rate_hz": 4, "fdm.standin_rate_hz": 100, "radio": "perfect", "duration_s": 65}
+    run = fly_mission("localise", "short", settings)
+    command = [sys.executable, str(FOLDER / "consistency.py"), str(run.path), "--redraws", "3"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    lines = dict(
+        re.findall(r"^(\D+?) +(\d+)   NEES as claimed \d+\.\d\d .* exact \d+\.\d\d$", done.stdout, re.M)
+    )
+    assert lines == {"as flown": "1", "same emitter": "3", "from the prior": "3"}
