@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,19 +30,23 @@ def errors(run: Run) -> dict[str, Any]:
 
     ``times_s``; ``error_<node>_m`` and ``error_m`` (mean over emitters; the worst UA's), ``bound_m`` (of readings of
     all UA, as if each was shared at once); ``nees_<node>`` (per emitter and axis: 1 if consistent); and the same at the
-    end as ``final_...``. ``found_s``: when the worst error first was less than NEAR_M, NaN if it never was.
+    end as ``final_...``, with ``final_bound_<node>_m`` (of the UA's own readings alone).
+    ``found_s``: when the worst error first was less than NEAR_M, NaN if it never was.
     ``told``: share of the UA's messages that arrived, NaN if there were none.
     """
     emitters = {each.id: _place_ned_m(run, each.id) for each in run.scenario.emitters}
     found: dict[str, Any] = {"times_s": GRID_S}
     curves = {}
-    for node in map(str, (each.id for each in run.scenario.ua)):
+    nodes = [str(each.id) for each in run.scenario.ua]
+    for node in nodes:
         each = [_curves(run, node, emitter, place) for emitter, place in emitters.items()]
         curves[node] = np.mean([error for error, _ in each], axis=0)
         found[f"error_{node}_m"] = curves[node]
-        found[f"final_nees_{node}"] = float(np.mean([nees[-1] for _, nees in each])) / 2.0
+        found[f"nees_{node}"] = np.mean([nees for _, nees in each], axis=0) / 2.0
+        found[f"final_nees_{node}"] = float(found[f"nees_{node}"][-1])
+        found[f"final_bound_{node}_m"] = float(_bound_m(run, emitters, GRID_S[-1:], [node])[0])
     worst = np.max(list(curves.values()), axis=0)
-    bound = np.mean([_bound_m(run, emitter, place) for emitter, place in emitters.items()], axis=0)
+    bound = _bound_m(run, emitters, GRID_S, nodes)
     return found | {
         "error_m": worst,
         "bound_m": bound,
@@ -53,15 +58,16 @@ def errors(run: Run) -> dict[str, Any]:
     }
 
 
+def _bound_m(run: Run, emitters: Mapping[str, Floats], times_s: Floats, nodes: Collection[str]) -> Floats:
+    """The bound on the error of the readings of some UA at some times; mean over emitters."""
+    return np.mean([_root_m(run, each, place, times_s, nodes) for each, place in emitters.items()], axis=0)
+
+
 def _told(run: Run) -> float:
     """The share of the mission's own messages that arrived: data packages are not of it."""
-    arrived: list[bool] = []
     packets = run.packets
-    for node in map(str, (each.id for each in run.scenario.ua)):
-        numbers = {packet.seq for packet in run.transmitted(node) if packet.channel.endswith(f"/{CHANNEL}")}
-        own = packets[(packets["tx"] == node) & packets["seq"].isin(numbers)]
-        arrived += (own["fate"] == "delivered").tolist()
-    return float(np.mean(arrived)) if arrived else float("nan")
+    fates = packets["fate"][packets["channel"] == CHANNEL]
+    return float(np.mean(fates == "delivered")) if len(fates) else float("nan")
 
 
 def _place_ned_m(run: Run, emitter: str) -> Floats:
@@ -83,15 +89,15 @@ def _curves(run: Run, node: str, emitter: str, place_ned_m: Floats) -> tuple[Flo
     return tuple(np.where(at >= 0, each[pick], np.nan) for each in (np.hypot(*away.T), nees))
 
 
-def _bound_m(run: Run, emitter: str, place_ned_m: Floats) -> Floats:
-    """Root of the trace of the Cramer-Rao bound at GRID_S."""
+def _root_m(run: Run, emitter: str, place_ned_m: Floats, times_s: Floats, nodes: Collection[str]) -> Floats:
+    """Root of the trace of the Cramer-Rao bound of the readings of some UA, at some times."""
     taken = run.agent_values("reading")
-    taken = taken[taken["emitter"] == emitter]
+    taken = taken[(taken["emitter"] == emitter) & taken["node"].isin(nodes)]
     bounds = []
     config = run.scenario.ua[0]
     sensor = Sensor(sensors_of(run.scenario)[str(config.id)])
     spread = spread_of(sensor, config.agent.options.get("power_sigma_db", 0.0))
-    for time_s in GRID_S:
+    for time_s in times_s:
         known = taken[taken["sim_time_s"] <= time_s + 1e-6]
         tracks = [np.stack(group["place_ned_m"].to_list()) for _, group in known.groupby("node")]
         bounds.append(np.sqrt(np.trace(bound_m2(mean_power_of(sensor), spread, place_ned_m, tracks))))

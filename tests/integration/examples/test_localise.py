@@ -1,19 +1,25 @@
-"""The mission as a user flies it: for some seconds, twice, with three UA and two emitters, with equal digests."""
+"""The mission as a user flies it: three UA and two emitters twice, with equal digests; runs of its studies."""
 
 from __future__ import annotations
 
+import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
 from lostlink.reading.run import Run, load_run
+from tests.integration.examples.conftest import FlyMission
 
 ROOT = Path(__file__).parents[3]
-SCENARIO = ROOT / "examples" / "localise" / "localise.yaml"
+FOLDER = ROOT / "examples" / "localise"
+SCENARIO = FOLDER / "localise.yaml"
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
@@ -66,3 +72,56 @@ def test_the_mission_flies_and_repeats(tmp_path: Path, free_slot: Callable[[int]
         "nobody heard of others' readings"
     )
     assert len(first.agent_values("plan")) >= 6
+
+
+def test_the_run_that_raised_a_false_alarm_passes(fly_mission: FlyMission) -> None:
+    """One-sided shadowing, rounded: taken for continuous, its powers at 53 places had a chance of 1e-06."""
+    settings = {"seed": 18, "tick_rate_hz": 4, "fdm.standin_rate_hz": 100}
+    run = fly_mission("localise", "seed18", settings)
+    assert run.outcome == "pass"
+    level, spread = (
+        next(check for check in run.summary["checks"] if check["name"] == name)
+        for name in ("level of the powers", "spread of the powers")
+    )
+    assert level["size"] > 40
+    assert min(level["chance"], spread["chance"]) > 1e-3
+
+
+def study_of(folder: Path, file: str, cases: list[str]) -> dict[str, dict[str, Any]]:
+    """Rows of one seed of a shipped study by case, flown with some of its cases and without its figures."""
+    tree = yaml.safe_load((FOLDER / file).read_text())
+    tree |= {"scenario": str(FOLDER / tree["scenario"]), "seeds": 1, "figures": [], "keep": "none"}
+    tree["metrics"] = [str(FOLDER / each) for each in tree["metrics"]]
+    tree["cases"] = {name: tree["cases"][name] for name in cases}
+    (folder / file).write_text(yaml.safe_dump(tree))
+    command = [sys.executable, "-m", "lostlink.cli.main", "study", str(folder / file), "--lanes", "1"]
+    done = subprocess.run(
+        [*command, "--out", str(folder)], cwd=ROOT, capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = pq.read_table(folder / tree["name"] / "metrics.parquet").to_pylist()
+    return {row["case"]: row for row in rows}
+
+
+def test_from_two_sides_both_find_what_neither_finds_alone(tmp_path: Path) -> None:
+    rows = study_of(tmp_path, "study_sides.yaml", ["none", "perfect"])
+    assert all(row["outcome"] == "pass" for row in rows.values())
+    alone, team = rows["none"], rows["perfect"]
+    assert team["told"] == 1.0
+    assert team["final_error_m"] < 30.0
+    for node in ("0", "1"):
+        assert alone[f"final_error_{node}_m"] > 45.0
+        assert alone[f"final_bound_{node}_m"] > 2.0 * alone["final_bound_m"]
+
+
+def test_readings_are_drawn_anew_along_a_flight(fly_mission: FlyMission) -> None:
+    settings = {"tick_rate_hz": 4, "fdm.standin_rate_hz": 100, "radio": "perfect", "duration_s": 65}
+    run = fly_mission("localise", "short", settings)
+    command = [sys.executable, str(FOLDER / "consistency.py"), str(run.path), "--redraws", "3"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    lines = dict(
+        re.findall(r"^(\D+?) +(\d+)   NEES as claimed \d+\.\d\d .* exact \d+\.\d\d$", done.stdout, re.M)
+    )
+    assert lines == {"as flown": "1", "same emitter": "3", "from the prior": "3"}
