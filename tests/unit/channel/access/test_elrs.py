@@ -134,7 +134,7 @@ def test_a_stream_down_is_as_fast_as_by_the_firmwares_own_code(name: str) -> Non
     """
     mode = ELRS_MODES[name]
     alone, least, most = FIRMWARE_BYTES_PER_S[name]
-    never = ElrsSettings(replace(mode, channels=10**9))
+    never = ElrsSettings(replace(mode, hop_slots=10**9))
     assert mode.user_bytes_per_s == pytest.approx(alone, rel=0.002)
     assert carried(Elrs(PlainWorld((0, 1)), never), 1, duration_s(mode)) == pytest.approx(alone, rel=0.01)
     for seed in (1, 2, 3):
