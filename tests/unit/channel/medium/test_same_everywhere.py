@@ -10,11 +10,14 @@ import pytest
 WORKLOAD = Path(__file__).with_name("workload.py")
 ROOT = Path(__file__).parents[4]
 NPY, GLIBC = "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES"
-SETTINGS = {
-    "no AVX-512 in numpy": {NPY: "X86_V4 AVX512_ICL AVX512_SPR"},
-    "no AVX2 in numpy": {NPY: "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"},
-    "no FMA in the C library": {GLIBC: "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX,-AVX512F"},
-}
+NO_FMA = {GLIBC: "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX,-AVX512F"}
+SETTINGS = [
+    pytest.param(
+        {NPY: "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"} | NO_FMA, id="no AVX2 in numpy, no FMA in the C library"
+    ),
+    pytest.param({NPY: "X86_V4 AVX512_ICL AVX512_SPR"}, id="no AVX-512 in numpy", marks=pytest.mark.slow),
+    pytest.param(NO_FMA, id="no FMA in the C library", marks=pytest.mark.long),
+]
 """Features that a numpy or a processor does not have are left out with a warning, which changes nothing."""
 
 
@@ -37,9 +40,9 @@ def as_it_comes():
     return digests({})
 
 
-@pytest.mark.parametrize("name", SETTINGS)
-def test_the_record_is_the_same(name, as_it_comes):
-    assert digests(SETTINGS[name]) == as_it_comes
+@pytest.mark.parametrize("settings", SETTINGS)
+def test_the_record_is_the_same(settings, as_it_comes):
+    assert digests(settings) == as_it_comes
 
 
 def test_the_workload_has_both_fates_of_most_radios(as_it_comes):
