@@ -7,7 +7,9 @@ unexport PYTHONDONTWRITEBYTECODE
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/pycache
 export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
-PYTEST := --numprocesses auto --maxprocesses 4 --dist worksteal
+# Tests that wait leave a core idle: one worker more than cores.
+WORKERS := $(shell $(PYTHON) -c "import os; print(min((os.cpu_count() or 1) + 1, 5))")
+PYTEST := --numprocesses $(WORKERS) --dist worksteal
 
 .PHONY: demo view test test-slow test-long repeat check docs bench bench-fdm bench-channel bench-aps schema lock api-docs clean help
 

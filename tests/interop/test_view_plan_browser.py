@@ -57,7 +57,7 @@ def test_a_run_whose_plan_is_looked_at_is_the_same_run(
     with held(run):
         seen = opened(browser, run)
         expect(seen.page.get_by_role("status")).to_have_text("paused")
-        seen.page.get_by_role("button", name="UA 1").click()
+        seen.choose("UA 1")
     shows_all(seen)
     seen.wait("on its way", lambda: seen.words()["plan"]["current"] == 2)
     seen.open("Messages")
@@ -76,7 +76,7 @@ def replayed(seen: ViewPage) -> None:
     """The record shows what was there at each instant."""
     page = seen.page
     page.get_by_role("button", name="Pause").click()
-    page.get_by_role("button", name="UA 1").click()
+    seen.choose("UA 1")
     page.get_by_role("slider", name="Sim time").focus()
     page.keyboard.press("End")
     shows_all(seen)
@@ -93,7 +93,7 @@ def replayed(seen: ViewPage) -> None:
     seen.wait("nothing yet", lambda: not items(seen))
     expect(page.get_by_role("cell", name="Flight plan received")).to_have_count(0)
     seen.open("Fleet")
-    page.get_by_role("button", name="UA 0").click()
+    seen.choose("UA 0")
     page.get_by_role("slider", name="Sim time").focus()
     page.keyboard.press("End")
     seen.open("Messages")
@@ -114,14 +114,15 @@ def test_a_click_sends_the_ua_there_and_its_lists_are_read(
     seen = opened(browser, run)
     page, said = seen.page, seen.page.get_by_role("log")
     expect(said).to_contain_text("UA 0: is done")
-    page.get_by_role("button", name="UA 0").click()
+    seen.choose("UA 0")
     expect(page.get_by_role("region", name="Details")).to_contain_text("its agent: is done")
     page.get_by_role("button", name="Go here").click()
-    assert seen.words()["aiming"]
+    seen.wait("a place is asked for", lambda: seen.words()["aiming"])
     seen.canvas.focus()
     page.keyboard.press("Escape")
-    assert not seen.words()["aiming"]
+    seen.wait("no place is asked for", lambda: not seen.words()["aiming"])
     page.get_by_role("button", name="Go here").click()
+    seen.wait("a place is asked for again", lambda: seen.words()["aiming"])
     seen.canvas.click(position={"x": 200, "y": 300})
     dialog = page.get_by_role("dialog")
     expect(dialog).to_contain_text("m above home for UA 0?")

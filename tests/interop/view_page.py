@@ -7,7 +7,7 @@ from time import monotonic
 from typing import Any, cast
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Browser, Error, Page
+from playwright.sync_api import Browser, Error, Page, expect
 
 
 class ViewPage:
@@ -49,6 +49,12 @@ class ViewPage:
         while not is_so():
             assert monotonic() < deadline, f"{what}: not within {timeout_s} s; the map draws {self.words()}"
             self.page.wait_for_timeout(100)
+
+    def choose(self, node: str) -> None:
+        """Choose a node in the table."""
+        named = self.page.get_by_role("button", name=node)
+        named.click()
+        expect(named).to_have_attribute("aria-pressed", "true")
 
     def open(self, tab: str) -> None:
         """Choose a tab."""

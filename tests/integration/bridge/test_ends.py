@@ -31,7 +31,6 @@ TICK_NS = 50_000_000
 BEFORE = "lostlink: interrupted before the run began"
 slow = partial(pytest.param, marks=pytest.mark.slow)
 both = pytest.mark.parametrize("processes", ["one", "many"])
-long_if_many = pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 slow_if_many = pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 
 
@@ -402,7 +401,8 @@ def test_one_whose_flight_model_diverges_is_told_and_the_others_fly_on(
 
 
 @pytest.mark.slow
-@long_if_many
+@pytest.mark.long
+@pytest.mark.parametrize("processes", ["one", "many"])
 def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, processes: str) -> None:
     run = start_run(scenario=with_an_agent_that(tmp_path, "block"), processes=processes)
     run.wait_for("no tick for")

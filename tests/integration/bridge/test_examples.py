@@ -33,17 +33,17 @@ FILES = [
     SHIPPED / "mixed.yaml",
 ]
 SHORT_S = {
-    "gusts": 35,
-    "ground_station": 20,
-    "heavy_and_light": 30,
-    "leader_follower": 35,
-    "own_radio": 25,
-    "relay": 25,
-    "ring": 20,
-    "separation": 25,
-    "turn_back": 25,
-    "wander": 25,
-    "wifi": 25,
+    "gusts": 20,
+    "ground_station": 15,
+    "heavy_and_light": 20,
+    "leader_follower": 20,
+    "own_radio": 14,
+    "relay": 20,
+    "ring": 14,
+    "separation": 14,
+    "turn_back": 14,
+    "wander": 14,
+    "wifi": 14,
 }
 """Sim time that each is flown for with the stand-in: the first packets, and most of a climb."""
 WHOLE, REAL, BESIDE = {"acceptance"}, {"fixed_wing", "mixed"}, {"beside"}

@@ -12,6 +12,7 @@ from benchmarks import bench_memory
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_further_ua_costs_a_part_of_an_interpreter(
     free_slot: Callable[[int], int], capsys: pytest.CaptureFixture[str]

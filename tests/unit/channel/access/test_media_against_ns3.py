@@ -17,7 +17,12 @@ from benchmarks.ns3.settings import SETTINGS, Setting, figures_of
 
 DATA = Path(__file__).parents[3] / "data" / "ns3_dcf.csv"
 QUICK_SEEDS, SEEDS = 2, 8
-LONG = ("broadcast, 10 saturated", "broadcast, 10 saturated, EIFS")
+LONG = (
+    "broadcast, 2 saturated",
+    "broadcast, 10 saturated",
+    "broadcast, 10 saturated, EIFS",
+    "broadcast, 20 at 50 a second",
+)
 QUICK = ("broadcast, 2 saturated", "hidden pair", "errors")
 DIFFER = {("capture, 5 dB", "from 33 m")}
 """lostlink goes over to the stronger frame at any time, ns-3 in the first 16 us alone."""
