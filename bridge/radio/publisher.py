@@ -104,7 +104,7 @@ class TickPublisher:
         """What observers want to see: they can wait."""
         sim_time_ns, settled = tick.sim_time_ns, tick.settled
         if self._wants["fates"]() and len(settled.receptions.rx):
-            fates = fates_message(sim_time_ns, self._nodes, settled.columns)
+            fates = fates_message(sim_time_ns, self._nodes, settled.columns, self._networks)
             self._session.put(self._keys.tick("fates"), fates)
         if self._wants["communication"]():
             self._session.put(self._keys.tick("communication"), self._picture.matrix(sim_time_ns))

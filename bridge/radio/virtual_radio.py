@@ -48,6 +48,7 @@ class VirtualRadio:
         self.nodes = self.airs[0].nodes
         self.ring = ring
         self.words = Vocabulary()
+        self.words.places("radio", [air.name for air in self.airs])
         self.transmitted: list[TxPacket] = []
         """Packets given to the medium, in canonical order; whoever writes them clears the list."""
         self._by_name = {air.name: air for air in self.airs}

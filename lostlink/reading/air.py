@@ -6,7 +6,9 @@ the time that the network has (`Capacity.packet_s`): above 1 it cannot carry the
 
 The air is in use while a frame is on it: durations of distinct transmissions are added up, so that frames of several
 senders at once count several times. Of a packet that was tried more than once the record has the last frame; each
-attempt counts as long as that. Acknowledgements, preambles of slots and what is no packet are not in it.
+attempt counts as long as that. Of packets that share a frame, as on SiK radios, that with fewest attempts counts: the
+rest of another was in a frame that is there already. Acknowledgements, preambles of slots and what is no packet are not
+in it.
 """
 
 from __future__ import annotations
@@ -169,7 +171,9 @@ def frames_of(rows: DeliveryRows) -> FrameColumns:
     c = rows.columns
     sent = np.flatnonzero((c["started_ns"] >= 0) & (c["ended_ns"] > c["started_ns"]))
     key = c["started_ns"][sent] * len(rows.nodes) + c["tx"][sent]
-    _, first = np.unique(key, return_index=True)
+    fewest = np.argsort(c["attempts"][sent], kind="stable")
+    _, first = np.unique(key[fewest], return_index=True)
+    first = fewest[first]
     started, ended, entered, attempts = (
         c[name][sent[first]] for name in ("started_ns", "ended_ns", "entered_ns", "attempts")
     )

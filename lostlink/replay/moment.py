@@ -123,7 +123,7 @@ class Moment:
     def fates(self) -> Fates:
         """What the tick settled."""
         rows = self.decided.at(~self.decided.is_gap)
-        return fates_message(self.sim_time_ns, self._at.nodes, rows.columns)
+        return fates_message(self.sim_time_ns, self._at.nodes, rows.columns, self._at.networks)
 
     def links(self) -> Links:
         """All links that carried a packet: the latest figures, and counts from the run's beginning on."""

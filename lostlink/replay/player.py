@@ -8,7 +8,7 @@ while (moment := player.step()) is not None:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from bridge.radio.picture import LINK_PERIOD_NS, Picture
 from bridge.record.events import RunEvent, read_reports
 from bridge.record.radio_switches import switches_of
-from bridge.record.tables.deliveries import Cause
+from bridge.record.tables.deliveries import DELIVERIES, Cause
+from bridge.record.tables.reader import read_columns
 from bridge.record.tables.states import States
 from bridge.record.tables.truth import TRUTH, TrueStates
 from bridge.run.directory import RunDirectory
@@ -60,7 +61,8 @@ class Player:
         self.ticks_ns = self.truth.ticks_ns
         if not self.ticks_ns.size:
             raise ValueError(f"{run}: nothing to play: the run ended before its first tick was written down")
-        self.decisions = DeliveryRows.read(run, self.nodes)
+        self.networks = self.scenario.network_names
+        self.decisions = _decisions(run, self.nodes, self.networks)
         self.radios = switches_of(self.scenario, run)
         self.now: Moment | None = None
         self._next = 0
@@ -171,3 +173,13 @@ class Player:
     def events(self) -> tuple[RunEvent, ...]:
         """What the processes of the run reported, by sim time."""
         return read_reports(self.run).events
+
+
+def _decisions(run: Path, nodes: Sequence[str], networks: Sequence[str]) -> DeliveryRows:
+    """The deliveries of a run, with ``radio`` as places in ``networks``."""
+    rows = DeliveryRows.read(run, nodes)
+    if not DELIVERIES.is_in(run):
+        return DeliveryRows(rows.nodes, rows.columns | {"radio": np.empty(0, dtype=np.intp)})
+    return DeliveryRows(
+        rows.nodes, rows.columns | read_columns(run, DELIVERIES, ("radio",), {"radio": networks})
+    )

@@ -25,7 +25,7 @@ from tests.integration.bridge.conftest import Run, StartRun, start_run  # noqa: 
 from tests.integration.bridge.test_view import address_of
 from tests.integration.bridge.view import serving
 from tests.interop.view_page import ViewPage
-from tests.unit.lostlink.replay.flown import Said, flown, rails, scenario_of
+from tests.unit.lostlink.replay.flown import Said, everybody, flown, rails, scenario_of
 
 OUT = """\
 schema: 1
@@ -103,6 +103,29 @@ def is_on_rails(words: dict[str, Any]) -> bool:
     ways = [rails(number, words["time"]) for number in range(3)]
     places = [node["place"] or (math.inf,) * 3 for node in words["nodes"]]
     return all(math.dist(p, (n, e, -d)) < 0.3 for p, (n, e, d) in zip(places, ways, strict=True))
+
+
+@pytest.mark.slow
+def test_the_air_of_a_network_is_seen(browser: Browser, tmp_path: Path) -> None:
+    """Two nodes that send 20 packets of 90 bytes a second each over 64 kb/s: 28.8 kb/s, frames and silence beside."""
+    nodes = ("0", "1")
+    run = flown(tmp_path / "made", scenario_of("telemetry-915", nodes), 200, everybody(nodes, 90))
+    with serving(run) as view:
+        seen = ViewPage(browser, view.address)
+        page = seen.page
+        page.get_by_role("button", name="Pause").click()
+        page.get_by_role("slider", name="Sim time").focus()
+        page.keyboard.press("End")
+        seen.wait("the end", lambda: seen.words()["time"] == pytest.approx(9.95))
+        seen.open("Air")
+        table = page.get_by_role("region", name="Radio networks on which packets take time")
+        expect(table.get_by_role("cell", name="main")).to_be_visible()
+        label = "Use of the air of each radio network and delay on it"
+        seen.wait("a chart", lambda: len(seen.chart(label).get("main: in use", [])) >= 8)
+        chart = seen.chart(label)
+        assert all(0.3 < use < 1.0 for _, use in chart["main: in use"][1:])
+        assert all(0.0 < delay_s < 1.0 for _, delay_s in chart["main: delay"])
+        assert not seen.errors
 
 
 def mission(tick: int) -> list[Said]:

@@ -245,6 +245,12 @@ class Fates(Message):
     fate: bytes = b""
     packets: Column[int] = ()
     delay_s: Column[float] = ()
+    network: tuple[str, ...] = ()
+    radio: Column[int] = ()
+    entered_ns: Column[int] = ()
+    started_ns: Column[int] = ()
+    ended_ns: Column[int] = ()
+    attempts: Column[int] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -266,8 +266,15 @@ def tick_of(sim_time_ns: NDArray[np.int64], tick_period_ns: int) -> NDArray[np.i
     return -(-sim_time_ns // tick_period_ns) * tick_period_ns
 
 
-def fates_message(sim_time_ns: int, nodes: Sequence[str], columns: Columns) -> Fates:
-    """What the tick ``sim_time_ns`` settled, as a message: rows as of `read_deliveries`, none of them for everybody."""
+def fates_message(sim_time_ns: int, nodes: Sequence[str], columns: Columns, networks: Sequence[str]) -> Fates:
+    """What the tick ``sim_time_ns`` settled, as a message.
+
+    Args:
+        sim_time_ns: the tick.
+        nodes: in which ``tx`` and ``rx`` are places.
+        columns: rows as of `read_deliveries`, none of them for everybody, ``radio`` as places in ``networks``.
+        networks: names of radio networks.
+    """
     c = columns
     return Fates(
         Header.at(sim_time_ns, ""),
@@ -285,6 +292,12 @@ def fates_message(sim_time_ns: int, nodes: Sequence[str], columns: Columns) -> F
         c["fate"].astype(np.uint8).tobytes(),
         c["packets"].astype(np.uint32),
         _delays_s(c),
+        tuple(networks),
+        c["radio"].astype(np.uint16),
+        c["entered_ns"],
+        c["started_ns"],
+        c["ended_ns"],
+        c["attempts"].astype(np.uint16),
     )
 
 

@@ -43,7 +43,9 @@ class RadioSource:
     def __init__(self, run: Path, file: McapFile, scenario: Scenario) -> None:
         self._nodes, self._tick_ns = scenario.transceiver_ids, scenario.tick_period_ns
         self._radios = switches_of(scenario, run)
-        self._slices = Slices(run, DELIVERIES, labels_of(self._nodes), by="received_ns")
+        self._networks = scenario.network_names
+        labels = labels_of(self._nodes) | {"radio": self._networks}
+        self._slices = Slices(run, DELIVERIES, labels, by="received_ns")
         self._picture, self._ledger = Picture(self._nodes), Ledger(self._nodes, causes=tuple(Cause))
         settings = file.settings
         self._channels = {
@@ -74,7 +76,7 @@ class RadioSource:
             if channel is None or not channel.is_due(tick_ns):
                 continue
             if kind == "fates":
-                message: Any = fates_message(tick_ns, self._nodes, rows)
+                message: Any = fates_message(tick_ns, self._nodes, rows, self._networks)
             elif kind == "links":
                 message = self._picture.links(tick_ns, self._ledger, self._radios.off_at(tick_ns))
             else:

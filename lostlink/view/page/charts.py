@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.numbers.intervals import proportion_interval
+from lostlink.view.picture.air_history import AirSeries
 from lostlink.view.picture.link_history import DistanceBins, LinkSeries
 
 POINTS_MAX = 400
@@ -155,6 +157,35 @@ def losses_chart(time_s: NDArray[Any], shares: dict[str, NDArray[Any]], look: Lo
             }
             for cause, share in sorted(shares.items())
         ],
+    }
+    return options
+
+
+def air_chart(networks: Mapping[str, AirSeries], look: Look) -> Options:
+    """Share of the time in which each network's air is in use, and the mean delay on it, over sim time."""
+    series = []
+    for number, (name, air) in enumerate(networks.items()):
+        thin = thinned(len(air.time_s))
+        line = {"type": "line", "showSymbol": False, "color": SERIES_COLOURS[number % len(SERIES_COLOURS)]}
+        series += [
+            line | {"name": f"{name}: in use", "data": points(air.time_s[thin], air.use[thin])},
+            line
+            | {
+                "name": f"{name}: delay",
+                "yAxisIndex": 1,
+                "lineStyle": {"type": "dashed"},
+                "data": points(air.time_s[thin], air.delay_s[thin]),
+            },
+        ]
+    options = frame(look)
+    options |= {
+        "grid": {"left": 62, "right": 62, "top": 40, "bottom": 48},
+        "xAxis": axis("sim time, s", look) | {"min": "dataMin", "max": "dataMax"},
+        "yAxis": [
+            axis("share of the time in use", look) | {"min": 0},
+            axis("delay, s", look) | {"min": 0, "splitLine": {"show": False}},
+        ],
+        "series": series,
     }
     return options
 

@@ -14,6 +14,7 @@ from lostlink.view.page.charts import (
     LIGHT,
     Look,
     ModelCurve,
+    air_chart,
     delivery_chart,
     link_chart,
     losses_chart,
@@ -27,10 +28,12 @@ from lostlink.view.page.scene import Scene
 from lostlink.view.page.style import CSS
 from lostlink.view.page.tables import (
     AGENT_COLUMNS,
+    AIR_COLUMNS,
     EMITTER_COLUMNS,
     FLEET_COLUMNS,
     LOSS_COLUMNS,
     agent_rows,
+    air_rows,
     emitter_rows,
     fleet_rows,
     link_words,
@@ -177,7 +180,17 @@ class Page:
         self._onboard = self._onboard_panels()
         onboard = ("Plan", "Messages") if self._onboard is not None else ()
         with ui.tabs().props('dense no-caps align="left" aria-label="Details"') as tabs:
-            for name in ("Fleet", *onboard, "Link", "Delivery", "Losses", "Matrix", "Agents", "Logged"):
+            for name in (
+                "Fleet",
+                *onboard,
+                "Link",
+                "Delivery",
+                "Losses",
+                "Air",
+                "Matrix",
+                "Agents",
+                "Logged",
+            ):
                 ui.tab(name)
         self._tabs = tabs
         with ui.tab_panels(tabs, value="Fleet", on_change=lambda _: self.refresh(), animated=False):
@@ -195,6 +208,9 @@ class Page:
             with ui.tab_panel("Losses"), ui.element("div").classes("ll-tab"):
                 self._losses = chart("Share of packets that were lost to each cause, over sim time")
                 self._causes = table("Fates of packets", LOSS_COLUMNS, "cause")
+            with ui.tab_panel("Air"), ui.element("div").classes("ll-tab"):
+                self._air = chart("Use of the air of each radio network and delay on it, over sim time")
+                self._networks = table("Radio networks on which packets take time", AIR_COLUMNS, "network")
             with ui.tab_panel("Matrix"), ui.element("div").classes("ll-tab"):
                 self._matrix = chart("Share of packets delivered from each node to each other")
             with ui.tab_panel("Agents"), ui.element("div").classes("ll-tab"):
@@ -294,6 +310,8 @@ class Page:
                 self._words.set_text(link_words(view, *self._link))
             case "Losses":
                 set_rows(self._causes, loss_rows(view))
+            case "Air":
+                set_rows(self._networks, air_rows(view))
             case "Agents":
                 set_rows(self._agents, agent_rows(view))
             case "Logged":
@@ -312,6 +330,9 @@ class Page:
                 set_options(self._delivery, delivery_chart(bins, self._shown.model(farthest_m), self._look))
             case "Losses":
                 set_options(self._losses, losses_chart(*view.losses.over_time(), self._look))
+            case "Air":
+                networks = {name: view.air.series(name) for name in view.air.networks}
+                set_options(self._air, air_chart(networks, self._look))
             case "Matrix":
                 sent, delivered = view.links.latest("sent"), view.links.latest("delivered")
                 share = delivered / np.where(sent > 0, sent, np.nan)

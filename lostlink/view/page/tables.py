@@ -50,6 +50,13 @@ LOGGED_COLUMNS = columns(
 LOSS_COLUMNS = columns(
     ("cause", "fate", "left"), ("packets", "packets", "right"), ("share", "share", "right")
 )
+AIR_COLUMNS = columns(
+    ("network", "network", "left"),
+    ("use", "air in use", "right"),
+    ("waiting", "packets waiting", "right"),
+    ("wait", "wait s", "right"),
+    ("delay", "delay s", "right"),
+)
 
 
 def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
@@ -151,6 +158,27 @@ def loss_rows(view: FleetView) -> Rows:
         {"cause": cause.replace("_", " "), "packets": count, "share": f"{100 * count / total:.1f} %"}
         for cause, count in view.losses.total.most_common()
     ]
+
+
+def air_rows(view: FleetView) -> Rows:
+    """A row per network that has had a frame: means of its newest whole second or, later in a long run, more."""
+    rows: Rows = []
+    for name in view.air.networks:
+        series = view.air.series(name)
+        if series.use.size:
+            use, waiting, wait_s, delay_s = (
+                float(values[-1]) for values in (series.use, series.waiting, series.wait_s, series.delay_s)
+            )
+            rows.append(
+                {
+                    "network": name,
+                    "use": f"{100 * use:.0f} %",
+                    "waiting": f"{waiting:.1f}",
+                    "wait": _delay(wait_s),
+                    "delay": _delay(delay_s),
+                }
+            )
+    return rows
 
 
 def link_words(view: FleetView, tx: int, rx: int) -> str:

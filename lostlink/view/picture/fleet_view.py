@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Fates, Links, Message, Truth, Truths
 from bridge.scenario.model import Scenario
+from lostlink.view.picture.air_history import AirHistory
 from lostlink.view.picture.link_history import LinkHistory
 from lostlink.view.picture.logged import Logged
 from lostlink.view.picture.losses import Losses
@@ -96,6 +97,7 @@ class FleetView:
         self.is_over = False
         self.links = LinkHistory(len(self.nodes))
         self.losses = Losses(len(self.nodes))
+        self.air = AirHistory(len(self.nodes))
         self.logged = Logged(tuple(self.index))
         self.news = {node.id: NodeNews() for node in self.nodes}
         self.lines: deque[NewsLine] = deque(maxlen=NEWS_KEPT)
@@ -118,7 +120,7 @@ class FleetView:
             Clock: self._take_clock,
             Truths: self._take_truths,
             Links: self._take_links,
-            Fates: self.losses.take,
+            Fates: self._take_fates,
             AgentStatus: self._take_agent,
             AircraftState: self._take_state,
         }
@@ -161,6 +163,10 @@ class FleetView:
         if clock.header.stamp.ns < self.sim_time_ns:  # the pace changed a tick ago
             clock = replace(clock, header=self.clock.header)
         self.clock = clock
+
+    def _take_fates(self, fates: Fates) -> None:
+        self.losses.take(fates)
+        self.air.take(fates)
 
     def _take_links(self, links: Links) -> None:
         if len(links.node) == len(self.nodes):

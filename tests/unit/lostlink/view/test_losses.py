@@ -51,7 +51,9 @@ def test_the_delay_is_that_of_the_latest_packet_that_arrived() -> None:
         "sim_time_ns": np.array([1, 2, 3]) * second,
         "arrived_ns": np.array([1_250_000_000, 9 * second, 4_500_000_000]),
     }
-    message = fates_message(9 * second, ("0", "gcs"), columns)
+    columns |= {"radio": np.zeros(3, dtype=np.int64), "attempts": np.ones(3, dtype=np.int64)}
+    columns |= dict.fromkeys(("entered_ns", "started_ns", "ended_ns"), columns["sim_time_ns"])
+    message = fates_message(9 * second, ("0", "gcs"), columns, ("main",))
     assert np.isnan(message.delay_s).tolist() == [False, True, False]
     losses = Losses(2)
     losses.take(message)
