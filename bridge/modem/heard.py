@@ -66,12 +66,17 @@ class HeardWorld:
         self._world = world
         self.nodes = world.nodes
         self.heard = {node: RadioMeter(noise=register_of(noise_dbm[node])) for node in world.nodes}
+        self._came: dict[tuple[int, int], bool] = {}
+        """Of a node and the sender of a frame that counts once the next begins: whether it came."""
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
-        """As in the world; whoever could hear it takes note of a frame."""
+        """As in the world; whoever could hear it takes note of what became of the frame before."""
         for node, heard in self.heard.items():
             if node != frame.node:
-                heard.quality.append(False)
+                came = self._came.get((node, frame.node))
+                if came is not None:
+                    heard.quality.append(came)
+                self._came[node, frame.node] = False
         return self._world.reach(frame)
 
     def survives(
@@ -83,7 +88,7 @@ class HeardWorld:
         if fate[0]:
             _, power_dbm, snr_db, *_ = self._world.figures(frame, receiver)
             heard.takes(power_dbm, snr_db, frame.ended_ns)
-            heard.quality[-1] = True
+            self._came[receiver, frame.node] = True
             if frame.kind == STATISTICS:
                 sender = self.heard[frame.node]
                 heard.remote = (sender.rssi, sender.noise)

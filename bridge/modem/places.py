@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -13,6 +12,9 @@ from channel.medium.medium import Medium
 
 NS_PER_S: Final = 1_000_000_000
 COLUMNS: Final = ("time_s", "distance_m")
+TIME_MAX_S: Final = 1e9
+DISTANCE_MAX_M: Final = 1e9
+"""Farther than any radio of ours reaches; beyond it numbers lose their grain."""
 
 
 class Sample(NamedTuple):
@@ -72,12 +74,32 @@ def apart(distance_m: float, heights_m: tuple[float, float]) -> tuple[Track, Tra
 def apart_over_time(
     distances: Sequence[tuple[float, float]], heights_m: tuple[float, float]
 ) -> tuple[Track, Track]:
-    """The first end stands, the second goes away north and comes back: (time s, distance m over the ground)."""
+    """The first end stands, the second goes away north and comes back: (time s, distance m over the ground).
+
+    Raises:
+        ValueError: no rows, or one that cannot be; the text has its number, from 0 on.
+    """
+    if not distances:
+        raise ValueError("distances: no row")
+    before_s: float | None = None
+    for number, (time_s, distance_m) in enumerate(distances):
+        if mistake := _mistake(time_s, distance_m, before_s):
+            raise ValueError(f"distances.{number}: {mistake}")
+        before_s = time_s
     ground = Track([Sample(0, (0.0, 0.0, -heights_m[0]))])
     air = [
         Sample(round(time_s * NS_PER_S), (distance_m, 0.0, -heights_m[1])) for time_s, distance_m in distances
     ]
     return ground, Track(air)
+
+
+def _mistake(time_s: float, distance_m: float, before_s: float | None) -> str:
+    """Why a row cannot follow one of an earlier time; empty if it can."""
+    if not (0.0 <= time_s <= TIME_MAX_S and 0.0 <= distance_m <= DISTANCE_MAX_M):
+        return f"{time_s:g} s, {distance_m:g} m: from 0 to {TIME_MAX_S:g} s and {DISTANCE_MAX_M:g} m"
+    if before_s is not None and time_s <= before_s:
+        return f"{time_s:g} s does not come after {before_s:g} s"
+    return ""
 
 
 def read_distances(file: Path) -> list[tuple[float, float]]:
@@ -98,10 +120,8 @@ def read_distances(file: Path) -> list[tuple[float, float]]:
                 time_s, distance_m = (float(row[name] or "") for name in COLUMNS)
             except ValueError:
                 raise ValueError(f"{place}: {', '.join(COLUMNS)} have to be numbers") from None
-            if not (isfinite(time_s) and isfinite(distance_m) and time_s >= 0.0 and distance_m >= 0.0):
-                raise ValueError(f"{place}: {time_s:g} s, {distance_m:g} m: 0 or more")
-            if rows and time_s <= rows[-1][0]:
-                raise ValueError(f"{place}: {time_s:g} s does not come after {rows[-1][0]:g} s")
+            if mistake := _mistake(time_s, distance_m, rows[-1][0] if rows else None):
+                raise ValueError(f"{place}: {mistake}")
             rows.append((time_s, distance_m))
     if not rows:
         raise ValueError(f"{file}: no row below the first line")

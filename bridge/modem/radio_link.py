@@ -54,7 +54,7 @@ class RadioLink:
         channel = Medium(radios, seed=plan.seed, nodes=plan.nodes, bases=plan.bases)
         self._guide = Guide(channel, plan.tracks)
         floors_dbm = {end: radio.noise_floor_dbm for end, radio in enumerate(plan.radios)}
-        world = HeardWorld(LinkWorld(channel, expects=False), floors_dbm)
+        world = HeardWorld(LinkWorld(channel, expects=False, keeps=False), floors_dbm)
         config = plan.radios[GROUND].config
         settings = config.medium
         medium: AccessMedium

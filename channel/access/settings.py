@@ -260,7 +260,7 @@ class TdmaMedium(Serial):
     def _by_id(self, nodes: Iterable[str]) -> Schedule[str]:
         """The schedule; generated, if it is not spelt out."""
         if self.schedule is not None:
-            return self.schedule.by_id()
+            return self.schedule.by_id
         slot_ns = round((self.slot_s or 0.0) * NS_PER_S)
         return Schedule.equal(self.slots or tuple(nodes), slot_ns, round(self.guard_s * NS_PER_S))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
@@ -69,9 +70,10 @@ class SlotSchedule(Settings):
 
     @model_validator(mode="after")
     def _is_a_schedule(self) -> SlotSchedule:
-        self.by_id()
+        _ = self.by_id
         return self
 
+    @cached_property
     def by_id(self) -> Schedule[str]:
         """Its slots, with the ids of nodes.
 

@@ -84,16 +84,19 @@ class LinkWorld:
         medium: where the nodes are, and their radios.
         judge: takes in what is drawn.
         expects: whether `figures` have the chance of delivery; else that is NaN, and takes no time.
+        keeps: whether `first_transmissions` has them; who never asks for them would keep them for ever.
 
     Attributes:
         beside: the network among others in its band; None: there are none.
     """
 
-    def __init__(self, medium: Medium, judge: Judge | None = None, *, expects: bool = True) -> None:
+    def __init__(
+        self, medium: Medium, judge: Judge | None = None, *, expects: bool = True, keeps: bool = True
+    ) -> None:
         self.nodes = tuple(range(len(medium.nodes)))
         self.beside: Beside | None = None
         self._medium, self._judge, self._notebook = medium, judge, Notebook()
-        self._expects = expects
+        self._expects, self._keeps = expects, keeps
         self._by_rate: dict[float | None, tuple[Settling, Settling]] = {}
         """What draws first transmissions and others, by their bit rates."""
         self._judged, self._other = self._at_rate(None)
@@ -143,7 +146,8 @@ class LinkWorld:
         key = _key(frame)
         if frame.kind == "data" and frame.attempt == 1:
             met = self._expected.get(key) or Met(self._draw([frame]), 0, self._alone)
-            self._first[key] = met
+            if self._keeps:
+                self._first[key] = met
         else:
             packets, counted = as_packets([frame], [frame.started_ns])
             _, other = self._at_rate(frame.bit_rate_bps)

@@ -61,6 +61,7 @@ class LiveLink:
         self._began_ns = 0
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = 0
+        self._is_closed = False
 
     @property
     def now_ns(self) -> int:
@@ -80,15 +81,19 @@ class LiveLink:
         self._live()
 
     async def close(self) -> None:
-        """Bring out what is due, and close both endpoints."""
+        """Bring out what is due, and close both endpoints; what hosts still send comes to nothing."""
         if self._timer is not None:
-            self._live()
             self._timer.cancel()
+            self._timer = None
+            self._advance(self.now_ns)
+        self._is_closed = True
         for endpoint in self.endpoints.values():
             await endpoint.close()
 
     def _received(self, end: int, data: bytes) -> None:
         """The host of an end sends."""
+        if self._is_closed:
+            return
         now_ns = self.now_ns
         waits = self.link.pair.modems[end].line_bytes
         if not self.endpoints[end].can_wait and waits > UDP_BYTES:

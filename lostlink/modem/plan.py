@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bridge.modem.places import Sample, Track, apart_over_time, read_distances
+from bridge.modem.places import DISTANCE_MAX_M, Sample, Track, apart_over_time, read_distances
 from bridge.modem.radio_link import LinkPlan
 from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
 from bridge.scenario.resolve.radio import radios_of
@@ -18,6 +18,7 @@ from lostlink.reading.run import load_run
 
 DEFAULT_RADIO, DEFAULT_DISTANCE_M = "sik-433", 100.0
 PREFIX = "radio."
+HEIGHT_MAX_M = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +53,12 @@ def plan_of(asked: Asked) -> LinkPlan:
     """
     config = load_radio(asked.radio, overrides_from_settings(_of_radio(text) for text in asked.settings))
     heights_m = asked.heights_m or (config.default_height_m, config.default_height_m)
-    if min(heights_m) < 0.0:
-        raise ValueError(f"heights {heights_m[0]:g} and {heights_m[1]:g} m: 0 or more")
-    if asked.distance_m < 0.0:
-        raise ValueError(f"a distance of {asked.distance_m:g} m: 0 or more")
+    if not all(0.0 <= height_m <= HEIGHT_MAX_M for height_m in heights_m):
+        raise ValueError(
+            f"heights {heights_m[0]:g} and {heights_m[1]:g} m: from 0 to {HEIGHT_MAX_M:g} m above the ground"
+        )
+    if not 0.0 <= asked.distance_m <= DISTANCE_MAX_M:
+        raise ValueError(f"a distance of {asked.distance_m:g} m: from 0 to {DISTANCE_MAX_M:g} m")
     rows: Sequence[tuple[float, float]] = [(0.0, asked.distance_m)]
     if asked.distances is not None:
         rows = read_distances(asked.distances) if isinstance(asked.distances, Path) else asked.distances

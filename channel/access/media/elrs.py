@@ -37,6 +37,8 @@ RESYNC_UP, RESYNC_DOWN, RESYNC_DOWN_LONG = 14, 127, 31
 """Numbers of resync fragments: up, and down in packets of 8 and of 13 bytes."""
 PATIENCE_UP, PATIENCE_DOWN = 80, 40
 """Wrong confirmations in a row: the default, which a transmitter keeps, and 20 times two slots, of a receiver."""
+HOPS: Final = 256
+"""Of a sequence at most (`FHSS_SEQUENCE_LEN`)."""
 NS_PER_MS: Final = 1_000_000
 
 
@@ -49,12 +51,14 @@ class ElrsSettings:
         pairs: (transmitter, receiver) each; empty: the nodes two by two in their order.
         has_rc: whether channels of a remote control have every second slot of the transmitter while it has data.
         buffer_bytes: that wait at each end.
+        begins_us: when the first slot of each pair begins; None: drawn, within two slots.
     """
 
     mode: ElrsMode = ELRS_MODES["lora-500"]
     pairs: tuple[tuple[int, int], ...] = ()
     has_rc: bool = True
     buffer_bytes: int = 1024
+    begins_us: int | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -105,10 +109,11 @@ class _Pair:
     """Two ways, and where they are in what comes again and again.
 
     Attributes:
-        hop: of slot 0, counted from the frequency of sync.
-        order: of frequencies, that of sync first.
+        hop: of slot 0, as a place in the order.
+        order: of frequencies, until it comes again; each round of all of them begins with that of sync.
         synced_ns: when the last sync was sent.
         burst: data frames since the last with statistics.
+        begins_ns: when slot 0 begins.
         is_turn_of_data: whether data go up next, and not RC.
         channel: the frequency of the present slot.
     """
@@ -119,6 +124,7 @@ class _Pair:
     order: tuple[int, ...]
     synced_ns: int
     burst: int
+    begins_ns: int
     is_turn_of_data: bool = True
     channel: int = 0
 
@@ -128,7 +134,7 @@ class Elrs(AccessMedium):
 
     Pairs hop over frequencies of their own and do not disturb each other. A packet to a node that is not the peer is
     lost. Nobody is told whether a unicast came: its sender has a `Reply` only if it never was on the air. At instant 0
-    all links are up, the first slot begins, and sync and statistics were sent some time ago, which is drawn.
+    all links are up; when the first slot begins, on which hop, and how long ago sync and statistics were sent is drawn.
 
     Args:
         world: nodes, powers, losses.
@@ -148,9 +154,9 @@ class Elrs(AccessMedium):
         self._ways: dict[int, _Way] = {}
         draws = Draws(seed)
         for transmitter, receiver in self.settings.pairs or _two_by_two(world.nodes):
-            order = hop_order(self.mode.channels, WordStream(draws, str(transmitter), "hops"))
+            order = hop_sequence(self.mode.channels, WordStream(draws, str(transmitter), "hops"))
             pair = self._join(transmitter, receiver, WordStream(draws, str(transmitter), "phases"), order)
-            self.agenda.at(0, SIGNAL_STARTS, transmitter, self._slot, pair, 0)
+            self.agenda.at(pair.begins_ns, SIGNAL_STARTS, transmitter, self._slot, pair, 0)
 
     def _join(self, transmitter: int, receiver: int, words: WordStream, order: tuple[int, ...]) -> _Pair:
         for node in (transmitter, receiver):
@@ -159,14 +165,16 @@ class Elrs(AccessMedium):
                     f"pair {transmitter}, {receiver}: two nodes of the network, in no other pair"
                 )
         resync = RESYNC_DOWN if self.mode.data_bytes == 5 else RESYNC_DOWN_LONG
+        begins_us = self.settings.begins_us
         up, down = StubbornSender(RESYNC_UP, PATIENCE_UP), StubbornSender(resync, PATIENCE_DOWN)
         pair = _Pair(
             _Way(transmitter, receiver, up, StubbornReceiver(RESYNC_UP)),
             _Way(receiver, transmitter, down, StubbornReceiver(resync)),
-            hop=words.below(self.mode.channels),
+            hop=words.below(len(order)),
             order=order,
             synced_ns=-words.below(SYNC_MS) * NS_PER_MS,
             burst=words.below(self.mode.burst + 1),
+            begins_ns=US * (words.below(2 * self.mode.interval_us) if begins_us is None else begins_us),
         )
         self._ways[transmitter], self._ways[receiver] = pair.up, pair.down
         self._pairs[transmitter] = self._pairs[receiver] = pair
@@ -228,9 +236,9 @@ class Elrs(AccessMedium):
     def _slot(self, pair: _Pair, index: int) -> None:
         """A slot begins: even ones are the transmitter's."""
         now_ns, mode = self.agenda.now_ns, self.mode
-        at_ns = (index + 1) * mode.interval_us * US
+        at_ns = pair.begins_ns + (index + 1) * mode.interval_us * US
         self.agenda.at(at_ns, SIGNAL_STARTS, pair.up.node, self._slot, pair, index + 1)
-        hop = (pair.hop + index // mode.hop_slots) % mode.channels
+        hop = (pair.hop + index // mode.hop_slots) % len(pair.order)
         pair.channel = pair.order[hop]
         if index % 2:
             if now_ns - pair.up.heard_ns > mode.lost_ms * NS_PER_MS:
@@ -240,7 +248,7 @@ class Elrs(AccessMedium):
             return
         if now_ns - pair.down.heard_ns > mode.lost_down_ms * NS_PER_MS:
             pair.down.is_heard = False
-        self._send_up(pair, is_sync_channel=hop == 0)
+        self._send_up(pair, is_sync_channel=hop % mode.channels == 0)
 
     def _send_up(self, pair: _Pair, *, is_sync_channel: bool) -> None:
         now_ns, way, has_rc = self.agenda.now_ns, pair.up, self.settings.has_rc
@@ -352,14 +360,17 @@ def _two_by_two(nodes: Sequence[int]) -> list[tuple[int, int]]:
     return list(zip(nodes[::2], nodes[1::2], strict=False))
 
 
-def hop_order(channels: int, words: WordStream) -> tuple[int, ...]:
-    """The frequencies in the order of a pair: that of sync, in the middle, then the others as drawn (`FHSS.cpp`).
+def hop_sequence(channels: int, words: WordStream) -> tuple[int, ...]:
+    """The frequencies in the order of a pair, until it comes again: rounds that begin with that of sync, the middle.
 
-    The firmware draws them by the binding phrase, and anew for each of the rounds that fit in 256 hops.
+    The firmware draws the others anew for each of the rounds that fit in 256 hops, by the binding phrase (`FHSS.cpp`).
     """
     sync = channels // 2
-    others = [channel for channel in range(channels) if channel != sync]
-    for place in range(len(others) - 1, 0, -1):
-        other = words.below(place + 1)
-        others[place], others[other] = others[other], others[place]
-    return (sync, *others)
+    sequence: list[int] = []
+    for _ in range(max(1, HOPS // channels)):
+        others = [channel for channel in range(channels) if channel != sync]
+        for place in range(len(others) - 1, 0, -1):
+            other = words.below(place + 1)
+            others[place], others[other] = others[other], others[place]
+        sequence += [sync, *others]
+    return tuple(sequence)

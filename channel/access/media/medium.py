@@ -161,7 +161,8 @@ class AccessMedium(ABC):
         if packet.members is not None:
             own = np.isin(receiver, list(packet.members))
             receiver, at_ns, came = receiver[own], at_ns[own], came[own]
-        self._outcomes.append(AirFates(packet, frame, receiver, at_ns, came))
+        if receiver.size:
+            self._outcomes.append(AirFates(packet, frame, receiver, at_ns, came))
 
     def _lost(self, packet: AirPacket, loss: Loss) -> None:
         """Lost before it was on the air, for all that it was for."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Generic, TypeVar
 
 from channel.access.timing import NS_PER_S
@@ -52,10 +51,6 @@ class Slot(Generic[N]):
         """Whether packets of a priority may be sent in it."""
         return self.priority is None or self.priority == priority
 
-    def overlaps(self, other: Slot[N]) -> bool:
-        """Whether both run at some instant."""
-        return self.start_ns < other.end_ns and other.start_ns < self.end_ns
-
 
 @dataclass(frozen=True, slots=True)
 class Schedule(Generic[N]):
@@ -83,8 +78,8 @@ class Schedule(Generic[N]):
                 ends, round_ends = _s(slot.end_ns), _s(self.round_ns)
                 text = f"from {_s(slot.start_ns)} to {ends} is not within the round of {round_ends}"
                 raise ValueError(f"slots.{index}: {text}")
-        for (here, one), (there, other) in combinations(enumerate(self.slots), 2):
-            if one.overlaps(other) and (clash := _clash(one, other)):
+        for here, there in _at_once(self.slots):
+            if clash := _clash(self.slots[here], self.slots[there]):
                 raise ValueError(f"slots.{there}: it runs at the time of slots.{here}: {clash}")
 
     @classmethod
@@ -146,6 +141,15 @@ class Schedule(Generic[N]):
 
 def _s(time_ns: int) -> str:
     return f"{time_ns / NS_PER_S:g} s"
+
+
+def _at_once(slots: Sequence[Slot[N]]) -> Iterator[tuple[int, int]]:
+    """Places of any two that run at some instant together, the smaller first."""
+    running: list[int] = []
+    for place in sorted(range(len(slots)), key=lambda place: slots[place].start_ns):
+        running = [other for other in running if slots[other].end_ns > slots[place].start_ns]
+        yield from ((min(other, place), max(other, place)) for other in running)
+        running.append(place)
 
 
 def _clash(one: Slot[N], other: Slot[N]) -> str:

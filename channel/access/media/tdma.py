@@ -59,7 +59,7 @@ class Tdma(PlainMedium):
         """Nodes whose next slot is planned, or that are in one with something to send."""
         self._last = max(world.nodes) + 1
         """In the order of an instant: after all nodes."""
-        self._tunings = schedule.tunings(world.nodes) if len(schedule.channels) > 1 else []
+        self._tunings = schedule.tunings(world.nodes) if schedule.channels != {0} else []
         if self._tunings:
             self._plan_turn(0, 0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -96,7 +97,7 @@ def modem(gcs: str, autopilot: str, duration: float | None, as_json: bool, quiet
     from lostlink.modem.live import LiveLink
     from lostlink.modem.report import summary, summary_lines
 
-    if duration is not None and duration <= 0.0:
+    if duration is not None and not 0.0 < duration < math.inf:
         raise click.UsageError(f"--duration {duration:g}: above 0")
     try:
         endpoints = [endpoint_of(text) for text in (gcs, autopilot)]

@@ -78,8 +78,8 @@ class OnboardPanels:
             self._read.set_enabled(onboard is not None and not self._view.is_over)
         if drawn == self._drawn:
             return
-        self._drawn = drawn
         scene.plan(self._drawing.content(onboard, is_guided=is_guided))
+        self._drawn = drawn
         if onboard is None:
             why = (
                 _CHOOSE if node is None else _NONE if node.kind == "ground" else f"{node.title}: not read yet"

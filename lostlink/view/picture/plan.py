@@ -28,6 +28,8 @@ _CIRCLES: Final = {
     int(mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION): True,
     int(mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION): False,
 }
+_MANY: Final = 1e7
+"""Neither a radius in metres nor a number of corners: such an item is not drawn."""
 Content = dict[str, Any]
 
 
@@ -66,7 +68,9 @@ class PlanDrawing:
         """North, east and down of an item."""
         lat_deg, lon_deg, height_m = item.params[4:]
         level_m = onboard.home[2] if onboard.home else self._frames.origin.alt_amsl_m
-        alt_m = np.nan_to_num(height_m) + (0.0 if item.frame == _ABOVE_SEA else level_m)
+        alt_m = np.nan_to_num(height_m, posinf=0.0, neginf=0.0) + (
+            0.0 if item.frame == _ABOVE_SEA else level_m
+        )
         return _dm(self._frames.fleet_from_earth(lat_deg, lon_deg, float(alt_m)))
 
     def _items(self, onboard: Onboard) -> list[Content]:
@@ -84,7 +88,7 @@ class PlanDrawing:
         found: list[Content] = []
         left = 0
         for item in items:
-            if not item.is_placed:
+            if not item.is_placed or (item.command != _RETURN_POINT and not 0.0 <= item.params[0] < _MANY):
                 continue
             place = self._ground(*item.params[4:6])
             if item.command in _CIRCLES:

@@ -18,6 +18,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.wire.framer import Framer
+from lostlink.modem.live import IDLE_NS, LiveLink
 from lostlink.testing.modem_link import ModemLinks
 from tests.unit.bridge.modem.frames import decoded, frame_of, heartbeat
 
@@ -84,6 +85,29 @@ async def test_the_autopilot_may_restart(modem_link: ModemLinks) -> None:
             with contextlib.suppress(ConnectionError):
                 await autopilot.wait_closed()
     server.close()
+
+
+async def test_a_link_that_is_closed_stays_so(
+    modem_link: ModemLinks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A datagram that was in the socket as it closed brings nothing back to life."""
+    lived = 0
+    live = LiveLink._live
+
+    def counted(link: LiveLink) -> None:
+        nonlocal lived
+        lived += 1
+        live(link)
+
+    monkeypatch.setattr(LiveLink, "_live", counted)
+    async with modem_link.open("tcpin::0", "udpin::0", **NEAR) as link:
+        with socket.socket(type=socket.SOCK_DGRAM) as sender:
+            sender.sendto(heartbeat(), ("127.0.0.1", port_of(link.autopilot)))
+    before = lived
+    later = asyncio.get_running_loop().create_future()
+    asyncio.get_running_loop().call_later(2 * IDLE_NS / 1e9, later.set_result, None)
+    await later
+    assert lived == before
 
 
 async def test_udp_both_ways(modem_link: ModemLinks) -> None:
@@ -240,6 +264,9 @@ def refused(*words: str) -> tuple[int, str]:
         (["--gcs", "pty", "--autopilot", "pty", "--run", "x", "--seed", "3"], "--seed: the recorded run"),
         (["--gcs", "pty", "--autopilot", "pty", "--run", "nowhere"], "nowhere is not the directory of a run"),
         (["--gcs", "pty", "--autopilot", "pty", "--duration", "0"], "--duration 0: above 0"),
+        (["--gcs", "pty", "--autopilot", "pty", "--duration", "nan"], "--duration nan: above 0"),
+        (["--gcs", "pty", "--autopilot", "pty", "--distance", "1e200"], "a distance of 1e+200 m: from 0 to"),
+        (["--gcs", "pty", "--autopilot", "pty", "--heights", "2", "inf"], "heights 2 and inf m: from 0 to"),
         (["--gcs", "pty", "--autopilot", "pty", "--baud", "-1"], "-1 baud"),
     ],
 )

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
+from channel.access.media import schedule as module
 from channel.access.settings import Surroundings, TdmaMedium
 from channel.access.world import PlainWorld
 from channel.presets import PresetError, radio_from_mapping, radio_to_yaml, seen_from
@@ -37,7 +38,7 @@ def medium(folder: Path, text: str = SLOTS_TEXT, **changes: Any) -> TdmaMedium:
 def test_the_example_of_the_docs_is_what_it_says(tmp_path: Path) -> None:
     schedule = medium(tmp_path).schedule
     assert schedule is not None
-    slots = schedule.by_id()
+    slots = schedule.by_id
     assert schedule.read_from == str(tmp_path / "slots.yaml")
     assert slots.round_ns == 150 * MS
     assert [(slot.nodes, slot.start_ns // MS, slot.room_ns // MS) for slot in slots.slots] == [
@@ -137,3 +138,26 @@ def test_a_slot_of_nobody_names_the_file(tmp_path: Path) -> None:
     surroundings = Surroundings.of(PlainWorld(range(3)), nodes, 1, config, -110.0)
     with pytest.raises(ValueError, match=r"/slots\.yaml: medium: node g3 is not there; there are 0, g1, g2"):
         config.medium.open(surroundings)
+
+
+def test_a_schedule_is_built_once_and_its_cost_does_not_grow_with_the_square_of_its_slots(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """10,000 slots one after the other: none is compared with a slot that it does not meet."""
+    compared = 0
+
+    def clash(one: object, other: object) -> str:
+        nonlocal compared
+        compared += 1
+        return ""
+
+    monkeypatch.setattr(module, "_clash", clash)
+    slots = [{"nodes": str(number % 50), "duration_s": 0.01} for number in range(10_000)]
+    found = radio_from_mapping(
+        {"preset": "telemetry-915", "medium": {"model": "tdma", "schedule": {"slots": slots}}}
+    ).medium
+    assert isinstance(found, TdmaMedium)
+    assert found.schedule is not None
+    assert found.schedule.by_id is found.schedule.by_id
+    assert found.schedule.by_id.round_ns == 10_000 * 10 * MS
+    assert compared == 0

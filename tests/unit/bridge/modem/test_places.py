@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def test_rows_of_a_file(tmp_path: Path) -> None:
         ("time_s,distance_m\n0,100\n5,far\n", r"away\.csv:3: .* have to be numbers"),
         ("time_s,distance_m\n0,100\n5\n", r"away\.csv:3: .* have to be numbers"),
         ("time_s,distance_m\n0,100\n0,200\n", r"away\.csv:3: 0 s does not come after 0 s"),
-        ("time_s,distance_m\n0,-1\n", r"away\.csv:2: 0 s, -1 m: 0 or more"),
+        ("time_s,distance_m\n0,-1\n", r"away\.csv:2: 0 s, -1 m: from 0 to 1e\+09 s and 1e\+09 m"),
         ("time_s,distance_m\n0,nan\n", r"away\.csv:2: "),
     ],
 )
@@ -50,3 +51,20 @@ def test_other_files_are_refused(tmp_path: Path, text: str, said: str) -> None:
     file.write_text(text)
     with pytest.raises(ValueError, match=said):
         read_distances(file)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([], "distances: no row"),
+        ([(10.0, 100.0), (0.0, 200.0)], "distances.1: 0 s does not come after 10 s"),
+        ([(0.0, -5.0)], "distances.0: 0 s, -5 m"),
+        ([(float("inf"), 5.0)], "distances.0: inf s, 5 m"),
+        ([(0.0, float("nan"))], "distances.0: 0 s, nan m"),
+    ],
+)
+def test_rows_given_in_python_are_looked_at_as_those_of_a_file(
+    rows: list[tuple[float, float]], said: str
+) -> None:
+    with pytest.raises(ValueError, match=re.escape(said)):
+        apart_over_time(rows, (2.0, 50.0))

@@ -10,10 +10,12 @@ from math import ceil
 import numpy as np
 import pytest
 
-from channel.access.media.elrs import ELRS_MODES, Elrs, ElrsMode, ElrsSettings
+from channel.access.media.elrs import ELRS_MODES, Elrs, ElrsMode, ElrsSettings, hop_sequence
 from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
 from channel.access.stubborn import NOTHING, Fragment, StubbornReceiver, StubbornSender, are_whole
+from channel.access.words import WordStream
 from channel.access.world import AirFrame, Arrival, Piece, PlainWorld
+from channel.draws import Draws
 
 MS, S = 1_000_000, 1_000_000_000
 CHUNK_BYTES = 62
@@ -105,16 +107,19 @@ class Listening(PlainWorld):
     def __init__(self) -> None:
         super().__init__((0, 1))
         self.frames: Counter[tuple[int, str]] = Counter()
+        self.first_ns = -1
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         """All hear it."""
         self.frames[frame.node, frame.kind] += 1
+        if self.first_ns < 0:
+            self.first_ns = frame.started_ns
         return super().reach(frame)
 
 
 def duration_s(mode: ElrsMode) -> int:
     """For a few hundred chunks, or for the slow modes some dozens."""
-    return 15 if mode.interval_us < 5000 else 60 if mode.interval_us < 20_000 else 400
+    return 15 if mode.interval_us < 5000 else 120 if mode.interval_us < 20_000 else 400
 
 
 @pytest.mark.parametrize("name", ELRS_MODES)
@@ -194,7 +199,7 @@ def test_stop_and_wait_under_loss(node: int, p: float) -> None:
 
 def test_a_packet_arrives_with_its_last_fragment() -> None:
     """At 500 Hz a receiver's 20 bytes and 2 are 5 fragments, in 5 of its slots, 1507 us after the start of the last."""
-    medium = Elrs(PlainWorld((0, 1), delay_ns=1000), ElrsSettings(LORA_500), seed=3)
+    medium = Elrs(PlainWorld((0, 1), delay_ns=1000), ElrsSettings(LORA_500, begins_us=0), seed=3)
     medium.offer(AirPacket(1, 0, 0, 20, 20 * MS))
     (fate,) = medium.run(S)
     assert isinstance(fate, AirFate)
@@ -206,7 +211,7 @@ def test_a_packet_arrives_with_its_last_fragment() -> None:
 
 def test_one_fragment_is_followed_by_an_empty_one() -> None:
     """3 bytes and 2 fit into one, and arrive with the second."""
-    medium = Elrs(PlainWorld((0, 1)), ElrsSettings(LORA_500), seed=3)
+    medium = Elrs(PlainWorld((0, 1)), ElrsSettings(LORA_500, begins_us=0), seed=3)
     medium.offer(AirPacket(1, 0, 0, 3, 20 * MS))
     (fate,) = medium.run(S)
     assert isinstance(fate, AirFate)
@@ -321,7 +326,7 @@ def test_a_way_that_is_longer_than_the_rest_of_a_slot_is_too_long() -> None:
 
 def test_a_chunk_is_dropped_after_too_many_wrong_confirmations() -> None:
     """The transmitter is deaf to its receiver, which hears it: 41 confirmations, one each 4 ms, then it gives up."""
-    medium = Elrs(PlainWorld((0, 1), deaf=((1, 0),)), seed=3)
+    medium = Elrs(PlainWorld((0, 1), deaf=((1, 0),)), ElrsSettings(begins_us=0), seed=3)
     for number in range(3):
         medium.offer(AirPacket(1, number, 0, 62, 0))
     (fate,) = medium.run(S)
@@ -423,3 +428,39 @@ def test_mistakes_are_said() -> None:
             Elrs(PlainWorld((0, 1, 2)), ElrsSettings(pairs=pairs))
     with pytest.raises(ValueError, match="packets of 2000 us in slots of 1000 us"):
         ElrsMode(1000, -100.0, 2000, 8, 4, 80, 2500, 3)
+
+
+def test_frequencies_come_in_another_order_in_each_round_of_256_hops() -> None:
+    """As `FHSS.cpp`: 40 frequencies six times, each round from that of sync, each frequency once, then all again."""
+    sequence = hop_sequence(40, WordStream(Draws(1), "1", "hops"))
+    rounds = [sequence[begin : begin + 40] for begin in range(0, 240, 40)]
+    assert len(sequence) == 240
+    assert {each[0] for each in rounds} == {20}
+    assert all(sorted(each) == list(range(40)) for each in rounds)
+    assert len(set(rounds)) == 6
+
+
+def test_two_pairs_meet_as_often_as_chance_has_it() -> None:
+    """Two sequences of 240 hops at each of 240 offsets: 1 of 40 hops in the mean, and hardly ever none at all.
+
+    A round of its own has a share of hops at one place of 1/40 by chance, so that six rounds have none in about
+    exp(-6) = 0.25 % of all offsets; of one round for ever it were exp(-1) = 37 %.
+    """
+    meetings = []
+    for seed in range(20):
+        one, other = (np.array(hop_sequence(40, WordStream(Draws(seed), name, "hops"))) for name in "ab")
+        meetings += [int((one == np.roll(other, offset)).sum()) for offset in range(240)]
+    assert np.mean(meetings) == pytest.approx(6.0, rel=0.02)
+    assert np.mean(np.array(meetings) == 0) < 0.01
+
+
+def test_the_first_slot_begins_at_an_instant_of_its_own() -> None:
+    """Within two slots, by seed: transmitters of two networks that hear each other do not begin together."""
+    begins_us = set()
+    for seed in range(8):
+        world = Listening()
+        medium = Elrs(world, ElrsSettings(LORA_500), seed=seed)
+        medium.run(4 * MS)
+        begins_us.add(world.first_ns / 1000)
+    assert len(begins_us) == 8
+    assert max(begins_us) < 2 * LORA_500.interval_us

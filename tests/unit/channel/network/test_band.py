@@ -350,6 +350,21 @@ def test_hops_of_expresslrs_meet_a_wifi_on_a_quarter_of_their_frequencies() -> N
     assert into_elrs == pytest.approx(0.8125 / 20.0, rel=0.1)
 
 
+@pytest.mark.parametrize(("channel", "fate"), [(5, "delivered"), (0, "interfered")])
+def test_slots_that_are_all_on_one_channel_are_on_that(channel: int, fate: str) -> None:
+    """1 MHz apart, on the radio's own carrier or 5 MHz above: a network of 130 kHz on the carrier meets the former."""
+    slots = [{"nodes": "1", "duration_s": 0.05, "channel": channel}]
+    medium = {"model": "tdma", "channel_spacing_hz": 1e6, "schedule": {"slots": slots}}
+    run = Run(
+        {
+            "a": (RADIO | {"medium": medium}, {"1": 0.0, "2": 1000.0}),
+            "b": (RADIO, {"3": 1100.0, "4": 1200.0}),
+        }
+    )
+    came = run.fates({"a": [Sent("1", 0)], "b": [Sent("3", 4 * MS)]})
+    assert at(came["a"], "2") == [fate]
+
+
 def test_two_sik_networks_meet_on_one_channel_in_fifty() -> None:
     places = {"1": 0.0, "2": 100.0}
     run = Run({"a": ("telemetry-915", places), "b": ("telemetry-915", places)})

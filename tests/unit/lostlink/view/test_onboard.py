@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,21 @@ def test_what_the_map_is_sent_is_in_decimetres_from_the_origin(flight: Path) -> 
     assert drawing.content(log.at(20 * S), is_guided=False)["target"] is None
     assert drawing.content(None, is_guided=False) == {}
     log.close()
+
+
+def test_items_with_numbers_that_are_none_are_not_drawn(tmp_path: Path) -> None:
+    nan = math.nan
+    link = Link(tmp_path)
+    link.says(1.0, mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), home())
+    link.upload(2.0, 0, [(16, 0, 1, 1, 0), (16, 0, 100, 50, nan)])
+    corners = [(5001, nan, 10, 0, 0), (5003, nan, 40, 40, 0), (5004, 5, 40, 40, 0)]
+    link.upload(3.0, 1, corners)
+    link.close()
+    log = OnboardLog(tmp_path, "1")
+    content = PlanDrawing(Frames(ORIGIN)).content(read(log), is_guided=False)
+    log.close()
+    assert content["fence"] == [{"inside": False, "circle": [400, 400, 50]}]
+    assert [item["at"] for item in content["items"]] == [[1000, 500, -100]]
 
 
 def test_what_is_on_board_in_words(flight: Path) -> None:

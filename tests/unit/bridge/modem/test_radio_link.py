@@ -1,0 +1,47 @@
+"""The link of two modems on a run's channel: what it keeps, and what its radios measure."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from bridge.modem.pair import AIR, GROUND
+from bridge.modem.places import apart
+from bridge.modem.radio_link import LinkPlan, RadioLink
+from channel.link.radio import Radio
+from channel.presets import load_radio
+from tests.unit.bridge.modem.frames import heartbeat
+
+S, MS = 1_000_000_000, 1_000_000
+RSSI_AT = 10 + 4
+"""In a frame of MAVLink 2: behind its head, rxerrors and fixed."""
+
+
+def link_of(radio: str, distance_m: float = 20.0) -> RadioLink:
+    one = Radio(load_radio(radio, {"error": {"model": "lossless"}}))
+    return RadioLink(LinkPlan((one, one), apart(distance_m, (2.0, 30.0))))
+
+
+@pytest.mark.parametrize("radio", ["sik-433", "elrs-900-200"])
+def test_a_link_keeps_no_frame_of_the_past(radio: str) -> None:
+    link = link_of(radio)
+    for tenth in range(300):
+        link.receive(AIR, heartbeat(), tenth * 100 * MS)
+        link.advance((tenth + 1) * 100 * MS)
+    world = link.pair._medium.world
+    assert link.pair.modems[AIR].counts.units_arrived > 200
+    assert not list(world._world.first_transmissions())
+
+
+@pytest.mark.parametrize("radio", ["elrs-900-200", "elrs-2.4-333full"])
+def test_link_quality_of_a_link_without_losses_is_whole(radio: str) -> None:
+    """The firmware tells 100 % as 254; a frame that is still on the air is no loss."""
+    link = link_of(radio)
+    found = set()
+    for tenth in range(50):
+        link.receive(GROUND, heartbeat(), tenth * 100 * MS)
+        for end, (_, data) in link.advance((tenth + 1) * 100 * MS):
+            if end == AIR and data[7:10] == struct.pack("<I", 109)[:3] and tenth > 20:
+                found.add(data[RSSI_AT])
+    assert found == {254}
