@@ -22,7 +22,7 @@ from channel.access.packets import Reply
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, Packets, Receptions
-from channel.network.network import Lived, Network
+from channel.network.network import Lived, Network, RadioRoute
 
 
 class QueueOfNode(NamedTuple):
@@ -54,6 +54,7 @@ class Settled:
         received_ns: the tick at which nodes get them.
         replies: what senders learn of their unicasts.
         queues: of transmit queues that changed.
+        routes: that changed, each with the name of its network.
     """
 
     packets: Sequence[TxPacket]
@@ -63,6 +64,7 @@ class Settled:
     received_ns: int
     replies: Sequence[ReplyToNode] = ()
     queues: Sequence[QueueOfNode] = ()
+    routes: Sequence[tuple[str, RadioRoute]] = ()
 
 
 class NetworkAir:
@@ -234,7 +236,12 @@ class NetworkAir:
         columns = columns_of(receptions, counted_bytes, said, lived.instants)
         members = self._places.of_all.tolist()
         replies = [ReplyToNode(members[each.packet.node], each, self.place) for each in lived.replies]
-        return Settled(packets, receptions, (), columns, received_ns, replies, tuple(self._changed_queues()))
+        queues, routes = tuple(self._changed_queues()), self._named_routes(lived)
+        return Settled(packets, receptions, (), columns, received_ns, replies, queues, routes)
+
+    def _named_routes(self, lived: Lived) -> list[tuple[str, RadioRoute]]:
+        """Routes that changed, with places among all nodes."""
+        return [(self.name, each.among(self._places.of_all.tolist())) for each in lived.routes]
 
     def _changed_queues(self) -> Iterator[QueueOfNode]:
         assert self._network is not None
@@ -268,6 +275,7 @@ def joined(parts: Sequence[Settled]) -> Settled:
         parts[0].received_ns,
         [reply for part in parts for reply in part.replies],
         [queue for part in parts for queue in part.queues],
+        [route for part in parts for route in part.routes],
     )
 
 

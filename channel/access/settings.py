@@ -593,8 +593,8 @@ MediumSettings = Annotated[
 ]
 
 
-def name_of(settings: MediumSettings) -> str:
-    """What a medium is called: of one's own by its class."""
+def name_of(settings: Variant) -> str:
+    """What a medium, or another choice by name, is called: of one's own by its class."""
     return str(getattr(settings, "model", type(settings).__name__))
 
 

@@ -37,6 +37,7 @@ from channel.access.packets import PLAIN, Handling
 from channel.medium.addressees import Addressees, codes_of
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets
+from channel.network.network import RadioRoute
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
@@ -61,6 +62,7 @@ class Redecision:
         after: what is decided anew.
         facts: what is known of the packets.
         books: of ``after``, with the verdict of the channel's judge: of `main`, then of the other networks.
+        routes: that changed, each with the name of its network, tick by tick.
     """
 
     run: Path
@@ -69,6 +71,7 @@ class Redecision:
     after: DeliveryRows
     facts: PacketFacts
     books: tuple[Books, ...]
+    routes: tuple[tuple[str, RadioRoute], ...] = ()
 
     @property
     def ledger(self) -> Ledger:
@@ -160,7 +163,8 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     parts = [joined(each.rows) for each in anew]
     of_network = np.repeat(np.arange(len(parts)), [len(rows["tx"]) for rows in parts])
     after = DeliveryRows(nodes, joined(parts)).in_order_of(before, of_network)
-    return Redecision(run, scenario, before, after, facts, tuple(each.books for each in anew))
+    routes = sorted((r for each in anew for r in each.routes), key=lambda r: r[1].arrived_ns // period_ns)
+    return Redecision(run, scenario, before, after, facts, tuple(each.books for each in anew), tuple(routes))
 
 
 class _Progress:

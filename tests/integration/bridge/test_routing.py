@@ -1,0 +1,229 @@
+"""Nodes that hand packets on, in runs: from the scenario's radio to the record.
+
+Nodes stand in a row, each in reach of those beside it alone; what is expected is reckoned here from lengths and rates.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from lostlink import Run, ScenarioError, fly, load_run, redecide
+from lostlink.compare.compare import compare
+from lostlink.redecision.rewrite import write_run
+
+CLASS = f"{Path(__file__).with_name('air_agents.py')}:Scripted"
+RADIO = {"preset": "disk", "frequency_hz": 915e6, "bit_rate_bps": 64e3, "max_range_m": 150.0}
+AIRTIME = {"model": "airtime"}
+FRAME_NS = 12_500_000
+"""100 bytes at 64 kb/s."""
+PLAIN = {"processing_s": 0.001, "jitter_s": 0.0}
+SCENARIO = {
+    "schema": 1,
+    "name": "routing",
+    "duration_s": 3.0,
+    "figure": False,
+    "origin": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_amsl_m": 50.0},
+    "fdm": {"standin_rate_hz": 100},
+    "transmit": {"phase_s": 0.0, "processing_s": 0.0, "processing_spread_s": 0.0, "every_ticks": 100_000},
+}
+Fly = Callable[..., Run]
+
+
+def node(number: int, **options: Any) -> dict[str, Any]:
+    """Of a row, 100 m apart."""
+    agent = {"type": "own", "class": CLASS, "options": options}
+    if number == 0:  # there has to be a UA
+        return {"id": 0, "kind": "ua", "home": {"north_m": 0.0}, "agent": agent}
+    place = {"north_m": 100.0 * number, "height_m": 0.0}
+    return {"id": f"g{number}", "kind": "ground", "place": place, "agent": agent}
+
+
+@pytest.fixture
+def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Fly:
+    def flown(
+        nodes: list[dict[str, Any]], routing: Any, medium: dict[str, Any] = AIRTIME, **more: Any
+    ) -> Run:
+        scenario = {
+            **SCENARIO,
+            "ports": {"first_slot": free_slot(1)},
+            "radio": RADIO | {"medium": medium, "routing": routing},
+            "nodes": nodes,
+        } | more
+        return load_run(fly(scenario, directory=tmp_path / f"{len(list(tmp_path.iterdir()))}").path)
+
+    return flown
+
+
+def rows(run: Run, tx: str, rx: str) -> list[dict[str, Any]]:
+    found = run.packets
+    chosen = found[(found.tx == tx) & (found.rx == rx) & (found.channel == "test")]
+    records: list[dict[str, Any]] = chosen.sort_values("seq").to_dict("records")
+    return records
+
+
+def ways(run: Run, tx: str, rx: str) -> list[list[str]]:
+    """By which nodes packets came, as it changed."""
+    table = run.routes
+    chosen = table[(table.tx == tx) & (table.rx == rx)]
+    return [part.sort_values("hop").node.astype(str).tolist() for _, part in chosen.groupby("arrived_ns")]
+
+
+def ledger(run: Run) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((run.path / "ledger.json").read_text())
+    return content
+
+
+def balances(run: Run) -> bool:
+    table = run.packets.groupby(["tx", "rx"], observed=True).packets.sum()
+    return all(
+        link["sent"] == link["delivered"] + sum(link["lost"].values()) == table[link["tx"], link["rx"]]
+        for link in ledger(run)["links"]
+    )
+
+
+ROUTES = {"0": {"g3": "g1", "g2": "g1"}, "g1": {"g3": "g2"}, "g3": {"0": "g2"}, "g2": {"0": "g1"}}
+
+
+def test_without_routing_only_the_neighbour_hears(flown: Fly) -> None:
+    run = flown([node(0, sends=[(1.0, "g3", 100)]), node(1), node(2), node(3)], "none")
+    assert [row["fate"] for row in rows(run, "0", "g3")] == ["out_of_range"]
+    assert "routing" not in ledger(run)
+    assert not (run.path / "routes.parquet").exists()
+
+
+def test_static_routes_from_scenario_to_record(flown: Fly) -> None:
+    """Three hops there, at once on the air, 1 ms in each node between; and back."""
+    sends = [(1.0, "g3", 100), (1.5, "g1", 100), (2.0, "all", 100)]
+    routing = {"model": "static", "routes": ROUTES, "header_bytes": 0} | PLAIN
+    run = flown([node(0, sends=sends), node(1), node(2), node(3, sends=[(1.2, "0", 100)])], routing)
+    [there], [back] = rows(run, "0", "g3")[:1], rows(run, "g3", "0")[:1]
+    for row in (there, back):
+        assert (row["fate"], row["attempts"]) == ("delivered", 3)
+        assert row["arrived_ns"] - row["entered_ns"] == pytest.approx(3 * FRAME_NS + 2_000_000, abs=2_000)
+        assert row["distance_m"] == pytest.approx(100.0, abs=0.5)  # of the last hop
+    assert ways(run, "0", "g3") == [["0", "g1", "g2"]]
+    assert ways(run, "g3", "0") == [["g3", "g2", "g1"]]
+    assert [row["fate"] for row in rows(run, "0", "g1")] == ["delivered"] * 2
+    assert rows(run, "0", "g2")[-1]["fate"] == "out_of_range"  # what is for all goes as far as it is heard
+    [counts] = ledger(run)["routing"]
+    assert (counts["radio"], counts["handed_on"], counts["notices"]) == ("main", 4, 0)
+    assert balances(run)
+
+
+def test_a_flood_from_scenario_to_record(flown: Fly) -> None:
+    """Two hops: node 2 hears, node 3 does not; each has it once."""
+    routing = {"model": "flood", "hop_limit": 2, "header_bytes": 0} | PLAIN
+    run = flown([node(0, sends=[(1.0, "all", 100)]), node(1), node(2), node(3)], routing)
+    found = {rx: rows(run, "0", rx) for rx in ("g1", "g2", "g3")}
+    assert {rx: [row["fate"] for row in each] for rx, each in found.items()} == {
+        "g1": ["delivered"],
+        "g2": ["delivered"],
+        "g3": ["out_of_range"],
+    }
+    [row] = found["g2"]
+    assert row["arrived_ns"] - row["entered_ns"] == pytest.approx(2 * FRAME_NS + 1_000_000, abs=2_000)
+    assert found["g3"][0]["distance_m"] == pytest.approx(200.0, abs=0.5)  # of the nearest who transmitted it
+    heard = (run.path / "agents" / "g2" / "heard.jsonl").read_text().splitlines()
+    assert [each["seq"] for each in map(json.loads, heard) if each["sender"] == "0"] == [row["seq"]]
+    assert ways(run, "0", "g2") == [["0", "g1"]]
+    assert balances(run)
+
+
+def scripted(flown: Fly, routing: dict[str, Any], **more: Any) -> Run:
+    sends = {n: [(1.0 + 0.2 * k, "all" if k % 3 else "g3", 150 + n) for k in range(8)] for n in (0, 1, 2)}
+    nodes = [node(n, sends=sends.get(n, [])) for n in range(4)]
+    medium = {"model": "csma", "standard": "11g"}
+    return flown(nodes, routing, medium, **more)
+
+
+FATES = ["tx", "rx", "seq", "fate", "started_ns", "ended_ns", "arrived_ns", "attempts"]
+
+
+def fates(run: Run) -> pd.DataFrame:
+    found = run.packets.astype(dict.fromkeys(("tx", "rx", "fate"), str))
+    return found[found.channel == "test"][FATES].sort_values(["tx", "rx", "seq"], ignore_index=True)
+
+
+WAYS = [
+    {"model": "flood", "hop_limit": 4},
+    {"model": "static", "routes": ROUTES},
+    {"model": "mesh", "ogm_interval_s": 0.2},
+]
+
+
+@pytest.mark.parametrize("routing", WAYS, ids=lambda way: str(way["model"]))
+def test_one_process_and_many_have_the_same_routes(flown: Fly, routing: dict[str, Any]) -> None:
+    one = scripted(flown, routing)
+    many = scripted(flown, routing, processes="many")
+    assert compare(one.path, many.path) is None
+    assert one.digest == many.digest
+    assert len(one.routes)
+    assert balances(one)
+
+
+@pytest.mark.parametrize("routing", WAYS, ids=lambda way: str(way["model"]))
+def test_fates_do_not_depend_on_ticks(flown: Fly, routing: dict[str, Any]) -> None:
+    """The nodes stand."""
+    first = fates(scripted(flown, routing))
+    assert len(first) == 3 * (5 * 3 + 3)
+    assert len(set(first.fate)) > 1
+    for rate_hz in (5, 50):
+        pd.testing.assert_frame_equal(first, fates(scripted(flown, routing, tick_rate_hz=rate_hz)))
+
+
+@pytest.mark.parametrize("routing", WAYS, ids=lambda way: str(way["model"]))
+def test_decided_anew_the_same_radio_gives_the_same_routes(
+    flown: Fly, routing: dict[str, Any], tmp_path: Path
+) -> None:
+    run = scripted(flown, routing)
+    again = redecide(run.path)
+    pd.testing.assert_frame_equal(again.table.to_pandas(), run.table("deliveries").to_pandas())
+    made = write_run(again, tmp_path / "anew")
+    assert load_run(made.path).table("routes").equals(run.table("routes"))
+    none = redecide(run.path, radio=RADIO | {"medium": {"model": "csma"}})
+    assert none.routes == ()
+
+
+@pytest.mark.parametrize(
+    ("routing", "problem"),
+    [
+        ({"model": "flood", "hop_limit": 0}, r"radio\.routing\.hop_limit: .*0"),
+        ({"model": "flood", "hops": 3}, r"radio\.routing\.hops"),
+        ({"model": "gossip"}, r"radio\.routing.*gossip"),
+        ("mish", r"radio\.routing.*mish"),
+        ({"model": "static"}, r"radio\.routing\.routes"),
+        ({"model": "static", "routes": {"0": {"g1": "g7"}}}, r"radio\.routing: routes\.0\.g1: g7: node g7"),
+        (
+            {"model": "static", "routes": {"0": {"g2": "g1"}, "g1": {"g2": "0"}}},
+            r"radio\.routing\.routes: .*0: g2: leads back: 0 > g1 > 0",
+        ),
+        ({"model": "static", "routes": {"0": {"g2": "0"}}}, r"a node needs no route to itself"),
+        ({"model": "mesh", "hop_penalty": 256}, r"radio\.routing\.hop_penalty: .*256"),
+        ({"model": "mesh", "ogm_interval_s": 0.01}, r"radio\.routing\.ogm_interval_s: .*0\.01"),
+    ],
+)
+def test_what_routing_cannot_be_is_told(flown: Fly, routing: Any, problem: str) -> None:
+    with pytest.raises(ScenarioError, match=problem):
+        flown([node(0), node(1), node(2)], routing)
+
+
+@pytest.mark.parametrize(
+    ("medium", "word"), [("ideal", "takes time on the air"), ("sik", "one peer"), ("elrs", "one peer")]
+)
+def test_media_without_hops_are_refused(flown: Fly, medium: str, word: str) -> None:
+    with pytest.raises(ScenarioError, match=rf"radio.*routing: flood: .*medium: {medium}.*{word}|{word}"):
+        flown([node(0), node(1)], {"model": "flood"}, {"model": medium})
+
+
+def test_nodes_of_a_network_have_one_way_of_routing(flown: Fly) -> None:
+    other = node(1) | {"radio": RADIO | {"medium": AIRTIME}}
+    with pytest.raises(
+        ScenarioError, match=r"nodes\.1\.radio: its routing is none, that of the run's radio flood"
+    ):
+        flown([node(0), other], {"model": "flood"})
