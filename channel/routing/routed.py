@@ -20,6 +20,7 @@ class RoutingCounts:
     Attributes:
         sent: transmissions of packets by their own senders.
         handed_on: by other nodes.
+        packet_air_ns: that these were on the air.
         duplicates: receptions of packets that a node had already.
         notices: frames that nodes told each other about routes with.
         notice_bytes: of these, before the medium's headers.
@@ -29,6 +30,7 @@ class RoutingCounts:
 
     sent: int = 0
     handed_on: int = 0
+    packet_air_ns: int = 0
     duplicates: int = 0
     notices: int = 0
     notice_bytes: int = 0
@@ -164,6 +166,7 @@ class Routed:
         else:
             cargo.leg.journey.missed(outcome, cargo.leg)
         if not cargo.open:
+            self.counts.packet_air_ns += outcome.attempts * (outcome.ended_ns - outcome.started_ns)
             cargo.leg.journey.under_way -= 1
             self._end(cargo.leg.journey)
 

@@ -35,6 +35,11 @@ class NoRouting(Variant):
 
     model: Literal["none"] = "none"
 
+    def copies(self, nodes: int) -> int:
+        """How often a packet for all is transmitted at most, on a network of so many nodes."""
+        del nodes
+        return 1
+
 
 class Relaying(Variant):
     """Nodes hand packets on."""
@@ -48,6 +53,11 @@ class Relaying(Variant):
     jitter_s: float = Field(
         default=0.001, ge=0.0, le=10.0, description="up to so much is added, drawn for each packet and node"
     )
+
+    def copies(self, nodes: int) -> int:
+        """How often a packet for all is transmitted at most, on a network of so many nodes."""
+        del nodes
+        return 1
 
     @property
     def forwarding(self) -> Forwarding:
@@ -68,6 +78,10 @@ class FloodRouting(Relaying):
     header_bytes: int = Field(
         default=8, ge=0, le=1000, description="that each packet gets: sender, receiver, number, hops"
     )
+
+    def copies(self, nodes: int) -> int:
+        """Once by each."""
+        return nodes if self.hop_limit > 1 else 1
 
     def open(self, nodes: Nodes, draws: Draws) -> HopRouter:
         """The router of a network."""
@@ -160,6 +174,10 @@ class MeshRouting(Relaying):
         default=CONTROL_PRIORITY, ge=-128, le=127, description="of originator messages in the queue"
     )
 
+    def copies(self, nodes: int) -> int:
+        """So often by each."""
+        return self.broadcasts * nodes
+
     def open(self, nodes: Nodes, draws: Draws) -> HopRouter:
         """The router of a network."""
         numbers = MeshNumbers(
@@ -178,17 +196,22 @@ def _text(node_id: Any) -> Any:
 
 
 def _by_name(value: Any) -> Any:
-    """``none`` alone is a mapping, too."""
+    """A name alone is that way with its defaults."""
     return {"model": value} if isinstance(value, str) else value
 
 
+_Named = NoRouting | FloodRouting | StaticRouting | MeshRouting
+_Written = Literal["none", "flood", "mesh"] | _Named
 RoutingSettings = Annotated[
-    NoRouting | FloodRouting | StaticRouting | MeshRouting,
+    _Named,
     Field(discriminator="model"),
-    *own_models("routing", "open"),
-    BeforeValidator(_by_name),
+    *own_models("routing", "open", "copies"),
+    BeforeValidator(_by_name, json_schema_input_type=_Written),
 ]
-"""YAML's ``none`` is text; of one's own as of media: ``class: file.py:Name``, with a method `open`."""
+"""A mapping, or a name alone: ``none``, ``flood``, ``mesh``.
+
+Of one's own as of media: ``class: file.py:Name``, with methods `open` and `copies`.
+"""
 
 
 def router_of(settings: RoutingSettings, nodes: Nodes, draws: Draws) -> HopRouter | None:

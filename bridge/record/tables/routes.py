@@ -65,11 +65,11 @@ def labels_of(nodes: Sequence[str], radios: Sequence[str]) -> dict[str, Sequence
     return {"tx": tuple(nodes), "rx": tuple(nodes), "radio": tuple(radios), "node": tuple(nodes)}
 
 
-def read_routes(run: Path, nodes: Sequence[str], radios: Sequence[str]) -> Columns:
-    """All columns, nodes and radios as their places; no rows of a run whose nodes hand nothing on.
+def read_routes(run: Path, nodes: Sequence[str]) -> Columns:
+    """All columns, nodes as their places and radios by name; no rows of a run whose nodes hand nothing on.
 
     Raises:
         TableError, OSError: the table is damaged, or cannot be read.
     """
-    labels = labels_of(nodes, radios)
+    labels = {name: tuple(nodes) for name in ("tx", "rx", "node")}
     return read_columns(run, ROUTES, None, labels) if ROUTES.is_in(run) else no_rows(ROUTES, None, labels)

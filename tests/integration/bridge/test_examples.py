@@ -33,6 +33,7 @@ FILES = [
     SHIPPED / "mixed.yaml",
 ]
 SHORT_S = {
+    "beyond_range": 25,
     "gusts": 35,
     "ground_station": 20,
     "heavy_and_light": 30,

@@ -16,6 +16,8 @@ import pytest
 from lostlink import Run, ScenarioError, fly, load_run, redecide
 from lostlink.compare.compare import compare
 from lostlink.redecision.rewrite import write_run
+from lostlink.report.content import content_of
+from lostlink.report.page.page import page_of
 
 CLASS = f"{Path(__file__).with_name('air_agents.py')}:Scripted"
 RADIO = {"preset": "disk", "frequency_hz": 915e6, "bit_rate_bps": 64e3, "max_range_m": 150.0}
@@ -133,6 +135,13 @@ def test_a_flood_from_scenario_to_record(flown: Fly) -> None:
     assert [each["seq"] for each in map(json.loads, heard) if each["sender"] == "0"] == [row["seq"]]
     assert ways(run, "0", "g2") == [["0", "g1"]]
     assert balances(run)
+    told = content_of(run)
+    [route] = [each for each in told["routes"] if (each["tx"], each["rx"]) == ("0", "g2")]
+    assert (route["way"], route["hops_mean"], route["delivered"]) == (["0", "g1"], 2.0, 1)
+    assert told["routing"] == ledger(run)["routing"]
+    page = page_of(told, {})
+    assert "0 &gt; g1 &gt; g2" in page
+    assert "What routing cost" in page
 
 
 def scripted(flown: Fly, routing: dict[str, Any], **more: Any) -> Run:
