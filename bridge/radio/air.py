@@ -18,7 +18,8 @@ from bridge.radio.places import NodePlaces
 from bridge.radio.senders import TxPacket
 from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
 from bridge.record.tables.schema import Columns
-from channel.access.packets import Reply
+from channel.access.mavlink import handled
+from channel.access.packets import Handling, Reply
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, Packets, Receptions
@@ -103,6 +104,8 @@ class NetworkAir:
         self.addressees = {ALL: EVERYBODY, **self.index, **known}
         self.ledger = Ledger(medium.nodes, causes=tuple(Cause), addressees=medium.addressees)
         self._network = network
+        queue = getattr(medium.radios[0].config.medium, "queue", None)
+        self._is_mavlink = bool(getattr(queue, "mavlink", False))
         self._in_flight: dict[tuple[int, int], TxPacket] = {}
         """By place of the sender in the medium, and number."""
         self._queues: dict[int, tuple[int, int]] = {}
@@ -161,6 +164,10 @@ class NetworkAir:
             self.medium.send(packets)
         else:
             self._network.send(packets, [packet.handling for packet in taken])
+
+    def handling_of(self, payload: bytes, handling: Handling) -> Handling:
+        """How a packet is handled: as its sender asks for, or by its MAVLink messages."""
+        return handled(payload, handling) if self._is_mavlink else handling
 
     def lose(self, gap: Gap) -> Sequence[Gap]:
         """Book packets that are lost before the channel; a gap for each of their receivers, or one for all nodes."""

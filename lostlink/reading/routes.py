@@ -90,6 +90,11 @@ def routes_of(rows: DeliveryRows, ways: Mapping[str, Mapping[Ends, LinkWays]]) -
     return found
 
 
+def on_air_ns(run: Path) -> dict[str, int]:
+    """How long frames were on the air on each network that has routing, added up; errors as of `routing_counts`."""
+    return {each["radio"]: each["packet_air_ns"] + each["notice_air_ns"] for each in routing_counts(run)}
+
+
 def routing_counts(run: Path) -> list[dict[str, Any]]:
     """What routing cost each network that has it, as the run's counters say; empty of a run without an end.
 

@@ -139,6 +139,10 @@ def test_a_flood_from_scenario_to_record(flown: Fly) -> None:
     [route] = [each for each in told["routes"] if (each["tx"], each["rx"]) == ("0", "g2")]
     assert (route["way"], route["hops_mean"], route["delivered"]) == (["0", "g1"], 2.0, 1)
     assert told["routing"] == ledger(run)["routing"]
+    [air] = run.summary["air"]
+    frames = told["routing"][0]["sent"] + told["routing"][0]["handed_on"]
+    assert frames == 4 + 2  # the data packages at the first tick are all at once, and nobody hears them
+    assert air["use_share"] == pytest.approx(told["routing"][0]["packet_air_ns"] / 3.05e9)
     page = page_of(told, {})
     assert "0 &gt; g1 &gt; g2" in page
     assert "What routing cost" in page
