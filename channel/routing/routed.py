@@ -18,7 +18,7 @@ class RoutingCounts:
     """What routing cost a network.
 
     Attributes:
-        sent: transmissions of packets by their own senders.
+        sent: packets that their own senders transmitted, once each however often they were tried.
         handed_on: by other nodes.
         packet_air_ns: that these were on the air.
         duplicates: receptions of packets that a node had already.
@@ -126,10 +126,6 @@ class Routed:
         lifetime_ns = packet.lifetime_ns
         if lifetime_ns is not None:
             lifetime_ns += packet.at_ns - now_ns
-        if len(leg.way) == 1:
-            self.counts.sent += 1
-        else:
-            self.counts.handed_on += 1
         self._enter(
             HopPacket(
                 node,
@@ -166,9 +162,18 @@ class Routed:
         else:
             cargo.leg.journey.missed(outcome, cargo.leg)
         if not cargo.open:
-            self.counts.packet_air_ns += outcome.attempts * (outcome.ended_ns - outcome.started_ns)
+            self._count(outcome, cargo.leg)
             cargo.leg.journey.under_way -= 1
             self._end(cargo.leg.journey)
+
+    def _count(self, fate: AirFate, leg: Leg) -> None:
+        if fate.started_ns < 0:
+            return
+        if len(leg.way) == 1:
+            self.counts.sent += 1
+        else:
+            self.counts.handed_on += 1
+        self.counts.packet_air_ns += fate.attempts * (fate.ended_ns - fate.started_ns)
 
     def _arrived(self, fate: AirFate, leg: Leg) -> None:
         """A copy has come to a node: it takes the first, and hands it on if the router says so."""

@@ -148,6 +148,65 @@ def test_a_flood_from_scenario_to_record(flown: Fly) -> None:
     assert "What routing cost" in page
 
 
+def test_a_mesh_from_scenario_to_record(flown: Fly) -> None:
+    """Messages of 24 bytes take 3 ms; by 3 s each node knows a way, at 0.06 s none does."""
+    sends = [(0.06, "g3", 20), (3.0, "g3", 100), (3.5, "all", 50)]
+    routing = {"model": "mesh", "ogm_interval_s": 0.5} | PLAIN
+    run = flown([node(0, sends=sends), node(1), node(2), node(3)], routing, duration_s=5.0)
+    early, routed, flooded = rows(run, "0", "g3")
+    assert (early["fate"], early["started_ns"], early["attempts"]) == ("no_route", -1, 0)
+    assert (routed["fate"], routed["attempts"]) == ("delivered", 3)
+    hop_ns = round(8 * (100 + 24) / 64e3 * 1e9)
+    assert routed["arrived_ns"] - routed["entered_ns"] >= 3 * hop_ns + 2_000_000
+    assert routed["ended_ns"] - routed["started_ns"] == hop_ns
+    assert flooded["fate"] == "delivered"
+    assert ways(run, "0", "g3")[0] == ["0", "g1", "g2"]
+    [counts] = ledger(run)["routing"]
+    own, handed_on = 4 * 5.0 / 0.5, 0.5 * (1 + 2 + 2 + 1) * 5.0 / 0.5
+    assert counts["notices"] > own + handed_on
+    assert counts["notice_air_ns"] == 3_000_000 * counts["notices"]
+    assert balances(run)
+
+
+def test_a_relay_whose_radio_goes_off_is_left_in_five_messages(flown: Fly) -> None:
+    """Two relays between the ends, on both sides of the way: 112 m to each end, of 150 m that the radio reaches."""
+    silent_s, interval_s = 6.0, 0.2
+    sends = [(4.0 + 0.05 * number, "end", 20) for number in range(100)]
+    ends = [node(0, sends=sends), node(2) | {"id": "end"}]
+
+    def run(off: str = "") -> Run:
+        relays = [
+            node(1) | {"id": name, "place": {"north_m": 100.0, "east_m": east_m, "height_m": 0.0}}
+            for name, east_m in (("east", 50.0), ("west", -50.0))
+        ]
+        for relay in relays:
+            if relay["id"] == off:
+                relay["radio_off"] = [{"from_s": silent_s}]
+        routing = {"model": "mesh", "ogm_interval_s": interval_s} | PLAIN
+        medium = {"model": "csma"}
+        return flown([*ends, *relays], routing, medium, duration_s=9.5)
+
+    [used] = {way[1] for way in ways(run(), "0", "end")[-1:]}
+    broken = run(off=used)
+    found = pd.DataFrame(rows(broken, "0", "end"))
+    came = found[found.fate == "delivered"]
+    other = {"east": "west", "west": "east"}[used]
+    assert ways(broken, "0", "end")[-1] == ["0", other]
+    after_s = came[came.arrived_ns > silent_s * 1e9].arrived_ns.min() / 1e9 - silent_s
+    assert 0.0 < after_s < 5 * (interval_s + 0.02) + 0.05 + 0.1
+    assert set(found[found.fate != "delivered"].fate) == {"radio_off"}
+    assert balances(broken)
+
+
+def test_a_way_of_ones_own(flown: Fly) -> None:
+    own = {"class": f"{Path(__file__).with_name('own_routing.py')}:StarRouting", "hub": "g1"} | PLAIN
+    run = flown([node(0, sends=[(1.0, "g2", 100), (1.5, "all", 100)]), node(1), node(2)], own)
+    assert ways(run, "0", "g2") == [["0", "g1"]]
+    assert [row["fate"] for row in rows(run, "0", "g2")] == ["delivered", "out_of_range"]
+    with pytest.raises(ScenarioError, match=r"radio\.routing\.hub"):
+        flown([node(0), node(1)], {key: value for key, value in own.items() if key != "hub"})
+
+
 def scripted(flown: Fly, routing: dict[str, Any], **more: Any) -> Run:
     sends = {n: [(1.0 + 0.2 * k, "all" if k % 3 else "g3", 150 + n) for k in range(8)] for n in (0, 1, 2)}
     nodes = [node(n, sends=sends.get(n, [])) for n in range(4)]
