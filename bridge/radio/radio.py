@@ -81,8 +81,8 @@ class RecordedRadio:
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
-        self._writer = DeliveryWriter(run.path, nodes, self.core.words)
         names_of_routed = [each.name for each in self._channels if each.routing is not None]
+        self._writer = DeliveryWriter(run.path, nodes, self.core.words, routed=bool(names_of_routed))
         self._routes = RouteWriter(run.path, nodes, names_of_routed) if names_of_routed else None
         self._sensors = SensorsOfRun.of(
             run, sensors_of(scenario), emitters_of(scenario), self._channels[0].medium

@@ -23,7 +23,14 @@ from bridge.bus.keys import MAIN
 from bridge.radio.ledger_file import Books
 from bridge.record.ending import was_cut
 from bridge.record.radio_switches import switches_of
-from bridge.record.tables.deliveries import DELIVERIES, TOO_LONG, TRANSPORT, Vocabulary, labels_of
+from bridge.record.tables.deliveries import (
+    DELIVERIES,
+    TOO_LONG,
+    TRANSPORT,
+    FatesInTable,
+    Vocabulary,
+    labels_of,
+)
 from bridge.record.tables.parquet import array_of
 from bridge.record.tables.reader import joined
 from bridge.record.tables.schema import Columns
@@ -86,13 +93,19 @@ class Redecision:
         )
 
     @property
+    def is_routed(self) -> bool:
+        """Whether nodes hand packets on."""
+        return any(each.routing is not None for each in self.books)
+
+    @property
     def table(self) -> pa.Table:
         """The rows of `deliveries.parquet` as this radio has them (docs/reference/run-output.md)."""
         import pyarrow as pa
 
-        words = Vocabulary()
+        words, fates = Vocabulary(), FatesInTable.of(routed=self.is_routed)
         columns = self.after.columns | self.facts.words(self.after.columns, words)
-        names = labels_of(self.after.nodes) | words.names
+        columns |= {"fate": fates.places_of(columns["fate"])}
+        names = labels_of(self.after.nodes) | {"fate": fates.names} | words.names
         return pa.table(
             {c.name: array_of(c, columns[c.name].astype(c.dtype), names) for c in DELIVERIES.columns}
         )

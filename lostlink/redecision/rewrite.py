@@ -50,9 +50,9 @@ def write_run(
             copy.parent.mkdir(exist_ok=True)
             shutil.copyfile(path, copy)
     write_ledger(directory / LEDGER, result.books, {})
-    routed = [each.radio for each in result.books if each.routing is not None]
-    if routed:
-        routes = RouteWriter(directory, result.after.nodes, routed)
+    if result.is_routed:
+        radios = [each.radio for each in result.books if each.routing is not None]
+        routes = RouteWriter(directory, result.after.nodes, radios)
         routes.write(result.routes)
         routes.close()
     write_deliveries(result, directory, on_progress)
@@ -70,7 +70,7 @@ def write_deliveries(
     """
     directory.mkdir(parents=True, exist_ok=True)
     words = Vocabulary()
-    writer = DeliveryWriter(directory, result.after.nodes, words)
+    writer = DeliveryWriter(directory, result.after.nodes, words, routed=result.is_routed)
     try:
         for begin in range(0, len(result.after), ROWS_AT_ONCE):
             part = result.after.at(slice(begin, begin + ROWS_AT_ONCE))

@@ -164,7 +164,8 @@ def test_a_mesh_from_scenario_to_record(flown: Fly) -> None:
     assert ways(run, "0", "g3")[0] == ["0", "g1", "g2"]
     [counts] = ledger(run)["routing"]
     own, by_neighbours = 4 * 6.0 / 0.5, (1 + 2 + 2 + 1) * 6.0 / 0.5
-    assert own + 0.9 * by_neighbours < counts["notices"] <= 4 * own  # in a row each node transmits each message once
+    # in a row each node transmits each message once
+    assert own + 0.9 * by_neighbours < counts["notices"] <= 4 * own
     assert counts["notice_air_ns"] == 3_000_000 * counts["notices"]
     assert balances(run)
 
