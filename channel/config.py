@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
-from channel.access.settings import Ideal, MediumSettings
+from channel.access.settings import ElrsMedium, Ideal, MediumSettings, SikMedium, name_of
 from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
 from channel.fading.bursts import GilbertElliott, NoBursts
 from channel.fading.laws import Nakagami, NoFading, Rayleigh, Rician
@@ -28,6 +28,7 @@ from channel.propagation.hata import Cost231Hata, OkumuraHata
 from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
 from channel.propagation.terrain import Terrain
 from channel.propagation.two_ray import TwoRay, TwoSlope
+from channel.routing.settings import NoRouting, RoutingSettings
 from channel.variant import Settings, Variant
 
 SHADOWING_METHODS = (
@@ -169,6 +170,9 @@ class RadioConfig(Settings):
     medium: MediumSettings = Field(
         default_factory=Ideal, description="who transmits when, for how long and how often"
     )
+    routing: RoutingSettings = Field(
+        default_factory=NoRouting, description="whether nodes hand packets on, and how they find routes"
+    )
 
     @model_validator(mode="after")
     def _has_a_sigma(self) -> Self:
@@ -176,6 +180,22 @@ class RadioConfig(Settings):
         if self.shadowing.in_sight(True) is None and not has_its_own:
             raise ValueError(
                 "shadowing.sigma_db is missing: only uma-av and rma-av with a drawn line of sight have their own"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_routed(self) -> Self:
+        if isinstance(self.routing, NoRouting):
+            return self
+        routing, medium = name_of(self.routing), name_of(self.medium)
+        if isinstance(self.medium, Ideal):
+            raise ValueError(
+                f"routing: {routing}: each hop takes time on the air, and with medium: {medium} nothing does: "
+                "take airtime, csma, tdma or delay"
+            )
+        if isinstance(self.medium, SikMedium | ElrsMedium):
+            raise ValueError(
+                f"routing: {routing}: with medium: {medium} a radio has one peer, and cannot hand on"
             )
         return self
 

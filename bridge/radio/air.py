@@ -18,11 +18,12 @@ from bridge.radio.places import NodePlaces
 from bridge.radio.senders import TxPacket
 from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
 from bridge.record.tables.schema import Columns
-from channel.access.packets import Reply
+from channel.access.mavlink import handled
+from channel.access.packets import Handling, Reply
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, Packets, Receptions
-from channel.network.network import Lived, Network
+from channel.network.network import Lived, Network, RadioRoute
 
 
 class QueueOfNode(NamedTuple):
@@ -54,6 +55,7 @@ class Settled:
         received_ns: the tick at which nodes get them.
         replies: what senders learn of their unicasts.
         queues: of transmit queues that changed.
+        routes: that changed, each with the name of its network.
     """
 
     packets: Sequence[TxPacket]
@@ -63,6 +65,7 @@ class Settled:
     received_ns: int
     replies: Sequence[ReplyToNode] = ()
     queues: Sequence[QueueOfNode] = ()
+    routes: Sequence[tuple[str, RadioRoute]] = ()
 
 
 class NetworkAir:
@@ -101,6 +104,8 @@ class NetworkAir:
         self.addressees = {ALL: EVERYBODY, **self.index, **known}
         self.ledger = Ledger(medium.nodes, causes=tuple(Cause), addressees=medium.addressees)
         self._network = network
+        queue = getattr(medium.radios[0].config.medium, "queue", None)
+        self._is_mavlink = bool(getattr(queue, "mavlink", False))
         self._in_flight: dict[tuple[int, int], TxPacket] = {}
         """By place of the sender in the medium, and number."""
         self._queues: dict[int, tuple[int, int]] = {}
@@ -159,6 +164,10 @@ class NetworkAir:
             self.medium.send(packets)
         else:
             self._network.send(packets, [packet.handling for packet in taken])
+
+    def handling_of(self, payload: bytes, handling: Handling) -> Handling:
+        """How a packet is handled: as its sender asks for, or by its MAVLink messages."""
+        return handled(payload, handling) if self._is_mavlink else handling
 
     def lose(self, gap: Gap) -> Sequence[Gap]:
         """Book packets that are lost before the channel; a gap for each of their receivers, or one for all nodes."""
@@ -234,7 +243,12 @@ class NetworkAir:
         columns = columns_of(receptions, counted_bytes, said, lived.instants)
         members = self._places.of_all.tolist()
         replies = [ReplyToNode(members[each.packet.node], each, self.place) for each in lived.replies]
-        return Settled(packets, receptions, (), columns, received_ns, replies, tuple(self._changed_queues()))
+        queues, routes = tuple(self._changed_queues()), self._named_routes(lived)
+        return Settled(packets, receptions, (), columns, received_ns, replies, queues, routes)
+
+    def _named_routes(self, lived: Lived) -> list[tuple[str, RadioRoute]]:
+        """Routes that changed, with places among all nodes."""
+        return [(self.name, each.among(self._places.of_all.tolist())) for each in lived.routes]
 
     def _changed_queues(self) -> Iterator[QueueOfNode]:
         assert self._network is not None
@@ -268,6 +282,7 @@ def joined(parts: Sequence[Settled]) -> Settled:
         parts[0].received_ns,
         [reply for part in parts for reply in part.replies],
         [queue for part in parts for queue in part.queues],
+        [route for part in parts for route in part.routes],
     )
 
 

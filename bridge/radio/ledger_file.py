@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 from bridge.bus.keys import MAIN
 from channel.medium.judge.check import Verdict
 from channel.medium.ledger import Ledger
+from channel.routing.routed import RoutingCounts
 
 LEDGER = "ledger.json"
 NOTHING_JUDGED = Verdict(())
@@ -27,12 +29,14 @@ class Books(NamedTuple):
         verdict: of the channel's judge.
         shares_draws: whether packets share what is drawn: then their ratio has no binomial interval.
         radio: name of the network.
+        routing: what that cost; None: nodes do not hand packets on.
     """
 
     ledger: Ledger
     verdict: Verdict = NOTHING_JUDGED
     shares_draws: bool = False
     radio: str = MAIN
+    routing: RoutingCounts | None = None
 
 
 def write_ledger(
@@ -55,6 +59,9 @@ def write_ledger(
         "refused": {r.value: n for r, n in sorted(refused.items())},
         **judged_in(books),
     }
+    routing = [{"radio": each.radio, **asdict(each.routing)} for each in books if each.routing is not None]
+    if routing:
+        content["routing"] = routing
     partial_path = path.with_suffix(".partial")
     partial_path.write_text(json.dumps(content, indent=1) + "\n", encoding="ascii")
     partial_path.replace(path)

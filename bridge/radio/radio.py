@@ -23,6 +23,7 @@ from bridge.record.packets import encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.record.tables.routes import RouteWriter
 from bridge.run.directory import RunDirectory
 from bridge.scenario.resolve.channel import channels_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
@@ -80,7 +81,9 @@ class RecordedRadio:
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
-        self._writer = DeliveryWriter(run.path, nodes, self.core.words)
+        names_of_routed = [each.name for each in self._channels if each.routing is not None]
+        self._writer = DeliveryWriter(run.path, nodes, self.core.words, routed=bool(names_of_routed))
+        self._routes = RouteWriter(run.path, nodes, names_of_routed) if names_of_routed else None
         self._sensors = SensorsOfRun.of(
             run, sensors_of(scenario), emitters_of(scenario), self._channels[0].medium
         )
@@ -167,6 +170,8 @@ class RecordedRadio:
     def write(self, settled: Settled) -> None:
         """Record what became of packets, and what was transmitted."""
         self._writer.write(settled.columns, settled.gaps, settled.received_ns)
+        if self._routes is not None:
+            self._routes.write(settled.routes)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for packet in transmitted:
             self._packets[self.core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(packet))
@@ -174,6 +179,8 @@ class RecordedRadio:
     def flush(self) -> None:
         """Hand the record to the operating system."""
         self._writer.flush()
+        if self._routes is not None:
+            self._routes.flush()
         if self._sensors is not None:
             self._sensors.flush()
         for writer in self._packets.values():
@@ -197,7 +204,7 @@ class RecordedRadio:
         self._tell_overload(dropped)
         self._report.close()
         books = [
-            Books(air.ledger, channel.judge.verdict(), channel.shares_draws, air.name)
+            Books(air.ledger, channel.judge.verdict(), channel.shares_draws, air.name, channel.routing)
             for air, channel in zip(self.core.airs, self._channels, strict=True)
         ]
         write_ledger(self._run.path / LEDGER, books, self.core.refused, tell_progress)
@@ -205,6 +212,8 @@ class RecordedRadio:
     def close(self) -> None:
         """Close the files of the record as they are."""
         self._writer.close()
+        if self._routes is not None:
+            self._routes.close()
         if self._sensors is not None:
             self._sensors.close()
         for writer in self._packets.values():

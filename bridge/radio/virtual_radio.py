@@ -131,7 +131,7 @@ class VirtualRadio:
                 route,
                 payload,
                 encoding,
-                handling,
+                air.handling_of(payload, handling),
                 tx=tx,
                 to=to,
                 network=air.place,

@@ -80,6 +80,10 @@ class Air:
         """A receiver's access does nothing but note when it last heard something, and whether that had errors."""
         self._attending.discard(receiver.node)
 
+    def passes_singly(self) -> None:
+        """No frame passes as a whole from now on: somebody acts on each fate at its instant."""
+        self._on_fates = None
+
     def tunes(self) -> None:
         """A receiver is about to turn to another channel: frames reach no longer all alike."""
         self._is_split = True

@@ -39,6 +39,10 @@ class Loss(StrEnum):
     """The radio has no link to that node."""
     OUTAGE = "outage"
     """The link of the sender or of the receiver was down."""
+    NO_ROUTE = "no_route"
+    """A node on its way knew no next one (`channel.routing`)."""
+    HOP_LIMIT = "hop_limit"
+    """It was handed on as often as it may be."""
 
 
 class Handling(NamedTuple):
@@ -103,6 +107,8 @@ class AirFate:
         attempts: how often it was on the air.
         loss: why it was lost; None: it arrived.
         frame: that transmission; None if it never was on the air.
+        met_at: the node at which that was heard or lost; None: the receiver.
+        way: who transmitted it, from its sender on, if others handed it on (`channel.routing`).
     """
 
     packet: AirPacket
@@ -113,6 +119,8 @@ class AirFate:
     attempts: int
     loss: Loss | None
     frame: AirFrame | None = field(default=None, compare=False, repr=False)
+    met_at: int | None = None
+    way: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

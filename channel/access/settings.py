@@ -103,6 +103,11 @@ class Queue(Settings):
     packets: int = Field(default=64, ge=0, le=1_000_000, description="so many wait; 0: no limit")
     length_bytes: int = Field(default=0, ge=0, description="of all that wait; 0: no limit")
     by_class: bool = Field(default=False, description="each priority has a queue of this size of its own")
+    mavlink: bool = Field(
+        default=False,
+        description="packets of MAVLink frames have a priority by their messages, unless their sender gave them one: "
+        "heartbeats and commands 2, parameters and missions 1, telemetry 0",
+    )
 
     @property
     def limits(self) -> QueueLimits:
@@ -593,8 +598,8 @@ MediumSettings = Annotated[
 ]
 
 
-def name_of(settings: MediumSettings) -> str:
-    """What a medium is called: of one's own by its class."""
+def name_of(settings: Variant) -> str:
+    """What a medium, or another choice by name, is called: of one's own by its class."""
     return str(getattr(settings, "model", type(settings).__name__))
 
 

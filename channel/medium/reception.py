@@ -41,6 +41,9 @@ class Fate(Enum):
     OUTAGE = "outage"
     RUN_ENDED = "run_ended"
     """It waited, or was on the air, when the run ended."""
+    NO_ROUTE = "no_route"
+    """Of networks whose nodes hand packets on (`channel.routing`), as is the next."""
+    HOP_LIMIT = "hop_limit"
 
 
 FATES = tuple(Fate)

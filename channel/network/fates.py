@@ -116,7 +116,11 @@ def _passed(fates: Sequence[AirFates], world: LinkWorld) -> FateColumns:
 
 
 def _figures(fate: AirFate, world: LinkWorld) -> Sequence[float]:
-    return NOTHING if fate.frame is None else world.figures(fate.frame, fate.receiver)
+    return NOTHING if fate.frame is None else world.figures(fate.frame, _met_at(fate))
+
+
+def _met_at(fate: AirFate) -> int:
+    return fate.receiver if fate.met_at is None else fate.met_at
 
 
 def _code(fate: AirFate, world: LinkWorld) -> int:
@@ -126,9 +130,9 @@ def _code(fate: AirFate, world: LinkWorld) -> int:
         return DELIVERED
     if loss is not Loss.NOISE or frame is None:
         return OF_LOSS.get(loss, ERASED)
-    if fate.receiver in world.lost_to_sources(frame):
+    if _met_at(fate) in world.lost_to_sources(frame):
         return INTERFERED
-    alone = world.fate(frame, fate.receiver)
+    alone = world.fate(frame, _met_at(fate))
     return ERASED if alone == DELIVERED else alone
 
 

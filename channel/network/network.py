@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirFate, AirFates, AirPacket, Handling, Loss, Reply
-from channel.access.world import World
+from channel.access.packets import AirFate, AirFates, AirPacket, Handling, Loss, Outcome, Reply
+from channel.access.world import AirFrame, World
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
 from channel.medium.reception import FATES, NO_PACKETS, Fate, Packets, Receptions
@@ -18,9 +19,50 @@ from channel.network.entry import EntryInstants
 from channel.network.fates import FateColumns
 from channel.network.instants import NEVER_NS, InstantColumns
 from channel.network.link_world import LinkWorld
+from channel.routing.routed import Routed, RoutingCounts
+from channel.routing.router import HopRouter
 
 Keys = Sequence[tuple[int, int]]
 """Of packets: sender and number."""
+
+
+class PacketNetwork(Protocol):
+    """What takes packets and says what became of them: a medium, or one with routing over it."""
+
+    def offer(self, packet: AirPacket) -> None:
+        """Have a packet enter its sender's radio at its instant."""
+
+    def live(self, until_ns: int) -> list[Outcome | AirFates]:
+        """Let it live until an instant; what came of packets since the last call."""
+
+    def queued(self, node: int) -> tuple[int, int]:
+        """How many packets of a node wait, and their length in bytes."""
+
+    def receivers_of(self, packet: AirPacket) -> tuple[int, ...]:
+        """Who has a fate of it."""
+
+
+class RadioRoute(NamedTuple):
+    """The way by which a packet came, other than the one before it on the same link.
+
+    Attributes:
+        sim_time_ns: when it was sent.
+        tx, rx, number: of the packet.
+        arrived_ns: when it came.
+        nodes: who transmitted it, from its sender on.
+    """
+
+    sim_time_ns: int
+    tx: int
+    rx: int
+    number: int
+    arrived_ns: int
+    nodes: tuple[int, ...]
+
+    def among(self, places: Sequence[int]) -> RadioRoute:
+        """The same with other places of nodes."""
+        nodes = tuple(places[node] for node in self.nodes)
+        return self._replace(tx=places[self.tx], rx=places[self.rx], nodes=nodes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +75,7 @@ class Lived:
         replies: what senders learn of their unicasts, in order.
         done: sender and number of the packets of which now all is decided.
         first: what first transmissions met in it, alone on the air.
+        routes: that changed, in the order of arrivals.
     """
 
     receptions: Receptions
@@ -40,6 +83,7 @@ class Lived:
     replies: Sequence[Reply]
     done: Keys
     first: Sequence[Receptions]
+    routes: Sequence[RadioRoute] = ()
 
 
 @dataclass(slots=True)
@@ -60,6 +104,7 @@ class Network:
         open_medium: makes the medium in a world.
         entry: when packets enter their radios.
         judge: takes in what is drawn.
+        router: by which nodes hand packets on; None: they do not.
     """
 
     def __init__(
@@ -68,9 +113,14 @@ class Network:
         open_medium: Callable[[World], AccessMedium],
         entry: EntryInstants,
         judge: Judge | None = None,
+        router: HopRouter | None = None,
     ) -> None:
         self._world = LinkWorld(medium, judge)
         self._access = open_medium(self._world)
+        self._routed = None if router is None else Routed(self._access, router, self._distance_m)
+        self._packets: PacketNetwork = self._access if self._routed is None else self._routed
+        self._ways: dict[tuple[int, int], tuple[int, ...]] = {}
+        """Of the latest packet that came, by sender and receiver."""
         self._entry = entry
         self._addressees, self._is_alone = medium.addressees, len(medium.nodes) < 2
         self._unreached: list[AirFate] = []
@@ -96,9 +146,14 @@ class Network:
         """Who transmits when."""
         return self._access
 
+    @property
+    def routing(self) -> RoutingCounts | None:
+        """What routing cost so far; None: nodes do not hand packets on."""
+        return None if self._routed is None else self._routed.counts
+
     def queued(self, node: int) -> tuple[int, int]:
         """How many packets of a node wait, and their length in bytes."""
-        return self._access.queued(node)
+        return self._packets.queued(node)
 
     def send(self, packets: Packets, handling: Sequence[Handling]) -> None:
         """Have packets enter their radios: in canonical order, none before the instant that `live` came to."""
@@ -110,7 +165,7 @@ class Network:
             receiver, members = None if to < 0 else to, self._addressees.members(to)
             packet = AirPacket(tx, seq, receiver, length_bytes, at_ns, *how, members)
             receivers = self._addressees.receivers(tx, to)
-            others = receivers.difference(self._access.receivers_of(packet))
+            others = receivers.difference(self._packets.receivers_of(packet))
             self._unreached += [
                 AirFate(packet, other, at_ns, NEVER_NS, NEVER_NS, 0, Loss.NO_PEER) for other in sorted(others)
             ]
@@ -119,17 +174,18 @@ class Network:
             else:
                 self._for_nobody.append((tx, seq))
             if not self._is_alone:
-                self._access.offer(packet)
+                self._packets.offer(packet)
 
     def live(self, until_ns: int) -> Lived:
         """Let the network live until just before an instant; what was decided since the last call."""
-        outcomes = self._access.live(until_ns - 1)
+        outcomes = self._packets.live(until_ns - 1)
         self._now_ns = until_ns
         fates = [outcome for outcome in outcomes if isinstance(outcome, AirFate)]
         fates += [fate for fate in self._unreached if fate.at_ns < until_ns]
         self._unreached = [fate for fate in self._unreached if fate.at_ns >= until_ns]
         together = [outcome for outcome in outcomes if isinstance(outcome, AirFates)]
-        return self._lived(fates, together, [outcome for outcome in outcomes if isinstance(outcome, Reply)])
+        replies = [outcome for outcome in outcomes if isinstance(outcome, Reply)]
+        return self._lived(fates, together, replies, self._changed_routes(fates))
 
     def end(self) -> Lived:
         """The run is over: what is not decided never will be."""
@@ -142,8 +198,27 @@ class Network:
         lived.receptions.fate[:] = FATES.index(Fate.RUN_ENDED)
         return lived
 
+    def _distance_m(self, frame: AirFrame, node: int) -> float:
+        return self._world.figures(frame, node)[0]
+
+    def _changed_routes(self, fates: Sequence[AirFate]) -> Sequence[RadioRoute]:
+        """Ways of packets that came, where they differ from those before them."""
+        came = [fate for fate in fates if fate.way and fate.loss is None]
+        found = []
+        for fate in sorted(came, key=lambda each: (each.at_ns, each.packet.node, each.packet.number)):
+            tx, rx, number = fate.packet.node, fate.receiver, fate.packet.number
+            if self._ways.get((tx, rx)) != fate.way:
+                self._ways[tx, rx] = fate.way
+                sent_ns = self._open[tx, number].sim_time_ns
+                found.append(RadioRoute(sent_ns, tx, rx, number, fate.at_ns, fate.way))
+        return found
+
     def _lived(
-        self, fates: Sequence[AirFate], together: Sequence[AirFates], replies: Sequence[Reply]
+        self,
+        fates: Sequence[AirFate],
+        together: Sequence[AirFates],
+        replies: Sequence[Reply],
+        routes: Sequence[RadioRoute] = (),
     ) -> Lived:
         columns = FateColumns.of(fates, together, self._world)
         packets, rows = self._packets_of(columns)
@@ -171,7 +246,7 @@ class Network:
             figures[4],
             columns.code,
         )
-        return Lived(receptions, instants, replies, done, self._world.first_transmissions())
+        return Lived(receptions, instants, replies, done, self._world.first_transmissions(), routes)
 
     def _close(self, packets: Packets, rows: NDArray[np.intp], receiver: NDArray[np.intp]) -> Keys:
         """Take note of what is decided, in order; the packets of which now all is."""

@@ -19,6 +19,7 @@ from lostlink.flight.verdict import UNJUDGED, verdict_of
 from lostlink.reading.air import NEEDED, NS_PER_S, of_networks
 from lostlink.reading.air_account import AirAccount, account_of
 from lostlink.reading.links import link_counts
+from lostlink.reading.routes import on_air_ns
 from lostlink.reading.rows import DeliveryRows
 
 SCHEMA = 3
@@ -144,7 +145,11 @@ def _air(scenario: Scenario, run: RunDirectory, timing: Timing) -> list[AirAccou
     if not len(rows):
         return []
     end_ns = round(timing.sim_duration_s * NS_PER_S) + scenario.tick_period_ns
-    return [account_of(mine, capacity, end_ns) for mine, capacity in of_networks(rows, scenario)]
+    on_air = on_air_ns(run.path)
+    return [
+        account_of(mine, capacity, end_ns, on_air.get(capacity.network))
+        for mine, capacity in of_networks(rows, scenario)
+    ]
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

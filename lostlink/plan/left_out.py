@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from bridge.scenario.agents import FreeAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.sensing import emitters_of
-from channel.access.settings import Ideal
+from channel.access.settings import Ideal, name_of
 from channel.link.radio import Radio
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from fdm.air.wind import WindConfig
@@ -29,6 +29,11 @@ BY_MEDIUM = {
     "elrs": "contention: pairs do not disturb each other; the search for a transmitter's mode",
     "sik": "other users of the hopping channels than the run's networks; multipoint firmware",
 }
+BY_ROUTING = {
+    "flood": "routing by what nodes hear: nobody holds a packet back that others have handed on already",
+    "static": "routing: nobody notices that a next node is gone; what is for all is not handed on",
+    "mesh": "of batman-adv: aggregation of messages, translation tables, fragments, several interfaces, multicast",
+}
 
 
 def left_out(scenario: Scenario, radio: Radio, wind: WindConfig) -> list[str]:
@@ -41,12 +46,19 @@ def left_out(scenario: Scenario, radio: Radio, wind: WindConfig) -> list[str]:
     """
     return [
         *_of_medium(radio),
+        *_of_routing(radio),
         *ALWAYS,
         *_of_radio(radio),
         *_of_roles(scenario, radio),
         *_of_others(scenario, radio),
         *_of_flight(scenario, wind),
     ]
+
+
+def _of_routing(radio: Radio) -> Iterator[str]:
+    told = BY_ROUTING.get(name_of(radio.config.routing))
+    if told is not None:
+        yield told
 
 
 def _of_medium(radio: Radio) -> Iterator[str]:

@@ -9,7 +9,7 @@ from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint, en
 from bridge.scenario.agents import FreeAgent, OutAndBackAgent, OwnAgent, StillAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft, GroundNode
-from bridge.scenario.resolve.channel import medium_settings
+from bridge.scenario.resolve.channel import medium_settings, routing_settings
 from channel.link.radio import Radio
 from lostlink.reading.capacity import Capacity
 
@@ -61,6 +61,7 @@ class OfferedLoad:
         capacity_bps: payload that it carries in packets of these lengths; None if no packet is known that fits.
         airtime_share: sum, or if it is not shared the greatest; above 1 it cannot carry it.
         is_guess: whether any of it is.
+        copies: how often a packet for all is transmitted at most, where nodes hand packets on.
     """
 
     nodes: tuple[NodeLoad, ...]
@@ -73,6 +74,7 @@ class OfferedLoad:
     capacity_bps: float | None
     airtime_share: float
     is_guess: bool
+    copies: int
 
 
 def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad:
@@ -97,6 +99,7 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
         payload_bits_per_s / sum(shares) if sum(shares) > 0.0 else None,
         sum(shares) if capacity.is_shared else max(shares, default=0.0),
         any(node.is_guess for node in nodes),
+        routing_settings(radios).copies(len(nodes)),
     )
 
 

@@ -14,6 +14,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, GroundNode, Transceiver
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
+from channel.access.settings import name_of
 from channel.link.radio import Radio
 from lostlink.plan.left_out import left_out
 from lostlink.plan.load import OfferedLoad, offered_load
@@ -44,6 +45,7 @@ class RadioPlan:
     frequency_hz: float
     bit_rate_bps: float
     reach: Reach
+    routing: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +110,12 @@ def plan_of(scenario: Scenario) -> RunPlan:
         tuple(str(use) for use in ports_of(scenario)),
         {ua.node: places for ua in scenario.ua if (places := scenario.udp_outputs(ua))},
         RadioPlan(
-            config.name, load.medium, config.frequency_hz, config.bit_rate_bps, reach_of(common, payload)
+            config.name,
+            load.medium,
+            config.frequency_hz,
+            config.bit_rate_bps,
+            reach_of(common, payload),
+            name_of(config.routing),
         ),
         load,
         tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),
@@ -156,7 +163,7 @@ def _late_outages(scenario: Scenario) -> Iterator[str]:
 
 
 def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
-    lines = [_overload(load)] if load.airtime_share > AIRTIME_MAX else []
+    lines = [_overload(load)] if load.airtime_share > AIRTIME_MAX else list(_overload_by_copies(load))
     for node in load.nodes:
         if node.payload_bytes is None:
             continue
@@ -172,6 +179,17 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
                 f"{load.medium} has no room: none would be delivered"
             )
     return lines
+
+
+def _overload_by_copies(load: OfferedLoad) -> Iterator[str]:
+    """What others hand on may be too much, where all hear each other."""
+    share = load.copies * load.airtime_share
+    if load.copies > 1 and share > AIRTIME_MAX:
+        yield (
+            f"each packet for all is transmitted up to {load.copies} times, as nodes hand packets on (routing): that "
+            f"may be {share:.3g} times what the medium {load.medium} carries; raise transmit.every_ticks, or address "
+            "packets"
+        )
 
 
 def _overload(load: OfferedLoad) -> str:

@@ -125,18 +125,23 @@ class AirAccount:
         return asdict(self)
 
 
-def account_of(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> AirAccount:
+def account_of(
+    rows: DeliveryRows, capacity: Capacity, end_ns: int, on_air_ns: int | None = None
+) -> AirAccount:
     """The account of a network over a run.
 
     Args:
         rows: of the network, with `lostlink.reading.air.NEEDED`, one for each receiver.
         capacity: of the network.
         end_ns: the end of the run, its last tick included.
+        on_air_ns: of all frames, where others than senders transmitted some; unless given, as the rows say.
     """
     offered, whole = offered_of(rows, capacity), edges_of(end_ns, max(end_ns, 1))
     busy = edges_of(end_ns, BUSY_NS)
     bits, need_s = 8.0 * float(offered.payload_bytes.sum()), float(offered.need_s.sum())
     waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
+    if on_air_ns is not None:
+        use = on_air_ns / max(end_ns, 1)
     waiting = [FATES.index(fate.value) for fate in WAITING]
     is_waiting = np.isin(rows.columns["fate"], waiting)
     received_bps = received_bits_per_s(rows, capacity, busy).max(axis=1, initial=0.0)

@@ -23,6 +23,7 @@ from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
 from bridge.record.tables.measurements import MEASUREMENTS
 from bridge.record.tables.reader import read_arrow, read_columns
+from bridge.record.tables.routes import ROUTES
 from bridge.record.tables.schema import Table
 from bridge.record.tables.states import STATES
 from bridge.record.tables.truth import TRUTH
@@ -187,6 +188,15 @@ class Run:
         return frame_of_table(self.table(MEASUREMENTS.name), MEASUREMENTS.tick)
 
     @cached_property
+    def routes(self) -> pd.DataFrame:
+        """By which nodes packets came where nodes hand them on: a row per hop of each that came another way.
+
+        Raises:
+            ValueError: no network of the run has routing.
+        """
+        return frame_of_table(self.table(ROUTES.name), ROUTES.tick)
+
+    @cached_property
     def links(self) -> pd.DataFrame:
         """Counts of each directed link, as columns ``tx``, ``rx``, ``sent``, ``delivered`` and the causes of loss."""
         return frame_of_columns(link_counts(self.path, self.scenario.transceiver_ids))
@@ -246,7 +256,7 @@ class Run:
         """Columns of a table as numpy arrays, without pandas; names as text.
 
         Args:
-            table: ``truth``, ``states``, ``measurements`` or ``deliveries``.
+            table: ``truth``, ``states``, ``measurements``, ``deliveries`` or ``routes``.
             columns: which; all of them unless given.
 
         Raises:

@@ -20,7 +20,7 @@ from channel.access.packets import Handling
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets, Receptions
 from channel.network.instants import NEVER_NS
-from channel.network.network import Network
+from channel.network.network import Network, RadioRoute
 from lostlink.redecision.packet_facts import PacketFacts
 from lostlink.redecision.settling import live, settle
 
@@ -60,6 +60,7 @@ class NetworkAnew:
 
     Attributes:
         rows: of its packets so far, as the table of deliveries has them.
+        routes: that changed so far, each with the name of the network.
     """
 
     def __init__(self, channel: RadioChannel, sent: Transmissions) -> None:
@@ -68,6 +69,7 @@ class NetworkAnew:
         medium = channel.medium
         self._ledger = Ledger(medium.nodes, causes=tuple(Cause), addressees=medium.addressees)
         self.rows: list[Columns] = []
+        self.routes: list[tuple[str, RadioRoute]] = []
 
     def steps(self, on_done: OnDone) -> Iterator[None]:
         """Decide all its packets; yields where networks in its band have to come as far before it goes on.
@@ -94,7 +96,9 @@ class NetworkAnew:
     def books(self) -> Books:
         """What was sent and what became of it, when all steps are done."""
         channel = self._channel
-        return Books(self._ledger, channel.judge.verdict(), channel.shares_draws, channel.name)
+        return Books(
+            self._ledger, channel.judge.verdict(), channel.shares_draws, channel.name, channel.routing
+        )
 
     def _at_once(self, packets: Packets) -> Iterator[tuple[Columns | None, int]]:
         medium, facts = self._channel.medium, self._sent.facts
@@ -121,6 +125,8 @@ class NetworkAnew:
                 yield None, 0
                 continue
             self._ledger.book(lived.receptions)
+            members = self._places.of_all.tolist()
+            self.routes += [(self._channel.name, each.among(members)) for each in lived.routes]
             if lived.first:
                 self._ledger.place(Receptions.joined(lived.first))
             settled = lived.receptions.packets

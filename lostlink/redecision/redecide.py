@@ -23,7 +23,14 @@ from bridge.bus.keys import MAIN
 from bridge.radio.ledger_file import Books
 from bridge.record.ending import was_cut
 from bridge.record.radio_switches import switches_of
-from bridge.record.tables.deliveries import DELIVERIES, TOO_LONG, TRANSPORT, Vocabulary, labels_of
+from bridge.record.tables.deliveries import (
+    DELIVERIES,
+    TOO_LONG,
+    TRANSPORT,
+    FatesInTable,
+    Vocabulary,
+    labels_of,
+)
 from bridge.record.tables.parquet import array_of
 from bridge.record.tables.reader import joined
 from bridge.record.tables.schema import Columns
@@ -37,6 +44,7 @@ from channel.access.packets import PLAIN, Handling
 from channel.medium.addressees import Addressees, codes_of
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets
+from channel.network.network import RadioRoute
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
@@ -61,6 +69,7 @@ class Redecision:
         after: what is decided anew.
         facts: what is known of the packets.
         books: of ``after``, with the verdict of the channel's judge: of `main`, then of the other networks.
+        routes: that changed, each with the name of its network, tick by tick.
     """
 
     run: Path
@@ -69,6 +78,7 @@ class Redecision:
     after: DeliveryRows
     facts: PacketFacts
     books: tuple[Books, ...]
+    routes: tuple[tuple[str, RadioRoute], ...] = ()
 
     @property
     def ledger(self) -> Ledger:
@@ -83,13 +93,19 @@ class Redecision:
         )
 
     @property
+    def is_routed(self) -> bool:
+        """Whether nodes hand packets on."""
+        return any(each.routing is not None for each in self.books)
+
+    @property
     def table(self) -> pa.Table:
         """The rows of `deliveries.parquet` as this radio has them (docs/reference/run-output.md)."""
         import pyarrow as pa
 
-        words = Vocabulary()
+        words, fates = Vocabulary(), FatesInTable.of(routed=self.is_routed)
         columns = self.after.columns | self.facts.words(self.after.columns, words)
-        names = labels_of(self.after.nodes) | words.names
+        columns |= {"fate": fates.places_of(columns["fate"])}
+        names = labels_of(self.after.nodes) | {"fate": fates.names} | words.names
         return pa.table(
             {c.name: array_of(c, columns[c.name].astype(c.dtype), names) for c in DELIVERIES.columns}
         )
@@ -160,7 +176,8 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     parts = [joined(each.rows) for each in anew]
     of_network = np.repeat(np.arange(len(parts)), [len(rows["tx"]) for rows in parts])
     after = DeliveryRows(nodes, joined(parts)).in_order_of(before, of_network)
-    return Redecision(run, scenario, before, after, facts, tuple(each.books for each in anew))
+    routes = sorted((r for each in anew for r in each.routes), key=lambda r: r[1].arrived_ns // period_ns)
+    return Redecision(run, scenario, before, after, facts, tuple(each.books for each in anew), tuple(routes))
 
 
 class _Progress:

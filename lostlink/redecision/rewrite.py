@@ -10,6 +10,7 @@ from bridge.radio.ledger_file import LEDGER, write_ledger
 from bridge.record.names import INPUT_FOLDER, PROVENANCE_FILE, REPORT_FOLDER, STREAM_FOLDER
 from bridge.record.tables.deliveries import DELIVERIES, DeliveryWriter, Vocabulary
 from bridge.record.tables.every import TABLES, finish_tables
+from bridge.record.tables.routes import ROUTES, RouteWriter
 from bridge.run.directory import RunDirectory
 from lostlink.redecision.redecide import Redecision
 
@@ -41,13 +42,19 @@ def write_run(
         if (result.run / name).is_dir():
             on_progress(name, 0)
             shutil.copytree(result.run / name, directory / name)
-    tables = (path for table in TABLES if table is not DELIVERIES for path in table.files(result.run))
+    kept = [table for table in TABLES if table not in (DELIVERIES, ROUTES)]
+    tables = (path for table in kept for path in table.files(result.run))
     for path in (*tables, result.run / PROVENANCE_FILE):
         if path.exists():
             copy = directory / path.relative_to(result.run)
             copy.parent.mkdir(exist_ok=True)
             shutil.copyfile(path, copy)
     write_ledger(directory / LEDGER, result.books, {})
+    if result.is_routed:
+        radios = [each.radio for each in result.books if each.routing is not None]
+        routes = RouteWriter(directory, result.after.nodes, radios)
+        routes.write(result.routes)
+        routes.close()
     write_deliveries(result, directory, on_progress)
     return made
 
@@ -63,7 +70,7 @@ def write_deliveries(
     """
     directory.mkdir(parents=True, exist_ok=True)
     words = Vocabulary()
-    writer = DeliveryWriter(directory, result.after.nodes, words)
+    writer = DeliveryWriter(directory, result.after.nodes, words, routed=result.is_routed)
     try:
         for begin in range(0, len(result.after), ROWS_AT_ONCE):
             part = result.after.at(slice(begin, begin + ROWS_AT_ONCE))

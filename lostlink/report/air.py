@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 from bridge.scenario.model import Scenario
@@ -17,28 +18,33 @@ PERIOD_LEAST_NS: Final = 1_000_000_000
 """Below this what agents send at every tick, or second, would be seen as peaks."""
 
 
-def air_of(rows: DeliveryRows, scenario: Scenario, end_ns: int) -> list[dict[str, Any]]:
+def air_of(
+    rows: DeliveryRows, scenario: Scenario, end_ns: int, on_air_ns: Mapping[str, int]
+) -> list[dict[str, Any]]:
     """Of each network its account as in `summary.json`, its ``warning``, and ``series``.
 
     Series are by ``sim_time_s``, begins of periods, the last of which ends at ``end_s``: ``offered_share`` and, where
     packets take time, ``use_share``, ``wait_p50_s``, ``wait_p95_s``, ``delay_p50_s``, ``delay_p95_s``; else these are
-    null.
+    null. Where nodes hand packets on ``use_share`` is null, and ``on_air_ns`` has the sum by network.
     """
     if not len(rows):
         return []
-    return [_of_network(mine, capacity, end_ns) for mine, capacity in of_networks(rows, scenario)]
+    return [
+        _of_network(mine, capacity, end_ns, on_air_ns.get(capacity.network))
+        for mine, capacity in of_networks(rows, scenario)
+    ]
 
 
-def _of_network(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> dict[str, Any]:
+def _of_network(rows: DeliveryRows, capacity: Capacity, end_ns: int, on_air_ns: int | None) -> dict[str, Any]:
     account, edges_ns = (
-        account_of(rows, capacity, end_ns),
+        account_of(rows, capacity, end_ns, on_air_ns),
         edges_of(end_ns, max(period_of(end_ns), PERIOD_LEAST_NS)),
     )
     series: dict[str, Any] = {"offered_share": offered_of(rows, capacity).shares(edges_ns)}
     series |= dict.fromkeys(("use_share", "wait_p50_s", "wait_p95_s", "delay_p50_s", "delay_p95_s"))
     if capacity.takes_time:
         frames = frames_of(rows)
-        series["use_share"] = frames.use(edges_ns)
+        series["use_share"] = frames.use(edges_ns) if on_air_ns is None else None
         series["wait_p50_s"], series["wait_p95_s"] = frames.waits(edges_ns)
         series["delay_p50_s"], series["delay_p95_s"] = delays_of(rows).over_time(edges_ns)
     times = {"sim_time_s": edges_ns[:-1] / NS_PER_S, "end_s": end_ns / NS_PER_S}

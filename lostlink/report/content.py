@@ -19,6 +19,7 @@ from lostlink.flight.figure import model_curve
 from lostlink.reading.ages import times_of
 from lostlink.reading.capacity import Capacity
 from lostlink.reading.places import places_of, separation_m
+from lostlink.reading.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.run import Run
 from lostlink.report import packets
@@ -60,7 +61,9 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     tell("sorts powers by distance")
     found["powers"] = packets.powers_of(rows)
     tell("adds up the use of the air")
-    found["air"] = air_of(rows, run.scenario, end_ns + run.scenario.tick_period_ns)
+    found["air"] = air_of(rows, run.scenario, end_ns + run.scenario.tick_period_ns, on_air_ns(run.path))
+    ways = ways_of(run.path, run.scenario.transceiver_ids)
+    found |= {"routes": routes_of(rows, ways), "routing": routing_counts(run.path)}
     bins = run.summary.get("bins") or packets.bins_of(rows)
     found |= {"bins": bins, "model": _model(run.scenario, bins)}
     tell("reads the true states")

@@ -27,13 +27,14 @@ from lostlink.view.background import Background
 from lostlink.view.broadcast import Broadcast
 from lostlink.view.page.charts import ModelCurve
 from lostlink.view.page.page import Shown
-from lostlink.view.picture.fleet_view import view_of
+from lostlink.view.picture.fleet_view import FleetView, view_of
 from lostlink.view.picture.frames import PictureFrames
 from lostlink.view.server import ViewServer
 from lostlink.view.sources.live import LiveSource
 from lostlink.view.sources.onboard import Onboards
 from lostlink.view.sources.operator import Operator
 from lostlink.view.sources.record import RecordSource
+from lostlink.view.sources.routes import RoutesOfRun
 
 MODEL_STEP_M = 200.0
 """The model's curve is made anew when the fleet spreads by so much."""
@@ -98,7 +99,9 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
     viewers = _Viewers(source, partial(view.tell, ""))
     broadcast = Broadcast(PictureFrames(view), viewers.changed)
     frames, onboards = _frames(run.scenario), Onboards(run.path, lambda: view.sim_time_ns, view.tell)
-    shown = Shown(run.info.run, view, Model(run.scenario).curve, operator, operator, frames, onboards)
+    routes = _routes(run, view)
+    model = Model(run.scenario).curve
+    shown = Shown(run.info.run, view, model, operator, operator, frames, onboards, routes.of)
     try:
         await source.open()
         if operator is not None:
@@ -107,6 +110,7 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
             settings.announce(address_of(settings.server, server.port))
             server.background.start(source.read_logged(), "what agents log")
             server.background.start(onboards.run(), "what autopilots have on board")
+            server.background.start(routes.run(), "routes")
             await _until_nobody_cares(server.background, source, viewers, stop)
     finally:
         await source.close()
@@ -128,13 +132,20 @@ async def view_record(run: RunDirectory, settings: ViewSettings, stop: asyncio.E
     source = RecordSource(player, view, monotonic)
     broadcast = Broadcast(PictureFrames(view), lambda _: None)
     frames, onboards = _frames(player.scenario), Onboards(run.path, lambda: view.sim_time_ns, view.tell)
-    model = Model(player.scenario).curve
-    shown = Shown(run.path.name, view, model, source, frames=frames, onboards=onboards)
+    model, routes = Model(player.scenario).curve, _routes(run, view)
+    shown = Shown(run.path.name, view, model, source, frames=frames, onboards=onboards, way=routes.of)
     async with ViewServer(shown, broadcast, settings.server) as server:
         server.background.start(source.run(), "the record")
         server.background.start(onboards.run(), "what autopilots have on board")
+        server.background.start(routes.run(), "routes")
         settings.announce(address_of(settings.server, server.port))
         await server.background.until(stop)
+
+
+def _routes(run: RunDirectory, view: FleetView) -> RoutesOfRun:
+    """By which nodes packets come."""
+    nodes = [node.id for node in view.nodes]
+    return RoutesOfRun(run.path, nodes, lambda: view.sim_time_ns, partial(view.tell, ""))
 
 
 def _frames(scenario: Scenario) -> Frames:

@@ -71,6 +71,8 @@ DELIVERED, TRANSPORT, TOO_LONG = (
 )
 GAPS_FROM: Final = len(reception.FATES)
 """Fates from here on are not the channel's: such a row stands for packets that were lost before it."""
+OF_ROUTING: Final = frozenset(fate.value for fate in (reception.Fate.NO_ROUTE, reception.Fate.HOP_LIMIT))
+"""Fates that only tables of runs have whose nodes hand packets on: others are as they were without these."""
 
 
 class Gap(NamedTuple):
@@ -119,6 +121,29 @@ class Vocabulary:
         return {"radio": np.full(len(packets), place, dtype=np.int16)} | said
 
 
+class FatesInTable(NamedTuple):
+    """Fates as a table has them.
+
+    Attributes:
+        names: in their order.
+        places: of each of FATES in these.
+    """
+
+    names: tuple[str, ...]
+    places: NDArray[np.int16]
+
+    @classmethod
+    def of(cls, *, routed: bool) -> FatesInTable:
+        """Of a run whose nodes hand packets on, or not."""
+        names = tuple(name for name in FATES if routed or name not in OF_ROUTING)
+        places = [names.index(name) if name in names else -1 for name in FATES]
+        return cls(names, np.array(places, dtype=np.int16))
+
+    def places_of(self, fate: ArrayLike) -> NDArray[np.int16]:
+        """Of places in FATES."""
+        return np.asarray(self.places[np.asarray(fate)])
+
+
 class DeliveryWriter:
     """Writes what became of packets.
 
@@ -126,12 +151,17 @@ class DeliveryWriter:
         run: the run directory.
         nodes: ids of all nodes.
         words: that rows have places in.
+        routed: whether nodes hand packets on.
     """
 
-    def __init__(self, run: Path, nodes: Sequence[str], words: Vocabulary | None = None) -> None:
+    def __init__(
+        self, run: Path, nodes: Sequence[str], words: Vocabulary | None = None, *, routed: bool = False
+    ) -> None:
         self.everybody = len(nodes)
         self._words = words or Vocabulary()
-        self._writer = TableWriter(run, DELIVERIES, labels_of(nodes) | self._words.names)
+        self._fates = FatesInTable.of(routed=routed)
+        labels = labels_of(nodes) | {"fate": self._fates.names} | self._words.names
+        self._writer = TableWriter(run, DELIVERIES, labels)
         self.flush, self.close = self._writer.flush, self._writer.close
 
     def append(
@@ -163,6 +193,8 @@ class DeliveryWriter:
         """
         at_once = {name: columns["sim_time_ns"] for name in INSTANTS if "sim_time_ns" in columns}
         said = {"radio": radio, "channel": channel, "encoding": encoding}
+        if "fate" in columns:
+            columns["fate"] = self._fates.places_of(columns["fate"])
         self._writer.append(rows, **(at_once | {"packets": packets, "attempts": attempts} | said | columns))
 
     def write(self, columns: Columns, gaps: Iterable[Gap], received_ns: int) -> None:

@@ -10,10 +10,11 @@ from bridge.record.tables.journal import names_path
 from bridge.record.tables.logged import write_logged
 from bridge.record.tables.measurements import MEASUREMENTS
 from bridge.record.tables.parquet import OnProgress, write_parquet
+from bridge.record.tables.routes import ROUTES
 from bridge.record.tables.states import STATES
 from bridge.record.tables.truth import TRUTH
 
-TABLES: Final = (TRUTH, STATES, MEASUREMENTS, DELIVERIES)
+TABLES: Final = (TRUTH, STATES, MEASUREMENTS, DELIVERIES, ROUTES)
 """In the order of cause."""
 
 

@@ -23,8 +23,10 @@ from bridge.scenario.resolve.sensing import check_antenna
 from channel.access.settings import Ideal, Surroundings, name_of
 from channel.access.world import PlainWorld
 from channel.config import RadioConfig
+from channel.draws import Draws
 from channel.presets import PresetError, seen_from
 from channel.propagation.air_to_ground import RmaAv, UmaAv
+from channel.routing.settings import router_of
 from channel.validity import OUTSIDE_KEY
 from fdm.air.wind import WindConfig
 from fdm.errors import AirframeError, WindError
@@ -101,6 +103,10 @@ class _Radios:
                     media = f"{name_of(own.medium)}, that of the run's radio {name_of(config.medium)}"
                     text = f"its medium is {media}, or has other settings: nodes that share a channel share its medium"
                     self.mistakes.append(_told(self._root, path, text))
+                if own is not None and config is not None and own.routing != config.routing:
+                    ways = f"{name_of(own.routing)}, that of the run's radio {name_of(config.routing)}"
+                    text = f"its routing is {ways}, or has other settings: nodes of a network have one way of routing"
+                    self.mistakes.append(_told(self._root, path, text))
             nodes.append(node)
         changes = {"radio": common, "networks": self._networks(), "nodes": tuple(nodes)}
         return self._scenario.model_copy(update=changes)
@@ -116,7 +122,7 @@ class _Radios:
         return networks
 
     def _see_medium(self, path: Path_, config: RadioConfig | None, ids: Sequence[str]) -> None:
-        """Refuse a medium that cannot be that of these nodes."""
+        """Refuse a medium, or a way of routing, that cannot be that of these nodes."""
         if config is None or isinstance(config.medium, Ideal):
             return
         nodes = {node: index for index, node in enumerate(ids)}
@@ -125,6 +131,10 @@ class _Radios:
             config.medium.open(Surroundings.of(world, nodes, self._scenario.seed, config, 0.0))
         except ValueError as error:
             self.mistakes.append(_told(self._root, (*path, "medium"), error))
+        try:
+            router_of(config.routing, nodes, Draws(self._scenario.seed))
+        except ValueError as error:
+            self.mistakes.append(_told(self._root, (*path, "routing"), error))
 
     def _see_roles(self, path: Path_, config: RadioConfig | None, senders: list[str]) -> None:
         """Refuse links of a radio that its propagation law knows nothing of."""

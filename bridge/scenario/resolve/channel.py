@@ -22,6 +22,8 @@ from channel.network.crossing import NetworkSide
 from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
 from channel.presets import PresetError
+from channel.routing.routed import RoutingCounts
+from channel.routing.settings import RoutingSettings, router_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,11 @@ class RadioChannel:
     def shares_draws(self) -> bool:
         """Whether packets share what is drawn."""
         return any(radio.shares_draws for radio in self.medium.radios)
+
+    @property
+    def routing(self) -> RoutingCounts | None:
+        """What routing cost so far; None: nodes do not hand packets on."""
+        return None if self.network is None else self.network.routing
 
     @property
     def neighbour(self) -> Neighbour | None:
@@ -69,6 +76,21 @@ def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
                 "nodes that share a channel share its medium"
             )
             raise PresetError(text, key="radio.medium")
+    return settings
+
+
+def routing_settings(radios: Mapping[str, Radio]) -> RoutingSettings:
+    """How nodes of a network hand packets on.
+
+    Raises:
+        PresetError: their radios say several things.
+    """
+    found = {node: radio.config.routing for node, radio in radios.items()}
+    first, settings = next(iter(found.items()))
+    for node, other in found.items():
+        if other != settings:
+            text = f"node {first} has {name_of(settings)}, and node {node} {name_of(other)} or other settings of it"
+            raise PresetError(f"{text}: nodes of a network have one way of routing", key="radio.routing")
     return settings
 
 
@@ -100,7 +122,7 @@ def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Radi
     """
     emitters = emitters_of(scenario)
     radios = radios_of(scenario, emitters, name)
-    settings = medium_settings(radios)
+    settings, routing = medium_settings(radios), routing_settings(radios)
     nodes = tuple(radios)
     network = "" if name == MAIN else name
     judge = Judge(len(nodes), Draws(scenario.seed, network).seed)
@@ -138,7 +160,8 @@ def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Radi
         medium.draws.common,  # it is the computer that takes this time, whichever radio it feeds
     )
     try:
-        return RadioChannel(name, medium, Network(medium, opened, entry, judge), judge)
+        router = router_of(routing, medium.index, medium.draws)
+        return RadioChannel(name, medium, Network(medium, opened, entry, judge, router), judge)
     except ValueError as error:
         key = "radio" if name == MAIN else f"networks.{name}"
         raise PresetError(str(error), key=f"{key}.medium") from error

@@ -99,7 +99,7 @@ class Csma(AccessMedium):
         assert packet.to is not None
         if self._stations[packet.to].misses(packet):
             self._book(packet, packet.to, frame, attempts, Loss.RETRIES)
-        self._outcomes.append(Reply(packet, self.agenda.now_ns, acknowledged, attempts))
+        self._tell(Reply(packet, self.agenda.now_ns, acknowledged, attempts))
 
     def attempts(self, node: int) -> int:
         """How often a station's present packet was on the air."""

@@ -204,7 +204,7 @@ class Elrs(AccessMedium):
         """Lost before it was on the air, for the peer; of others that is said as it enters."""
         self._book(packet, self._ways[packet.node].peer, None, 0, loss)
         if packet.to is not None:
-            self._outcomes.append(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))
+            self._tell(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))
 
     def _wake(self, node: int) -> None:
         way = self._ways[node]

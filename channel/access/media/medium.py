@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -44,6 +44,7 @@ class AccessMedium(ABC):
         self._outboxes = {node: TransmitQueue(limits) for node in sorted(world.nodes)}
         self._max_length_bytes = max_length_bytes
         self._outcomes: list[Outcome | AirFates] = []
+        self._listener: Callable[[Outcome], object] | None = None
         self._foresees = world if isinstance(world, Foreseeing) else None
         self._offered: list[AirPacket] = []
         """Packets that have not entered yet, for a world that foresees."""
@@ -51,6 +52,13 @@ class AccessMedium(ABC):
     def foresees_nothing(self) -> None:
         """Its world looks at frames one by one: others are run with it, whom nobody asks to forget."""
         self._foresees = None
+
+    def tells(self, listener: Callable[[Outcome], object]) -> None:
+        """Give each outcome to a listener as it comes, at its instant; `run` has none then. Nothing was run yet."""
+        self._listener = listener
+        self.foresees_nothing()
+        if self.air is not None:
+            self.air.passes_singly()
 
     def offer(self, packet: AirPacket) -> None:
         """Have a packet enter its sender's radio at its instant.
@@ -150,7 +158,13 @@ class AccessMedium(ABC):
         now_ns = self.agenda.now_ns
         started_ns, ended_ns = (-1, -1) if frame is None else (frame.started_ns, frame.ended_ns)
         fate = AirFate(packet, receiver, max(now_ns, ended_ns), started_ns, ended_ns, attempts, loss, frame)
-        self._outcomes.append(fate)
+        self._tell(fate)
+
+    def _tell(self, outcome: Outcome) -> None:
+        if self._listener is None:
+            self._outcomes.append(outcome)
+        else:
+            self._listener(outcome)
 
     def _book_all(
         self, frame: AirFrame, receiver: Rows, at_ns: NDArray[np.int64], came: NDArray[np.bool_]
@@ -169,7 +183,7 @@ class AccessMedium(ABC):
         for receiver in self.receivers_of(packet):
             self._book(packet, receiver, None, 0, loss)
         if packet.to is not None:
-            self._outcomes.append(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))
+            self._tell(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))
 
 
 def _order(outcome: Outcome) -> tuple[int, int, int, float]:

@@ -81,6 +81,8 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         powers=[_power(box) for box in content["powers"]["boxes"]],
         links=[_link(link) for link in _worst(content["links"])],
         links_caption=_links_caption(len(content["links"])),
+        routes=[_route(route) for route in content["routes"][:LINKS_MAX]],
+        routing=[row for each in content["routing"] for row in _routing(each, content["run"])],
         causes=_causes(content["totals"]),
         air=[row for each in content["air"] for row in _air(each)],
         timed=_timed(content["totals"]),
@@ -186,6 +188,28 @@ def _link(link: dict[str, Any]) -> Row:
         share(link["delivery"]),
     ]
     return [*head, *ages, *late, lost]
+
+
+def _route(route: dict[str, Any]) -> Row:
+    way = " > ".join([*route["way"], route["rx"]])
+    numbers = [count(route["delivered"]), num(route["hops_mean"]), count(route["changes"])]
+    return [f"{route['tx']} to {route['rx']}", *numbers, way, share(route["share"])]
+
+
+def _routing(counts: dict[str, Any], run: dict[str, Any]) -> list[Row]:
+    radio, sim_s = counts["radio"], run["sim_duration_s"]
+
+    def on_air(name: str) -> str:
+        return f"{num(counts[name] / NS_PER_S)} s, {share(counts[name] / NS_PER_S / sim_s)} of the time"
+
+    return [
+        [f"packets on {radio}: transmitted by their senders", count(counts["sent"])],
+        ["by others, who handed them on", count(counts["handed_on"])],
+        ["both on the air", on_air("packet_air_ns")],
+        ["received again by a node that had them", count(counts["duplicates"])],
+        [f"notices of routes on {radio}", count(counts["notices"])],
+        ["on the air", on_air("notice_air_ns")],
+    ]
 
 
 def _causes(totals: dict[str, Any]) -> list[Row]:

@@ -34,6 +34,8 @@ CAUSE_COLOURS = {
     "no_lock": "#cab2d6",
     "outage": "#6a3d9a",
     "run_ended": "#bdbdbd",
+    "no_route": "#ff7f00",
+    "hop_limit": "#fdbf6f",
 }
 
 

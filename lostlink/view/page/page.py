@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,6 +87,7 @@ class Shown:
         operator: who commands; None: nobody may.
         frames: of the fleet; None: where it is on the earth is not known.
         onboards: what autopilots have on board; None: it is not known.
+        way: who transmitted the latest packet on a link, from its sender on; empty if nobody handed it on.
     """
 
     name: str
@@ -96,6 +97,7 @@ class Shown:
     operator: Operator | None = None
     frames: Frames | None = None
     onboards: Onboards | None = None
+    way: Callable[[int, int], Sequence[int]] = lambda _tx, _rx: ()
 
 
 class Page:
@@ -307,7 +309,7 @@ class Page:
                 if self._emitters is not None:
                     set_rows(self._emitters, emitter_rows(view))
             case "Link":
-                self._words.set_text(link_words(view, *self._link))
+                self._words.set_text(link_words(view, *self._link, self._shown.way(*self._link)))
             case "Losses":
                 set_rows(self._causes, loss_rows(view))
             case "Air":

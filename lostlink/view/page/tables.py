@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -181,8 +182,8 @@ def air_rows(view: FleetView) -> Rows:
     return rows
 
 
-def link_words(view: FleetView, tx: int, rx: int) -> str:
-    """One link in a sentence."""
+def link_words(view: FleetView, tx: int, rx: int, way: Sequence[int] = ()) -> str:
+    """One link in a sentence; ``way``: who transmitted its latest packet, from the sender on."""
     distance_m, power_dbm, snr_db, sent, delivered = (
         float(view.links.latest(name)[tx, rx])
         for name in ("distance_m", "received_power_dbm", "snr_db", "sent", "delivered")
@@ -198,8 +199,16 @@ def link_words(view: FleetView, tx: int, rx: int) -> str:
     return (
         f"{names}: {distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
         f"{view.links.probability[tx, rx]:.2f}; {delivered:.0f} of {sent:.0f} packets delivered"
-        f"{f', the latest after {late} s' if late else ''}"
+        f"{f', the latest after {late} s' if late else ''}{_by_way_of(view, way)}"
     )
+
+
+def _by_way_of(view: FleetView, way: Sequence[int]) -> str:
+    """Who handed packets on."""
+    if not way:
+        return ""
+    relays = ", ".join(view.nodes[node].title for node in way[1:])
+    return f", by way of {relays}" if relays else ", directly"
 
 
 def _delay(delay_s: float) -> str:

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import (
     bench_access,
+    bench_chain,
     bench_fleet,
     bench_media,
     bench_messages,
@@ -59,6 +60,13 @@ def test_media_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
     found = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert found["saturated"]["events_per_s"] > 0
     assert found["fleet"]["receptions_per_s"] > 0
+
+
+def test_what_chains_carry_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_chain.main(["--duration", "0.4"])
+    shares = json.loads(capsys.readouterr().out.splitlines()[-1])["shares"]
+    assert shares["tdma, one hop at a time"] == pytest.approx([1 / hops for hops in range(1, 7)], rel=0.06)
+    assert shares["csma, senses all"][-1] == pytest.approx(1 / 6, rel=0.3)
 
 
 def test_redecision_and_replay_are_measured(tmp_path: Path) -> None:

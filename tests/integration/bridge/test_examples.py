@@ -33,6 +33,7 @@ FILES = [
     SHIPPED / "mixed.yaml",
 ]
 SHORT_S = {
+    "beyond_range": 20,
     "gusts": 20,
     "ground_station": 15,
     "heavy_and_light": 20,

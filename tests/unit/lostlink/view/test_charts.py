@@ -117,6 +117,13 @@ def test_a_link_in_words() -> None:
     )
 
 
+def test_who_handed_a_packet_on_in_words() -> None:
+    view = view_of_two()
+    view.take(links(1.0, 123.4, 0.25, 40, 30))
+    assert link_words(view, 0, 1, (0,)).endswith("30 of 40 packets delivered, directly")
+    assert link_words(view, 0, 1, (0, 1)).endswith("30 of 40 packets delivered, by way of node gcs")
+
+
 def test_delays_in_words() -> None:
     view = view_of_two()
     view.take(links(1.0, 123.4, 0.25, 40, 30))

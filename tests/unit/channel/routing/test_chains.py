@@ -1,0 +1,176 @@
+"""Packets over chains of nodes: what is on the air when, by arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pytest
+
+from channel.access.media.airtime import AirTime
+from channel.access.media.medium import AccessMedium
+from channel.access.media.schedule import Schedule, Slot
+from channel.access.media.tdma import Tdma
+from channel.access.packets import AirFate, AirPacket, Loss
+from channel.access.queue import QueueLimits
+from channel.access.timing import BitRate
+from channel.access.world import PlainWorld
+from channel.draws import Draws
+from channel.routing.flood import Flood
+from channel.routing.routed import Routed
+from channel.routing.router import Forwarding, HopRouter
+from channel.routing.static import Static
+
+BIT_RATE = BitRate(64e3)
+LENGTH_BYTES = 100
+FRAME_NS = 12_500_000
+"""100 bytes at 64 kb/s."""
+
+
+def chain(nodes: int, reach: int = 1) -> PlainWorld:
+    """Nodes in a row, each of which hears those up to ``reach`` places away."""
+    deaf = [(a, b) for a in range(nodes) for b in range(nodes) if abs(a - b) > reach]
+    return PlainWorld(range(nodes), deaf=deaf)
+
+
+def along(nodes: int) -> Mapping[int, Mapping[int, int]]:
+    """The routes from node to node along a row."""
+    return {
+        node: {to: node + (1 if to > node else -1) for to in range(nodes) if to != node}
+        for node in range(nodes)
+    }
+
+
+def static(nodes: int, forwarding: Forwarding | None = None, header_bytes: int = 0) -> HopRouter:
+    return Static(names(nodes), Draws(1), forwarding or Forwarding(), along(nodes), header_bytes)
+
+
+def flood(nodes: int, hop_limit: int, forwarding: Forwarding | None = None) -> HopRouter:
+    return Flood(names(nodes), Draws(1), forwarding or Forwarding(), hop_limit, 0)
+
+
+def names(nodes: int) -> Sequence[str]:
+    return [str(node) for node in range(nodes)]
+
+
+def fates(network: Routed, until_ns: int) -> list[AirFate]:
+    return [each for each in network.live(until_ns) if isinstance(each, AirFate)]
+
+
+def packet(to: int | None, number: int = 0, at_ns: int = 0, node: int = 0) -> AirPacket:
+    return AirPacket(node, number, to, LENGTH_BYTES, at_ns)
+
+
+def test_each_hop_takes_its_air_time_and_the_node_its_own() -> None:
+    """Three hops of 108 bytes, 13.5 ms each, and 2 ms at each of two nodes."""
+    network = Routed(AirTime(chain(4), BIT_RATE), static(4, Forwarding(2_000_000), header_bytes=8))
+    network.offer(packet(3))
+    [fate] = fates(network, 10**9)
+    assert (fate.loss, fate.at_ns, fate.attempts) == (None, 3 * 13_500_000 + 2 * 2_000_000, 3)
+    assert fate.way == (0, 1, 2)
+    assert (fate.started_ns, fate.ended_ns) == (31_000_000, 44_500_000)
+    assert (fate.packet, fate.receiver) == (packet(3), 3)
+    assert (network.counts.sent, network.counts.handed_on) == (1, 2)
+
+
+def test_a_flood_comes_to_all_within_its_hops_and_once_to_each() -> None:
+    """In a row of six the third hop is the last: nodes 1 to 3 have it, 4 and 5 do not."""
+    network = Routed(AirTime(chain(6), BIT_RATE), flood(6, hop_limit=3))
+    network.offer(packet(None))
+    found = {each.receiver: each for each in fates(network, 10**9)}
+    assert {node: each.at_ns for node, each in found.items() if each.loss is None} == {
+        1: FRAME_NS,
+        2: 2 * FRAME_NS,
+        3: 3 * FRAME_NS,
+    }
+    assert {node: each.way for node, each in found.items() if each.loss is None} == {
+        1: (0,),
+        2: (0, 1),
+        3: (0, 1, 2),
+    }
+    assert {found[4].loss, found[5].loss} == {Loss.NOISE}
+    assert network.counts.duplicates == 2  # node 0 hears 1, and 1 hears 2
+
+
+def test_of_a_flood_for_one_node_only_that_one_has_a_fate() -> None:
+    network = Routed(AirTime(chain(5), BIT_RATE), flood(5, hop_limit=10))
+    network.offer(packet(3))
+    [fate] = fates(network, 10**9)
+    assert (fate.receiver, fate.loss, fate.at_ns, fate.way) == (3, None, 3 * FRAME_NS, (0, 1, 2))
+    assert network.counts.handed_on == 2  # node 3 does not hand it on: 4 never hears it
+
+
+def test_two_who_heard_it_together_collide_without_jitter_and_not_with_it() -> None:
+    """A diamond: 1 and 2 hear 0, and 3 hears both."""
+    deaf = [(0, 3), (3, 0), (1, 2), (2, 1)]
+
+    def fate_at_3(spread_ns: int) -> Loss | None:
+        router = flood(4, 3, Forwarding(0, spread_ns))
+        network = Routed(AirTime(PlainWorld(range(4), deaf=deaf), BIT_RATE), router)
+        network.offer(packet(None))
+        [fate] = [each for each in fates(network, 10**9) if each.receiver == 3]
+        return fate.loss
+
+    assert fate_at_3(0) is Loss.COLLIDED
+    assert fate_at_3(10 * FRAME_NS) is None
+
+
+def test_a_packet_that_a_hop_loses_is_lost_there_by_its_cause() -> None:
+    """The second hop is too long for its queue: 1 sends to 2 what is larger than it may keep."""
+    limits = QueueLimits(packets=1)
+    network = Routed(AirTime(chain(3), BIT_RATE, limits), static(3))
+    for number in range(3):  # node 1 sends its own first; the one of node 0 and two more find its queue full
+        network.offer(packet(2, number, at_ns=FRAME_NS - 1, node=1))
+    network.offer(packet(2))
+    found = {(each.packet.node, each.packet.number): each for each in fates(network, 10**9)}
+    lost = found[0, 0]
+    assert (lost.loss, lost.receiver, lost.started_ns) == (Loss.HALF_DUPLEX, 2, 0)
+    assert lost.met_at == 1
+    assert [found[1, number].loss for number in range(3)] == [None, None, Loss.QUEUE_FULL]
+
+
+def test_life_times_go_on_from_hop_to_hop() -> None:
+    """20 ms: on the air at once, and gone when node 2 has had it for the second time, after 25 ms."""
+
+    def loss(lifetime_ns: int) -> Loss | None:
+        network = Routed(AirTime(chain(4), BIT_RATE), static(4, Forwarding(1_000_000)))
+        network.offer(AirPacket(0, 0, 3, LENGTH_BYTES, 0, lifetime_ns=lifetime_ns))
+        [fate] = fates(network, 10**9)
+        return fate.loss
+
+    assert loss(20_000_000) is Loss.EXPIRED  # at node 2 it would start after 27 ms
+    assert loss(27_000_000) is None
+
+
+def rate(medium: AccessMedium, nodes: int, period_ns: int, until_ns: int) -> float:
+    """Packets a second that come to the last node of a row in the second half of a time, offered at its first."""
+    network = Routed(medium, static(nodes))
+    for number in range(until_ns // period_ns):
+        network.offer(packet(nodes - 1, number, at_ns=number * period_ns))
+    came = [each for each in fates(network, until_ns) if each.loss is None]
+    half_ns = until_ns // 2
+    return sum(each.at_ns > half_ns for each in came) / ((until_ns - half_ns) / 1e9)
+
+
+def slots(groups: Sequence[Sequence[int]]) -> Schedule[int]:
+    """Slots of one frame each, one after the other; nodes of one group transmit together."""
+    starts = range(0, len(groups) * FRAME_NS, FRAME_NS)
+    each = [
+        Slot(start_ns=start_ns, duration_ns=FRAME_NS, guard_ns=0, nodes=tuple(group))
+        for start_ns, group in zip(starts, groups, strict=True)
+    ]
+    return Schedule(tuple(each), len(groups) * FRAME_NS)
+
+
+@pytest.mark.parametrize("hops", [1, 2, 3, 4, 5])
+def test_a_chain_of_half_duplex_hops_carries_one_share_of_each(hops: int) -> None:
+    """Slots by turns: 80 frames a second, divided by the hops."""
+    medium = Tdma(chain(hops + 1), BIT_RATE, slots([[node] for node in range(hops)]))
+    assert rate(medium, hops + 1, FRAME_NS, 40 * 10**9) == pytest.approx(80.0 / hops, rel=0.05)
+
+
+@pytest.mark.parametrize("hops", [4, 5, 6])
+def test_with_spatial_reuse_a_long_chain_carries_a_third(hops: int) -> None:
+    """Every third node transmits at once: none of their receivers hears two of them."""
+    groups = [[node for node in range(hops) if node % 3 == turn] for turn in range(3)]
+    medium = Tdma(chain(hops + 1), BIT_RATE, slots(groups))
+    assert rate(medium, hops + 1, FRAME_NS, 40 * 10**9) == pytest.approx(80.0 / 3, rel=0.05)

@@ -1,0 +1,175 @@
+"""A mesh against the numbers of batman-adv, by arithmetic: quality, windows, the time in which a route is found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import pytest
+
+from channel.access.media.airtime import AirTime
+from channel.access.packets import AirFate, AirPacket, Loss
+from channel.access.timing import BitRate
+from channel.access.world import AirFrame, Arrival, PlainWorld
+from channel.draws import Draws
+from channel.routing.mesh.mesh import Mesh, MeshNumbers
+from channel.routing.mesh.originator import Ogm, after_hop, combined
+from channel.routing.routed import Routed
+from channel.routing.router import Forwarding
+
+INTERVAL_S, JITTER_S = 1.0, 0.02
+HOP_S = JITTER_S / 2 + 0.001
+"""A message is handed on within half the jitter; on the air it takes far less than the rest."""
+FAST = BitRate(10e6)
+
+
+class Failing(PlainWorld):
+    """A world in which a node falls silent at an instant."""
+
+    def __init__(self, nodes: int, linked: Callable[[int, int], bool], silent: int, from_ns: int) -> None:
+        deaf = [(a, b) for a in range(nodes) for b in range(nodes) if a != b and not linked(a, b)]
+        super().__init__(range(nodes), deaf=deaf)
+        self._silent, self._from_ns = silent, from_ns
+
+    def reach(self, frame: AirFrame) -> Sequence[Arrival]:
+        """Nothing comes from it, or to it, from then on."""
+        found = super().reach(frame)
+        if frame.started_ns < self._from_ns:
+            return found
+        if frame.node == self._silent:
+            return []
+        return [each for each in found if each.receiver != self._silent]
+
+
+def ring(nodes: int) -> Callable[[int, int], bool]:
+    return lambda a, b: (a - b) % nodes in (1, nodes - 1)
+
+
+def row(a: int, b: int) -> bool:
+    return abs(a - b) == 1
+
+
+def mesh(nodes: int, seed: int = 1, numbers: MeshNumbers | None = None) -> Mesh:
+    return Mesh([str(node) for node in range(nodes)], Draws(seed), Forwarding(0, 0), numbers)
+
+
+def second(at_s: float) -> int:
+    return round(at_s * 1e9)
+
+
+@pytest.mark.parametrize(
+    ("received", "echoed", "quality"),
+    [
+        (64, 64, 255),
+        (64, 32, 127),  # 255 * 32 / 64
+        (32, 32, 224),  # 255 - 255 * 32^3 / 64^3 = 255 - 31
+        (32, 16, 111),  # 127 * 224 / 255
+        (0, 10, 0),
+        (10, 0, 0),
+    ],
+)
+def test_the_quality_of_a_link_is_that_of_batman_adv(received: int, echoed: int, quality: int) -> None:
+    """tq_own = 255 e / r, asymmetry = 255 - 255 (64 - r)^3 / 64^3, each division cut to whole numbers."""
+    assert combined(255, received, echoed, 255) == quality
+
+
+def test_each_hop_takes_thirty_of_255() -> None:
+    assert after_hop(255, 30) == 225
+    assert after_hop(225, 30) == 198  # 225 * 225 / 255 = 198.5
+
+
+def test_in_a_row_quality_falls_with_each_hop_as_over_half_duplex_radios() -> None:
+    """When windows are full: what is handed on loses 30 of 255 for the radio and 30 for the hop, cut at each step."""
+    router = mesh(4)
+    network = Routed(AirTime(PlainWorld(range(4), deaf=_deaf(4, row)), FAST), router)
+    network.live(second(80.0))
+    for hops, expected in ((1, 255), (2, 225 * 225 // 255), (3, None)):
+        told = 255
+        for _ in range(hops - 1):
+            told = (told * 225 // 255) * 225 // 255
+        quality = router.stations[0].quality_of(hops, 1)
+        assert quality == told
+        assert expected in (None, told)
+        assert router.stations[0].next_to(hops) == 1
+
+
+def _deaf(nodes: int, linked: Callable[[int, int], bool]) -> list[tuple[int, int]]:
+    return [(a, b) for a in range(nodes) for b in range(nodes) if a != b and not linked(a, b)]
+
+
+def test_messages_come_each_second_and_every_neighbour_hands_them_on() -> None:
+    """Two nodes, a minute: 60 each of one's own, and 60 of the other's; 24 bytes, 19.2 us at 10 Mb/s."""
+    network = Routed(AirTime(PlainWorld(range(2)), FAST), mesh(2))
+    network.live(second(60.0))
+    counts = network.counts
+    assert counts.notices == pytest.approx(4 * 60, abs=4)
+    assert counts.notice_bytes == 24 * counts.notices
+    assert counts.notice_air_ns == 19_200 * counts.notices
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_ten_nodes_find_a_way_around_a_lost_relay_when_the_constants_say(seed: int) -> None:
+    """A ring of ten; 0 sends to 3 over 1 and 2, and node 1 falls silent: seven hops the other way are left.
+
+    The mean over the last five messages of 3 forgets a neighbour with the fifth that it did not bring: the first node
+    turns with the fifth message after the silence. It hands on the messages after that alone, so that the next one
+    turns with the tenth, and the k-th with the (5 k)-th: 5 k - 1 to 5 k intervals after the silence, give or take the
+    jitter of each and seven hops of a message.
+    """
+    silent_s, step_s = 80.0, 0.01
+    router = mesh(10, seed)
+    network = Routed(AirTime(Failing(10, ring(10), 1, second(silent_s)), FAST), router)
+    network.live(second(silent_s) - 1)
+    assert router.stations[0].next_to(3) == 1
+    turns = [node for node in (8, 9, 0) if router.stations[node].next_to(3) == (node + 1) % 10]
+    assert turns[-2:] == [9, 0]  # 8 is as far from 3 on both sides
+    turned_s: dict[int, float] = {}
+    for step in range(1, 2000):
+        network.live(second(silent_s + step_s * step))
+        for node in turns:
+            if router.stations[node].next_to(3) == (node - 1) % 10:
+                turned_s.setdefault(node, step_s * step)
+    for place, node in enumerate(turns, start=1):
+        messages = 5 * place
+        assert (messages - 1) * (INTERVAL_S - JITTER_S) < turned_s[node]
+        assert turned_s[node] < messages * (INTERVAL_S + JITTER_S) + 7 * HOP_S + step_s
+    network.offer(AirPacket(0, 0, 3, 100, second(100.0) + 1))
+    [fate] = [each for each in network.live(second(101.0)) if isinstance(each, AirFate)]
+    assert (fate.loss, fate.way) == (None, (0, 9, 8, 7, 6, 5, 4))
+
+
+def test_a_node_that_is_gone_is_forgotten_after_the_purge_time() -> None:
+    """Its route stays until the neighbour over whom it was heard has been silent for so long; 20 s here."""
+    silent_s, purge_s = 70.0, 20.0
+    router = mesh(3, numbers=MeshNumbers(purge_s=purge_s))
+    network = Routed(AirTime(Failing(3, row, 2, second(silent_s)), FAST), router)
+    station = router.stations[0]
+    network.live(second(silent_s + purge_s - 2 * INTERVAL_S))
+    assert station.next_to(2) == 1
+    network.live(second(silent_s + purge_s + 2 * INTERVAL_S))
+    assert station.next_to(2) is None
+    assert station.next_to(1) == 1
+    network.offer(AirPacket(0, 0, 2, 100, second(silent_s + purge_s + 2 * INTERVAL_S) + 1))
+    [fate] = [each for each in network.live(second(silent_s + purge_s + 3.0)) if isinstance(each, AirFate)]
+    assert (fate.loss, fate.started_ns) == (Loss.NO_ROUTE, -1)
+
+
+def test_what_is_for_all_is_sent_three_times_by_each_node_that_has_others_to_tell() -> None:
+    """A row of three: 0 and 1 send thrice, 5 ms apart; 2 has no neighbour but the one it had it from."""
+    router = mesh(3)
+    network = Routed(AirTime(PlainWorld(range(3), deaf=_deaf(3, row)), FAST), router)
+    network.live(second(10.0))
+    before = network.counts.sent, network.counts.handed_on
+    assert before == (0, 0)
+    network.offer(AirPacket(0, 0, None, 100, second(10.0) + 1))
+    found = [each for each in network.live(second(11.0)) if isinstance(each, AirFate)]
+    assert [(each.receiver, each.loss, each.way) for each in found] == [(1, None, (0,)), (2, None, (0, 1))]
+    assert (network.counts.sent, network.counts.handed_on) == (3, 3)
+    assert network.counts.duplicates == 2 + 3 + 2  # at 1 of 0, at 0 of 1, at 2 of 1
+
+
+def test_an_originator_that_nobody_heard_of_floods_nothing() -> None:
+    """batman-adv drops broadcasts of originators that it does not know."""
+    router = mesh(2)
+    assert router.refuses(1, AirPacket(0, 0, None, 100, 0)) is Loss.NO_ROUTE
+    router.take(1, 0, Ogm(0, 1, 50, 255, 0), 0)
+    assert router.refuses(1, AirPacket(0, 0, None, 100, 0)) is None

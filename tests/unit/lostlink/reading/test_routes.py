@@ -1,0 +1,48 @@
+"""Ways of packets from a run's tables: of each delivery that of the change before it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from bridge.record.tables.deliveries import DELIVERED
+from bridge.record.tables.routes import RouteWriter
+from channel.network.network import RadioRoute
+from lostlink.reading.routes import routes_of, ways_of
+from lostlink.reading.rows import DeliveryRows
+
+NODES = ("0", "1", "2", "gcs")
+
+
+def test_hops_and_the_most_used_way_are_counted_over_deliveries(tmp_path: Path) -> None:
+    """Five packets: one directly, then three over two others, then one that was lost, and one over one other."""
+    writer = RouteWriter(tmp_path, NODES, ["main"])
+    ways = ((10, (0,)), (20, (0, 1, 2)), (60, (0, 2)))
+    writer.write([("main", RadioRoute(0, 0, 3, 0, arrived_ns, nodes)) for arrived_ns, nodes in ways])
+    writer.close()
+    arrived_ns = np.array([10, 20, 30, 40, 50, 60])
+    count = arrived_ns.size
+    columns = {
+        "tx": np.zeros(count, dtype=np.intp),
+        "rx": np.full(count, 3),
+        "packets": np.ones(count, dtype=np.int32),
+        "fate": np.array([DELIVERED] * 4 + [DELIVERED + 1, DELIVERED]),
+        "radio": np.full(count, "main", dtype=object),
+        "arrived_ns": arrived_ns,
+    }
+    [found] = routes_of(DeliveryRows(NODES, columns), ways_of(tmp_path, NODES))
+    assert found == {
+        "radio": "main",
+        "tx": "0",
+        "rx": "gcs",
+        "delivered": 5,
+        "hops_mean": (1 + 3 * 3 + 2) / 5,
+        "changes": 2,
+        "way": ["0", "1", "2"],
+        "share": 3 / 5,
+    }
+
+
+def test_a_run_whose_nodes_hand_nothing_on_has_no_ways(tmp_path: Path) -> None:
+    assert ways_of(tmp_path, NODES) == {}
