@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +14,11 @@ from bridge.agents.frames import frames_of
 from bridge.agents.outlet import HeldOutlet, NodeOutlet
 from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.body import Body
+from bridge.bus.keys import ALL
 from bridge.bus.messages import AgentStatus, Header
 from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
+from bridge.record.input_fields import PACKET_MAX_BYTES, InputError, Way
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import current_node
@@ -44,6 +46,7 @@ class HostedNode:
         call_back: has something called in the event loop; the agent's thread calls it.
         on_exchanged: with lookahead, called when the aircraft may fly on from an instant.
         asks_dropped: how many commands found no room before they came to the node.
+        packets_lost: the same of packets from outside.
     """
 
     def __init__(
@@ -61,9 +64,13 @@ class HostedNode:
         self._agent_folder = run.agent_folder(config.node)
         self._outlet = outlet
         self.asks_dropped: Callable[[], int] = lambda: 0
+        self.packets_lost: Callable[[], int] = lambda: 0
         self.call_back: Callable[[Callable[[], object]], object] = self._loop.call_soon_threadsafe
         self.on_exchanged: Callable[[str], object] = lambda _: None
         self.node = Node(config.node, body, self._outlet, record)
+        self._reach = {
+            radio: {ALL, *ids} - {self.id} for radio, ids in run.scenario.reach_of(self.id).items()
+        }
         self.runner: AgentRunner | None = None
         self._flush = Every(FLUSH_PERIOD_S)
         self._closed = False
@@ -81,6 +88,7 @@ class HostedNode:
         if not isinstance(self._config.agent, FreeAgent):
             await self._start_agent(agent_class(self._config.agent))
         if self._record.replay is not None:
+            self._check_ways(item.way for item in self._record.replay if item.way is not None)
             self.node.repeat(self._record.replay)
 
     async def _start_agent(self, make: Callable[..., Any]) -> None:
@@ -110,6 +118,25 @@ class HostedNode:
         from channel.sensing.sensor import Sensor
 
         return Sensor(sensor_of(self._config.sensor, self._scenario.origin))
+
+    # From outside.
+
+    def packet_came(self, way: Way, payload: bytes) -> None:
+        """Somebody outside has a packet for a radio of the node; what can go nowhere is dropped and counted."""
+        if self._leads_somewhere(way) and 0 < len(payload) <= PACKET_MAX_BYTES:
+            self.node.packet_came(way, payload)
+        else:
+            self.node.packets_dropped += 1
+
+    def _leads_somewhere(self, way: Way) -> bool:
+        return way.to in self._reach.get(way.radio, ())
+
+    def _check_ways(self, ways: Iterable[Way]) -> None:
+        for way in ways:
+            if not self._leads_somewhere(way):
+                known = "; ".join(f"{radio}: {', '.join(sorted(ids))}" for radio, ids in self._reach.items())
+                text = f"node {self.id}: a packet by radio {way.radio!r} to {way.to!r}; there are {known}"
+                raise InputError(text)
 
     # Ticks.
 
@@ -181,5 +208,6 @@ class HostedNode:
         counters = {
             "messages_the_agent_could_not_read": 0 if self.runner is None else self.runner.ua.malformed,
             "commands_dropped": self.asks_dropped() + self.node.commands_dropped,
+            "packets_from_outside_dropped": self.packets_lost() + self.node.packets_dropped,
         }
         self._record.close(self.statistics(), counters)
