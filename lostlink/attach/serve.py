@@ -94,9 +94,10 @@ class _Attached:
 
     def _came(self, number: int) -> None:
         """Somebody sent us a signal: it is for the program."""
-        self._program.signal(number)
         if number in (signal.SIGTERM, signal.SIGHUP):
             self._end()
+        else:
+            self._program.signal(number)
 
     def _pass_signals_on(self, loop: asyncio.AbstractEventLoop) -> None:
         """What a terminal sends (Ctrl-C) the program has got as well, being of the same group."""

@@ -1,0 +1,369 @@
+"""Unmodified programs on the radios of nodes: what they send is what the medium carries, recorded and repeated."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import psutil
+import pytest
+
+from lostlink import load_run
+from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+
+PROGRAMS = Path(__file__).parent / "attached"
+RATE_BPS, HEADER_BYTES, QUEUE_PACKETS = 200e3, 8, 20
+SCENARIO = """\
+schema: 1
+name: attached
+description: Two UA and a ground station that stand, on a serial radio without errors.
+seed: 3
+speed: {speed}
+duration_s: {duration_s}
+origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690.0}}
+transmit: {{every_ticks: 100000}}
+radio:
+  preset: perfect
+  bit_rate_bps: 200.0e+3
+  mtu_bytes: 1200
+  medium: {{model: MEDIUM, header_bytes: 8, queue: {{packets: 20}}}}
+ports: {{zenoh: 0, first_slot: {slot}}}
+nodes:
+  - {{id: 0, agent: {{type: still}}}}
+  - {{id: 1, home: {{north_m: 100}}, agent: {{type: still}}}}
+  - {{id: gcs, kind: ground, place: {{east_m: 50}}, agent: {{type: still}}}}
+"""
+AIRTIME = SCENARIO.replace("MEDIUM", "airtime")
+TDMA = SCENARIO.replace("MEDIUM", "tdma, slot_s: 0.05, guard_s: 0.001, slots: ['0', '1']")
+IDEAL = SCENARIO.replace(
+    "medium: {{model: MEDIUM, header_bytes: 8, queue: {{packets: 20}}}}", "medium: ideal"
+)
+
+
+def why_no_namespace() -> str:
+    """Why there can be none here; "" if there can."""
+    if sys.platform != "linux":
+        return "network namespaces are Linux's"
+    words = ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--user", "--map-root-user", "--net"]
+    if shutil.which("unshare") is None:
+        return "no unshare (util-linux)"
+    done = subprocess.run([*words, "test", "-r", "/dev/net/tun"], capture_output=True, text=True, check=False)
+    return (
+        "" if done.returncode == 0 else f"no network namespace with a TUN device: {done.stderr or 'no TUN'}"
+    )
+
+
+WHY_NOT = why_no_namespace()
+pytestmark = [pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT), pytest.mark.timeout(180)]
+
+
+def needs(program: str, package: str) -> pytest.MarkDecorator:
+    return pytest.mark.skipif(
+        shutil.which(program) is None, reason=f"no {program} here (Debian's package {package})"
+    )
+
+
+Attach = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def attach() -> Iterator[Attach]:
+    """Attach a program to a node; whatever is left of it in the end is killed."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(run: Run, node: str, *words: str, before: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+        options, command = (
+            (words[: words.index("--")], words[words.index("--") :])
+            if "--" in words
+            else ((), ("--", *words))
+        )
+        line = [*before, *LOSTLINK, "attach", str(run.directory), "--node", node, *options, *command]
+        process = subprocess.Popen(
+            line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        if process.poll() is None:
+            children = psutil.Process(process.pid).children(recursive=True)
+            process.kill()
+            for child in children:
+                with suppress(psutil.NoSuchProcess):
+                    child.kill()
+        process.communicate()
+
+
+def python(name: str, *arguments: object) -> list[str]:
+    """A program of this folder; it imports nothing of ours."""
+    return [sys.executable, "-I", str(PROGRAMS / f"{name}.py"), *map(str, arguments)]
+
+
+def first_line(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert line, process.communicate()[1]
+    return line.strip()
+
+
+def ended(process: subprocess.Popen[str], timeout_s: float = 60.0) -> tuple[int, str, str]:
+    out, err = process.communicate(timeout=timeout_s)
+    return process.returncode, out, err
+
+
+def live(start_run: StartRun, scenario: str, *arguments: str, duration_s: float = 120.0) -> Run:
+    run = start_run("--speed", "1", *arguments, scenario=scenario, duration_s=duration_s)
+    run.wait_for("sim time")
+    return run
+
+
+def stopped(run: Run) -> dict[str, Any]:
+    """End the run as Ctrl-C does; gives its summary."""
+    run.stop(signal.SIGINT)
+    return run.summary
+
+
+def refly(run: Run, *arguments: str) -> str:
+    """Fly it again; what the command says."""
+    command = [*LOSTLINK, "refly", str(run.directory), "--out", str(run.out.parent / "again"), "--quiet"]
+    command += ["--zenoh-port", "0", "--first-slot", str(run.slot), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_a_socket_program_between_two_ua_is_recorded_and_repeated_without_it(
+    start_run: StartRun, attach: Attach
+) -> None:
+    run = live(start_run, IDEAL)
+    answers = attach(run, "1", *python("echo_server"))
+    assert first_line(answers) == "listens"
+    status, out, err = ended(attach(run, "0", *python("echo_client", "ua-1", 10, 2500)))
+    assert status == 0, err
+    assert "UA 0 is 10.42.0.1 on radio main (MTU 1200 bytes)" in err
+    assert "others: ua-1 10.42.0.2, gcs 10.42.0.254" in err
+    round_trips_s = [float(line.split()[-1]) for line in out.splitlines()]
+    assert len(round_trips_s) == 10
+    # A packet waits for the next tick (0 to 50 ms), and the answer for the one after that.
+    assert all(0.050 <= each <= 0.150 for each in round_trips_s), round_trips_s
+    summary = stopped(run)
+    assert ended(answers)[0] == 128 + signal.SIGTERM
+    assert summary["may_not_repeat"] == []
+
+    recorded = load_run(run.directory)
+    inputs = recorded.inputs[recorded.inputs.kind == "packet"]
+    # 2500 bytes and 8 of UDP in fragments of up to 1200 - 20, in multiples of 8 (RFC 791): 1176, 1176, 156.
+    lengths = [len(bytes.fromhex(text)) for text in inputs[inputs.node == "0"].hex]
+    assert lengths == [1196, 1196, 176] * 10
+    assert set(inputs[inputs.node == "0"].to) == {"1"}
+    packets = recorded.packets[recorded.packets.channel == "ip"]
+    assert len(packets) == len(inputs) == 60
+    assert set(packets.fate) == {"delivered"}
+    assert "identical" in refly(run)
+    assert "identical" in refly(run, "--processes", "many")
+
+
+def payload_bps(length: int) -> float:
+    """What the serial radio carries of the payload of datagrams sent back to back: each is on the air with 8 bytes of
+    UDP's header, 20 of IP's and 8 of the radio's, at 200 kb/s (docs/reference/air.md)."""
+    return 8 * length / (8 * (length + 8 + 20 + HEADER_BYTES) / RATE_BPS)
+
+
+@pytest.mark.parametrize("to", ["ua-1", "10.42.0.255"])
+def test_the_throughput_is_that_of_the_medium(to: str, start_run: StartRun, attach: Attach) -> None:
+    run = live(start_run, AIRTIME)
+    sinks = [attach(run, node, *python("sink")) for node in ("1", "gcs")]
+    assert [first_line(sink) for sink in sinks] == ["listens"] * 2
+    # 1000 bytes each 20 ms: twice what the radio carries
+    status, _, err = ended(attach(run, "0", *python("flood", to, 1000, 8, 0.02)))
+    assert status == 0, err
+    heard = sinks[0] if to == "ua-1" else sinks[1]
+    total, seconds = map(float, ended(heard)[1].split())
+    assert seconds > 6.0
+    assert 8 * total / seconds == pytest.approx(payload_bps(1000), rel=0.03)
+    if to == "ua-1":  # nobody else gets a unicast
+        sinks[1].send_signal(signal.SIGTERM)
+        assert "0 received" in ended(sinks[1])[2]
+    stopped(run)
+    packets = load_run(run.directory).packets
+    mine = packets[(packets.channel == "ip") & (packets.tx == "0") & (packets.rx == "1")]
+    assert set(mine.fate) <= {"delivered", "queue_full", "run_ended"}
+    came = mine[mine.fate == "delivered"]
+    gaps_ns = came.arrived_ns.diff().dropna()
+    assert gaps_ns.median() == round(8 * (1000 + 28 + HEADER_BYTES) / RATE_BPS * 1e9)
+
+
+@needs("ping", "iputils-ping")
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+def test_ping(processes: str, start_run: StartRun, attach: Attach) -> None:
+    run = live(start_run, IDEAL, "--processes", processes)
+    there = attach(run, "gcs", *python("echo_server"))
+    assert first_line(there) == "listens"
+    status, out, err = ended(attach(run, "0", "ping", "-c", "8", "-i", "0.3", "-s", "100", "gcs"))
+    assert status == 0, err
+    assert "8 packets transmitted, 8 received, 0% packet loss" in out
+    times_ms = [float(line.split("time=")[1].split()[0]) for line in out.splitlines() if "time=" in line]
+    assert all(50.0 <= each <= 150.0 for each in times_ms), out
+    # Nobody is attached to UA 1: its radio hears, and nothing answers.
+    status, out, _ = ended(attach(run, "0", "ping", "-c", "2", "-i", "0.3", "-W", "1", "ua-1"))
+    assert status == 1
+    assert "2 packets transmitted, 0 received" in out
+    stopped(run)
+    assert "identical" in refly(run)
+
+
+def iperf(attach: Attach, run: Run, *options: str) -> dict[str, Any]:
+    """A test of iperf3 from UA 0 to UA 1; what the server reports."""
+    server = attach(run, "1", "iperf3", "--server", "--one-off", "--json")
+    status, out, err = ended(
+        attach(run, "0", "iperf3", "--client", "ua-1", "--connect-timeout", "5000", *options), 120.0
+    )
+    assert status == 0, out + err
+    status, out, err = ended(server)
+    assert status == 0, out + err
+    report: dict[str, Any] = json.loads(out)
+    return report
+
+
+@needs("iperf3", "iperf3")
+@pytest.mark.slow
+def test_iperf3_by_udp_measures_the_medium(start_run: StartRun, attach: Attach) -> None:
+    run = live(start_run, TDMA)
+    report = iperf(attach, run, "--udp", "--bitrate", "300k", "--length", "1000", "--time", "15")
+    # A slot of 49 ms has room for 1 frame of 41.44 ms, each 100 ms; in iperf3's first and last seconds queues fill and empty.
+    seconds = [each["sum"]["bits_per_second"] for each in report["intervals"]][2:-2]
+    assert len(seconds) > 8
+    assert sum(seconds) / len(seconds) == pytest.approx(8 * 1000 / 0.1, rel=0.03)
+    stopped(run)
+    assert "identical" in refly(run)
+
+
+@needs("iperf3", "iperf3")
+@pytest.mark.slow
+def test_iperf3_by_tcp_gets_through_and_no_more_than_the_medium_carries(
+    start_run: StartRun, attach: Attach
+) -> None:
+    run = live(start_run, TDMA)
+    report = iperf(attach, run, "--set-mss", "536", "--time", "15")
+    carried_bps = report["end"]["sum_received"]["bits_per_second"]
+    # Frames of 536 + 40 + 8 bytes take 23.36 ms: 2 to a slot. Some are sent again.
+    assert 0.5 * 2 * 8 * 536 / 0.1 < carried_bps <= 2 * 8 * 536 / 0.1
+    stopped(run)
+    assert "identical" in refly(run)
+
+
+def test_who_cannot_be_attached_is_told_why(start_run: StartRun, attach: Attach) -> None:
+    run = live(
+        start_run,
+        IDEAL.replace(
+            "{{id: 1, home: {{north_m: 100}}, agent: {{type: still}}}}", "{{id: 1, agent: {{type: free}}}}"
+        ),
+    )
+    first = attach(run, "0", *python("echo_server"))
+    assert first_line(first) == "listens"
+    for words, said in (
+        (("0", "true"), "UA 0 has a program attached already: "),
+        (("1", "true"), "UA 1 has a free program for its agent"),
+        (("7", "true"), "there is no node '7'; there are 0, 1, gcs"),
+        (("gcs", "--radio", "mesh", "--", "true"), "node gcs has no radio 'mesh'; it has main"),
+        (("gcs", "--subnet", "10.0.0.0/30", "--", "true"), "10.0.0.0/30 has no address for node"),
+        (("gcs", "--subnet", "10.0.0.1/24", "--", "true"), "'10.0.0.1/24' is no subnet"),
+        (("gcs", "--mtu", "1300", "--", "true"), "--mtu 1300: from 68 to 1200 on radio main"),
+    ):
+        status, out, err = ended(attach(run, *words))
+        assert (status, out) == (125, ""), words
+        assert err.startswith(f"lostlink: {said}"), err
+        assert err.count("\n") == 1, err
+    status, out, err = ended(attach(run, "gcs", "no-such-program"))
+    assert status == 127
+    assert "lostlink: no-such-program: No such file or directory" in err
+    stopped(run)
+    assert "the run is over: ends the program" in ended(first)[2]
+    status, _, err = ended(attach(run, "gcs", "true"))
+    assert status == 125
+    assert err.endswith("is over\n")
+    assert not list(run.directory.glob("attached-*"))
+
+
+WITHOUT_RIGHTS = (
+    "unshare", "--user", "--map-root-user", "sh", "-c",
+    'echo 0 > /proc/sys/user/max_user_namespaces; exec setpriv --bounding-set=-sys_admin --inh-caps=-all -- "$@"', "sh",
+)  # fmt: skip
+
+
+@pytest.mark.skipif(shutil.which("setpriv") is None, reason="no setpriv (util-linux)")
+def test_without_the_right_to_namespaces_there_is_a_word(start_run: StartRun, attach: Attach) -> None:
+    run = live(start_run, IDEAL)
+    status, out, err = ended(attach(run, "1", "true", before=WITHOUT_RIGHTS))
+    assert (status, out) == (125, "")
+    assert err.startswith("lostlink: no network namespace can be made here (")
+    assert "run it as root, or let users make namespaces" in err
+    if os.geteuid() == 0:  # without the right of root, but with that of users
+        before = ("setpriv", "--bounding-set=-sys_admin,-net_admin", "--")
+        status, out, err = ended(attach(run, "1", "sh", "-c", "id -u; exit 9", before=before))
+        assert (status, out) == (9, "0\n"), err
+
+
+STUBBORN = (
+    "import signal, sys, time; signal.signal(signal.SIGTERM, lambda *_: sys.exit(7)); "
+    "print('here', flush=True); time.sleep(100)"
+)
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "status"),
+    [
+        (signal.SIGINT, "import time; print('here', flush=True); time.sleep(100)", 130),
+        (signal.SIGTERM, STUBBORN, 7),
+    ],
+)
+def test_signals_reach_the_program_and_nothing_is_left(
+    number: signal.Signals, code: str, status: int, start_run: StartRun, attach: Attach
+) -> None:
+    run = live(start_run, IDEAL)
+    attached = attach(run, "1", "sh", "-c", f'sleep 1000 & exec {sys.executable} -c "$0"', code)
+    assert first_line(attached) == "here"
+    below = psutil.Process(attached.pid).children(recursive=True)
+    assert {"sleep"} <= {each.name() for each in below}
+    attached.send_signal(number)
+    assert ended(attached, 10.0)[0] == status
+    psutil.wait_procs(below, timeout=5.0)
+    assert not [each for each in below if each.is_running()]
+    assert not list(run.directory.glob("attached-*"))
+
+
+def test_a_killed_attach_takes_its_program_along(start_run: StartRun, attach: Attach) -> None:
+    run = live(start_run, IDEAL)
+    attached = attach(run, "1", *python("echo_server"))
+    assert first_line(attached) == "listens"
+    below = psutil.Process(attached.pid).children(recursive=True)
+    assert below
+    attached.kill()
+    attached.wait(10.0)
+    _, alive = psutil.wait_procs(below, timeout=5.0)
+    assert not alive
+    # and the node is free for another
+    assert ended(attach(run, "1", "true"))[0] == 0
+
+
+def test_at_another_speed_it_works_with_a_warning(start_run: StartRun, attach: Attach) -> None:
+    run = start_run("--speed", "4", scenario=IDEAL, duration_s=200.0)
+    run.wait_for("sim time")
+    server = attach(run, "1", *python("echo_server"))
+    assert first_line(server) == "listens"
+    began_s = monotonic()
+    status, out, err = ended(attach(run, "0", *python("echo_client", "ua-1", 5, 100)))
+    assert status == 0, err
+    assert monotonic() - began_s < 30.0
+    assert "warning: the run flies at 4 times real time" in err
+    assert all(float(line.split()[-1]) < 0.05 for line in out.splitlines()), out
