@@ -8,6 +8,11 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from textwrap import shorten
+from typing import Final
+
+TOLD_MAX: Final = 60
+"""Characters of a command that somebody else is told."""
 
 
 class AlreadyAttached(Exception):
@@ -58,6 +63,7 @@ def _locked(path: Path) -> int | None:
 def _who(path: Path) -> str:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        return f"{' '.join(content['command'])} (process {content['pid']})"
+        told = shorten(" ".join(content["command"]), TOLD_MAX, placeholder=" ...")
+        return f"{told} (process {content['pid']})"
     except (OSError, ValueError, KeyError, TypeError):
         return "of which nothing is known yet"

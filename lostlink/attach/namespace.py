@@ -181,12 +181,9 @@ def leash(parent: int) -> None:
 
 
 def become(command: list[str]) -> NoReturn:
-    """Become the program, with the signals that it had without us."""
+    """Become the program; Python ignores signals that others have."""
     for number in (signal.SIGPIPE, signal.SIGXFSZ):
         signal.signal(number, signal.SIG_DFL)
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # one that waits ends the program, not us
-    signal.pthread_sigmask(signal.SIG_SETMASK, ())
     try:
         os.execvp(command[0], command)
     except OSError as error:
@@ -196,6 +193,8 @@ def become(command: list[str]) -> NoReturn:
 
 def main(open_all: Callable[[Settings], int] = open_interface) -> None:
     """Make it, hand it over, and become the program."""
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Python would tell of it
     settings, command = Settings(**json.loads(sys.argv[1])), sys.argv[2:]
     with socket.socket(fileno=settings.fd) as starter:
         try:

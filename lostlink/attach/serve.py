@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
-import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Final
@@ -15,11 +15,11 @@ from lostlink.attach.forwarder import Forwarder
 from lostlink.attach.link import IpLink
 from lostlink.attach.plan import AttachPlan
 from lostlink.attach.program import GRACE_S, Program
+from lostlink.flight.signals import ending_signals
 
 INTERFACE: Final = "radio0"
 LOOK_PERIOD_S: Final = 0.5
 """So often it is seen whether the run still goes on: one that was killed says no word."""
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 Say = Callable[[str], object]
 
 
@@ -30,7 +30,6 @@ def attach(plan: AttachPlan, command: Sequence[str], say: Say) -> tuple[int, For
         NoProgram: its namespace cannot be made.
         SessionError: the run lets nobody in.
     """
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     node = plan.node.node
     forwarder = Forwarder(node, plan.addresses, plan.subnet, plan.mtu_bytes)
     own, netmask = str(plan.addresses[node]), str(plan.subnet.netmask)
@@ -40,8 +39,9 @@ def attach(plan: AttachPlan, command: Sequence[str], say: Say) -> tuple[int, For
         with plan.access.open() as session:
             asyncio.run(_Attached(plan, program, forwarder, say).live(session))
     finally:
+        for number in _passed_on():  # what is left of the program has to be ended first
+            signal.signal(number, signal.SIG_IGN)
         status = program.close()
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     return status, forwarder
 
 
@@ -67,7 +67,8 @@ class _Attached:
         )
         for line in (*self._plan.lines(), *filter(None, [self._program.remark])):
             self._say(line)
-        self._pass_signals_on(loop)
+        for number in _passed_on():
+            loop.add_signal_handler(number, self._came, number)
         loop.add_reader(self._program.pidfd, over.set)
         link.open()
         self._program.go()
@@ -96,17 +97,23 @@ class _Attached:
         """Somebody sent us a signal: it is for the program."""
         if number in (signal.SIGTERM, signal.SIGHUP):
             self._end()
-        else:
+        elif not _is_in_front():
             self._program.signal(number)
 
-    def _pass_signals_on(self, loop: asyncio.AbstractEventLoop) -> None:
-        """What a terminal sends (Ctrl-C) the program has got as well, being of the same group."""
 
-        def wait() -> None:
-            while True:
-                came = signal.sigwaitinfo(SIGNALS)
-                if came.si_code <= 0 or came.si_signo in (signal.SIGTERM, signal.SIGHUP):
-                    with suppress(RuntimeError):  # the loop is closed: the program has ended
-                        loop.call_soon_threadsafe(self._came, came.si_signo)
+def _passed_on() -> tuple[signal.Signals, ...]:
+    return (*ending_signals(), signal.SIGQUIT)
 
-        threading.Thread(target=wait, name="signals", daemon=True).start()
+
+def _is_in_front() -> bool:
+    """Whether a terminal has us in front: then what it sends (Ctrl-C) the program has got as well."""
+    try:
+        terminal = os.open("/dev/tty", os.O_RDONLY | os.O_NOCTTY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        return os.tcgetpgrp(terminal) == os.getpgrp()
+    except OSError:
+        return False
+    finally:
+        os.close(terminal)

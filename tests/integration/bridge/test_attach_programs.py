@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -19,6 +18,7 @@ import pytest
 
 from lostlink import load_run
 from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+from tests.integration.lostlink.namespaces import WHY_NO_NAMESPACE
 
 PROGRAMS = Path(__file__).parent / "attached"
 RATE_BPS, HEADER_BYTES, QUEUE_PACKETS = 200e3, 8, 20
@@ -49,21 +49,10 @@ IDEAL = SCENARIO.replace(
 )
 
 
-def why_no_namespace() -> str:
-    """Why there can be none here; "" if there can."""
-    if sys.platform != "linux":
-        return "network namespaces are Linux's"
-    words = ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--user", "--map-root-user", "--net"]
-    if shutil.which("unshare") is None:
-        return "no unshare (util-linux)"
-    done = subprocess.run([*words, "test", "-r", "/dev/net/tun"], capture_output=True, text=True, check=False)
-    return (
-        "" if done.returncode == 0 else f"no network namespace with a TUN device: {done.stderr or 'no TUN'}"
-    )
-
-
-WHY_NOT = why_no_namespace()
-pytestmark = [pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT), pytest.mark.timeout(180)]
+pytestmark = [
+    pytest.mark.skipif(bool(WHY_NO_NAMESPACE), reason=WHY_NO_NAMESPACE),
+    pytest.mark.timeout(180),
+]
 
 
 def needs(program: str, package: str) -> pytest.MarkDecorator:
@@ -240,7 +229,7 @@ def iperf(attach: Attach, run: Run, *options: str) -> dict[str, Any]:
 def test_iperf3_by_udp_measures_the_medium(start_run: StartRun, attach: Attach) -> None:
     run = live(start_run, TDMA)
     report = iperf(attach, run, "--udp", "--bitrate", "300k", "--length", "1000", "--time", "15")
-    # A slot of 49 ms has room for 1 frame of 41.44 ms, each 100 ms; in iperf3's first and last seconds queues fill and empty.
+    # A slot of 49 ms has room for 1 frame of 41.44 ms, each 100 ms; first and last seconds: queues fill and empty.
     seconds = [each["sum"]["bits_per_second"] for each in report["intervals"]][2:-2]
     assert len(seconds) > 8
     assert sum(seconds) / len(seconds) == pytest.approx(8 * 1000 / 0.1, rel=0.03)
@@ -260,100 +249,6 @@ def test_iperf3_by_tcp_gets_through_and_no_more_than_the_medium_carries(
     assert 0.5 * 2 * 8 * 536 / 0.1 < carried_bps <= 2 * 8 * 536 / 0.1
     stopped(run)
     assert "identical" in refly(run)
-
-
-def test_who_cannot_be_attached_is_told_why(start_run: StartRun, attach: Attach) -> None:
-    run = live(
-        start_run,
-        IDEAL.replace(
-            "{{id: 1, home: {{north_m: 100}}, agent: {{type: still}}}}", "{{id: 1, agent: {{type: free}}}}"
-        ),
-    )
-    first = attach(run, "0", *python("echo_server"))
-    assert first_line(first) == "listens"
-    for words, said in (
-        (("0", "true"), "UA 0 has a program attached already: "),
-        (("1", "true"), "UA 1 has a free program for its agent"),
-        (("7", "true"), "there is no node '7'; there are 0, 1, gcs"),
-        (("gcs", "--radio", "mesh", "--", "true"), "node gcs has no radio 'mesh'; it has main"),
-        (("gcs", "--subnet", "10.0.0.0/30", "--", "true"), "10.0.0.0/30 has no address for node"),
-        (("gcs", "--subnet", "10.0.0.1/24", "--", "true"), "'10.0.0.1/24' is no subnet"),
-        (("gcs", "--mtu", "1300", "--", "true"), "--mtu 1300: from 68 to 1200 on radio main"),
-    ):
-        status, out, err = ended(attach(run, *words))
-        assert (status, out) == (125, ""), words
-        assert err.startswith(f"lostlink: {said}"), err
-        assert err.count("\n") == 1, err
-    status, out, err = ended(attach(run, "gcs", "no-such-program"))
-    assert status == 127
-    assert "lostlink: no-such-program: No such file or directory" in err
-    stopped(run)
-    assert "the run is over: ends the program" in ended(first)[2]
-    status, _, err = ended(attach(run, "gcs", "true"))
-    assert status == 125
-    assert err.endswith("is over\n")
-    assert not list(run.directory.glob("attached-*"))
-
-
-WITHOUT_RIGHTS = (
-    "unshare", "--user", "--map-root-user", "sh", "-c",
-    'echo 0 > /proc/sys/user/max_user_namespaces; exec setpriv --bounding-set=-sys_admin --inh-caps=-all -- "$@"', "sh",
-)  # fmt: skip
-
-
-@pytest.mark.skipif(shutil.which("setpriv") is None, reason="no setpriv (util-linux)")
-def test_without_the_right_to_namespaces_there_is_a_word(start_run: StartRun, attach: Attach) -> None:
-    run = live(start_run, IDEAL)
-    status, out, err = ended(attach(run, "1", "true", before=WITHOUT_RIGHTS))
-    assert (status, out) == (125, "")
-    assert err.startswith("lostlink: no network namespace can be made here (")
-    assert "run it as root, or let users make namespaces" in err
-    if os.geteuid() == 0:  # without the right of root, but with that of users
-        before = ("setpriv", "--bounding-set=-sys_admin,-net_admin", "--")
-        status, out, err = ended(attach(run, "1", "sh", "-c", "id -u; exit 9", before=before))
-        assert (status, out) == (9, "0\n"), err
-
-
-STUBBORN = (
-    "import signal, sys, time; signal.signal(signal.SIGTERM, lambda *_: sys.exit(7)); "
-    "print('here', flush=True); time.sleep(100)"
-)
-
-
-@pytest.mark.parametrize(
-    ("number", "code", "status"),
-    [
-        (signal.SIGINT, "import time; print('here', flush=True); time.sleep(100)", 130),
-        (signal.SIGTERM, STUBBORN, 7),
-    ],
-)
-def test_signals_reach_the_program_and_nothing_is_left(
-    number: signal.Signals, code: str, status: int, start_run: StartRun, attach: Attach
-) -> None:
-    run = live(start_run, IDEAL)
-    attached = attach(run, "1", "sh", "-c", f'sleep 1000 & exec {sys.executable} -c "$0"', code)
-    assert first_line(attached) == "here"
-    below = psutil.Process(attached.pid).children(recursive=True)
-    assert {"sleep"} <= {each.name() for each in below}
-    attached.send_signal(number)
-    assert ended(attached, 10.0)[0] == status
-    psutil.wait_procs(below, timeout=5.0)
-    assert not [each for each in below if each.is_running()]
-    assert not list(run.directory.glob("attached-*"))
-
-
-def test_a_killed_attach_takes_its_program_along(start_run: StartRun, attach: Attach) -> None:
-    run = live(start_run, IDEAL)
-    attached = attach(run, "1", *python("echo_server"))
-    assert first_line(attached) == "listens"
-    below = psutil.Process(attached.pid).children(recursive=True)
-    assert below
-    attached.kill()
-    attached.wait(10.0)
-    _, alive = psutil.wait_procs(below, timeout=5.0)
-    assert not alive
-    # and the node is free for another
-    assert ended(attach(run, "1", "true"))[0] == 0
 
 
 def test_at_another_speed_it_works_with_a_warning(start_run: StartRun, attach: Attach) -> None:
