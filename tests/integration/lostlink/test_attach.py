@@ -74,10 +74,17 @@ def attach(run: Standing) -> Iterator[Attach]:
     """Attach a program; whatever is left of it in the end is killed."""
     started: list[subprocess.Popen[str]] = []
 
-    def start(*words: str, before: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+    def start(
+        *words: str, before: tuple[str, ...] = (), stdin: int = subprocess.DEVNULL
+    ) -> subprocess.Popen[str]:
         line = [*before, *LOSTLINK, "attach", str(run.directory.path), "--node", *words]
         process = subprocess.Popen(
-            line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+            line,
+            stdin=stdin,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
         )
         started.append(process)
         return process
@@ -231,6 +238,30 @@ def test_signals_reach_the_program_and_nothing_is_left(
     assert ended(attached)[0] == status
     assert not psutil.wait_procs(below, timeout=WAIT_S)[1]
     assert not list(run.directory.path.glob("attached-*"))
+
+
+IN_A_TERMINAL = (
+    *(sys.executable, "-c"),
+    "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); os.execvp(sys.argv[1], sys.argv[1:])",
+)
+COUNTS = (
+    "count = []\n"
+    "signal.signal(signal.SIGINT, lambda *_: (count.append(1), os.write(1, b'interrupted\\n')))\n"
+    "signal.signal(signal.SIGTERM, lambda *_: os._exit(len(count)))"
+)
+
+
+@needs_namespace
+def test_ctrl_c_in_a_terminal_reaches_the_program_once(attach: Attach) -> None:
+    ours, theirs = os.openpty()
+    attached = attach("0", "--", *waits(COUNTS), before=IN_A_TERMINAL, stdin=theirs)
+    assert first_line(attached) == "here"
+    os.write(ours, b"\x03")
+    assert first_line(attached) == "interrupted"
+    attached.send_signal(signal.SIGTERM)
+    assert ended(attached)[0] == 1
+    os.close(ours)
+    os.close(theirs)
 
 
 @needs_namespace
