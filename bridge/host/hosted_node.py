@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from bridge.agents import agent_class
@@ -68,9 +69,6 @@ class HostedNode:
         self.call_back: Callable[[Callable[[], object]], object] = self._loop.call_soon_threadsafe
         self.on_exchanged: Callable[[str], object] = lambda _: None
         self.node = Node(config.node, body, self._outlet, record)
-        self._reach = {
-            radio: {ALL, *ids} - {self.id} for radio, ids in run.scenario.reach_of(self.id).items()
-        }
         self.runner: AgentRunner | None = None
         self._flush = Every(FLUSH_PERIOD_S)
         self._closed = False
@@ -127,6 +125,11 @@ class HostedNode:
             self.node.packet_came(way, payload)
         else:
             self.node.packets_dropped += 1
+
+    @cached_property
+    def _reach(self) -> dict[str, set[str]]:
+        """Whom a packet of the node may be for, by radio."""
+        return {radio: {ALL, *ids} - {self.id} for radio, ids in self._scenario.reach_of(self.id).items()}
 
     def _leads_somewhere(self, way: Way) -> bool:
         return way.to in self._reach.get(way.radio, ())

@@ -33,7 +33,7 @@ class NoProgram(Exception):
 
 
 class Program:
-    """A program in its namespace, from `start` to `close`.
+    """A program in its namespace, from `prepare` to `close`.
 
     Args:
         process: which waits in its namespace, or has become the program.
@@ -59,7 +59,7 @@ class Program:
         Raises:
             NoProgram: the namespace cannot be made.
         """
-        _called_prctl(PR_SET_CHILD_SUBREAPER)
+        ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         settings = Settings(theirs.fileno(), os.getpid(), interface, address, netmask, mtu_bytes, hosts)
         words = [sys.executable, "-I", str(Path(namespace.__file__)), json.dumps(settings._asdict())]
@@ -113,7 +113,3 @@ class Program:
 def _descendants() -> list[psutil.Process]:
     found = psutil.Process().children(recursive=True)
     return [each for each in found if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
-
-
-def _called_prctl(option: int) -> None:
-    ctypes.CDLL(None, use_errno=True).prctl(option, 1, 0, 0, 0)

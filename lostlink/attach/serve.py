@@ -76,7 +76,7 @@ class _Attached:
             with suppress(TimeoutError):
                 async with asyncio.timeout(LOOK_PERIOD_S):
                     await over.wait()
-            if not self._plan.directory.is_live:
+            if not over.is_set() and not self._plan.directory.is_live:
                 self._run_ended()
         loop.remove_reader(self._program.pidfd)
         link.close()
