@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 
 import psutil
 import pytest
@@ -283,9 +284,13 @@ def test_a_killed_attach_takes_its_program_along(attach: Attach) -> None:
 @needs_namespace
 @pytest.mark.parametrize("says", [True, False])
 def test_the_end_of_the_run_ends_the_program_with_a_word(says: bool, run: Standing, attach: Attach) -> None:
-    attached = attach("0", "--", *waits())
+    attached = attach("0", "--", "sh", "-c", "while true; do echo here; sleep 0.05; done")
     assert first_line(attached) == "here"
     if says:
+        wanted = run.router.interest(run.directory.keys.clock_end)
+        until = monotonic() + WAIT_S
+        while not wanted() and monotonic() < until:
+            first_line(attached)
         run.router.put(run.directory.keys.clock_end, Header.at(0, ""))
     else:  # it was killed
         run.over()
