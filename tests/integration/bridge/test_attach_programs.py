@@ -45,7 +45,7 @@ nodes:
 AIRTIME = SCENARIO.replace("MEDIUM", "airtime")
 TDMA = SCENARIO.replace("MEDIUM", "tdma, slot_s: 0.05, guard_s: 0.001, slots: ['0', '1']")
 IDEAL = SCENARIO.replace(
-    "medium: {{model: MEDIUM, header_bytes: 8, queue: {{packets: 20}}}}", "medium: ideal"
+    "medium: {{model: MEDIUM, header_bytes: 8, queue: {{packets: 20}}}}", "medium: {{model: ideal}}"
 )
 
 
