@@ -23,6 +23,7 @@ PAGE = ROOT / "docs" / "how-to" / "attach.md"
 BLOCK = re.compile(r"^```(\w+) ?(\S*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 BLOCKS = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
 COMMANDS = [line for kind, _, text in BLOCKS if kind == "sh" for line in text.splitlines()]
+[READS] = [text for kind, name, text in BLOCKS if kind == "python" and not name]
 MISSING = [program for program in ("ping", "iperf3") if shutil.which(program) is None]
 WAIT_S = 60.0
 pytestmark = [
@@ -87,3 +88,6 @@ def test_the_commands_of_the_page(tmp_path: Path, free_slot: Callable[[int], int
         run.communicate(timeout=WAIT_S)
         told, _ = start([*words_of(again, str(directory)), *ports, "--quiet"]).communicate(timeout=WAIT_S)
         assert b"identical" in told
+        reads = READS.replace("runs/A", str(directory))
+        counts, _ = start([sys.executable, "-c", reads]).communicate(timeout=WAIT_S)
+        assert re.search(rb"^0 +1 +delivered +\d+$", counts, re.MULTILINE), counts
