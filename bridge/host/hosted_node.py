@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,11 +15,11 @@ from bridge.agents.frames import frames_of
 from bridge.agents.outlet import HeldOutlet, NodeOutlet
 from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.body import Body
-from bridge.bus.keys import ALL
 from bridge.bus.messages import AgentStatus, Header
 from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
-from bridge.record.input_fields import PACKET_MAX_BYTES, InputError, Way
+from bridge.record.input_fields import PACKET_MAX_BYTES, Way
+from bridge.record.ways import whom
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import current_node
@@ -86,7 +86,6 @@ class HostedNode:
         if not isinstance(self._config.agent, FreeAgent):
             await self._start_agent(agent_class(self._config.agent))
         if self._record.replay is not None:
-            self._check_ways(item.way for item in self._record.replay if item.way is not None)
             self.node.repeat(self._record.replay)
 
     async def _start_agent(self, make: Callable[..., Any]) -> None:
@@ -128,18 +127,10 @@ class HostedNode:
 
     @cached_property
     def _reach(self) -> dict[str, set[str]]:
-        """Whom a packet of the node may be for, by radio."""
-        return {radio: {ALL, *ids} - {self.id} for radio, ids in self._scenario.reach_of(self.id).items()}
+        return whom(self._scenario, self.id)
 
     def _leads_somewhere(self, way: Way) -> bool:
         return way.to in self._reach.get(way.radio, ())
-
-    def _check_ways(self, ways: Iterable[Way]) -> None:
-        for way in ways:
-            if not self._leads_somewhere(way):
-                known = "; ".join(f"{radio}: {', '.join(sorted(ids))}" for radio, ids in self._reach.items())
-                text = f"node {self.id}: a packet by radio {way.radio!r} to {way.to!r}; there are {known}"
-                raise InputError(text)
 
     # Ticks.
 
