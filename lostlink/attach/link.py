@@ -8,11 +8,10 @@ first, and waits here for the wall time that belongs to its instant.
 from __future__ import annotations
 
 import asyncio
-import math
 import os
 from collections import deque
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
 from bridge.bus.inbox import Inbox
 from bridge.bus.keys import IP, Keys
@@ -20,28 +19,11 @@ from bridge.bus.messages import Clock, decode
 from bridge.bus.reception import radio_of, signal_of
 from bridge.bus.session import Sample, Session
 from lostlink.attach.forwarder import Dropped, Forwarder
+from lostlink.attach.run_clock import RunClock
 
 READ_AT_ONCE: Final = 64
 """Packets; then whatever else there is has its turn."""
 PACKET_MAX: Final = 65536
-
-
-class Paced(NamedTuple):
-    """Which wall time belongs to an instant.
-
-    Attributes:
-        tick_ns: the newest tick.
-        at_s: when it came, by the event loop's clock.
-        speed: sim time by wall time.
-    """
-
-    tick_ns: int = 0
-    at_s: float = -math.inf
-    speed: float = math.inf
-
-    def wall_s(self, sim_time_ns: int) -> float:
-        """By the event loop's clock; an instant is never further ahead than it is from the tick."""
-        return self.at_s + max(0, sim_time_ns - self.tick_ns) / 1e9 / self.speed
 
 
 class IpLink:
@@ -55,6 +37,9 @@ class IpLink:
         forwarder: decides.
         tun: file of the interface, not blocking.
         on_end: called when the run is over.
+
+    Attributes:
+        clock: of the run.
     """
 
     def __init__(
@@ -70,7 +55,7 @@ class IpLink:
         self._session, self._forwarder, self._tun = session, forwarder, tun
         self._node, self._radio, self._keys, self._on_end = node, radio, keys, on_end
         self._loop = asyncio.get_running_loop()
-        self._clock = Paced()
+        self.clock = RunClock()
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._timer: asyncio.TimerHandle | None = None
 
@@ -112,14 +97,14 @@ class IpLink:
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)
-        self._clock = Paced(clock.header.stamp.ns, self._loop.time(), clock.speed)
+        self.clock.came(clock.header.stamp.ns, self._loop.time(), clock.speed)
 
     def _packet_came(self, sample: Sample) -> None:
         raw = sample.payload.to_bytes()
         if radio_of(sample) != self._radio or not self._forwarder.incoming(raw):
             return
         _, _, instants = signal_of(sample)
-        self._waiting.append((self._clock.wall_s(instants.arrived_ns), raw))
+        self._waiting.append((self.clock.wall_s(instants.arrived_ns), raw))
         if self._timer is None:
             self._write_due()
 

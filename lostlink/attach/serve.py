@@ -80,6 +80,8 @@ class _Attached:
                 self._run_ended()
         loop.remove_reader(self._program.pidfd)
         link.close()
+        if link.clock.warning:
+            self._say(link.clock.warning)
 
     def _run_ended(self) -> None:
         if not self._ends:

@@ -168,7 +168,7 @@ def payload_bps(length: int) -> float:
     return 8 * length / (8 * (length + 8 + 20 + HEADER_BYTES) / RATE_BPS)
 
 
-@pytest.mark.parametrize("to", ["ua-1", "10.42.0.255"])
+@pytest.mark.parametrize("to", ["ua-1", pytest.param("10.42.0.255", marks=pytest.mark.slow)])
 def test_the_throughput_is_that_of_the_medium(to: str, start_run: StartRun, attach: Attach) -> None:
     run = live(start_run, AIRTIME)
     sinks = [attach(run, node, *python("sink")) for node in ("1", "gcs")]
@@ -190,6 +190,21 @@ def test_the_throughput_is_that_of_the_medium(to: str, start_run: StartRun, atta
     came = mine[mine.fate == "delivered"]
     gaps_ns = came.arrived_ns.diff().dropna()
     assert gaps_ns.median() == round(8 * (1000 + 28 + HEADER_BYTES) / RATE_BPS * 1e9)
+
+
+@pytest.mark.slow
+def test_a_program_is_on_the_radio_that_it_is_given(start_run: StartRun, attach: Attach) -> None:
+    mesh = "networks: {{mesh: {{preset: perfect, mtu_bytes: 300}}}}\nports:"
+    run = live(start_run, IDEAL.replace("ports:", mesh))
+    server = attach(run, "1", "--radio", "mesh", "--", *python("echo_server"))
+    assert first_line(server) == "listens"
+    status, _, err = ended(attach(run, "0", "--radio", "mesh", "--", *python("echo_client", "ua-1", 3, 100)))
+    assert status == 0, err
+    assert "UA 0 is 10.42.0.1 on radio mesh (MTU 300 bytes)" in err
+    stopped(run)
+    recorded = load_run(run.directory)
+    assert set(recorded.packets[recorded.packets.channel == "ip"].radio) == {"mesh"}
+    assert "identical" in refly(run)
 
 
 @needs("ping", "iputils-ping")
@@ -226,13 +241,22 @@ def iperf(attach: Attach, run: Run, *options: str) -> dict[str, Any]:
 
 @needs("iperf3", "iperf3")
 @pytest.mark.slow
-def test_iperf3_by_udp_measures_the_medium(start_run: StartRun, attach: Attach) -> None:
-    run = live(start_run, TDMA)
-    report = iperf(attach, run, "--udp", "--bitrate", "300k", "--length", "1000", "--time", "15")
-    # A slot of 49 ms has room for 1 frame of 41.44 ms, each 100 ms; first and last seconds: queues fill and empty.
+@pytest.mark.parametrize(
+    ("scenario", "carried_bps"),
+    [
+        (AIRTIME, 8 * 1000 / (8 * (1000 + 8 + 20 + HEADER_BYTES) / RATE_BPS)),
+        (TDMA, 8 * 1000 / 0.1),  # a slot of 49 ms has room for one frame of 41.44 ms, each 100 ms
+    ],
+    ids=["airtime", "tdma"],
+)
+def test_iperf3_by_udp_measures_the_medium(
+    scenario: str, carried_bps: float, start_run: StartRun, attach: Attach
+) -> None:
+    run = live(start_run, scenario)
+    report = iperf(attach, run, "--udp", "--bitrate", "400k", "--length", "1000", "--time", "15")
     seconds = [each["sum"]["bits_per_second"] for each in report["intervals"]][2:-2]
     assert len(seconds) > 8
-    assert sum(seconds) / len(seconds) == pytest.approx(8 * 1000 / 0.1, rel=0.03)
+    assert sum(seconds) / len(seconds) == pytest.approx(carried_bps, rel=0.03)
     stopped(run)
     assert "identical" in refly(run)
 
@@ -251,6 +275,7 @@ def test_iperf3_by_tcp_gets_through_and_no_more_than_the_medium_carries(
     assert "identical" in refly(run)
 
 
+@pytest.mark.slow
 def test_at_another_speed_it_works_with_a_warning(start_run: StartRun, attach: Attach) -> None:
     run = start_run("--speed", "4", scenario=IDEAL, duration_s=200.0)
     run.wait_for("sim time")

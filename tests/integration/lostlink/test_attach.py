@@ -225,7 +225,9 @@ def test_the_second_on_a_node_is_refused_by_name_and_other_nodes_are_not(
         (signal.SIGINT, "signal.signal(signal.SIGINT, signal.SIG_DFL)", 130),
         (signal.SIGTERM, "signal.signal(signal.SIGTERM, lambda *_: os._exit(7))", 7),
         (signal.SIGTERM, "", 143),
-        (signal.SIGTERM, "signal.signal(signal.SIGTERM, signal.SIG_IGN)", 137),
+        pytest.param(
+            signal.SIGTERM, "signal.signal(signal.SIGTERM, signal.SIG_IGN)", 137, marks=pytest.mark.slow
+        ),
     ],
 )
 def test_signals_reach_the_program_and_nothing_is_left(
