@@ -20,8 +20,8 @@ from bridge.agents.measurements import Measurement, SensorMemory
 from bridge.agents.outlet import AgentOutlet
 from bridge.agents.own_files import OwnFiles
 from bridge.agents.radio import OwnRadio
-from bridge.bus.handling import handling_of
-from bridge.bus.keys import ALL, MAIN, checked_chunk
+from bridge.bus.handling import PLAIN, Handling, handling_of
+from bridge.bus.keys import ALL, IP, MAIN, checked_chunk
 from bridge.bus.messages import (
     AgentStatus,
     AircraftState,
@@ -117,7 +117,7 @@ class UaClient(Commands):
         self._kinds: dict[str, str] = {}
         self._logged_at_ns, self._logged = -1, 0
         self._on_tick: list[Callable[[int], object]] = []
-        self._on_packet: list[OnPacket] = []
+        self._on_packet: list[tuple[OnPacket, str]] = []
         self._on_measurement: list[Callable[[Measurement], object]] = []
 
     # --- what comes in
@@ -156,9 +156,14 @@ class UaClient(Commands):
         """Call ``callback(sim_time_ns)`` at each tick of the fleet clock."""
         self._on_tick.append(callback)
 
-    def on_packet(self, callback: OnPacket) -> None:
-        """Call ``callback(sender, channel, payload, reception)`` for each packet that the radio delivers."""
-        self._on_packet.append(callback)
+    def on_packet(self, callback: OnPacket, *, channel: str = "") -> None:
+        """Call ``callback(sender, channel, payload, reception)`` for each packet that the radio delivers.
+
+        Args:
+            callback: called in the agent's loop.
+            channel: of this one only; of all but ``ip``, which is for programs attached to the node, if not given.
+        """
+        self._on_packet.append((callback, channel))
 
     def on_measurement(self, callback: Callable[[Measurement], object]) -> None:
         """Call ``callback(measurement)`` for each measurement of the node's RF sensor, one tick after it was taken."""
@@ -221,10 +226,13 @@ class UaClient(Commands):
         self._check_reach(radio, to)
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else ""
         raw = encode(payload) if isinstance(payload, Message) else _checked_bytes(payload)
-        seq = self.sent
         if self.is_over:
-            return seq
+            return self.sent
         handling = handling_of(priority, lifetime_s, key)
+        return self._give(to, channel, raw, encoding, handling, radio)
+
+    def _give(self, to: str, channel: str, raw: bytes, encoding: str, handling: Handling, radio: str) -> int:
+        seq = self.sent
         self._outlet.transmit(to, channel, raw, encoding, Stamp(seq, self.sim_time_ns), handling, radio)
         self.sent += 1
         return seq
@@ -317,6 +325,14 @@ class UaClient(Commands):
 
     # --- fed by the host, or by Zenoh
 
+    def enter(self, *, channel: str, payload: bytes, to: str, radio: str) -> None:
+        """Give a packet from outside to a radio: it has the node's next number, and the agent hears no more of it."""
+        if self.is_over:
+            return
+        self.radios.setdefault(radio, OwnRadio()).leave_out(
+            self._give(to, channel, payload, "", PLAIN, radio)
+        )
+
     def take_clock(self, sim_time_ns: int) -> None:
         """The tick ``sim_time_ns`` has come: waits that took too long end."""
         if not self._has_clock:  # whoever joins a run waits from here on
@@ -366,8 +382,9 @@ class UaClient(Commands):
     def take_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
         """A packet that the radio delivered; raises what the callbacks raise."""
         self.received += 1
-        for callback in self._on_packet:
-            callback(sender, channel, payload, reception)
+        for callback, wanted in self._on_packet:
+            if channel == wanted or (not wanted and channel != IP):
+                callback(sender, channel, payload, reception)
 
     def tick(self) -> None:
         """All that came with this tick was taken: call the callbacks; raises what they raise."""

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from bridge.bus.messages import DecodeError, RadioStatus
+
+LEFT_OUT_MAX = 1000
+"""Packets from outside that are remembered until it is known what became of them; queues are shorter."""
 
 
 class QueueState(NamedTuple):
@@ -48,10 +52,15 @@ class OwnRadio:
         self.queue = QueueState()
         self.replies: tuple[UnicastReply, ...] = ()
         self._on_reply: list[Callable[[UnicastReply], object]] = []
+        self._left_out: deque[int] = deque(maxlen=LEFT_OUT_MAX)
 
     def on_reply(self, callback: Callable[[UnicastReply], object]) -> None:
         """Call ``callback(reply)`` for each unicast that was acknowledged or given up."""
         self._on_reply.append(callback)
+
+    def leave_out(self, seq: int) -> None:
+        """What becomes of the packet with this number is not told: it came from outside."""
+        self._left_out.append(seq)
 
     def begin(self) -> None:
         """A tick begins: what was said before it is old."""
@@ -60,7 +69,7 @@ class OwnRadio:
     def take(self, queue: QueueState | None, replies: Sequence[UnicastReply]) -> None:
         """What the radio says; raises what the callbacks raise."""
         self.queue = self.queue if queue is None else queue
-        self.replies = tuple(replies)
+        self.replies = tuple(reply for reply in replies if reply.seq not in self._left_out)
         for reply in self.replies:
             for callback in self._on_reply:
                 callback(reply)

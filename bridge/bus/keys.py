@@ -15,6 +15,8 @@ MAIN = "main"
 """The radio network that all nodes are on, and their radios there."""
 ALL = "all"
 """Addressee of a packet that is for every other node."""
+IP = "ip"
+"""Channel of the IP packets of programs that are attached to nodes (`lostlink attach`)."""
 _CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -124,6 +126,10 @@ class Keys:
         """What a node gives to one of its radios, for one node, a group or all; only the radio router reads it."""
         return f"{self.prefix}/node/{node}/tx/{radio}/{to}/{channel}"
 
+    def enter(self, node: str, channel: str, *, to: str = ALL, radio: str = MAIN) -> str:
+        """A packet that enters a node from outside, for one of its radios; its host reads it, and records it."""
+        return f"{self.prefix}/node/{node}/enter/{radio}/{to}/{channel}"
+
     def next_packet(self, node: str) -> str:
         """Queryable that gives a free node's program the number and the least sim time of its next packet."""
         return f"{self.prefix}/node/{node}/next_packet"
@@ -169,13 +175,13 @@ class Keys:
         return key[len(self.prefix) + 1 :].split("/", 2)[1]
 
     def address_of(self, tx_key: str) -> Address:
-        """Split a ``tx`` key.
+        """Split a ``tx`` or an ``enter`` key.
 
         Raises:
             KeyMistake: it is none, or has wildcards.
         """
-        _, node, _, *rest = tx_key[len(self.prefix) + 1 :].split("/")
+        _, node, kind, *rest = tx_key[len(self.prefix) + 1 :].split("/")
         if len(rest) != 3:
-            raise KeyMistake(f"{tx_key} is not node/<id>/tx/<radio>/<to>/<channel>")
+            raise KeyMistake(f"{tx_key} is not node/<id>/{kind}/<radio>/<to>/<channel>")
         radio, to, channel = (checked_chunk(chunk) for chunk in rest)
         return Address(node, radio, to, channel)

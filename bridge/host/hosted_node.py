@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from bridge.agents import agent_class
@@ -17,6 +18,8 @@ from bridge.aircraft.body import Body
 from bridge.bus.messages import AgentStatus, Header
 from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
+from bridge.record.input_fields import PACKET_MAX_BYTES, Way
+from bridge.record.ways import whom
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import current_node
@@ -44,6 +47,7 @@ class HostedNode:
         call_back: has something called in the event loop; the agent's thread calls it.
         on_exchanged: with lookahead, called when the aircraft may fly on from an instant.
         asks_dropped: how many commands found no room before they came to the node.
+        packets_lost: the same of packets from outside.
     """
 
     def __init__(
@@ -61,6 +65,7 @@ class HostedNode:
         self._agent_folder = run.agent_folder(config.node)
         self._outlet = outlet
         self.asks_dropped: Callable[[], int] = lambda: 0
+        self.packets_lost: Callable[[], int] = lambda: 0
         self.call_back: Callable[[Callable[[], object]], object] = self._loop.call_soon_threadsafe
         self.on_exchanged: Callable[[str], object] = lambda _: None
         self.node = Node(config.node, body, self._outlet, record)
@@ -110,6 +115,22 @@ class HostedNode:
         from channel.sensing.sensor import Sensor
 
         return Sensor(sensor_of(self._config.sensor, self._scenario.origin))
+
+    # From outside.
+
+    def packet_came(self, way: Way, payload: bytes) -> None:
+        """Somebody outside has a packet for a radio of the node; what can go nowhere is dropped and counted."""
+        if self._leads_somewhere(way) and 0 < len(payload) <= PACKET_MAX_BYTES:
+            self.node.packet_came(way, payload)
+        else:
+            self.node.packets_dropped += 1
+
+    @cached_property
+    def _reach(self) -> dict[str, set[str]]:
+        return whom(self._scenario, self.id)
+
+    def _leads_somewhere(self, way: Way) -> bool:
+        return way.to in self._reach.get(way.radio, ())
 
     # Ticks.
 
@@ -181,5 +202,6 @@ class HostedNode:
         counters = {
             "messages_the_agent_could_not_read": 0 if self.runner is None else self.runner.ua.malformed,
             "commands_dropped": self.asks_dropped() + self.node.commands_dropped,
+            "packets_from_outside_dropped": self.packets_lost() + self.node.packets_dropped,
         }
         self._record.close(self.statistics(), counters)

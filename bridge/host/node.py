@@ -3,8 +3,8 @@
 `Node` is the order in which things happen on board (docs/explanation/architecture.md has it as a drawing):
 
 1. the autopilot, held by the flight dynamics, is heard; then MAVLink clients, then operators, in the order they came;
-2. the agent gets clock, state, who was heard, what its sensor measured, the packets that the radio delivered, and what
-   became of its commands;
+2. packets that programs of others gave to the node enter its radios; then the agent gets clock, state, who was heard,
+   what its sensor measured, the packets that the radio delivered, and what became of its commands;
 3. when nothing in the agent is ready to run, its commands start, in their order;
 4. the autopilot is spoken to, and the tick is answered.
 
@@ -18,18 +18,21 @@ from functools import partial
 from typing import Protocol
 
 from aps.inputs import Input
+from bridge.agents.client import UaClient
 from bridge.agents.outlet import HeldOutlet, NodeOutlet
-from bridge.agents.running.feed import Arrivals
+from bridge.agents.running.feed import Arrival, Arrivals
 from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.body import Body, StatePace
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
-from bridge.record.inputs import RecordedInput
+from bridge.record.inputs import RecordedInput, Way
 from bridge.record.logged import LoggedValue
 
 OnReply = Callable[[CommandEvent], object]
 ASKED_MAX = 1000
 """Operators' commands that may wait for a tick."""
+ENTERING_MAX, ENTERING_MAX_BYTES = 2000, 4 << 20
+"""Packets from outside that may wait for a tick: 40 000 a second, more than any radio of ours sends."""
 
 
 class Recorder(Protocol):
@@ -78,6 +81,10 @@ class Node:
         self._asked: list[tuple[str, CommandGoal, OnReply]] = []
         self.commands_dropped = 0
         """Commands of operators that found no room."""
+        self._entering: list[tuple[Way, bytes]] = []
+        self._entering_bytes = 0
+        self.packets_dropped = 0
+        """Packets from outside that found no room, or came where none are taken."""
         self._replay: list[RecordedInput] = []
 
     def join(self, runner: AgentRunner, outlet: HeldOutlet) -> None:
@@ -104,6 +111,20 @@ class Node:
             return
         self._asked.append((verb, goal, on_reply))
 
+    def packet_came(self, way: Way, payload: bytes) -> None:
+        """Somebody outside has a packet for a radio of the node: it enters at the next tick, and is recorded."""
+        has_room = (
+            len(self._entering) < ENTERING_MAX and self._entering_bytes + len(payload) <= ENTERING_MAX_BYTES
+        )
+        if not self.body.takes_input or self._runner is None or not has_room:
+            self.packets_dropped += 1
+        else:
+            self._enter(way, payload)
+
+    def _enter(self, way: Way, payload: bytes) -> None:
+        self._entering.append((way, payload))
+        self._entering_bytes += len(payload)
+
     # The tick.
 
     def exchange(self, now_ns: int) -> None:
@@ -124,7 +145,7 @@ class Node:
             self._end()
         else:
             self.is_live = True
-            self._runner.tick(now_ns, arrivals)
+            self._runner.tick(now_ns, [*self._entered(), *arrivals])
 
     def finish(self) -> None:
         """The agent has done all that it does at this tick."""
@@ -144,12 +165,18 @@ class Node:
         self._now_ns = now_ns
         recorded = self._due_of_the_record()
         self.body.inject(
-            [Input(i.link, i.kind, i.data) for i in recorded if i.kind != "command" and i.link is not None]
+            [
+                Input(i.link, i.kind, i.data)
+                for i in recorded
+                if i.link is not None and i.kind != "command" and i.kind != "packet"
+            ]
         )
         self.body.begin(now_ns)
         for item in recorded:
             if item.verb is not None and item.goal is not None:
                 self._start_asked(item.verb, item.goal, lambda _: None)
+            elif item.way is not None:
+                self._enter(item.way, item.data)
         asked, self._asked = self._asked, []
         for verb, goal, on_reply in asked:
             self._start_asked(verb, goal, on_reply)
@@ -157,6 +184,16 @@ class Node:
     def _end(self) -> None:
         self.body.end()
         self._outlet.answer(self._now_ns)
+
+    def _entered(self) -> list[Arrival]:
+        """Packets from outside that enter at this tick, ahead of what the agent transmits."""
+        entering, self._entering, self._entering_bytes = self._entering, [], 0
+        for way, payload in entering:
+            self._record.write_input(RecordedInput.packet(self._now_ns, way, payload))
+        return [
+            partial(UaClient.enter, channel=way.channel, payload=payload, to=way.to, radio=way.radio)
+            for way, payload in entering
+        ]
 
     def _due_of_the_record(self) -> list[RecordedInput]:
         due = []

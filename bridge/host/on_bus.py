@@ -1,4 +1,4 @@
-"""What operators and observers ask of a hosted node, on the bus: commands, and the last MAVLink message of a type."""
+"""What comes from outside for a hosted node, on the bus: commands, packets, and who asks for a MAVLink message."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from functools import partial
 from bridge.bus.inbox import Inbox
 from bridge.bus.messages import CommandEvent, CommandGoal, DecodeError, decode
 from bridge.bus.replies import reply_event
-from bridge.bus.session import Query, Session, answer, end_of_answers
+from bridge.bus.session import Query, Sample, Session, answer, end_of_answers
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_node import HostedNode
-from bridge.host.node import ASKED_MAX, OnReply
-from bridge.record.input_fields import VERBS
+from bridge.host.node import ASKED_MAX, ENTERING_MAX, OnReply
+from bridge.record.input_fields import VERBS, Way
 from bridge.run.directory import RunDirectory
 
 log = logging.getLogger("host")
@@ -36,6 +36,9 @@ class AskedOnBus:
         for verb in VERBS:
             session.serve(self._keys.command(hosted.id, verb), partial(_push, commands, verb))
         hosted.asks_dropped = lambda: commands.dropped
+        packets: Inbox[Sample] = Inbox(loop, self._entered, limit=ENTERING_MAX)
+        session.subscribe(self._keys.enter(hosted.id, "*", to="*", radio="*"), packets.push)
+        hosted.packets_lost = lambda: packets.dropped + packets.failed
         if isinstance(hosted, HostedAircraft):
             looks: Inbox[Query] = Inbox(loop, partial(self._look, hosted), limit=ASKED_MAX)
             session.serve(self._keys.mavlink(hosted.id, "*"), looks.push)
@@ -49,6 +52,12 @@ class AskedOnBus:
             reply(CommandEvent(CommandEvent.RESULT, False, str(error)))
             return
         self._hosted.node.operator_asked(verb, goal, reply)
+
+    def _entered(self, sample: Sample) -> None:
+        """A packet for one of the node's radios."""
+        address = self._keys.address_of(str(sample.key_expr))
+        way = Way(address.radio, address.to, address.channel)
+        self._hosted.packet_came(way, sample.payload.to_bytes())
 
     def _look(self, hosted: HostedAircraft, query: Query) -> None:
         """The last MAVLink message of a type: nothing is asked of the autopilot, so nothing is recorded."""

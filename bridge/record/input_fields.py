@@ -6,12 +6,13 @@ import dataclasses
 import json
 import math
 from dataclasses import dataclass
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal, NamedTuple, get_args
 
+from bridge.bus.keys import ALL, IP, MAIN, KeyMistake, checked_chunk
 from bridge.bus.messages.types import CommandGoal
 from bridge.bus.radio_command import RADIO
 
-Kind = Literal["open", "frame", "close", "command"]
+Kind = Literal["open", "frame", "close", "command", "packet"]
 KINDS: Final = get_args(Kind)
 VERBS: Final = (
     *(
@@ -36,12 +37,15 @@ VERBS: Final = (
 """What can be commanded: those of `aps.vehicle.commander`, named here so that readers do without aps, and the radio."""
 TICK_MAX_NS: Final = (1 << 63) - 1
 LINK_MAX: Final = (1 << 31) - 1
+PACKET_MAX_BYTES: Final = 65535
+"""Of a packet that enters a node from outside: the longest that IP has."""
 _GOAL_FIELDS: Final = tuple(field.name for field in dataclasses.fields(CommandGoal))
 _KEYS: Final = {
     "open": ("tick_ns", "kind", "link"),
     "close": ("tick_ns", "kind", "link"),
     "frame": ("tick_ns", "kind", "link", "hex", "name"),
     "command": ("tick_ns", "kind", "verb", *_GOAL_FIELDS),
+    "packet": ("tick_ns", "kind", "radio", "to", "channel", "hex"),
 }
 _OPTIONAL: Final = {"name", *_GOAL_FIELDS}
 _NO_NUMBERS: Final = ("nan", "inf", "-inf")
@@ -52,17 +56,32 @@ class InputError(ValueError):
     """An input is wrong; the text names the key and what is allowed (and file and line, if it was read)."""
 
 
+class Way(NamedTuple):
+    """Which way a packet goes that enters a node from outside.
+
+    Attributes:
+        radio: name of the node's radio.
+        to: the node, or the group of nodes, that it is for, or all.
+        channel: of the packet.
+    """
+
+    radio: str = MAIN
+    to: str = ALL
+    channel: str = IP
+
+
 @dataclass(frozen=True, slots=True)
 class RecordedInput:
     """What came from outside and took effect at a tick.
 
     Attributes:
         tick_ns: sim time of the tick.
-        kind: a link was opened or closed, a MAVLink frame came over one, or a command.
-        link: number of the link; None for a command.
-        data: the frame's bytes; empty for the others.
+        kind: a link was opened or closed, a MAVLink frame came over one, a command, or a packet for a radio.
+        link: number of the link; None for a command or a packet.
+        data: the bytes of a frame or a packet; empty for the others.
         verb: what is commanded; None for the others.
         goal: the command's arguments; None for the others.
+        way: which way a packet goes; None for the others.
 
     Raises:
         InputError: the values do not go together.
@@ -74,21 +93,26 @@ class RecordedInput:
     data: bytes = b""
     verb: str | None = None
     goal: CommandGoal | None = None
+    way: Way | None = None
 
     def __post_init__(self) -> None:
         _check_choice("kind", self.kind, KINDS)
         _check_whole("tick_ns", self.tick_ns, TICK_MAX_NS)
-        is_command = self.kind == "command"
+        is_command, is_packet = self.kind == "command", self.kind == "packet"
         if is_command:
             _check_choice("verb", self.verb, VERBS)
-        else:
+        elif not is_packet:
             _check_whole("link", self.link, LINK_MAX)
-        if bool(self.data) != (self.kind == "frame"):
-            raise InputError(f"key 'hex': a frame has at least one byte, {self.kind!r} has none")
+        if bool(self.data) != (self.kind in ("frame", "packet")):
+            raise InputError(f"key 'hex': a frame or a packet has at least one byte, {self.kind!r} has none")
         if is_command != (self.goal is not None) or is_command != (self.verb is not None):
             raise InputError("keys 'verb' and goal: a command has both, the other kinds have neither")
-        if is_command and self.link is not None:
-            raise InputError("key 'link': a command has none")
+        if (is_command or is_packet) and self.link is not None:
+            raise InputError(f"key 'link': a {self.kind} has none")
+        if is_packet != (self.way is not None):
+            raise InputError("keys 'radio', 'to' and 'channel': a packet has them, the other kinds have none")
+        if self.way is not None:
+            _check_way(self.way, self.data)
 
     @classmethod
     def opened(cls, tick_ns: int, link: int) -> RecordedInput:
@@ -110,6 +134,11 @@ class RecordedInput:
         """An operator's command came."""
         return cls(tick_ns, "command", verb=verb, goal=goal)
 
+    @classmethod
+    def packet(cls, tick_ns: int, way: Way, data: bytes) -> RecordedInput:
+        """A packet came for a radio of the node."""
+        return cls(tick_ns, "packet", data=data, way=way)
+
 
 def to_fields(item: RecordedInput) -> dict[str, Any]:
     """The input as a JSON object."""
@@ -118,6 +147,8 @@ def to_fields(item: RecordedInput) -> dict[str, Any]:
         fields["link"] = item.link
     if item.kind == "frame":
         return fields | {"name": frame_name(item.data), "hex": item.data.hex()}
+    if item.way is not None:
+        return fields | item.way._asdict() | {"hex": item.data.hex()}
     if item.verb is not None and item.goal is not None:
         goal = {name: getattr(item.goal, name) for name in _GOAL_FIELDS}
         empty = CommandGoal()
@@ -147,6 +178,9 @@ def from_fields(fields: dict[str, Any]) -> RecordedInput:
     tick_ns = fields["tick_ns"]
     if kind == "command":
         return RecordedInput(tick_ns, kind, verb=fields["verb"], goal=_goal(fields))
+    if kind == "packet":
+        way = Way(*(_text(key, fields[key]) for key in Way._fields))
+        return RecordedInput.packet(tick_ns, way, _bytes(fields["hex"]))
     data = _frame(fields["hex"]) if kind == "frame" else b""
     return RecordedInput(tick_ns, kind, fields["link"], data)
 
@@ -228,6 +262,16 @@ def _frame(value: object) -> bytes:
         "its checksum is wrong" if framer.counters.bad_crc else f"its {len(data)} bytes are none, or not one"
     )
     raise InputError(f"key 'hex': one whole MAVLink frame is expected: {text}")
+
+
+def _check_way(way: Way, data: bytes) -> None:
+    for key, value in way._asdict().items():
+        try:
+            checked_chunk(value)
+        except KeyMistake as mistake:
+            raise InputError(f"key {key!r}: {mistake}") from mistake
+    if len(data) > PACKET_MAX_BYTES:
+        raise InputError(f"key 'hex': {len(data)} bytes; a packet has at most {PACKET_MAX_BYTES}")
 
 
 def _plain(value: str | float) -> str | float:

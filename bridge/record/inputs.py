@@ -1,8 +1,9 @@
-"""What came to a node from outside (a GCS, an operator) and took effect: one JSON object per line.
+"""What came to a node from outside (a GCS, an operator, a program) and took effect: one JSON object per line.
 
     {"tick_ns": 1250000000, "kind": "open", "link": 3}
     {"tick_ns": 1250000000, "kind": "frame", "link": 3, "name": "SET_MODE", "hex": "fd09..."}
     {"tick_ns": 1300000000, "kind": "command", "verb": "takeoff", "altitude_rel_m": 20.0}
+    {"tick_ns": 1350000000, "kind": "packet", "radio": "main", "to": "1", "channel": "ip", "hex": "4500..."}
     {"tick_ns": 9900000000, "kind": "close", "link": 3}
 
 A link is opened before it has frames, and closed once at most; after that its number may be opened again. Of a
@@ -17,10 +18,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
-from bridge.record.input_fields import InputError, RecordedInput, from_fields, to_fields
+from bridge.record.input_fields import InputError, RecordedInput, Way, from_fields, to_fields
 from bridge.record.names import INPUT_FOLDER, inputs_path
 
-__all__ = ["InputError", "InputWriter", "RecordedInput", "all_inputs", "inputs_of", "read_inputs"]
+__all__ = ["InputError", "InputWriter", "RecordedInput", "Way", "all_inputs", "inputs_of", "read_inputs"]
 
 
 class InputWriter:

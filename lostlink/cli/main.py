@@ -19,6 +19,7 @@ COMMANDS = {
     "report": "lostlink.cli.records.report",
     "export": "lostlink.cli.records.export",
     "aps": "lostlink.cli.live.aps",
+    "attach": "lostlink.cli.live.attach",
     "doctor": "lostlink.cli.live.doctor",
     "echo": "lostlink.cli.live.echo",
     "modem": "lostlink.cli.live.modem",

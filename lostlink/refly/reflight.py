@@ -13,6 +13,7 @@ from bridge.record.inputs import all_inputs
 from bridge.record.names import streams_of
 from bridge.record.provenance import differences, read_provenance
 from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.ways import check_ways
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
 from bridge.scenario.model import Scenario
@@ -121,7 +122,7 @@ def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
     if not has_streams and not DELIVERIES.is_in(run):
         raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
     scenario = with_changes(read_scenario(str(run / SCENARIO_FILE)), changes)
-    all_inputs(run)
+    check_ways(scenario, all_inputs(run))
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")

@@ -104,6 +104,33 @@ def test_a_packet_says_by_which_radio_it_came() -> None:
     assert [(each.radio, each.seq) for each in came] == [("mesh", 4), ("main", 4)]
 
 
+def test_packets_from_outside_have_numbers_of_the_node_and_are_no_business_of_its_agent() -> None:
+    outlet = Outlet()
+    ua, heard = client(outlet), []
+    ua.radios["mesh"].on_reply(heard.append)
+    ua.transmit("team", b"x", to="1", radio="mesh")
+    ua.enter(channel="ip", payload=b"E", to="1", radio="mesh")
+    ua.transmit("team", b"x", to="1", radio="mesh")
+    assert [(channel, seq) for _, channel, seq, _ in outlet.sent] == [("team", 0), ("ip", 1), ("team", 2)]
+    ua.radios["mesh"].take(None, [UnicastReply(seq, True, 1, 90) for seq in (0, 1, 2)])
+    assert [reply.seq for reply in heard] == [0, 2] == [reply.seq for reply in ua.radios["mesh"].replies]
+    ua.is_over = True
+    ua.enter(channel="ip", payload=b"E", to="1", radio="mesh")
+    assert ua.sent == len(outlet.sent) == 3
+
+
+def test_who_does_not_ask_for_ip_gets_none() -> None:
+    ua, arrivals = client(Outlet()), Arrivals()
+    came: list[tuple[str, str]] = []
+    for asked in ("", "ip", "team"):
+        ua.on_packet(lambda _sender, channel, *_, asked=asked: came.append((asked, channel)), channel=asked)  # type: ignore[misc]
+    for channel in ("ip", "team", "other"):
+        arrivals.packet_came(DeliveredPacket("1", channel, b"x", Stamp(4, 5)), -80.0, 9.0)
+    for arrival in arrivals.take():
+        arrival(ua)
+    assert came == [("ip", "ip"), ("", "team"), ("team", "team"), ("", "other")]
+
+
 @pytest.mark.parametrize("radio", ["main", "mesh-2.4"])
 def test_the_radio_travels_behind_power_and_instants(radio: str) -> None:
     instants = Instants(1, 2, 3, 4)

@@ -24,6 +24,7 @@ def test_keys_of_a_ua() -> None:
 
 def test_keys_parse_back() -> None:
     assert KEYS.address_of(KEYS.tx("gcs", "team", to="1")) == ("gcs", "main", "1", "team")
+    assert KEYS.address_of(KEYS.enter("gcs", "ip", to="1", radio="mesh")) == ("gcs", "mesh", "1", "ip")
     assert KEYS.node_of(KEYS.agent("7")) == "7"
     assert KEYS.last_chunk(KEYS.truth("7")) == "7"
 

@@ -11,7 +11,15 @@ import pytest
 
 from aps.wire.dialect import Encoder, mavlink
 from bridge.bus.messages import CommandGoal
-from bridge.record.inputs import InputError, InputWriter, RecordedInput, all_inputs, inputs_of, read_inputs
+from bridge.record.inputs import (
+    InputError,
+    InputWriter,
+    RecordedInput,
+    Way,
+    all_inputs,
+    inputs_of,
+    read_inputs,
+)
 from bridge.record.names import inputs_path
 
 FRAME = Encoder(255, 190).encode(mavlink.MAVLink_set_mode_message(1, 1, 4))
@@ -22,6 +30,7 @@ ITEMS = [
     RecordedInput.command(60_000_000, "mode", CommandGoal("GUIDED", speed_mps=math.inf)),
     RecordedInput.closed(100_000_000, 3),
     RecordedInput.opened(100_000_000, 3),
+    RecordedInput.packet(150_000_000, Way("mesh", "gcs"), b"\x45\x00"),
 ]
 
 
@@ -70,6 +79,15 @@ def test_each_line_is_there_at_once_and_for_people(tmp_path: Path) -> None:
         "latitude_deg": -0.0,
         "altitude_rel_m": 20.0,
         "speed_mps": 5.0,
+    }
+    writer.write(ITEMS[6])
+    assert json.loads(path.read_text().splitlines()[-1]) == {
+        "tick_ns": 150_000_000,
+        "kind": "packet",
+        "radio": "mesh",
+        "to": "gcs",
+        "channel": "ip",
+        "hex": "4500",
     }
     writer.close()
 
@@ -128,6 +146,24 @@ MISTAKES = [
         "'speed_mps': '5' is not a number",
     ),
     ('{"tick_ns": 5, "kind": "command", "verb": "goto", "link": 3}', "'link' is unknown"),
+    *(
+        (
+            json.dumps(
+                {"tick_ns": 5, "kind": "packet", "radio": "main", "to": "1", "channel": "ip"} | fields
+            ),
+            text,
+        )
+        for fields, text in (
+            ({}, "'hex' is missing; 'packet' has tick_ns, kind, radio, to, channel, hex"),
+            ({"hex": ""}, "'hex': a frame or a packet has at least one byte"),
+            ({"hex": "4"}, "'hex': '4' is not an even number of digits"),
+            ({"hex": "00" * 65536}, "'hex': 65536 bytes; a packet has at most 65535"),
+            ({"hex": "45", "to": "a/b"}, "'to': 'a/b' cannot be part of a key"),
+            ({"hex": "45", "radio": 1}, "'radio': 1 is not text"),
+            ({"hex": "45", "channel": "*"}, "'channel': '*' cannot be part of a key"),
+            ({"hex": "45", "link": 3}, "'link' is unknown"),
+        )
+    ),
 ]
 
 
@@ -160,6 +196,9 @@ def test_writer_refuses_what_the_reader_would(tmp_path: Path) -> None:
         lambda: RecordedInput(0, "open", 1, verb="arm"),
         lambda: RecordedInput(0, "command", 1, verb="arm", goal=CommandGoal()),
         lambda: RecordedInput(1 << 63, "open", 1),
+        lambda: RecordedInput(0, "packet", data=b"x"),
+        lambda: RecordedInput(0, "packet", 1, b"x", way=Way()),
+        lambda: RecordedInput(0, "frame", 1, b"x", way=Way()),
     ],
 )
 def test_values_that_do_not_go_together_are_refused(make: Callable[[], RecordedInput]) -> None:
