@@ -124,6 +124,10 @@ class Keys:
         """What a node gives to one of its radios, for one node, a group or all; only the radio router reads it."""
         return f"{self.prefix}/node/{node}/tx/{radio}/{to}/{channel}"
 
+    def serial(self, node: str, radio: str) -> str:
+        """Bytes that the host of a node's modem has sent when the fleet was held; only the radio router reads them."""
+        return f"{self.prefix}/node/{node}/serial/{radio}"
+
     def next_packet(self, node: str) -> str:
         """Queryable that gives a free node's program the number and the least sim time of its next packet."""
         return f"{self.prefix}/node/{node}/next_packet"

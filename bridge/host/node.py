@@ -144,7 +144,11 @@ class Node:
         self._now_ns = now_ns
         recorded = self._due_of_the_record()
         self.body.inject(
-            [Input(i.link, i.kind, i.data) for i in recorded if i.kind != "command" and i.link is not None]
+            [
+                Input(item.link, item.kind, item.data)
+                for item in recorded
+                if item.link is not None and item.kind != "command" and item.kind != "serial"
+            ]
         )
         self.body.begin(now_ns)
         for item in recorded:

@@ -14,6 +14,7 @@ import numpy as np
 
 from bridge.bus.keys import ALL, MAIN
 from bridge.bus.messages import Truth
+from bridge.radio.modems import SerialOutput
 from bridge.radio.places import NodePlaces
 from bridge.radio.senders import TxPacket
 from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
@@ -54,6 +55,7 @@ class Settled:
         received_ns: the tick at which nodes get them.
         replies: what senders learn of their unicasts.
         queues: of transmit queues that changed.
+        serial: what has come out of modems.
     """
 
     packets: Sequence[TxPacket]
@@ -63,6 +65,7 @@ class Settled:
     received_ns: int
     replies: Sequence[ReplyToNode] = ()
     queues: Sequence[QueueOfNode] = ()
+    serial: Sequence[SerialOutput] = ()
 
 
 class NetworkAir:
@@ -151,14 +154,19 @@ class NetworkAir:
 
     def send(self, taken: Sequence[TxPacket]) -> None:
         """Give packets, in canonical order, to the medium."""
-        packets = self._places.on_the_network(packets_of(taken))
-        keys = zip(packets.tx.tolist(), packets.seq.tolist(), strict=True)
-        self._in_flight.update(zip(keys, taken, strict=True))
-        self.ledger.send(packets)
+        packets = self.entered(taken)
         if self._network is None:
             self.medium.send(packets)
         else:
             self._network.send(packets, [packet.handling for packet in taken])
+
+    def entered(self, taken: Sequence[TxPacket]) -> Packets:
+        """Take note of packets that are with the medium from now on; returns them as columns."""
+        packets = self._places.on_the_network(packets_of(taken))
+        keys = zip(packets.tx.tolist(), packets.seq.tolist(), strict=True)
+        self._in_flight.update(zip(keys, taken, strict=True))
+        self.ledger.send(packets)
+        return packets
 
     def lose(self, gap: Gap) -> Sequence[Gap]:
         """Book packets that are lost before the channel; a gap for each of their receivers, or one for all nodes."""

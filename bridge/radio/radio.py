@@ -13,6 +13,7 @@ from bridge.bus.session import Stamp
 from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.radio.measurements import SensorsOfRun, Told
+from bridge.radio.modems import ModemsOfRun, watches_of
 from bridge.radio.picture import Picture, Row
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused
@@ -70,16 +71,20 @@ class RecordedRadio:
             tick_period_ns=scenario.tick_period_ns,
         )
         switches = {name: switches_of(scenario, network=name) for name in scenario.network_names}
-        self._channels = channels_of(scenario, switches)
+        meters = watches_of(scenario, scenario.network_names)
+        self._channels = channels_of(scenario, switches, meters)
+        self._modems = ModemsOfRun.of(scenario, self._channels, meters)
         airs = [
             NetworkAir(each.medium, each.network, name=each.name, nodes=nodes, place=place)
             for place, each in enumerate(self._channels)
         ]
-        self.core = VirtualRadio(airs, ring)
+        self.core = VirtualRadio(airs, ring, self._modems)
         self.picture = Picture(nodes)
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
+        self._written_ns = [0] * len(nodes)
+        """Of each node's packets, the latest that was written: a free program's may be stamped ahead."""
         self._writer = DeliveryWriter(run.path, nodes, self.core.words)
         self._sensors = SensorsOfRun.of(
             run, sensors_of(scenario), emitters_of(scenario), self._channels[0].medium
@@ -119,6 +124,11 @@ class RecordedRadio:
             self.core.ring.end()
         if status.done:
             self.core.ring.done(node)
+
+    def serial(self, node: str, radio: str, data: bytes, sim_time_ns: int) -> None:
+        """Take what the host of a node's modem said by an instant at which the fleet was held."""
+        if not self.core.on_serial(node, radio, data, sim_time_ns):
+            self.tell_refusal(f"{len(data)} serial bytes of node {node} for radio {radio}")
 
     def switch(self, node: str, sim_time_ns: int, *, on: bool) -> None:
         """Take a node's word that an operator switched its radio."""
@@ -169,7 +179,8 @@ class RecordedRadio:
         self._writer.write(settled.columns, settled.gaps, settled.received_ns)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for packet in transmitted:
-            self._packets[self.core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(packet))
+            self._written_ns[packet.tx] = at_ns = max(self._written_ns[packet.tx], packet.sim_time_ns)
+            self._packets[self.core.nodes[packet.tx]].write(at_ns, encode_packet(packet))
 
     def flush(self) -> None:
         """Hand the record to the operating system."""
@@ -195,6 +206,8 @@ class RecordedRadio:
         finally:
             self.close()
         self._tell_overload(dropped)
+        if self._modems is not None:
+            self._report.set_counters(self._modems.counters())
         self._report.close()
         books = [
             Books(air.ledger, channel.judge.verdict(), channel.shares_draws, air.name)

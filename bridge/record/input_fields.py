@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, get_args
 from bridge.bus.messages.types import CommandGoal
 from bridge.bus.radio_command import RADIO
 
-Kind = Literal["open", "frame", "close", "command"]
+Kind = Literal["open", "frame", "close", "command", "serial"]
 KINDS: Final = get_args(Kind)
 VERBS: Final = (
     *(
@@ -42,6 +42,7 @@ _KEYS: Final = {
     "close": ("tick_ns", "kind", "link"),
     "frame": ("tick_ns", "kind", "link", "hex", "name"),
     "command": ("tick_ns", "kind", "verb", *_GOAL_FIELDS),
+    "serial": ("tick_ns", "kind", "radio", "hex"),
 }
 _OPTIONAL: Final = {"name", *_GOAL_FIELDS}
 _NO_NUMBERS: Final = ("nan", "inf", "-inf")
@@ -58,11 +59,12 @@ class RecordedInput:
 
     Attributes:
         tick_ns: sim time of the tick.
-        kind: a link was opened or closed, a MAVLink frame came over one, or a command.
-        link: number of the link; None for a command.
-        data: the frame's bytes; empty for the others.
+        kind: a link was opened or closed, a MAVLink frame came over one, a command, or bytes for a modem's serial side.
+        link: number of the link; None for a command, and for bytes of a modem.
+        data: the frame's bytes, or a modem's; empty for the others.
         verb: what is commanded; None for the others.
         goal: the command's arguments; None for the others.
+        radio: name of the modem's radio; None for the others.
 
     Raises:
         InputError: the values do not go together.
@@ -74,17 +76,20 @@ class RecordedInput:
     data: bytes = b""
     verb: str | None = None
     goal: CommandGoal | None = None
+    radio: str | None = None
 
     def __post_init__(self) -> None:
         _check_choice("kind", self.kind, KINDS)
         _check_whole("tick_ns", self.tick_ns, TICK_MAX_NS)
-        is_command = self.kind == "command"
+        is_command, is_serial = self.kind == "command", self.kind == "serial"
         if is_command:
             _check_choice("verb", self.verb, VERBS)
-        else:
+        elif not is_serial:
             _check_whole("link", self.link, LINK_MAX)
-        if bool(self.data) != (self.kind == "frame"):
+        if bool(self.data) != (self.kind == "frame" or is_serial):
             raise InputError(f"key 'hex': a frame has at least one byte, {self.kind!r} has none")
+        if is_serial != (self.radio is not None) or (is_serial and self.link is not None):
+            raise InputError("key 'radio': bytes of a modem have one, and no link; the other kinds have none")
         if is_command != (self.goal is not None) or is_command != (self.verb is not None):
             raise InputError("keys 'verb' and goal: a command has both, the other kinds have neither")
         if is_command and self.link is not None:
@@ -106,6 +111,11 @@ class RecordedInput:
         return cls(tick_ns, "close", link)
 
     @classmethod
+    def serial(cls, tick_ns: int, radio: str, data: bytes) -> RecordedInput:
+        """Bytes came for the serial side of a modem."""
+        return cls(tick_ns, "serial", data=data, radio=radio)
+
+    @classmethod
     def command(cls, tick_ns: int, verb: str, goal: CommandGoal) -> RecordedInput:
         """An operator's command came."""
         return cls(tick_ns, "command", verb=verb, goal=goal)
@@ -116,6 +126,8 @@ def to_fields(item: RecordedInput) -> dict[str, Any]:
     fields: dict[str, Any] = {"tick_ns": item.tick_ns, "kind": item.kind}
     if item.link is not None:
         fields["link"] = item.link
+    if item.kind == "serial":
+        return fields | {"radio": item.radio, "hex": item.data.hex()}
     if item.kind == "frame":
         return fields | {"name": frame_name(item.data), "hex": item.data.hex()}
     if item.verb is not None and item.goal is not None:
@@ -147,6 +159,8 @@ def from_fields(fields: dict[str, Any]) -> RecordedInput:
     tick_ns = fields["tick_ns"]
     if kind == "command":
         return RecordedInput(tick_ns, kind, verb=fields["verb"], goal=_goal(fields))
+    if kind == "serial":
+        return RecordedInput(tick_ns, kind, data=_bytes(fields["hex"]), radio=_text("radio", fields["radio"]))
     data = _frame(fields["hex"]) if kind == "frame" else b""
     return RecordedInput(tick_ns, kind, fields["link"], data)
 
