@@ -137,19 +137,14 @@ class HostedAircraft(HostedNode):
 
     async def _connect_first(self) -> None:
         with self._named():
-            await self._connect_all()
+            await self.daemon.connect()
         self._waits = False
         super().hold(0)
         super().live(0, is_tick=True)
 
-    async def _connect_all(self) -> None:
-        await self.daemon.connect()
-        for device in self._devices:
-            await device.connect()
-
     async def _reconnect(self) -> None:
         with self._named():
-            await self._connect_all()
+            await self.daemon.connect()
             self._record.may_not_repeat("its MAVLink was connected during the run, when wall time let it")
 
     def _link_down(self) -> None:

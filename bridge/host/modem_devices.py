@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -24,37 +23,29 @@ log = logging.getLogger("host")
 class AutopilotPort:
     """A further serial port of an autopilot (`Device`).
 
+    ArduPilot's SITL opens it when it has booted, and anew when it has rebooted. What is tried while it is held has the
+    same outcome each time.
+
     Args:
         link: to it.
-        on_down: called with the reason when it has closed the connection.
+        on_wall_time: called with the reason when a run may not repeat.
     """
 
-    def __init__(self, link: HeldLink, on_down: Callable[[str], object]) -> None:
-        self.link, self._on_down = link, on_down
-        self._connecting: asyncio.Task[None] | None = None
-
-    async def connect(self) -> None:
-        """Connect, if there is no connection."""
-        await self.link.connect()
+    def __init__(self, link: HeldLink, on_wall_time: Callable[[str], object]) -> None:
+        self.link, self._on_wall_time = link, on_wall_time
 
     def read(self) -> bytes:
         """All that the autopilot has written."""
-        was_up = self.link.up
-        data = self.link.read()
-        if was_up and not self.link.up:
-            self._on_down(f"its autopilot closed its serial port at {self.link.address}")
-            self._connecting = asyncio.create_task(self.connect())
-        return data
+        self.link.connect_now()
+        return self.link.read()
 
     def write(self, pieces: Sequence[bytes]) -> None:
-        """All that has come out of the modem."""
+        """All that has come out of the modem; nobody gets it while the port is not open."""
         if not self.link.write(b"".join(pieces)):
-            self._on_down("the autopilot does not read its second serial port")
+            self._on_wall_time("its autopilot does not read a serial port with a modem")
 
     def close(self) -> None:
         """Close the connection."""
-        if self._connecting is not None:
-            self._connecting.cancel()
         self.link.close()
 
 
