@@ -8,16 +8,13 @@ from typing import Any
 
 from bridge.agents.outlet import NodeOutlet
 from bridge.aircraft.ground_body import GroundBody
-from bridge.endpoints.address import endpoint_of
 from bridge.host.hosted_node import HostedNode
 from bridge.host.modem_devices import GroundPort
 from bridge.host.modem_port import ModemPort
 from bridge.host.node_record import NodeRecord
-from bridge.modem.settings import modem_of
 from bridge.run.directory import RunDirectory
 from bridge.scenario.nodes import GroundNode
 from bridge.scenario.resolve.ground_track import GroundTrack
-from bridge.scenario.resolve.radio import medium_on
 
 log = logging.getLogger("host")
 
@@ -32,6 +29,16 @@ class HostedGround(HostedNode):
         )
         super().__init__(run, config, record, body, outlet)
         self._devices: dict[str, GroundPort] = {}
+        if config.modems:
+            self._open_modems(run, config, record)
+
+    def _open_modems(self, run: RunDirectory, config: GroundNode, record: NodeRecord) -> None:
+        from bridge.endpoints.address import (
+            endpoint_of,  # the channel takes its time, and few nodes have modems
+        )
+        from bridge.modem.settings import modem_of
+        from bridge.scenario.resolve.radio import medium_on
+
         for radio, modem in config.modems.items():
             baud = modem_of(medium_on(run.scenario, radio, config.node), modem.baud).baud
             endpoints = [endpoint_of(text) for text in modem.serve]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from bridge.bus.messages import Header, Heard
 from bridge.radio.air import QueueOfNode, ReplyToNode, Settled
 from bridge.radio.measurements import as_message
-from bridge.radio.modems import SerialOutput
 from bridge.radio.picture import Row
 from bridge.radio.radio import SettledTick
+from bridge.radio.serial_output import SerialOutput
 from bridge.record.tables.deliveries import INSTANTS
 from channel.medium.reception import DELIVERED
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from functools import partial
 from math import inf
-from typing import Final, NamedTuple
+from typing import Final
 
 from bridge.bus.handling import PLAIN
 from bridge.bus.keys import ALL
@@ -19,6 +19,7 @@ from bridge.modem.modem import Modem
 from bridge.modem.network import ModemNetwork, OnAir
 from bridge.modem.settings import has_transmitter, measures, modem_of
 from bridge.radio.senders import TxPacket
+from bridge.radio.serial_output import SerialOutput
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import RadioChannel
 from channel.access.world import World
@@ -30,22 +31,6 @@ from channel.network.network import Network
 
 CHANNEL: Final = "mavlink"
 """Of packets that modems send: last part of their address."""
-
-
-class SerialOutput(NamedTuple):
-    """Bytes that have come out at the serial side of a node's modem.
-
-    Attributes:
-        node: its place among all of the run.
-        at_ns: when the last of them did.
-        data: the bytes.
-        network: place of the modem's network.
-    """
-
-    node: int
-    at_ns: int
-    data: bytes
-    network: int = 0
 
 
 class Meters:

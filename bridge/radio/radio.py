@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import Address
@@ -13,7 +14,6 @@ from bridge.bus.session import Stamp
 from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.radio.measurements import SensorsOfRun, Told
-from bridge.radio.modems import ModemsOfRun, watches_of
 from bridge.radio.picture import Picture, Row
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused
@@ -27,6 +27,9 @@ from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.run.directory import RunDirectory
 from bridge.scenario.resolve.channel import channels_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
+
+if TYPE_CHECKING:
+    from bridge.radio.modems import ModemsOfRun
 
 NO_PACKAGE = "no_data_package_on_the_data_channel"
 """Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
@@ -71,9 +74,15 @@ class RecordedRadio:
             tick_period_ns=scenario.tick_period_ns,
         )
         switches = {name: switches_of(scenario, network=name) for name in scenario.network_names}
-        meters = watches_of(scenario, scenario.network_names)
-        self._channels = channels_of(scenario, switches, meters)
-        self._modems = ModemsOfRun.of(scenario, self._channels, meters)
+        self._modems: ModemsOfRun | None = None
+        if any(node.modems for node in scenario.transceivers):
+            from bridge.radio.modems import ModemsOfRun, watches_of  # pymavlink takes its time
+
+            meters = watches_of(scenario, scenario.network_names)
+            self._channels = channels_of(scenario, switches, meters)
+            self._modems = ModemsOfRun.of(scenario, self._channels, meters)
+        else:
+            self._channels = channels_of(scenario, switches)
         airs = [
             NetworkAir(each.medium, each.network, name=each.name, nodes=nodes, place=place)
             for place, each in enumerate(self._channels)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,15 @@ from bridge.bus.keys import Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
 from bridge.radio.air import NetworkAir, Settled, books_of, joined
-from bridge.radio.modems import ModemsOfRun, SerialOutput
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused, Senders, TxPacket
+from bridge.radio.serial_output import SerialOutput
 from bridge.record.tables.deliveries import Gap, Vocabulary
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
+
+if TYPE_CHECKING:
+    from bridge.radio.modems import ModemsOfRun
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
