@@ -1,10 +1,15 @@
 """The whole autopilot without I/O and without a clock: bytes in, bytes out.
 
 One turn: ``take_frame`` a datagram of the physics, ``mavlink.receive`` what the client sent until then,
-``step``, send ``mavlink.data_to_send()``, send the packet. What it sends depends on those bytes alone.
+``step``, send ``mavlink.data_to_send()``, send the packet; likewise with each of the ``serials``. What it sends depends
+on those bytes alone.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
 
 from standin.protocols.endpoint import MavlinkEndpoint
 from standin.vehicle.location import Location
@@ -12,16 +17,42 @@ from standin.vehicle.parameters import StandinParameters
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.fdm_link import FdmLink
 
+NO_SERIALS: Final[Mapping[int, int]] = MappingProxyType({})
+
 
 class Autopilot:
-    """Joins the physics link, the vehicle and the MAVLink endpoint."""
+    """Joins the physics link, the vehicle and its MAVLink ports.
+
+    Args:
+        home: where it stands.
+        parameters: their values.
+        frame_rate_hz: asked of the physics.
+        boot_unix_us: GPS time at boot.
+        serials: of further ports the number and the baud rate (0: no limit).
+
+    Attributes:
+        mavlink: the first port.
+        serials: the further ones, by number.
+    """
 
     def __init__(
-        self, home: Location, parameters: StandinParameters, *, frame_rate_hz: int, boot_unix_us: int
+        self,
+        home: Location,
+        parameters: StandinParameters,
+        *,
+        frame_rate_hz: int,
+        boot_unix_us: int,
+        serials: Mapping[int, int] = NO_SERIALS,
     ) -> None:
         self.vehicle = StandinVehicle(home, parameters)
         self.fdm = FdmLink(frame_rate_hz)
         self.mavlink = MavlinkEndpoint(self.vehicle, boot_unix_us)
+        self.serials = {
+            number: MavlinkEndpoint(self.vehicle, boot_unix_us, baud) for number, baud in serials.items()
+        }
+        self._ports = (self.mavlink, *self.serials.values())
+        for port in self._ports:
+            port.told_together = self._ports
 
     def take_frame(self, datagram: bytes) -> bool:
         """Take a datagram of the physics; return whether it is a new frame, on which to ``step``."""
@@ -32,8 +63,10 @@ class Autopilot:
         return True
 
     def step(self) -> bytes:
-        """Obey the client, control the vehicle, report; return the servo packet that answers the frame."""
-        self.mavlink.obey()
+        """Obey the clients, control the vehicle, report; return the servo packet that answers the frame."""
+        for port in self._ports:
+            port.obey()
         outputs = self.vehicle.step()
-        self.mavlink.report()
+        for port in self._ports:
+            port.report()
         return self.fdm.answer(outputs)

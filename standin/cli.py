@@ -96,14 +96,20 @@ def _autopilot(options: argparse.Namespace) -> Autopilot:
     for name, value in options.parameter:
         parameters.set(name, value)
     parameters.set("MAV_SYSID", options.sysid)
-    boot_unix_us = options.start_time * 1_000_000
-    return Autopilot(options.home, parameters, frame_rate_hz=options.rate_hz, boot_unix_us=boot_unix_us)
+    return Autopilot(
+        options.home,
+        parameters,
+        frame_rate_hz=options.rate_hz,
+        boot_unix_us=options.start_time * 1_000_000,
+        serials={number: baud for number, _, baud in options.serial},
+    )
 
 
 def _prepare(options: argparse.Namespace) -> AutopilotSockets:
     autopilot = _autopilot(options)
     physics, mavlink = (options.fdm_host, options.fdm_port), (options.host, options.mavlink_port)
-    return AutopilotSockets(autopilot, physics, mavlink, options.name or f"system {options.sysid}")
+    ports = {number: port for number, port, _ in options.serial}
+    return AutopilotSockets(autopilot, physics, mavlink, options.name or f"system {options.sysid}", ports)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -121,6 +127,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--host", default="127.0.0.1", help="address that the MAVLink server binds to")
     parser.add_argument(
         "--mavlink-port", type=_bounded_int(0, 65535), default=5760, help="its TCP port; 0 takes any free one"
+    )
+    parser.add_argument(
+        "--serial",
+        type=_serial,
+        action="append",
+        default=[],
+        metavar="N:PORT:BAUD",
+        help="a further MAVLink port: its number, TCP port and baud rate (0: no limit)",
     )
     parser.add_argument(
         "--home", type=_home, required=True, metavar="LAT,LON,ALT,YAW", help="degrees, m AMSL"
@@ -155,6 +169,16 @@ class _bounded_int:  # noqa: N801  (argparse shows its name as the type)
         if not self._low <= value <= self._high:
             raise argparse.ArgumentTypeError(f"{value} is not within {self._low}..{self._high}")
         return value
+
+
+def _serial(text: str) -> tuple[int, int, int]:
+    words = text.split(":")
+    if len(words) != 3 or not all(word.isdecimal() for word in words):
+        raise argparse.ArgumentTypeError(f"{text!r} is not N:PORT:BAUD")
+    number, port, baud = (int(word) for word in words)
+    if port > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r}: port {port} is beyond 65535")
+    return number, port, baud
 
 
 def _home(text: str) -> Location:

@@ -66,6 +66,13 @@ class BusOutlet:
         switch = RadioSwitch(Header.at(sim_time_ns, self._node), on)
         self._session.put(self._keys.radio(self._node), switch, must_arrive=True)
 
+    def serial(self, radio: str, data: bytes, sim_time_ns: int) -> None:
+        """Give bytes of a host to the node's modem; the attachment has the sim time."""
+        attachment = Stamp(-1, sim_time_ns).to_bytes()
+        self._session.put_bytes(
+            self._keys.serial(self._node, radio), data, encoding="", attachment=attachment, must_arrive=True
+        )
+
     def answer(self, sim_time_ns: int) -> None:
         """Report to the radio that this node is done with a tick."""
         self._session.put(self._keys.answer(self._node), Header.at(sim_time_ns, self._node), must_arrive=True)

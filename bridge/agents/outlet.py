@@ -71,6 +71,12 @@ class NodeOutlet(Outlet, Protocol):
     def switch_radio(self, sim_time_ns: int, *, on: bool) -> None:
         """Report to the radio that an operator switched this node's from an instant on; ahead of the answer to it."""
 
+    def serial(self, radio: str, data: bytes, sim_time_ns: int) -> None:
+        """Give bytes of a host to the node's modem at a radio: what it had sent when the fleet was held.
+
+        They come ahead of the answer to that instant.
+        """
+
     def answer(self, sim_time_ns: int) -> None:
         """Report to the radio that all is done that this node does at a tick."""
 

@@ -130,6 +130,10 @@ class Keys:
         """A packet that enters a node from outside, for one of its radios; its host reads it, and records it."""
         return f"{self.prefix}/node/{node}/enter/{radio}/{to}/{channel}"
 
+    def serial(self, node: str, radio: str) -> str:
+        """Bytes that the host of a node's modem has sent when the fleet was held; only the radio router reads them."""
+        return f"{self.prefix}/node/{node}/serial/{radio}"
+
     def next_packet(self, node: str) -> str:
         """Queryable that gives a free node's program the number and the least sim time of its next packet."""
         return f"{self.prefix}/node/{node}/next_packet"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -16,6 +16,26 @@ from bridge.bus.keys import MAIN
 from bridge.bus.messages import CommunicationStatus, Header, Heard
 from bridge.bus.reception import Instants
 from bridge.bus.session import Stamp
+
+OnSerial = Callable[[str, str, int, bytes], object]
+"""Called with a node, the name of its modem's network, an instant, and bytes that came out there."""
+
+
+def hand_out_serial(
+    heard: Heard, nodes: Sequence[str], on_serial: OnSerial, networks: Sequence[str] = (MAIN,)
+) -> None:
+    """Give each node what has come out of its modems.
+
+    Raises:
+        ValueError: the message does not fit the run.
+    """
+    ends = (0, *plain(heard.serial_end))
+    columns = (plain(each) for each in (heard.serial_of, heard.serial_radio, heard.serial_ns))
+    try:
+        for node, radio, at_ns, (begin, end) in zip(*columns, pairwise(ends), strict=True):
+            on_serial(nodes[node], networks[radio], at_ns, bytes(heard.serial_data[begin:end]))
+    except (IndexError, KeyError) as error:
+        raise ValueError(f"serial bytes for a node that is not here: {error!r}") from error
 
 
 def hand_out(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from time import monotonic
+from types import MappingProxyType
+from typing import Final
 
 from aps.links.kinds.called import CalledClient
 from bridge.agents.outlet import NodeOutlet
@@ -18,10 +20,15 @@ from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.timeouts import AGENT_END_S
 
 log = logging.getLogger("host")
+NO_SERIALS: Final[Mapping[int, CalledClient]] = MappingProxyType({})
 
 
 def hosted_node(
-    run: RunDirectory, node: str, outlet: NodeOutlet, autopilot: CalledClient | None = None
+    run: RunDirectory,
+    node: str,
+    outlet: NodeOutlet,
+    autopilot: CalledClient | None = None,
+    serials: Mapping[int, CalledClient] = NO_SERIALS,
 ) -> HostedNode:
     """The node with this id, to be entered.
 
@@ -30,10 +37,11 @@ def hosted_node(
         node: id of a UA or of a ground node.
         outlet: where what it says goes.
         autopilot: of a UA, if it is in this process.
+        serials: further serial ports of that, by number.
     """
     config = run.scenario.node(node)
     if isinstance(config, Aircraft):
-        return HostedAircraft(run, config, outlet, autopilot)
+        return HostedAircraft(run, config, outlet, autopilot, serials)
     assert isinstance(config, GroundNode), "emitters have no host"
     return HostedGround(run, config, outlet)
 
@@ -48,6 +56,7 @@ class Hosted:
 
     def __init__(self, nodes: Sequence[HostedNode], on_exchanged: Callable[[int], object]) -> None:
         self.nodes = tuple(nodes)
+        self._by_id = {one.id: one for one in nodes}
         self._on_exchanged = on_exchanged
         self._sim_time_ns, self._missing = 0, set[str]()
         for one in nodes:
@@ -67,6 +76,10 @@ class Hosted:
             one.hold(sim_time_ns, absent=one.id in stalled)
         for one in self.nodes:
             one.live(sim_time_ns, is_tick=is_tick)
+
+    def serial_came(self, node: str, radio: str, at_ns: int, data: bytes) -> None:
+        """Bytes have come out of a node's modem."""
+        self._by_id[node].serial_came(radio, at_ns, data)
 
     def _exchanged(self, node: str) -> None:
         self._missing.discard(node)

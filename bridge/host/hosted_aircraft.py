@@ -6,14 +6,19 @@ import asyncio
 import logging
 from collections.abc import Mapping
 from contextlib import AsyncExitStack
+from types import MappingProxyType
 from typing import Any
 
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
-from aps.links.kinds.called import CalledClient
+from aps.links.address import parse_autopilot
+from aps.links.kinds.called import CalledClient, CalledLink
+from aps.links.kinds.held import HeldLink
 from bridge.agents.outlet import NodeOutlet
 from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.host.hosted_node import HostedNode
+from bridge.host.modem_devices import AutopilotPort
+from bridge.host.modem_port import ModemPort
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
@@ -31,6 +36,7 @@ class HostedAircraft(HostedNode):
         config: the UA as the scenario has it.
         outlet: where what it says goes.
         autopilot: one in this process; None: it listens on its port.
+        serials: further serial ports of that, by number.
     """
 
     def __init__(
@@ -39,6 +45,7 @@ class HostedAircraft(HostedNode):
         config: Aircraft,
         outlet: NodeOutlet,
         autopilot: CalledClient | None = None,
+        serials: Mapping[int, CalledClient] = MappingProxyType({}),
     ) -> None:
         scenario, record = run.scenario, NodeRecord(run, config.node)
         self.daemon = HeldDaemon(
@@ -68,6 +75,14 @@ class HostedAircraft(HostedNode):
         self.daemon.on_input = self.node.client_did
         self._connecting: asyncio.Task[None] | None = None
         self._waits = False
+        self._devices: list[AutopilotPort] = []
+        for radio, modem in config.modems.items():
+            address = parse_autopilot(f"tcp:127.0.0.1:{scenario.serial_port(config, modem.serial)}")
+            port, limit = serials.get(modem.serial), self.daemon.config.queue_limit_bytes
+            link = HeldLink(address, limit) if port is None else CalledLink(port, address, limit)
+            device = AutopilotPort(link, record.may_not_repeat)
+            self._devices.append(device)
+            self.ports[radio] = ModemPort(radio, device, record, is_outside=False)
 
     async def __aenter__(self) -> HostedAircraft:
         """Be ready for the first tick: clients can connect, and the agent is built."""
@@ -145,4 +160,6 @@ class HostedAircraft(HostedNode):
         """Write what is left of the record."""
         if self._connecting is not None:
             self._connecting.cancel()
+        for device in self._devices:
+            device.close()
         super().close()

@@ -16,6 +16,7 @@ from bridge.agents.outlet import HeldOutlet, NodeOutlet
 from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.body import Body
 from bridge.bus.messages import AgentStatus, Header
+from bridge.host.modem_port import ModemPort
 from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
 from bridge.record.input_fields import PACKET_MAX_BYTES, Way
@@ -44,6 +45,7 @@ class HostedNode:
         outlet: where what it says goes.
 
     Attributes:
+        ports: the serial sides of its modems, by radio.
         call_back: has something called in the event loop; the agent's thread calls it.
         on_exchanged: with lookahead, called when the aircraft may fly on from an instant.
         asks_dropped: how many commands found no room before they came to the node.
@@ -70,6 +72,7 @@ class HostedNode:
         self.on_exchanged: Callable[[str], object] = lambda _: None
         self.node = Node(config.node, body, self._outlet, record)
         self.runner: AgentRunner | None = None
+        self.ports: dict[str, ModemPort] = {}
         self._flush = Every(FLUSH_PERIOD_S)
         self._closed = False
 
@@ -86,7 +89,9 @@ class HostedNode:
         if not isinstance(self._config.agent, FreeAgent):
             await self._start_agent(agent_class(self._config.agent))
         if self._record.replay is not None:
-            self.node.repeat(self._record.replay)
+            self.node.repeat([item for item in self._record.replay if item.kind != "serial"])
+            for port in self.ports.values():
+                port.repeat(self._record.replay)
 
     async def _start_agent(self, make: Callable[..., Any]) -> None:
         held = HeldOutlet(self._outlet)
@@ -144,10 +149,25 @@ class HostedNode:
             absent: physics does not wait for this UA's autopilot, which did not come in time.
         """
         self._record.now_ns = sim_time_ns
-        if self._scenario.lookahead_ticks and not self._closed:
-            with self._named():
+        if self._closed:
+            return
+        with self._named():
+            if self._scenario.lookahead_ticks:
                 self.node.body.swap()
+            for port in self.ports.values():
+                self._exchange_serial(port, sim_time_ns)
+        if self._scenario.lookahead_ticks:
             self.on_exchanged(self.id)
+
+    def _exchange_serial(self, port: ModemPort, sim_time_ns: int) -> None:
+        """Give a modem what its host has sent, and the host what has come out of it by now."""
+        sent = port.exchange(sim_time_ns)
+        if sent:
+            self._outlet.serial(port.radio, sent, sim_time_ns)
+
+    def serial_came(self, radio: str, at_ns: int, data: bytes) -> None:
+        """Bytes have come out of the modem at a radio, at an instant that is to come."""
+        self.ports[radio].came(at_ns, data)
 
     def live(self, sim_time_ns: int, *, is_tick: bool) -> None:
         """Do what the node does at the instant at which the fleet is held."""

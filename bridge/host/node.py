@@ -166,9 +166,9 @@ class Node:
         recorded = self._due_of_the_record()
         self.body.inject(
             [
-                Input(i.link, i.kind, i.data)
-                for i in recorded
-                if i.link is not None and i.kind != "command" and i.kind != "packet"
+                Input(item.link, item.kind, item.data)
+                for item in recorded
+                if item.link is not None and item.kind not in ("command", "packet", "serial")
             ]
         )
         self.body.begin(now_ns)

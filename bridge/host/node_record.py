@@ -11,6 +11,7 @@ from bridge.record import names
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, RecordedInput, inputs_of
 from bridge.record.logged import LoggedValue, encode_logged
+from bridge.record.names import Kind
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.states import StateWriter
 from bridge.run.directory import RunDirectory
@@ -49,6 +50,7 @@ class NodeRecord:
         }
         self._logged = StreamWriter(names.logged(node).path(run.path))
         self._states = StateWriter(run.path, node)
+        self._run, self._serial = run.path, dict[names.Stream, StreamWriter]()
         self._writers: list[StreamWriter | StateWriter] = [
             *self._mavlink.values(),
             self._logged,
@@ -58,6 +60,14 @@ class NodeRecord:
     def write_mavlink(self, direction: str, data: bytes) -> None:
         """Bytes that were read from, or written to, the autopilot at this instant."""
         self._mavlink[direction].write(self.now_ns, data)
+
+    def write_serial(self, radio: str, kind: Kind, data: bytes) -> None:
+        """Serial bytes that went to, or came from, the node's modem at a radio, at this instant."""
+        stream = names.Stream(kind, self._node, radio)
+        if stream not in self._serial:
+            self._serial[stream] = StreamWriter(stream.path(self._run))
+            self._writers.append(self._serial[stream])
+        self._serial[stream].write(self.now_ns, data)
 
     def write_input(self, item: RecordedInput) -> None:
         """An input that takes effect at this instant."""

@@ -13,7 +13,7 @@ from bridge.agents.bus_outlet import BusOutlet
 from bridge.bus.inbox import Inbox
 from bridge.bus.messages import Clock, DecodeError, Header, Heard, decode
 from bridge.bus.session import Sample, Session, open_client
-from bridge.host.arrivals import hand_out
+from bridge.host.arrivals import hand_out, hand_out_serial
 from bridge.host.hosted import Hosted, hosted_node, stop_all
 from bridge.host.hosted_node import HostedNode
 from bridge.host.on_bus import AskedOnBus
@@ -82,7 +82,9 @@ class _Listener:
             log.warning("%s: %s", sample.key_expr, error)
 
     def _heard_came(self, sample: Sample) -> None:
-        hand_out(decode(sample.payload.to_bytes(), Heard), self._stations, self._arrivals, self._networks)
+        heard = decode(sample.payload.to_bytes(), Heard)
+        hand_out(heard, self._stations, self._arrivals, self._networks)
+        hand_out_serial(heard, self._stations, self._hosted.serial_came, self._networks)
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)

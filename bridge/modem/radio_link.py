@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from bridge.modem.heard import HeardWorld
 from bridge.modem.ideal import IdealMedium
-from bridge.modem.pair import AIR, ENDS, GROUND, ModemPair, Output
+from bridge.modem.network import Output
+from bridge.modem.pair import AIR, ENDS, GROUND, ModemPair
 from bridge.modem.places import Guide, Track
 from bridge.modem.settings import modem_of
 from channel.access.media.medium import AccessMedium

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -51,6 +52,24 @@ def modem_of(
         return ModemSettings(_or(baud, ELRS_BAUD), medium.buffer_bytes, ELRS_TO_HOST_BYTES, status=elrs)
     longest = medium.max_length_bytes if isinstance(medium, Serial | DelayMedium) else NO_LIMIT
     return ModemSettings(_or(baud, 0), packet_bytes=longest)
+
+
+def has_transmitter(medium: MediumSettings, nodes: Sequence[str], node: str) -> bool:
+    """Whether a node of a network has the transmitter module of a pair of ExpressLRS; of others none has.
+
+    Args:
+        medium: of the network.
+        nodes: ids of all its nodes, in their order.
+        node: id of the node.
+    """
+    if not isinstance(medium, ElrsMedium):
+        return False
+    return node in [first for first, _ in medium.pairs or zip(nodes[::2], nodes[1::2], strict=False)]
+
+
+def measures(medium: MediumSettings) -> bool:
+    """Whether modems on this medium tell their hosts what their radios measure."""
+    return isinstance(medium, SikMedium | ElrsMedium)
 
 
 def _or(baud: int | None, default: int) -> int:

@@ -97,6 +97,10 @@ class CalledOutlet:
         """Report to the radio that this node's was switched."""
         self._radio.switch(self._node, sim_time_ns, on=on)
 
+    def serial(self, radio: str, data: bytes, sim_time_ns: int) -> None:
+        """Give bytes of a host to the node's modem."""
+        self._radio.serial(self._node, radio, data, sim_time_ns)
+
     def answer(self, sim_time_ns: int) -> None:
         """Report to the radio that this node is done with an instant."""
         self.pass_on()

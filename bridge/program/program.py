@@ -19,7 +19,7 @@ from typing import Any
 from bridge.agents.running.feed import Arrivals
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header, Message, Truths
 from bridge.bus.session import Session
-from bridge.host.arrivals import hand_out
+from bridge.host.arrivals import hand_out, hand_out_serial
 from bridge.host.hosted import Hosted, hosted_node, stop_all
 from bridge.physics.flight_dynamics import FlownDynamics
 from bridge.program.beside import BesideBus
@@ -148,7 +148,9 @@ class Program:
     async def _enter_nodes(self, stack: AsyncExitStack) -> None:
         nodes = []
         for node, outlet in self._outlets.items():
-            hosted = hosted_node(self._run, node, outlet, self._standins.get(node))
+            standin = self._standins.get(node)
+            serials = {} if standin is None else standin.serials
+            hosted = hosted_node(self._run, node, outlet, standin, serials)
             hosted.call_back = self._idle.put
             nodes.append(await stack.enter_async_context(hosted))
             self._arrivals[node] = hosted.node.arrivals
@@ -284,7 +286,9 @@ class Program:
             return
         tick = self._radio.settle(closed.sim_time_ns)
         for share in self._hosts.shares(tick).values():
-            hand_out(share, self._nodes, self._arrivals, self._run.scenario.network_names)
+            networks = self._run.scenario.network_names
+            hand_out(share, self._nodes, self._arrivals, networks)
+            hand_out_serial(share, self._nodes, self._hosted.serial_came, networks)
         if self._bus is not None:
             self._bus.settled(tick, is_end=closed.is_end)
         if not closed.is_end:

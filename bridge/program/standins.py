@@ -22,9 +22,28 @@ def standin_options(scenario: Scenario, ua: Aircraft) -> list[str]:
     ]
     options += ["--rate-hz", str(scenario.fdm.standin_rate_hz)]
     options += ["--fdm-port", str(scenario.fdm_port(ua)), "--mavlink-port", str(scenario.autopilot_port(ua))]
+    for number, port, baud in serials_of(scenario, ua):
+        options += ["--serial", f"{number}:{port}:{baud}"]
     for name, value in frame_parameters(airframe_of(ua)).items():
         options += ["--parameter", f"{name}={value:g}"]
     return options
+
+
+def serials_of(scenario: Scenario, ua: Aircraft) -> list[tuple[int, int, int]]:
+    """Of each serial port of a UA's autopilot that has a modem: its number, TCP port and baud rate (0: no line)."""
+    if not ua.modems:
+        return []
+    from bridge.modem.settings import modem_of  # the channel takes its time, and few UA have modems
+    from bridge.scenario.resolve.radio import medium_on
+
+    return [
+        (
+            modem.serial,
+            scenario.serial_port(ua, modem.serial),
+            modem_of(medium_on(scenario, radio, ua.node), modem.baud).baud,
+        )
+        for radio, modem in ua.modems.items()
+    ]
 
 
 def frame_parameters(airframe: Airframe) -> dict[str, float]:

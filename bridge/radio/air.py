@@ -16,6 +16,7 @@ from bridge.bus.keys import ALL, MAIN
 from bridge.bus.messages import Truth
 from bridge.radio.places import NodePlaces
 from bridge.radio.senders import TxPacket
+from bridge.radio.serial_output import SerialOutput
 from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of
 from bridge.record.tables.schema import Columns
 from channel.access.mavlink import handled
@@ -56,6 +57,7 @@ class Settled:
         replies: what senders learn of their unicasts.
         queues: of transmit queues that changed.
         routes: that changed, each with the name of its network.
+        serial: what has come out of modems.
     """
 
     packets: Sequence[TxPacket]
@@ -66,6 +68,7 @@ class Settled:
     replies: Sequence[ReplyToNode] = ()
     queues: Sequence[QueueOfNode] = ()
     routes: Sequence[tuple[str, RadioRoute]] = ()
+    serial: Sequence[SerialOutput] = ()
 
 
 class NetworkAir:
@@ -156,10 +159,7 @@ class NetworkAir:
 
     def send(self, taken: Sequence[TxPacket]) -> None:
         """Give packets, in canonical order, to the medium."""
-        packets = self._places.on_the_network(packets_of(taken))
-        keys = zip(packets.tx.tolist(), packets.seq.tolist(), strict=True)
-        self._in_flight.update(zip(keys, taken, strict=True))
-        self.ledger.send(packets)
+        packets = self.entered(taken)
         if self._network is None:
             self.medium.send(packets)
         else:
@@ -168,6 +168,14 @@ class NetworkAir:
     def handling_of(self, payload: bytes, handling: Handling) -> Handling:
         """How a packet is handled: as its sender asks for, or by its MAVLink messages."""
         return handled(payload, handling) if self._is_mavlink else handling
+
+    def entered(self, taken: Sequence[TxPacket]) -> Packets:
+        """Take note of packets that are with the medium from now on; returns them as columns."""
+        packets = self._places.on_the_network(packets_of(taken))
+        keys = zip(packets.tx.tolist(), packets.seq.tolist(), strict=True)
+        self._in_flight.update(zip(keys, taken, strict=True))
+        self.ledger.send(packets)
+        return packets
 
     def lose(self, gap: Gap) -> Sequence[Gap]:
         """Book packets that are lost before the channel; a gap for each of their receivers, or one for all nodes."""

@@ -13,6 +13,7 @@ from bridge.radio.air import QueueOfNode, ReplyToNode, Settled
 from bridge.radio.measurements import as_message
 from bridge.radio.picture import Row
 from bridge.radio.radio import SettledTick
+from bridge.radio.serial_output import SerialOutput
 from bridge.record.tables.deliveries import INSTANTS
 from channel.medium.reception import DELIVERED
 
@@ -43,9 +44,10 @@ class Hosts:
             measured = [each for each in told if self._host_of[each.node] == host]
             replies = [each for each in settled.replies if self._host_of[each.node] == host]
             queues = [each for each in settled.queues if self._host_of[each.node] == host]
-            if statuses or measured or mine.size or replies or queues:
+            serial = [each for each in settled.serial if self._host_of[each.node] == host]
+            if statuses or measured or mine.size or replies or queues or serial:
                 header = Header.at(sim_time_ns, name)
-                share = _share(header, settled, mine, statuses, replies, queues)
+                share = _share(header, settled, mine, statuses, replies, queues, serial)
                 found[name] = replace(share, measurements=as_message(sim_time_ns, measured))
         return found
 
@@ -57,6 +59,7 @@ def _share(
     statuses: Sequence[Row],
     replies: Sequence[ReplyToNode],
     queues: Sequence[QueueOfNode],
+    serial: Sequence[SerialOutput],
 ) -> Heard:
     receptions = settled.receptions
     wanted, row = np.unique(receptions.packet[mine], return_inverse=True)
@@ -94,6 +97,11 @@ def _share(
         np.cumsum([len(each.others) for each in statuses], dtype=np.uint32),
         _joined([each.others for each in statuses], np.uint16),
         _joined([each.delivered for each in statuses], np.bool_),
+        [each.node for each in serial],
+        [each.at_ns for each in serial],
+        [each.network for each in serial],
+        np.cumsum([len(each.data) for each in serial], dtype=np.uint32),
+        b"".join(each.data for each in serial),
     )
 
 

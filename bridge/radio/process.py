@@ -11,7 +11,7 @@ from functools import partial
 from bridge.bus.identity.logins import LoginWatch
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header, RadioSwitch, Truths, decode
-from bridge.bus.session import Sample, Session, open_router
+from bridge.bus.session import Sample, Session, Stamp, open_router
 from bridge.radio.heard import Hosts
 from bridge.radio.intake import Handler
 from bridge.radio.on_bus import RadioOnBus
@@ -44,6 +44,7 @@ class RouterProcess:
     def _handlers(self) -> Iterable[tuple[str, Handler]]:
         yield self._keys.tick("truths"), self._on_truths
         yield self._keys.radio("*"), self._on_switch
+        yield self._keys.serial("*", "*"), self._on_serial
         yield self._keys.answer("*"), self._on_answer
         yield self._keys.clock, self._on_clock
 
@@ -96,6 +97,13 @@ class RouterProcess:
     def _on_switch(self, key: str, sample: Sample) -> None:
         switch = decode(sample.payload.to_bytes(), RadioSwitch)
         self._radio.switch(self._keys.node_of(key), switch.header.stamp.ns, on=switch.on)
+
+    def _on_serial(self, key: str, sample: Sample) -> None:
+        stamp, radio = Stamp.from_sample(sample), self._keys.last_chunk(key)
+        if stamp is None:
+            self._radio.tell_refusal(f"{key}: serial bytes without their instant")
+            return
+        self._radio.serial(self._keys.node_of(key), radio, sample.payload.to_bytes(), stamp.sim_time_ns)
 
     def _on_answer(self, key: str, sample: Sample) -> None:
         sim_time_ns = decode(sample.payload.to_bytes(), Header).stamp.ns

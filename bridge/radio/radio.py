@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import Address
@@ -27,6 +28,9 @@ from bridge.record.tables.routes import RouteWriter
 from bridge.run.directory import RunDirectory
 from bridge.scenario.resolve.channel import channels_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
+
+if TYPE_CHECKING:
+    from bridge.radio.modems import ModemsOfRun
 
 NO_PACKAGE = "no_data_package_on_the_data_channel"
 """Counter, with the sender's id behind it: of packets that agents would keep as data packages, and cannot read."""
@@ -71,16 +75,26 @@ class RecordedRadio:
             tick_period_ns=scenario.tick_period_ns,
         )
         switches = {name: switches_of(scenario, network=name) for name in scenario.network_names}
-        self._channels = channels_of(scenario, switches)
+        self._modems: ModemsOfRun | None = None
+        if any(node.modems for node in scenario.transceivers):
+            from bridge.radio.modems import ModemsOfRun, watches_of  # pymavlink takes its time
+
+            meters = watches_of(scenario, scenario.network_names)
+            self._channels = channels_of(scenario, switches, meters)
+            self._modems = ModemsOfRun.of(scenario, self._channels, meters)
+        else:
+            self._channels = channels_of(scenario, switches)
         airs = [
             NetworkAir(each.medium, each.network, name=each.name, nodes=nodes, place=place)
             for place, each in enumerate(self._channels)
         ]
-        self.core = VirtualRadio(airs, ring)
+        self.core = VirtualRadio(airs, ring, self._modems)
         self.picture = Picture(nodes)
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
+        self._written_ns = [0] * len(nodes)
+        """Of each node's packets, the latest that was written: a free program's may be stamped ahead."""
         names_of_routed = [each.name for each in self._channels if each.routing is not None]
         self._writer = DeliveryWriter(run.path, nodes, self.core.words, routed=bool(names_of_routed))
         self._routes = RouteWriter(run.path, nodes, names_of_routed) if names_of_routed else None
@@ -122,6 +136,11 @@ class RecordedRadio:
             self.core.ring.end()
         if status.done:
             self.core.ring.done(node)
+
+    def serial(self, node: str, radio: str, data: bytes, sim_time_ns: int) -> None:
+        """Take what the host of a node's modem said by an instant at which the fleet was held."""
+        if not self.core.on_serial(node, radio, data, sim_time_ns):
+            self.tell_refusal(f"{len(data)} serial bytes of node {node} for radio {radio}")
 
     def switch(self, node: str, sim_time_ns: int, *, on: bool) -> None:
         """Take a node's word that an operator switched its radio."""
@@ -174,7 +193,8 @@ class RecordedRadio:
             self._routes.write(settled.routes)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for packet in transmitted:
-            self._packets[self.core.nodes[packet.tx]].write(packet.sim_time_ns, encode_packet(packet))
+            self._written_ns[packet.tx] = at_ns = max(self._written_ns[packet.tx], packet.sim_time_ns)
+            self._packets[self.core.nodes[packet.tx]].write(at_ns, encode_packet(packet))
 
     def flush(self) -> None:
         """Hand the record to the operating system."""
@@ -202,6 +222,8 @@ class RecordedRadio:
         finally:
             self.close()
         self._tell_overload(dropped)
+        if self._modems is not None:
+            self._report.set_counters(self._modems.counters())
         self._report.close()
         books = [
             Books(air.ledger, channel.judge.verdict(), channel.shares_draws, air.name, channel.routing)

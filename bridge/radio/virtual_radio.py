@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,13 @@ from bridge.bus.session import Stamp
 from bridge.radio.air import NetworkAir, Settled, books_of, joined
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused, Senders, TxPacket
+from bridge.radio.serial_output import SerialOutput
 from bridge.record.tables.deliveries import Gap, Vocabulary
 from channel.checks import ChannelInputError
 from channel.medium.ledger import Ledger
+
+if TYPE_CHECKING:
+    from bridge.radio.modems import ModemsOfRun
 
 FUTURE_MAX_NS = 10_000_000_000
 """A sim time further ahead of the newest truth than this is garbage."""
@@ -41,10 +46,12 @@ class VirtualRadio:
     Args:
         airs: the radio networks; all nodes are on the first.
         ring: who is waited for.
+        modems: of nodes, on these networks; None: there are none.
     """
 
-    def __init__(self, airs: Sequence[NetworkAir], ring: Ring) -> None:
+    def __init__(self, airs: Sequence[NetworkAir], ring: Ring, modems: ModemsOfRun | None = None) -> None:
         self.airs = tuple(airs)
+        self._modems = modems
         self.nodes = self.airs[0].nodes
         self.ring = ring
         self.words = Vocabulary()
@@ -185,6 +192,18 @@ class VirtualRadio:
         """Which radios are off at an instant, in the order of `nodes`."""
         return self.airs[0].medium.radios_off(sim_time_ns)
 
+    def on_serial(self, node: str, radio: str, data: bytes, sim_time_ns: int) -> bool:
+        """Take what the host of a node's modem said by an instant; returns whether it was taken."""
+        network = None if self._modems is None else self._modems.networks.get(radio)
+        if self._modems is None or network is None or not network.has(node):
+            self.refused[Refused.UNKNOWN_RADIO] += 1
+            return False
+        if not self._is_plausible(sim_time_ns):
+            self.refused[Refused.MALFORMED] += 1
+            return False
+        self._modems.receive(node, radio, data, sim_time_ns)
+        return True
+
     def on_sent_total(self, node: str, sent: int) -> None:
         """Take a sender's own count of what it gave to the radio; what never came here is booked."""
         if node not in self._index:
@@ -207,7 +226,9 @@ class VirtualRadio:
     def settle(self) -> Settled:
         """Give what was taken to the networks, and take from them what they can decide."""
         self._send()
-        return self._settled([air.settle(self.words, self.ring.received_ns) for air in self.airs])
+        serial = self._live_with_modems(self.ring.received_ns)
+        settled = self._settled([air.settle(self.words, self.ring.received_ns) for air in self.airs])
+        return replace(settled, serial=serial) if serial else settled
 
     def finish(self) -> Settled:
         """Settle what still waits, with the newest positions, and balance the books.
@@ -231,6 +252,16 @@ class VirtualRadio:
             mine = [packet for packet in taken if packet.network == air.place]
             if mine:
                 air.send(mine)
+
+    def _live_with_modems(self, until_ns: int) -> Sequence[SerialOutput]:
+        if self._modems is None:
+            return ()
+        outputs = self._modems.live(until_ns)
+        for name, sent in self._modems.sent().items():
+            if sent:
+                self._by_name[name].entered(sent)
+                self.transmitted += sent
+        return outputs
 
     def _settled(self, parts: Sequence[Settled]) -> Settled:
         settled = parts[0] if len(parts) == 1 else joined(parts)

@@ -12,7 +12,7 @@ from bridge.bus.keys import ALL, IP, MAIN, KeyMistake, checked_chunk
 from bridge.bus.messages.types import CommandGoal
 from bridge.bus.radio_command import RADIO
 
-Kind = Literal["open", "frame", "close", "command", "packet"]
+Kind = Literal["open", "frame", "close", "command", "packet", "serial"]
 KINDS: Final = get_args(Kind)
 VERBS: Final = (
     *(
@@ -46,6 +46,7 @@ _KEYS: Final = {
     "frame": ("tick_ns", "kind", "link", "hex", "name"),
     "command": ("tick_ns", "kind", "verb", *_GOAL_FIELDS),
     "packet": ("tick_ns", "kind", "radio", "to", "channel", "hex"),
+    "serial": ("tick_ns", "kind", "radio", "hex"),
 }
 _OPTIONAL: Final = {"name", *_GOAL_FIELDS}
 _NO_NUMBERS: Final = ("nan", "inf", "-inf")
@@ -76,12 +77,14 @@ class RecordedInput:
 
     Attributes:
         tick_ns: sim time of the tick.
-        kind: a link was opened or closed, a MAVLink frame came over one, a command, or a packet for a radio.
-        link: number of the link; None for a command or a packet.
-        data: the bytes of a frame or a packet; empty for the others.
+        kind: a link was opened or closed, a MAVLink frame came over one, a command, a packet for a radio, or bytes for a
+            modem's serial side.
+        link: number of the link; None for a command, a packet, and bytes of a modem.
+        data: the bytes of a frame or a packet, or a modem's; empty for the others.
         verb: what is commanded; None for the others.
         goal: the command's arguments; None for the others.
         way: which way a packet goes; None for the others.
+        radio: name of the modem's radio; None for the others.
 
     Raises:
         InputError: the values do not go together.
@@ -94,17 +97,20 @@ class RecordedInput:
     verb: str | None = None
     goal: CommandGoal | None = None
     way: Way | None = None
+    radio: str | None = None
 
     def __post_init__(self) -> None:
         _check_choice("kind", self.kind, KINDS)
         _check_whole("tick_ns", self.tick_ns, TICK_MAX_NS)
-        is_command, is_packet = self.kind == "command", self.kind == "packet"
+        is_command, is_packet, is_serial = (self.kind == each for each in ("command", "packet", "serial"))
         if is_command:
             _check_choice("verb", self.verb, VERBS)
-        elif not is_packet:
+        elif not (is_packet or is_serial):
             _check_whole("link", self.link, LINK_MAX)
-        if bool(self.data) != (self.kind in ("frame", "packet")):
+        if bool(self.data) != (self.kind in ("frame", "packet", "serial")):
             raise InputError(f"key 'hex': a frame or a packet has at least one byte, {self.kind!r} has none")
+        if is_serial != (self.radio is not None) or (is_serial and self.link is not None):
+            raise InputError("key 'radio': bytes of a modem have one, and no link; the other kinds have none")
         if is_command != (self.goal is not None) or is_command != (self.verb is not None):
             raise InputError("keys 'verb' and goal: a command has both, the other kinds have neither")
         if (is_command or is_packet) and self.link is not None:
@@ -130,6 +136,11 @@ class RecordedInput:
         return cls(tick_ns, "close", link)
 
     @classmethod
+    def serial(cls, tick_ns: int, radio: str, data: bytes) -> RecordedInput:
+        """Bytes came for the serial side of a modem."""
+        return cls(tick_ns, "serial", data=data, radio=radio)
+
+    @classmethod
     def command(cls, tick_ns: int, verb: str, goal: CommandGoal) -> RecordedInput:
         """An operator's command came."""
         return cls(tick_ns, "command", verb=verb, goal=goal)
@@ -145,6 +156,8 @@ def to_fields(item: RecordedInput) -> dict[str, Any]:
     fields: dict[str, Any] = {"tick_ns": item.tick_ns, "kind": item.kind}
     if item.link is not None:
         fields["link"] = item.link
+    if item.kind == "serial":
+        return fields | {"radio": item.radio, "hex": item.data.hex()}
     if item.kind == "frame":
         return fields | {"name": frame_name(item.data), "hex": item.data.hex()}
     if item.way is not None:
@@ -181,6 +194,8 @@ def from_fields(fields: dict[str, Any]) -> RecordedInput:
     if kind == "packet":
         way = Way(*(_text(key, fields[key]) for key in Way._fields))
         return RecordedInput.packet(tick_ns, way, _bytes(fields["hex"]))
+    if kind == "serial":
+        return RecordedInput(tick_ns, kind, data=_bytes(fields["hex"]), radio=_text("radio", fields["radio"]))
     data = _frame(fields["hex"]) if kind == "frame" else b""
     return RecordedInput(tick_ns, kind, fields["link"], data)
 

@@ -4,6 +4,7 @@
     {"tick_ns": 1250000000, "kind": "frame", "link": 3, "name": "SET_MODE", "hex": "fd09..."}
     {"tick_ns": 1300000000, "kind": "command", "verb": "takeoff", "altitude_rel_m": 20.0}
     {"tick_ns": 1350000000, "kind": "packet", "radio": "main", "to": "1", "channel": "ip", "hex": "4500..."}
+    {"tick_ns": 1300000000, "kind": "serial", "radio": "telemetry", "hex": "fe09..."}
     {"tick_ns": 9900000000, "kind": "close", "link": 3}
 
 A link is opened before it has frames, and closed once at most; after that its number may be opened again. Of a

@@ -25,10 +25,13 @@ class Kind(StrEnum):
     TO_AUTOPILOT = "to_autopilot"
     LOGGED = "logged"
     PACKETS = "packets"
+    TO_MODEM = "to_modem"
+    FROM_MODEM = "from_modem"
 
 
+_SERIAL = {Kind.TO_MODEM, Kind.FROM_MODEM}
 _MAVLINK = {Kind.FROM_AUTOPILOT, Kind.TO_AUTOPILOT}
-_OTHERS = set(Kind) - _MAVLINK
+_OTHERS = set(Kind) - _MAVLINK - _SERIAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +44,17 @@ class Stream:
 
     kind: Kind
     node: str
+    radio: str = ""
+    """Of a modem's serial line."""
 
     def __post_init__(self) -> None:
         checked_file_name(self.node)
+        if self.kind in _SERIAL:
+            checked_file_name(self.radio)
 
     def __str__(self) -> str:
+        if self.kind in _SERIAL:
+            return f"modem/{self.node}/{self.radio}/{self.kind}"
         if self.kind in _MAVLINK:
             return f"mavlink/{self.node}/{self.kind}"
         return f"{self.kind}/{self.node}"
@@ -62,13 +71,16 @@ class Stream:
             ValueError: no stream is called so.
         """
         match name.split("/"):
+            case ["modem", node, radio, kind] if kind in _SERIAL:
+                return cls(Kind(kind), node, radio)
             case ["mavlink", node, kind] if kind in _MAVLINK:
                 return cls(Kind(kind), node)
             case [kind, node] if kind in _OTHERS:
                 return cls(Kind(kind), node)
         raise ValueError(
             f"{name!r} is not the name of a stream: there are mavlink/<node>/from_autopilot, "
-            "mavlink/<node>/to_autopilot, logged/<node> and packets/<node>"
+            "mavlink/<node>/to_autopilot, modem/<node>/<radio>/to_modem, modem/<node>/<radio>/from_modem, "
+            "logged/<node> and packets/<node>"
         )
 
 

@@ -17,6 +17,7 @@ from pydantic import (
 
 from bridge.scenario.expectations import Expectation
 from bridge.scenario.mcap import McapSettings
+from bridge.scenario.modems import GroundModem, UaModem
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, GroundNode, NodeConfig, Transceiver
 from bridge.scenario.parts import (
     Finite,
@@ -318,6 +319,23 @@ class Scenario(Part):
         return self
 
     @model_validator(mode="after")
+    def _modems_have_radios(self) -> Self:
+        for node in self.transceivers:
+            for name in node.modems:
+                if name not in self.network_names or node not in self.nodes_on(name):
+                    radios = ", ".join(each for each in self.network_names if node in self.nodes_on(each))
+                    raise ValueError(
+                        f"modems: node {node.node} has a modem at radio {name}; its radios are: {radios}"
+                    )
+            if node.modems and not node.is_regulated:
+                raise ValueError(
+                    f"modems: node {node.node} has no agent of ours: agent: {{type: still}} does"
+                )
+        if self.fdm.scheme == "legacy" and any(node.modems for node in self.ua):
+            raise ValueError("modems: a peer of fdm.scheme legacy has no second serial port here")
+        return self
+
+    @model_validator(mode="after")
     def _one_process_is_one(self) -> Self:
         if self.processes == "one" and self.asks_for_processes:
             raise ValueError(f"processes: one, and {self.asks_for_processes}: choose one of them")
@@ -382,6 +400,10 @@ class Scenario(Part):
         """The nodes that are on a radio network."""
         return tuple(node for node in self.transceivers if node.networks is None or network in node.networks)
 
+    def modems_on(self, network: str) -> dict[str, UaModem | GroundModem]:
+        """The modems at radios of a network, by id of their nodes."""
+        return {node.node: node.modems[network] for node in self.transceivers if network in node.modems}
+
     @property
     def groups(self) -> tuple[str, ...]:
         """Names of the groups that nodes are in, sorted."""
@@ -435,6 +457,10 @@ class Scenario(Part):
     def autopilot_port(self, ua: Aircraft) -> int:
         """TCP port of the autopilot of ``ua``."""
         return self._port(self.ports.autopilot, ua)
+
+    def serial_port(self, ua: Aircraft, serial: int) -> int:
+        """TCP port of a further serial port of the autopilot of ``ua``, as ArduPilot's SITL counts them."""
+        return self.autopilot_port(ua) + 1 + serial
 
     def api_port(self, ua: Aircraft) -> int:
         """TCP port of the HTTP API of ``ua``, if the scenario asks for one."""

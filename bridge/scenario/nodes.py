@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, field_validator, model_validator
 
 from bridge.scenario.agents import AgentConfig, FreeAgent, GroundAgentConfig
+from bridge.scenario.modems import GroundModem, UaModem
 from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting, Slug
 from bridge.scenario.sensor import RfSensor
 from channel.link.emitters.emission import Emission
@@ -89,7 +90,16 @@ class Aircraft(Part):
     groups: GroupNames = ()
     radio_off: RadioOutages = ()
     sensor: RfSensor | None = None
+    modems: dict[Slug, UaModem] = Field(default_factory=dict)
     agent: AgentConfig
+
+    @field_validator("modems")
+    @classmethod
+    def _ports_differ(cls, modems: dict[str, UaModem]) -> dict[str, UaModem]:
+        ports = [modem.serial for modem in modems.values()]
+        if len(set(ports)) < len(ports):
+            raise ValueError("two modems are at one serial port: give each another, 1 or 2")
+        return modems
 
     @property
     def node(self) -> str:
@@ -143,6 +153,7 @@ class GroundNode(Part):
     groups: GroupNames = ()
     radio_off: RadioOutages = ()
     sensor: RfSensor | None = None
+    modems: dict[Slug, GroundModem] = Field(default_factory=dict)
     agent: GroundAgentConfig
 
     @field_validator("id", mode="before")

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from channel.access.timing import NS_PER_S
 from channel.access.words import WordStream
 from channel.draws import Draws
+
+FIRST_EXACT: Final = 1 << 40
+"""Packets with this number and higher ones are a device's, not an agent's: they enter at the instant that they say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +60,9 @@ class EntryInstants:
         self._latest_ns = [0] * len(nodes)
 
     def at_ns(self, node: int, number: int, sim_time_ns: int) -> int:
-        """When a packet enters: packets of a node keep their order."""
+        """When a packet enters: packets of a node's agent keep their order."""
+        if number >= FIRST_EXACT:
+            return sim_time_ns
         spread_ns = int(self._words[node].uniform(number) * self._spread_ns) if self._spread_ns else 0
         at_ns = sim_time_ns + self.phases_ns[node] + self._least_ns + spread_ns
         self._latest_ns[node] = at_ns = max(at_ns, self._latest_ns[node])

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirFate, AirFates, AirPacket, Handling, Loss, Outcome, Reply
-from channel.access.world import AirFrame, World
+from channel.access.world import AirFrame
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
-from channel.medium.reception import FATES, NO_PACKETS, Fate, Packets, Receptions
+from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.network.entry import EntryInstants
 from channel.network.fates import FateColumns
 from channel.network.instants import NEVER_NS, InstantColumns
@@ -110,7 +110,7 @@ class Network:
     def __init__(
         self,
         medium: Medium,
-        open_medium: Callable[[World], AccessMedium],
+        open_medium: Callable[[LinkWorld], AccessMedium],
         entry: EntryInstants,
         judge: Judge | None = None,
         router: HopRouter | None = None,
@@ -129,6 +129,8 @@ class Network:
         """Packets on their way, by sender and number."""
         self._for_nobody: list[tuple[int, int]] = []
         """Packets that are for no other node: of a node that is alone, or to a group without others."""
+        self._came: list[AirFate | AirFates | Reply] = []
+        """What came of packets, and was not asked for by `live`."""
         self._now_ns = 0
 
     @property
@@ -164,21 +166,49 @@ class Network:
             at_ns = max(self._entry.at_ns(tx, seq, sim_time_ns), self._now_ns)
             receiver, members = None if to < 0 else to, self._addressees.members(to)
             packet = AirPacket(tx, seq, receiver, length_bytes, at_ns, *how, members)
-            receivers = self._addressees.receivers(tx, to)
-            others = receivers.difference(self._packets.receivers_of(packet))
-            self._unreached += [
-                AirFate(packet, other, at_ns, NEVER_NS, NEVER_NS, 0, Loss.NO_PEER) for other in sorted(others)
-            ]
-            if receivers:
-                self._open[tx, seq] = _Open(packet, sim_time_ns, to, receivers)
-            else:
-                self._for_nobody.append((tx, seq))
-            if not self._is_alone:
-                self._packets.offer(packet)
+            self._take(packet, sim_time_ns, to)
+
+    def _take(self, packet: AirPacket, sim_time_ns: int, to: int) -> None:
+        tx, seq = packet.node, packet.number
+        receivers = self._addressees.receivers(tx, to)
+        others = receivers.difference(self._packets.receivers_of(packet))
+        self._unreached += [
+            AirFate(packet, other, packet.at_ns, NEVER_NS, NEVER_NS, 0, Loss.NO_PEER)
+            for other in sorted(others)
+        ]
+        if receivers:
+            self._open[tx, seq] = _Open(packet, sim_time_ns, to, receivers)
+        else:
+            self._for_nobody.append((tx, seq))
+        if not self._is_alone:
+            self._packets.offer(packet)
+
+    def enter(self, tx: int, seq: int, length_bytes: int, at_ns: int) -> Sequence[int]:
+        """Have a packet to all enter its radio at an instant that `advance` came to.
+
+        Returns:
+            Who has a fate of it from the medium.
+        """
+        packet = AirPacket(tx, seq, None, length_bytes, at_ns)
+        self._take(packet, at_ns, EVERYBODY)
+        return () if self._is_alone else self._packets.receivers_of(packet)
+
+    def advance(self, until_ns: int) -> list[AirFate]:
+        """Let the network live up to an instant within a stretch; what was decided, which `live` has, too."""
+        outcomes = self._packets.live(until_ns)
+        self._came += outcomes
+        fates = [
+            one for each in outcomes for one in (each.singly() if isinstance(each, AirFates) else (each,))
+        ]
+        found = [each for each in fates if isinstance(each, AirFate)]
+        return sorted(
+            found, key=lambda fate: (fate.at_ns, fate.packet.node, fate.packet.number, fate.receiver)
+        )
 
     def live(self, until_ns: int) -> Lived:
         """Let the network live until just before an instant; what was decided since the last call."""
-        outcomes = self._packets.live(until_ns - 1)
+        outcomes = [*self._came, *self._packets.live(until_ns - 1)]
+        self._came = []
         self._now_ns = until_ns
         fates = [outcome for outcome in outcomes if isinstance(outcome, AirFate)]
         fates += [fate for fate in self._unreached if fate.at_ns < until_ns]

@@ -29,7 +29,7 @@ PROGRESS_ENTRIES = 1000
 NEVER_NS = (1 << 63) - 1
 OnProgress = Callable[[str, int], object]
 _KINDS = list(Kind)
-_BYTE_STREAMS = {Kind.FROM_AUTOPILOT, Kind.TO_AUTOPILOT}
+_BYTE_STREAMS = {Kind.FROM_AUTOPILOT, Kind.TO_AUTOPILOT, Kind.TO_MODEM, Kind.FROM_MODEM}
 
 
 class NotARun(ValueError):
@@ -93,9 +93,9 @@ def _check_run(run: Path) -> None:
         )
 
 
-def _order(stream: Stream) -> tuple[int, int, str]:
+def _order(stream: Stream) -> tuple[int, int, str, str]:
     number = int(stream.node) if stream.node.isdecimal() else 1 << 62
-    return _KINDS.index(stream.kind), number, stream.node
+    return _KINDS.index(stream.kind), number, stream.node, stream.radio
 
 
 class _Work:

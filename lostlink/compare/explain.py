@@ -147,6 +147,8 @@ def _short(text: str) -> str:
 _EXPLAINERS: Final[dict[Kind, Callable[[bytes, bytes, bytes], Explained]]] = {
     Kind.FROM_AUTOPILOT: _mavlink,
     Kind.TO_AUTOPILOT: _mavlink,
+    Kind.TO_MODEM: _mavlink,
+    Kind.FROM_MODEM: _mavlink,
     Kind.LOGGED: _logged,
     Kind.PACKETS: _packet,
 }

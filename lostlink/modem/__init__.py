@@ -1,6 +1,5 @@
 """`lostlink modem`: a pair of telemetry modems between a ground station and an autopilot, in wall time.
 
-endpoints  where the two hosts are: TCP, UDP, a pseudo-terminal, a serial line
 live       the link in wall time: moves bytes, arms one timer
 report     what came of it, for people and as JSON
 plan       from options to the link: a radio and distances, or a recorded run

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
+from bridge.endpoints.endpoint import Endpoint
 from bridge.modem.pair import ENDS
 from bridge.modem.radio_link import RadioLink
-from lostlink.modem.endpoints.endpoint import Endpoint
 
 NS_PER_S: Final = 1_000_000_000
 GRAIN_NS: Final = 4_000_000

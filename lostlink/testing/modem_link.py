@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bridge.endpoints.address import endpoint_of
 from bridge.modem.pair import AIR, GROUND
 from bridge.modem.radio_link import RadioLink
-from lostlink.modem.endpoints.address import endpoint_of
 from lostlink.modem.live import NS_PER_S, LiveLink
 from lostlink.modem.plan import DEFAULT_DISTANCE_M, DEFAULT_RADIO, Asked, plan_of
 from lostlink.modem.report import summary

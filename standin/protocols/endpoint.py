@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from standin.protocols import absent
 from standin.protocols.commands import CommandProtocol, request_from
+from standin.protocols.flow import BUFFER_BYTES, FlowControl
 from standin.protocols.mission_protocol import MissionProtocol
 from standin.protocols.parameter_protocol import ParameterProtocol
 from standin.protocols.streams import Streams
@@ -20,19 +21,36 @@ from standin.wire.mavlink_codec import COMPONENT, MavlinkCodec, Message
 
 SLOW_STEP_NS = 10_000_000
 STATUS_TEXT_BYTES = 50
+NS_PER_MS = 1_000_000
+LIST_STRETCH = 4
+"""Streams are so many times as slow while a list of parameters goes out (`get_reschedule_interval_ms`)."""
+PARAMETER_FRAME_BYTES = 37
+"""PARAM_VALUE in MAVLink 2, at its longest."""
 
 
 class MavlinkEndpoint:
-    """Speaks MAVLink for one vehicle with one client at a time."""
+    """Speaks MAVLink for one vehicle with one client at a time, at one of its ports.
 
-    def __init__(self, vehicle: StandinVehicle, boot_unix_us: int) -> None:
+    Args:
+        vehicle: whose port it is.
+        boot_unix_us: GPS time at boot.
+        baud: of the port's line; 0: bytes leave at once.
+
+    Attributes:
+        told_together: all ports of the vehicle, which are told what happens to it.
+    """
+
+    def __init__(self, vehicle: StandinVehicle, boot_unix_us: int, baud: int = 0) -> None:
         self._vehicle = vehicle
+        self.told_together: tuple[MavlinkEndpoint, ...] = (self,)
+        self.flow = FlowControl(baud)
         self._codec = MavlinkCodec(round(vehicle.parameters["MAV_SYSID"]))
         self._telemetry = TelemetryProtocol(vehicle, boot_unix_us)
         self.streams = Streams()
         self._commands = CommandProtocol(vehicle, self._telemetry, self.streams)
         self._missions = MissionProtocol(vehicle, self._telemetry, self._send)
         self._parameters = ParameterProtocol(vehicle.parameters, self._send)
+        self._parameter_due_ns = 0
         self._handlers: dict[str, Callable[[Message], None]] = {
             "COMMAND_LONG": self._run_command,
             "COMMAND_INT": self._run_command,
@@ -46,6 +64,7 @@ class MavlinkEndpoint:
             "MANUAL_CONTROL": lambda message: hold_sticks(vehicle, message),
             "REQUEST_DATA_STREAM": self._stream_group,
             "TIMESYNC": self._answer_timesync,
+            "RADIO_STATUS": self._slow_down,
         }
         self._inbox: list[Message] = []
         self._out = bytearray()
@@ -86,15 +105,30 @@ class MavlinkEndpoint:
         if now_ns >= self._slow_due_ns:
             self._slow_due_ns = now_ns + SLOW_STEP_NS
             self._missions.step()
-            self._parameters.step()
-        if now_ns >= self.streams.next_due_ns:
-            for message_id in self.streams.take_due(now_ns):
+            self._go_on_with_list(now_ns)
+        if now_ns >= self.streams.next_due_ns and self._has_room:
+            stretch = LIST_STRETCH if self._parameters.is_listing and self.flow.baud else 1
+            for message_id in self.streams.take_due(now_ns, self.flow.slowdown_ms * NS_PER_MS, stretch):
                 self._send_by_id(message_id)
 
+    def _go_on_with_list(self, now_ns: int) -> None:
+        """Send the next parameters of a list, as far as the port's line and its modem have room."""
+        if not self.flow.baud:
+            self._parameters.step()
+        elif now_ns >= self._parameter_due_ns and self._has_room and self.flow.takes_parameters(now_ns):
+            self._parameters.step(1)
+            self._parameter_due_ns = now_ns + self.flow.parameter_interval_ns(PARAMETER_FRAME_BYTES)
+
+    @property
+    def _has_room(self) -> bool:
+        """Whether what can wait need not wait for the port's line."""
+        return not self.flow.baud or len(self._out) < BUFFER_BYTES
+
     def data_to_send(self) -> bytes:
-        """Return and forget the bytes for the client."""
-        data = bytes(self._out)
-        self._out.clear()
+        """Return and forget the bytes for the client that have left over the port's line."""
+        count = self.flow.leaves_bytes(len(self._out), self._vehicle.sim_time_ns)
+        data = bytes(self._out[:count])
+        del self._out[:count]
         return data
 
     @property
@@ -115,7 +149,8 @@ class MavlinkEndpoint:
 
     def _flush_events(self) -> None:
         for event in self._vehicle.take_events():
-            self._tell(event)
+            for port in self.told_together:
+                port._tell(event)
 
     def _tell(self, event: Event) -> None:
         if isinstance(event, TextEvent):
@@ -158,6 +193,9 @@ class MavlinkEndpoint:
     def _stream_group(self, message: Message) -> None:
         rate_hz = message.req_message_rate if message.start_stop else 0
         self.streams.set_group(message.req_stream_id, rate_hz, self._vehicle.sim_time_ns)
+
+    def _slow_down(self, message: Message) -> None:
+        self.flow.radio_status(message.txbuf, self._vehicle.sim_time_ns)
 
     def _answer_timesync(self, message: Message) -> None:
         if message.tc1 == 0:

@@ -28,11 +28,16 @@ class ParameterProtocol:
             "PARAM_SET": self._set,
         }
 
-    def step(self) -> None:
+    @property
+    def is_listing(self) -> bool:
+        """Whether a list is on its way."""
+        return self._next is not None
+
+    def step(self, values: int = VALUES_PER_STEP) -> None:
         """Send the next values of a list that is on its way."""
         if self._next is None:
             return
-        end = min(self._next + VALUES_PER_STEP, len(TABLE))
+        end = min(self._next + values, len(TABLE))
         for index in range(self._next, end):
             self._send_value(TABLE[index].name, index)
         self._next = end if end < len(TABLE) else None

@@ -68,15 +68,24 @@ class Streams:
             self._due_ns[message_id] = now_ns
             self._find_next()
 
-    def take_due(self, now_ns: int) -> list[int]:
-        """Return the messages that are due, and plan their next times."""
+    def take_due(self, now_ns: int, slowdown_ns: int = 0, stretch: int = 1) -> list[int]:
+        """Return the messages that are due, and plan their next times.
+
+        Args:
+            now_ns: the time.
+            slowdown_ns: added to the interval of each but the heartbeat, which is not slowed down.
+            stretch: by how much these sums are then multiplied.
+        """
         due = []
         for message_id, due_ns in self._due_ns.items():
             if due_ns <= now_ns:
                 due.append(message_id)
-                following_ns = due_ns + self._interval_ns[message_id]
+                interval_ns = self._interval_ns[message_id]
+                if message_id != dialect.MAVLINK_MSG_ID_HEARTBEAT:
+                    interval_ns = (interval_ns + slowdown_ns) * stretch
+                following_ns = due_ns + interval_ns
                 if following_ns <= now_ns:  # more than an interval late: do not catch up
-                    following_ns = now_ns + self._interval_ns[message_id]
+                    following_ns = now_ns + interval_ns
                 self._due_ns[message_id] = following_ns
         self._find_next()
         return due

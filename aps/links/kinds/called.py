@@ -46,11 +46,16 @@ class CalledLink(HeldLink):
 
     async def connect(self) -> None:
         """Connect, unless there is a connection."""
+        self.connect_now()
+
+    def connect_now(self) -> bool:
+        """As `connect`."""
         if not self._is_up:
             self._is_up = True
             self.connections += 1
             self._autopilot.connect()
             self.outbox.admit()
+        return True
 
     def read(self) -> bytes:
         """All that the autopilot has written."""

@@ -22,6 +22,8 @@ RECEIVE_BUFFER_BYTES: Final = 4 * 1024 * 1024
 MAX_WRITE_BYTES: Final = 8 * 1024
 """Written per exchange at most, in whole frames: an eighth of the smallest buffer that a kernel has for an autopilot
 that reads, so that what is written does not depend on the state of that buffer. At 20 exchanges per second 160 kB/s."""
+AT_ONCE_S: Final = 1.0
+"""On loopback a port that listens takes a connection at once, and one that does not refuses it."""
 _READ_BYTES: Final = 1 << 18
 
 _log = logging.getLogger(__name__)
@@ -67,6 +69,18 @@ class HeldLink(Link):
                 await asyncio.sleep(retry_s)
                 retry_s = min(retry_s * 2.0, LONGEST_RETRY_S)
 
+    def connect_now(self) -> bool:
+        """Try once, and wait for nobody, as one may whose peer is held on this machine; returns whether it is up."""
+        if self._socket is None:
+            try:
+                connection = socket.create_connection((self.address.host, self.address.port), AT_ONCE_S)
+            except OSError:
+                return False
+            connection.setblocking(False)
+            _set_up(connection)
+            self._opened(connection)
+        return True
+
     async def _connected(self) -> socket.socket:
         loop = asyncio.get_running_loop()
         places = await loop.getaddrinfo(self.address.host, self.address.port, type=socket.SOCK_STREAM)
@@ -75,8 +89,7 @@ class HeldLink(Link):
             connection = socket.socket(family, kind, protocol)
             try:
                 connection.setblocking(False)
-                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+                _set_up(connection)
                 async with asyncio.timeout(CONNECT_TIMEOUT_S):
                     await loop.sock_connect(connection, place)
             except OSError as error:
@@ -144,3 +157,8 @@ class HeldLink(Link):
             self._socket.close()
         self._socket, self._unsent = None, b""
         self.outbox.close()
+
+
+def _set_up(connection: socket.socket) -> None:
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)

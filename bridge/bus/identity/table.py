@@ -75,6 +75,7 @@ TABLE = (
     AccessRow("node/{node}/mavlink/*", serves=HOST, asks=OWN | LOOKERS),
     AccessRow("node/{node}/tx/*/*/*", writes=HOST | FREE, reads=RADIO),
     AccessRow("node/{node}/enter/*/*/*", writes=NODE, reads=HOST),
+    AccessRow("node/{node}/serial/*", writes=HOST, reads=RADIO),
     AccessRow("node/{node}/next_packet", serves=RADIO, asks=NODE | FREE),
     AccessRow("node/{node}/rx/**", writes=RADIO, reads=OWN | LOOKERS),
     AccessRow("node/{node}/comm_status", writes=RADIO, reads=OWN | LOOKERS),

@@ -312,6 +312,11 @@ class Heard(Message):
     status_end: Column[int] = ()
     status_node: Column[int] = ()
     status_delivered: Column[bool] = ()
+    serial_of: Column[int] = ()
+    serial_ns: Column[int] = ()
+    serial_radio: Column[int] = ()
+    serial_end: Column[int] = ()
+    serial_data: bytes = b""
     measurements: Measurements = field(default_factory=Measurements)
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.children.child import ProcessSpec
+from bridge.program.standins import serials_of
 from bridge.record.provenance import AutopilotOrigin, ardupilot_origin
 from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
@@ -23,6 +24,10 @@ BINARIES = {"copter": "arducopter", "plane": "arduplane"}
 """ArduPilot's binary by the airframe's vehicle."""
 INSTANCE_MAX = 255
 """`-I` is a byte: 256 is 0 again, on the ports of another UA."""
+MAVLINK_2 = 2
+FAST_BAUD = 2_000_000
+"""SIM_BAUDLIMIT_EN is for all ports: this is faster than what the daemon asks for."""
+BAUD_CODES_MAX = 2000
 SPEEDUP = 100
 """`--speedup`: with JSON physics it sets no pace, but more than 1 has SITL wait for a slow serial0 client."""
 
@@ -110,10 +115,27 @@ def _origin_of(binary: Path) -> AutopilotOrigin:
     return ardupilot_origin(binary)
 
 
+def _serial_parameters(plan: LaunchPlan) -> dict[str, float]:
+    """What makes serial ports with modems as slow as their lines; that of the daemon stays fast."""
+    values: dict[str, float] = {}
+    for number, _, baud in serials_of(plan.scenario, plan.ua):
+        values[f"SERIAL{number}_PROTOCOL"] = MAVLINK_2
+        if baud:
+            values |= {f"SERIAL{number}_BAUD": _baud_code(baud), "SIM_BAUDLIMIT_EN": 1}
+            values["SERIAL0_BAUD"] = FAST_BAUD
+    return values
+
+
+def _baud_code(baud: int) -> int:
+    """A rate as SERIALn_BAUD has it: bit/s, or below 2000 in thousands, rounded down."""
+    return baud if baud > BAUD_CODES_MAX else baud // 1000
+
+
 def _own_parameters(plan: LaunchPlan, directory: Path) -> Path:
     """What airframe and scenario set, as a file that ArduPilot reads; the UA's own values win."""
     path = directory / "own.parm"
-    values = plan.airframe.ardupilot_parameters | plan.scenario.parameters | plan.ua.parameters
+    values = _serial_parameters(plan) | plan.airframe.ardupilot_parameters
+    values |= plan.scenario.parameters | plan.ua.parameters
     lines = [f"{name} {value:.9g}\n" for name, value in values.items()]
     path.write_text("".join(lines), encoding="ascii")
     return path

@@ -43,6 +43,7 @@ def ports_of(scenario: Scenario) -> Iterator[PortUse]:
     called = calls_standins(scenario)
     if scenario.ports.zenoh and has_bus(scenario):
         yield PortUse(scenario.ports.zenoh, "TCP", "Zenoh router", "ports.zenoh")
+    yield from _served(scenario)
     fdm_setting = "ports.fdm" if scenario.fdm.scheme == "json" else "ports.first_slot"
     for ua in scenario.ua:
         if not called:
@@ -52,10 +53,27 @@ def ports_of(scenario: Scenario) -> Iterator[PortUse]:
             yield PortUse(scenario.api_port(ua), "TCP", f"HTTP API of UA {ua.id}", "ports.api")
         if scenario.autopilot != "external" and not called:
             yield PortUse(scenario.autopilot_port(ua), "TCP", f"autopilot of UA {ua.id}", "ports.autopilot")
+        if scenario.autopilot == "standin" and not called:
+            for modem in ua.modems.values():
+                port = scenario.serial_port(ua, modem.serial)
+                yield PortUse(port, "TCP", f"serial port {modem.serial} of UA {ua.id}", "ports.autopilot")
         if scenario.autopilot == "ardupilot":
             for serial, offset in ((1, 2), (2, 3)):
                 port = scenario.autopilot_port(ua) + offset
                 yield PortUse(port, "TCP", f"SERIAL{serial} of UA {ua.id}'s ArduPilot", "ports.first_slot")
+
+
+def _served(scenario: Scenario) -> Iterator[PortUse]:
+    """Ports at which ground stations find modems."""
+    for node in scenario.ground:
+        for radio, modem in node.modems.items():
+            for text in modem.serve:
+                kind, _, place = text.partition(":")
+                port = int(place.rpartition(":")[2]) if kind in ("tcpin", "udpin") else 0
+                if port:
+                    transport = "TCP" if kind == "tcpin" else "UDP"
+                    key = f"modems.{radio}.serve of node {node.node}"
+                    yield PortUse(port, transport, f"modem of node {node.node} on {radio}", key)
 
 
 def conflicts(uses: Iterable[PortUse]) -> list[str]:

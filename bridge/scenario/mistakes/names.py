@@ -14,7 +14,7 @@ from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.mistakes.near import near_miss
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import Aircraft, EmitterNode, NodeConfig
+from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, NodeConfig
 from bridge.scenario.own_class import clash_of, is_plain, mistake_in, options_read, unread_options
 from bridge.scenario.own_measures import FunctionExpectation
 from bridge.scenario.resolve.flight import airframe_of, wind_of
@@ -108,6 +108,7 @@ class _Radios:
                     text = f"its routing is {ways}, or has other settings: nodes of a network have one way of routing"
                     self.mistakes.append(_told(self._root, path, text))
             nodes.append(node)
+        self._see_modems(MAIN, config)
         changes = {"radio": common, "networks": self._networks(), "nodes": tuple(nodes)}
         return self._scenario.model_copy(update=changes)
 
@@ -119,7 +120,17 @@ class _Radios:
             nodes = [node.node for node in self._scenario.nodes_on(name)]
             self._see_roles(("networks", name), config, nodes)
             self._see_medium(("networks", name), config, nodes)
+            self._see_modems(name, config)
         return networks
+
+    def _see_modems(self, network: str, config: RadioConfig | None) -> None:
+        """Refuse modems at radios on which packets take no time."""
+        if config is None or not isinstance(config.medium, Ideal):
+            return
+        for index, node in enumerate(self._scenario.nodes):
+            if not isinstance(node, EmitterNode) and network in node.modems:
+                text = f"packets of {config.name} take no time (medium: ideal): a modem needs a radio like sik-433"
+                self.mistakes.append(_told(self._root, ("nodes", index, "modems", network), text))
 
     def _see_medium(self, path: Path_, config: RadioConfig | None, ids: Sequence[str]) -> None:
         """Refuse a medium, or a way of routing, that cannot be that of these nodes."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
 
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
@@ -20,10 +22,15 @@ from channel.medium.stations.switches import Switches
 from channel.network.band import Neighbour, share_band
 from channel.network.crossing import NetworkSide
 from channel.network.entry import EntryInstants, EntrySettings
+from channel.network.link_world import LinkWorld
 from channel.network.network import Network
 from channel.presets import PresetError
 from channel.routing.routed import RoutingCounts
 from channel.routing.settings import RoutingSettings, router_of
+
+Watch = Callable[[Medium, LinkWorld], World]
+"""Puts a world in front of a network's, that looks on."""
+NO_WATCHES: Final[Mapping[str, Watch]] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,28 +101,36 @@ def routing_settings(radios: Mapping[str, Radio]) -> RoutingSettings:
     return settings
 
 
-def channels_of(scenario: Scenario, switches: Mapping[str, Switches]) -> list[RadioChannel]:
+def channels_of(
+    scenario: Scenario, switches: Mapping[str, Switches], watches: Mapping[str, Watch] = NO_WATCHES
+) -> list[RadioChannel]:
     """The channels of all radio networks of a run; those that are in one band disturb each other.
 
     Args:
         scenario: of the run.
         switches: of each network's nodes, by its name.
+        watches: who looks on at a network, by its name.
 
     Raises:
         PresetError: as `channel_of`.
     """
-    channels = [channel_of(scenario, switches[name], name) for name in scenario.network_names]
+    channels = [
+        channel_of(scenario, switches[name], name, watches.get(name)) for name in scenario.network_names
+    ]
     share_band([neighbour for each in channels if (neighbour := each.neighbour) is not None])
     return channels
 
 
-def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> RadioChannel:
+def channel_of(
+    scenario: Scenario, switches: Switches, name: str = MAIN, watch: Watch | None = None
+) -> RadioChannel:
     """The channel of a radio network of a run, as if there were no other.
 
     Args:
         scenario: of the run.
         switches: of the network's nodes.
         name: of the network.
+        watch: who looks on at it.
 
     Raises:
         PresetError: the radios have several media, or the medium cannot be that of these nodes.
@@ -144,7 +159,8 @@ def channel_of(scenario: Scenario, switches: Switches, name: str = MAIN) -> Radi
     noise_floor_dbm = min(radio.noise_floor_dbm for radio in radios.values())
     config = next(iter(radios.values())).config
 
-    def opened(world: World) -> AccessMedium:
+    def opened(links: LinkWorld) -> AccessMedium:
+        world: World = links if watch is None else watch(medium, links)
         surroundings = Surroundings.of(world, medium.index, medium.draws.seed, config, noise_floor_dbm)
         return settings.open(surroundings)
 

@@ -10,6 +10,8 @@ from typing import Any
 
 from bridge.scenario.model import Origin, Scenario
 from bridge.scenario.nodes import MAIN
+from channel.access.settings import MediumSettings
+from channel.config import RadioConfig
 from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
 from channel.presets import at_origin, load_radio, radio_from_mapping
@@ -34,6 +36,15 @@ def common_radio(scenario: Scenario) -> Radio | None:
     return None if has_several else radio_of(scenario)
 
 
+def config_of(setting: str | dict[str, Any]) -> RadioConfig:
+    """What a preset's name, a file or a mapping says.
+
+    Raises:
+        PresetError: there is no such preset, or a key or value is wrong.
+    """
+    return load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting)
+
+
 def radio_from(setting: str | dict[str, Any], origin: Origin, emitters: Sequence[Emitter] = ()) -> Radio:
     """The radio of a preset's name, a file or a mapping.
 
@@ -45,8 +56,20 @@ def radio_from(setting: str | dict[str, Any], origin: Origin, emitters: Sequence
     Raises:
         PresetError: there is no such preset, or a key or value is wrong.
     """
-    config = load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting)
+    config = config_of(setting)
     return Radio(at_origin(config, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m), emitters)
+
+
+def medium_on(scenario: Scenario, network: str, node: str) -> MediumSettings:
+    """The medium of a node's radio on a network.
+
+    Raises:
+        PresetError: there is no such preset, or a key or value is wrong.
+    """
+    setting = scenario.networks.get(network, scenario.radio)
+    own = next(each.radio for each in scenario.transceivers if each.node == node)
+    config = config_of(own if network == MAIN and own is not None else setting)
+    return config.medium
 
 
 def radios_of(scenario: Scenario, emitters: Sequence[Emitter] = (), network: str = MAIN) -> dict[str, Radio]:

@@ -93,7 +93,7 @@ def modem(gcs: str, autopilot: str, duration: float | None, as_json: bool, quiet
       lostlink modem --gcs tcpin::5770 --autopilot tcp::5760 --run runs/A --nodes 0,1
       lostlink modem --gcs tcpin::5770 --autopilot tcp::5760 --set radio.base_loss=0.05 --duration 60 --json
     """
-    from lostlink.modem.endpoints.address import endpoint_of
+    from bridge.endpoints.address import endpoint_of
     from lostlink.modem.live import LiveLink
     from lostlink.modem.report import summary, summary_lines
 

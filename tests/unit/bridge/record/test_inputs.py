@@ -204,3 +204,18 @@ def test_writer_refuses_what_the_reader_would(tmp_path: Path) -> None:
 def test_values_that_do_not_go_together_are_refused(make: Callable[[], RecordedInput]) -> None:
     with pytest.raises(InputError, match="key"):
         make()
+
+
+def test_bytes_of_a_modem_are_read_back_and_need_their_radio(tmp_path: Path) -> None:
+    item = RecordedInput.serial(50_000_000, "telemetry", b"\x00\xfd")
+    writer = InputWriter(tmp_path / "gcs.jsonl")
+    writer.write(item)
+    writer.close()
+    assert (tmp_path / "gcs.jsonl").read_text() == (
+        '{"tick_ns": 50000000, "kind": "serial", "radio": "telemetry", "hex": "00fd"}\n'
+    )
+    assert read_inputs(tmp_path / "gcs.jsonl") == [item]
+    with pytest.raises(InputError, match="key 'radio'"):
+        RecordedInput(0, "serial", data=b"x")
+    with pytest.raises(InputError, match="key 'hex'"):
+        RecordedInput.serial(0, "telemetry", b"")

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from bridge.record.names import (
+    Kind,
     Stream,
     from_autopilot,
     inputs_path,
@@ -20,6 +21,8 @@ ALL = {
     "mavlink/0/from_autopilot": from_autopilot("0"),
     "mavlink/0/to_autopilot": to_autopilot("0"),
     "packets/gcs-1.a": packets("gcs-1.a"),
+    "modem/gcs-1.a/telemetry/to_modem": Stream(Kind.TO_MODEM, "gcs-1.a", "telemetry"),
+    "modem/0/near.2/from_modem": Stream(Kind.FROM_MODEM, "0", "near.2"),
 }
 
 

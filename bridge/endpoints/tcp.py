@@ -8,7 +8,7 @@ import socket
 from typing import Final, cast
 
 from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
-from lostlink.modem.endpoints.endpoint import Endpoint
+from bridge.endpoints.endpoint import Endpoint
 
 RECEIVE_BUFFER_BYTES: Final = 16_384
 """Asked of the kernel, so that a host that sends faster than its line soon waits, as at a UART. The kernel counts what

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Final
 
 from aps.links.address import DEFAULT_BAUD, LOOPBACK, parse_host_port
-from lostlink.modem.endpoints.endpoint import Endpoint
-from lostlink.modem.endpoints.line import PseudoTerminal, SerialPort
-from lostlink.modem.endpoints.tcp import TcpConnection, TcpPort
-from lostlink.modem.endpoints.udp import UdpPort, UdpTarget
+from bridge.endpoints.endpoint import Endpoint
+from bridge.endpoints.line import PseudoTerminal, SerialPort
+from bridge.endpoints.tcp import TcpConnection, TcpPort
+from bridge.endpoints.udp import UdpPort, UdpTarget
 
 KINDS: Final[dict[str, Callable[[str, str, int], Endpoint]]] = {
     "tcp": TcpConnection,

@@ -11,7 +11,7 @@ from typing import Final
 
 from aps.links.kinds.serial import open_serial, speed_of
 from aps.timeouts import LONGEST_RETRY_S
-from lostlink.modem.endpoints.endpoint import Endpoint
+from bridge.endpoints.endpoint import Endpoint
 
 READ_BYTES: Final = 1024
 

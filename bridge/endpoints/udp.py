@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Sequence
 from typing import Any, cast
 
-from lostlink.modem.endpoints.endpoint import Endpoint
+from bridge.endpoints.endpoint import Endpoint
 
 
 class _Udp(Endpoint, asyncio.DatagramProtocol):

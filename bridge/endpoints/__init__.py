@@ -1,4 +1,4 @@
-"""Where a modem's host is: `open_endpoint` by address.
+"""Where a modem's host is, for `lostlink modem` and for ground nodes of a run: `address.endpoint_of` by its text.
 
 endpoint   what all have in common
 tcp        a connection that is made again, or a port that listens

@@ -1,0 +1,129 @@
+"""The serial side of modems at held instants: what comes when, what is written down, what is repeated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bridge.endpoints.endpoint import Endpoint
+from bridge.host.modem_devices import GroundPort
+from bridge.host.modem_port import ModemPort
+from bridge.record.inputs import RecordedInput
+from bridge.record.names import Kind
+
+MS = 1_000_000
+
+
+class Host:
+    """Something at a serial line."""
+
+    def __init__(self) -> None:
+        self.says = b""
+        self.heard: list[bytes] = []
+
+    def read(self) -> bytes:
+        says, self.says = self.says, b""
+        return says
+
+    def write(self, pieces: Sequence[bytes]) -> None:
+        self.heard += pieces
+
+
+class Written:
+    """What was written down."""
+
+    def __init__(self) -> None:
+        self.serial: list[tuple[Kind, bytes]] = []
+        self.inputs: list[RecordedInput] = []
+
+    def write_serial(self, radio: str, kind: Kind, data: bytes) -> None:
+        assert radio == "telemetry"
+        self.serial.append((kind, data))
+
+    def write_input(self, item: RecordedInput) -> None:
+        self.inputs.append(item)
+
+
+def port_of(host: Host, written: Written, *, is_outside: bool = True) -> ModemPort:
+    return ModemPort("telemetry", host, written, is_outside=is_outside)
+
+
+def test_bytes_come_at_the_first_instant_at_which_they_are_out() -> None:
+    host, written = Host(), Written()
+    port = port_of(host, written)
+    for at_ns, data in ((10 * MS, b"a"), (20 * MS, b"b"), (21 * MS, b"c")):
+        port.came(at_ns, data)
+    port.exchange(9 * MS)
+    assert host.heard == []
+    port.exchange(20 * MS)
+    assert host.heard == [b"a", b"b"]
+    port.exchange(40 * MS)
+    assert host.heard == [b"a", b"b", b"c"]
+    assert written.serial == [(Kind.FROM_MODEM, b"ab"), (Kind.FROM_MODEM, b"c")]
+
+
+def test_what_a_host_outside_says_is_an_input_and_an_autopilot_is_not_outside() -> None:
+    for is_outside in (True, False):
+        host, written = Host(), Written()
+        port = port_of(host, written, is_outside=is_outside)
+        host.says = b"\xfd\x00"
+        assert port.exchange(50 * MS) == b"\xfd\x00"
+        assert port.exchange(100 * MS) == b""
+        assert written.serial == [(Kind.TO_MODEM, b"\xfd\x00")]
+        said = [RecordedInput.serial(50 * MS, "telemetry", b"\xfd\x00")] if is_outside else []
+        assert written.inputs == said
+
+
+def test_a_record_is_repeated_and_nobody_else_is_heard() -> None:
+    host, written = Host(), Written()
+    port = port_of(host, written)
+    inputs = [
+        RecordedInput.serial(50 * MS, "telemetry", b"one"),
+        RecordedInput.serial(50 * MS, "other", b"no"),
+        RecordedInput.serial(100 * MS, "telemetry", b"two"),
+    ]
+    port.repeat(inputs)
+    host.says = b"who is there?"
+    assert [port.exchange(at * 50 * MS) for at in range(4)] == [b"", b"one", b"two", b""]
+    assert written.inputs == [inputs[0], inputs[2]]
+
+
+class Client(Endpoint):
+    """A ground station."""
+
+    def __init__(self, *, can_wait: bool = True) -> None:
+        super().__init__("client")
+        self.can_wait = can_wait
+        self.heard = b""
+
+    async def open(self) -> None:
+        self.connections += 1
+
+    def write(self, data: bytes) -> None:
+        self.heard += data
+
+    async def close(self) -> None:
+        pass
+
+    def _hold(self) -> None:
+        pass
+
+    def _go_on(self) -> None:
+        pass
+
+
+async def test_stations_are_heard_no_faster_than_the_line_and_all_see_the_same() -> None:
+    clients = Client(), Client(can_wait=False)
+    port = GroundPort(clients, 57_600, 50 * MS)
+    await port.open()
+    clients[0].on_data(bytes(400))
+    clients[1].on_data(b"x" * 400)
+    assert all(client.is_held for client in clients)
+    assert len(port.read()) == 288  # 57600 baud carry 5760 bytes a second
+    assert port.read() == bytes(112) + b"x" * 176
+    assert not clients[0].is_held
+    assert port.read() == b"x" * 224
+    clients[1].on_data(bytes(20_000))
+    clients[1].on_data(b"too fast")
+    assert port.overrun_bytes == 8
+    port.write([b"ab", b"c"])
+    assert [client.heard for client in clients] == [b"abc", b"abc"]

@@ -1,0 +1,88 @@
+"""Several modems on one medium: each hears all that the radio reaches, and shares its air."""
+
+from __future__ import annotations
+
+from itertools import count
+
+import pytest
+
+from bridge.modem.heard import RadioMeter
+from bridge.modem.modem import Modem
+from bridge.modem.network import ModemNetwork, OnAir
+from bridge.modem.settings import ModemSettings, has_transmitter
+from channel.access.media.airtime import AirTime
+from channel.access.packets import AirFate, AirPacket, Loss
+from channel.access.settings import ElrsMedium, SikMedium
+from channel.access.timing import BitRate
+from channel.access.world import PlainWorld
+from tests.unit.bridge.modem.frames import frame_of, heartbeat
+
+S = 1_000_000_000
+RATE_BPS = 8_000
+
+
+class Net:
+    """Modems at nodes of a plain serial medium."""
+
+    def __init__(self, world: PlainWorld, *, packet_bytes: int = 1 << 20) -> None:
+        self.medium = AirTime(world, BitRate(RATE_BPS))
+        self._numbers = count()
+        modem = ModemSettings(packet_bytes=packet_bytes)
+        modems = {node: Modem(modem, RadioMeter(), lambda: 0) for node in world.nodes}
+        self.network = ModemNetwork(modems, self._offer)
+
+    def _offer(self, node: int, data: bytes, now_ns: int) -> OnAir:
+        packet = AirPacket(node, next(self._numbers), None, len(data), now_ns)
+        self.medium.offer(packet)
+        return OnAir(packet.number, self.medium.receivers_of(packet))
+
+    def live(self, until_ns: int) -> dict[int, bytes]:
+        while (at_ns := self.network.next_ns(self.medium.agenda.next_ns)) <= until_ns:
+            fates = [each for each in self.medium.run(int(at_ns)) if isinstance(each, AirFate)]
+            self.network.step(int(at_ns), fates)
+        found = dict.fromkeys(self.network.modems, b"")
+        for node, out in self.network.outputs(until_ns):
+            found[node] += out.data
+        return found
+
+
+def test_all_hear_a_unit_and_nobody_hears_its_own() -> None:
+    net = Net(PlainWorld([0, 1, 2]))
+    net.network.modems[1].receive(heartbeat(), 0)
+    assert net.live(S) == {0: heartbeat(), 1: b"", 2: heartbeat()}
+    assert net.network.modems[1].counts.units_sent == 1
+    assert net.network.modems[1].counts.units_arrived == 2
+    assert net.network.units_under_way == 0
+
+
+def test_two_at_once_spoil_each_other_at_the_third() -> None:
+    net = Net(PlainWorld([0, 1, 2], sinr_min=2.0))
+    for node in (0, 1):
+        net.network.modems[node].receive(frame_of(100, 0), 0)
+    assert net.live(S) == {0: b"", 1: b"", 2: b""}
+    assert net.network.modems[0].counts.units_lost == {Loss.HALF_DUPLEX: 1, Loss.COLLIDED: 1}
+
+
+def test_a_unit_of_several_packets_is_lost_where_one_of_them_is() -> None:
+    net = Net(PlainWorld([0, 1, 2], loss=0.3, seed=3), packet_bytes=20)
+    frames = [frame_of(60, seq) for seq in range(60)]
+    for at_s, frame in enumerate(frames):
+        net.network.modems[0].receive(frame, at_s * S)
+    out = net.live(100 * S)
+    for node in (1, 2):
+        whole = [frame for frame in frames if frame in out[node]]
+        assert len(out[node]) == sum(map(len, whole))
+        assert 60 * 0.7**4 / 3 < len(whole) < 60 * 0.7**2
+
+
+@pytest.mark.parametrize(
+    ("medium", "transmitters"),
+    [
+        (ElrsMedium(), ["0", "2"]),
+        (ElrsMedium(pairs=(("gcs", "0"),)), ["gcs"]),
+        (SikMedium(), []),
+    ],
+)
+def test_who_has_a_transmitter_module(medium: ElrsMedium | SikMedium, transmitters: list[str]) -> None:
+    nodes = ["0", "1", "2", "gcs"]
+    assert [node for node in nodes if has_transmitter(medium, nodes, node)] == transmitters
