@@ -168,7 +168,10 @@ class Node:
             [
                 Input(item.link, item.kind, item.data)
                 for item in recorded
-                if item.link is not None and item.kind not in ("command", "packet", "serial")
+                if item.link is not None
+                and item.kind != "command"
+                and item.kind != "packet"
+                and item.kind != "serial"
             ]
         )
         self.body.begin(now_ns)

@@ -77,8 +77,8 @@ class RecordedInput:
 
     Attributes:
         tick_ns: sim time of the tick.
-        kind: a link was opened or closed, a MAVLink frame came over one, a command, a packet for a radio, or bytes for a
-            modem's serial side.
+        kind: a link was opened or closed, a MAVLink frame came over one, a command, a packet for a radio, or bytes for
+            a modem's serial side.
         link: number of the link; None for a command, a packet, and bytes of a modem.
         data: the bytes of a frame or a packet, or a modem's; empty for the others.
         verb: what is commanded; None for the others.
