@@ -162,6 +162,11 @@ def test_a_mesh_from_scenario_to_record(flown: Fly) -> None:
     assert routed["ended_ns"] - routed["started_ns"] == hop_ns
     assert flooded["fate"] == "delivered"
     assert ways(run, "0", "g3")[0] == ["0", "g1", "g2"]
+    for receiver in ("g1", "g2", "g3"):  # what is for all is transmitted three times by each, and comes once
+        lines = (run.path / "agents" / receiver / "heard.jsonl").read_text().splitlines()
+        heard = [(each["sender"], each["seq"]) for each in map(json.loads, lines)]
+        assert ("0", flooded["seq"]) in heard
+        assert len(heard) == len(set(heard))
     [counts] = ledger(run)["routing"]
     own, by_neighbours = 4 * 6.0 / 0.5, (1 + 2 + 2 + 1) * 6.0 / 0.5
     # in a row each node transmits each message once
@@ -198,6 +203,25 @@ def test_a_relay_whose_radio_goes_off_is_left_in_five_messages(flown: Fly) -> No
     assert 0.0 < after_s < 5 * (interval_s + 0.02) + 0.05 + 0.1
     assert set(found[found.fate != "delivered"].fate) == {"retries_exhausted"}
     assert balances(broken)
+
+
+def test_each_network_has_its_own_way(flown: Fly) -> None:
+    """On `main` nothing is handed on; on the other a flood brings the same to node 2."""
+    sends = [(1.0, "g2", 100), (1.5, "g2", 100, 0, None, "", "backbone")]
+    backbone = RADIO | {"frequency_hz": 433e6, "medium": AIRTIME, "routing": "flood"}
+    nodes = [node(0, sends=sends), node(1), node(2)]
+    run = flown(nodes, "none", networks={"backbone": backbone})
+    plain, routed = rows(run, "0", "g2")
+    assert (plain["radio"], plain["fate"]) == ("main", "out_of_range")
+    assert (routed["radio"], routed["fate"]) == ("backbone", "delivered")
+    assert run.routes[["radio", "hop", "node"]].astype(str).to_numpy().tolist() == [
+        ["backbone", "1", "0"],
+        ["backbone", "2", "g1"],
+    ]
+    assert [each["radio"] for each in ledger(run)["routing"]] == ["backbone"]
+    again = redecide(run.path)
+    pd.testing.assert_frame_equal(again.table.to_pandas(), run.table("deliveries").to_pandas())
+    assert [radio for radio, _ in again.routes] == ["backbone"]
 
 
 def test_a_way_of_ones_own(flown: Fly) -> None:
