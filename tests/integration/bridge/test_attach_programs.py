@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from statistics import median
 from time import monotonic
 from typing import Any
 
@@ -21,6 +22,7 @@ from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
 from tests.integration.lostlink.namespaces import WHY_NO_NAMESPACE
 
 PROGRAMS = Path(__file__).parent / "attached"
+TICK_NS = 50_000_000
 RATE_BPS, HEADER_BYTES, QUEUE_PACKETS = 200e3, 8, 20
 SCENARIO = """\
 schema: 1
@@ -131,6 +133,15 @@ def refly(run: Run, *arguments: str) -> str:
     return done.stdout
 
 
+def assert_ticks_bound(round_trips_s: list[float]) -> None:
+    """A packet waits for the next tick (0 to 50 ms), and the answer for the one after that: 50 to 100 ms.
+
+    A machine with much else to do makes it more.
+    """
+    assert min(round_trips_s) > 0.9 * TICK_NS / 1e9, round_trips_s
+    assert median(round_trips_s) < 5 * TICK_NS / 1e9, round_trips_s
+
+
 def test_a_socket_program_between_two_ua_is_recorded_and_repeated_without_it(
     start_run: StartRun, attach: Attach
 ) -> None:
@@ -143,8 +154,7 @@ def test_a_socket_program_between_two_ua_is_recorded_and_repeated_without_it(
     assert "others: ua-1 10.42.0.2, gcs 10.42.0.254" in err
     round_trips_s = [float(line.split()[-1]) for line in out.splitlines()]
     assert len(round_trips_s) == 10
-    # A packet waits for the next tick (0 to 50 ms), and the answer for the one after that.
-    assert all(0.050 <= each <= 0.150 for each in round_trips_s), round_trips_s
+    assert_ticks_bound(round_trips_s)
     summary = stopped(run)
     assert ended(answers)[0] == 128 + signal.SIGTERM
     assert summary["may_not_repeat"] == []
@@ -155,6 +165,9 @@ def test_a_socket_program_between_two_ua_is_recorded_and_repeated_without_it(
     lengths = [len(bytes.fromhex(text)) for text in inputs[inputs.node == "0"].hex]
     assert lengths == [1196, 1196, 176] * 10
     assert set(inputs[inputs.node == "0"].to) == {"1"}
+    asked, answered = (inputs[inputs.node == node].tick_ns.unique() for node in ("0", "1"))
+    assert set(asked % TICK_NS) == set(answered % TICK_NS) == {0}
+    assert (answered > asked).all()
     packets = recorded.packets[recorded.packets.channel == "ip"]
     assert len(packets) == len(inputs) == 60
     assert set(packets.fate) == {"delivered"}
@@ -162,10 +175,30 @@ def test_a_socket_program_between_two_ua_is_recorded_and_repeated_without_it(
     assert "identical" in refly(run, "--processes", "many")
 
 
-def payload_bps(length: int) -> float:
-    """What the serial radio carries of the payload of datagrams sent back to back: each is on the air with 8 bytes of
-    UDP's header, 20 of IP's and 8 of the radio's, at 200 kb/s (docs/reference/air.md)."""
-    return 8 * length / (8 * (length + 8 + 20 + HEADER_BYTES) / RATE_BPS)
+LENGTH = 1000
+FRAME_S = 8 * (LENGTH + 8 + 20 + HEADER_BYTES) / RATE_BPS
+"""On the air, of a datagram with 8 bytes of UDP's header, 20 of IP's and 8 of the radio's (docs/reference/air.md)."""
+
+
+def assert_carried(run: Run, expected_bps: float, measured_bps: float, told: str) -> None:
+    """What a program measured, and what came in sim time while packets waited, is what the medium carries.
+
+    Args:
+        run: that is over.
+        expected_bps: of payload.
+        measured_bps: by a program, in wall time.
+        told: what its `lostlink attach` said: a machine with much else to do is too slow for the run.
+    """
+    packets = load_run(run.directory).packets
+    mine = packets[(packets.channel == "ip") & (packets.tx == "0") & (packets.rx == "1")]
+    mine = mine[mine.length_bytes == LENGTH + 28]
+    assert set(mine.fate) <= {"delivered", "queue_full", "run_ended"}
+    came_ns = mine[mine.fate == "delivered"].arrived_ns.to_numpy()
+    assert len(came_ns) > 60
+    carried_bps = 8 * LENGTH * (len(came_ns) - 1) / ((came_ns[-1] - came_ns[0]) / 1e9)
+    assert carried_bps == pytest.approx(expected_bps, rel=0.03)
+    if "warning: the run went at " not in told:
+        assert measured_bps == pytest.approx(expected_bps, rel=0.03)
 
 
 @pytest.mark.parametrize("to", ["ua-1", pytest.param("10.42.0.255", marks=pytest.mark.slow)])
@@ -174,22 +207,15 @@ def test_the_throughput_is_that_of_the_medium(to: str, start_run: StartRun, atta
     sinks = [attach(run, node, *python("sink")) for node in ("1", "gcs")]
     assert [first_line(sink) for sink in sinks] == ["listens"] * 2
     # 1000 bytes each 20 ms: twice what the radio carries
-    status, _, err = ended(attach(run, "0", *python("flood", to, 1000, 8, 0.02)))
+    status, _, err = ended(attach(run, "0", *python("flood", to, LENGTH, 8, 0.02)))
     assert status == 0, err
-    heard = sinks[0] if to == "ua-1" else sinks[1]
-    total, seconds = map(float, ended(heard)[1].split())
-    assert seconds > 6.0
-    assert 8 * total / seconds == pytest.approx(payload_bps(1000), rel=0.03)
+    _, out, told = ended(sinks[0] if to == "ua-1" else sinks[1])
+    total, seconds = map(float, out.split())
     if to == "ua-1":  # nobody else gets a unicast
         sinks[1].send_signal(signal.SIGTERM)
         assert "0 received" in ended(sinks[1])[2]
     stopped(run)
-    packets = load_run(run.directory).packets
-    mine = packets[(packets.channel == "ip") & (packets.tx == "0") & (packets.rx == "1")]
-    assert set(mine.fate) <= {"delivered", "queue_full", "run_ended"}
-    came = mine[mine.fate == "delivered"]
-    gaps_ns = came.arrived_ns.diff().dropna()
-    assert gaps_ns.median() == round(8 * (1000 + 28 + HEADER_BYTES) / RATE_BPS * 1e9)
+    assert_carried(run, 8 * LENGTH / FRAME_S, 8 * total / seconds, told)
 
 
 @pytest.mark.slow
@@ -216,8 +242,9 @@ def test_ping(processes: str, start_run: StartRun, attach: Attach) -> None:
     status, out, err = ended(attach(run, "0", "ping", "-c", "8", "-i", "0.3", "-s", "100", "gcs"))
     assert status == 0, err
     assert "8 packets transmitted, 8 received, 0% packet loss" in out
-    times_ms = [float(line.split("time=")[1].split()[0]) for line in out.splitlines() if "time=" in line]
-    assert all(50.0 <= each <= 150.0 for each in times_ms), out
+    assert_ticks_bound(
+        [float(line.split("time=")[1].split()[0]) / 1e3 for line in out.splitlines() if "time=" in line]
+    )
     # Nobody is attached to UA 1: its radio hears, and nothing answers.
     status, out, _ = ended(attach(run, "0", "ping", "-c", "2", "-i", "0.3", "-W", "1", "ua-1"))
     assert status == 1
@@ -226,8 +253,8 @@ def test_ping(processes: str, start_run: StartRun, attach: Attach) -> None:
     assert "identical" in refly(run)
 
 
-def iperf(attach: Attach, run: Run, *options: str) -> dict[str, Any]:
-    """A test of iperf3 from UA 0 to UA 1; what the server reports."""
+def iperf(attach: Attach, run: Run, *options: str) -> tuple[dict[str, Any], str]:
+    """A test of iperf3 from UA 0 to UA 1; what the server reports, and what was said."""
     server = attach(run, "1", "iperf3", "--server", "--one-off", "--json")
     status, out, err = ended(
         attach(run, "0", "iperf3", "--client", "ua-1", "--connect-timeout", "5000", *options), 120.0
@@ -236,7 +263,7 @@ def iperf(attach: Attach, run: Run, *options: str) -> dict[str, Any]:
     status, out, err = ended(server)
     assert status == 0, out + err
     report: dict[str, Any] = json.loads(out)
-    return report
+    return report, err
 
 
 @needs("iperf3", "iperf3")
@@ -244,8 +271,8 @@ def iperf(attach: Attach, run: Run, *options: str) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("scenario", "carried_bps"),
     [
-        (AIRTIME, 8 * 1000 / (8 * (1000 + 8 + 20 + HEADER_BYTES) / RATE_BPS)),
-        (TDMA, 8 * 1000 / 0.1),  # a slot of 49 ms has room for one frame of 41.44 ms, each 100 ms
+        (AIRTIME, 8 * LENGTH / FRAME_S),
+        (TDMA, 8 * LENGTH / 0.1),  # a slot of 49 ms has room for one frame of 41.44 ms, each 100 ms
     ],
     ids=["airtime", "tdma"],
 )
@@ -253,11 +280,11 @@ def test_iperf3_by_udp_measures_the_medium(
     scenario: str, carried_bps: float, start_run: StartRun, attach: Attach
 ) -> None:
     run = live(start_run, scenario)
-    report = iperf(attach, run, "--udp", "--bitrate", "400k", "--length", "1000", "--time", "15")
+    report, told = iperf(attach, run, "--udp", "--bitrate", "400k", "--length", str(LENGTH), "--time", "15")
     seconds = [each["sum"]["bits_per_second"] for each in report["intervals"]][2:-2]
     assert len(seconds) > 8
-    assert sum(seconds) / len(seconds) == pytest.approx(carried_bps, rel=0.03)
     stopped(run)
+    assert_carried(run, carried_bps, sum(seconds) / len(seconds), told)
     assert "identical" in refly(run)
 
 
@@ -267,10 +294,11 @@ def test_iperf3_by_tcp_gets_through_and_no_more_than_the_medium_carries(
     start_run: StartRun, attach: Attach
 ) -> None:
     run = live(start_run, TDMA)
-    report = iperf(attach, run, "--set-mss", "536", "--time", "15")
+    report, told = iperf(attach, run, "--set-mss", "536", "--time", "15")
     carried_bps = report["end"]["sum_received"]["bits_per_second"]
     # Frames of 536 + 40 + 8 bytes take 23.36 ms: 2 to a slot. Some are sent again.
-    assert 0.5 * 2 * 8 * 536 / 0.1 < carried_bps <= 2 * 8 * 536 / 0.1
+    most_bps = 2 * 8 * 536 / 0.1
+    assert (0.1 if "warning: " in told else 0.5) * most_bps < carried_bps <= 1.03 * most_bps
     stopped(run)
     assert "identical" in refly(run)
 
@@ -286,4 +314,4 @@ def test_at_another_speed_it_works_with_a_warning(start_run: StartRun, attach: A
     assert status == 0, err
     assert monotonic() - began_s < 30.0
     assert "warning: the run flies at 4 times real time" in err
-    assert all(float(line.split()[-1]) < 0.05 for line in out.splitlines()), out
+    assert min(float(line.split()[-1]) for line in out.splitlines()) < TICK_NS / 1e9, out
