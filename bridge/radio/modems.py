@@ -84,8 +84,12 @@ class NetworkModems:
         self._sent: list[TxPacket] = []
 
     def receive(self, node: str, data: bytes, at_ns: int) -> None:
-        """The host of a node's modem sends bytes from an instant on."""
-        self.modems.modems[self._number_of[node]].receive(data, at_ns)
+        """The host of a node's modem sends bytes from an instant on, and by the node's phase later.
+
+        Autopilots that boot at one instant would else speak at the same instants for ever.
+        """
+        number = self._number_of[node]
+        self.modems.modems[number].receive(data, at_ns + self.network.phases_ns[number])
 
     def has(self, node: str) -> bool:
         """Whether a node has a modem on it."""

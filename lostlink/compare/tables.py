@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from bridge.record.tables.reader import no_rows, read_batches
 from bridge.record.tables.schema import Columns, Table
+from channel.medium.reception import Fate
 from lostlink.compare.difference import Difference
 from lostlink.compare.explain import NOTHING
 
 NEVER_NS: Final = (1 << 63) - 1
+RECEIVED: Final = "received_ns"
 OnEqual = Callable[[NDArray[np.int64]], object]
 
 
@@ -40,7 +42,8 @@ def compare_table(
             return None
         texts = ("the table" if each else f"no {table.name}" for each in has)
         return Difference(0, "", table.name, "the table", *texts)
-    one, other = (_Rows(run, table, until_ns) for run in (run_a, run_b))
+    keep = _Kept(run_a, run_b, table, until_ns)
+    one, other = (_Rows(run, table, keep) for run in (run_a, run_b))
     while True:
         count = min(one.available(), other.available())
         if count == 0:
@@ -61,9 +64,9 @@ def compare_table(
 class _Rows:
     """One run's table: the rows that are next."""
 
-    def __init__(self, run: Path, table: Table, until_ns: int | None) -> None:
+    def __init__(self, run: Path, table: Table, keep: _Kept) -> None:
         self._names = [column.name for column in table.columns]
-        self._batches = _until(read_batches(run, table), table, NEVER_NS if until_ns is None else until_ns)
+        self._batches = keep.rows(read_batches(run, table))
         self._batch = no_rows(table)
         self._next = 0
         self.done = 0
@@ -100,10 +103,36 @@ class _Rows:
         return {name: self._batch[name][self._next] for name in self._names}
 
 
-def _until(batches: Iterator[Columns], table: Table, until_ns: int) -> Iterator[Columns]:
-    for batch in batches:
-        early = batch[table.tick] <= until_ns
-        yield batch if early.all() else {name: values[early] for name, values in batch.items()}
+class _Kept:
+    """Which rows of two tables are compared.
+
+    Packets that were still on their way when one of the runs ended have no fate there, or another: up to a sim time the
+    rows of both are passed over.
+
+    Args:
+        run_a, run_b: the runs.
+        table: which table.
+        until_ns: pass over rows of later sim times; None: compare all.
+    """
+
+    def __init__(self, run_a: Path, run_b: Path, table: Table, until_ns: int | None) -> None:
+        self._tick, self._until_ns = table.tick, NEVER_NS if until_ns is None else until_ns
+        self._received_ns: int | None = None
+        if self._until_ns < NEVER_NS and RECEIVED in [column.name for column in table.columns]:
+            self._received_ns = min(_latest(run, table) for run in (run_a, run_b))
+
+    def rows(self, batches: Iterator[Columns]) -> Iterator[Columns]:
+        """Those of the batches that are."""
+        for batch in batches:
+            kept = batch[self._tick] <= self._until_ns
+            if self._received_ns is not None:
+                kept &= (batch[RECEIVED] <= self._received_ns) & (batch["fate"] != Fate.RUN_ENDED.value)
+            yield batch if kept.all() else {name: values[kept] for name, values in batch.items()}
+
+
+def _latest(run: Path, table: Table) -> int:
+    """When the last of what is in a table was received."""
+    return max((int(batch[RECEIVED].max()) for batch in read_batches(run, table, (RECEIVED,))), default=-1)
 
 
 def _first_difference(a: Columns, b: Columns, table: Table) -> tuple[int, str]:

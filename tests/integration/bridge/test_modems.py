@@ -28,6 +28,7 @@ from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
 
 ITEMS = 20
 SPEED = 4
+MODEMS = Path(__file__).parents[2] / "data" / "modems.yaml"
 ON_AIR = """\
 schema: 1
 name: on-air
@@ -205,6 +206,26 @@ def test_what_comes_out_is_what_arrived_on_the_air(start_run: StartRun) -> None:
     assert len(of_the_air) > 100
     assert of_the_air == [payloads[seq] for seq in order][: len(of_the_air)]
     assert len(order) - len(of_the_air) < 20  # what is on the serial line when the run ends
+
+
+def test_two_modems_at_a_ua_and_a_network_that_all_share(start_run: StartRun) -> None:
+    """By `tests/data/modems.yaml`: UA 0 and gcs are on near, all are on far."""
+    text = MODEMS.read_text().replace("{", "{{").replace("}", "}}")
+    run = start_run(scenario=text + "ports: {{zenoh: 0, first_slot: {slot}}}\n")
+    assert run.finish() == 0, run.output.decode()
+
+    def heard(node: str, radio: str) -> set[tuple[int, int]]:
+        """System and message ids."""
+        path = Stream(Kind.FROM_MODEM, node, radio).path(run.directory)
+        frames = Framer(trusting=True).receive(b"".join(entry.payload for entry in read_stream(path)))
+        return {(frame.sysid, frame.msg_id) for frame in frames}
+
+    beat, status = mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_RADIO_STATUS
+    assert heard("0", "near") == {(51, status)}
+    assert {one for one in heard("gcs", "near") if one[1] == beat} == {(1, beat)}
+    assert {one for one in heard("0", "far") if one[1] == beat} == {(2, beat)}
+    assert {one for one in heard("1", "far") if one[1] == beat} == {(1, beat)}
+    assert {one for one in heard("gcs", "far") if one[1] == beat} == {(1, beat), (2, beat)}
 
 
 @pytest.mark.slow

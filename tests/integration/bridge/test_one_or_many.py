@@ -21,6 +21,7 @@ from tests.integration.bridge.conftest import LOSTLINK
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples"
+MODEMS = ROOT / "tests" / "data" / "modems.yaml"
 NOISY = ("--set", "wind=gusty", "--set", "fdm.sensor_noise={gyro_sigma_radps: 0.002, accel_sigma_mps2: 0.05}")
 AHEAD = ("--set", "lookahead_ticks=1")
 FLOWN = {
@@ -36,9 +37,11 @@ FLOWN = {
     "a ground station": (str(EXAMPLES / "ground_station.yaml"),),
     "lookahead": ("separation", *NOISY, *AHEAD),
     "lookahead, exchanges": (str(EXAMPLES / "wander.yaml"), *AHEAD, "--set", "mavlink_rate_hz=100"),
+    "modems": (str(MODEMS),),
+    "modems, exchanges, lookahead": (str(MODEMS), *AHEAD, "--set", "mavlink_rate_hz=100"),
     "many UA": (str(EXAMPLES / "ring.yaml"),),
 }
-SHORT = {"separation", "lookahead"}
+SHORT = {"separation", "lookahead", "modems"}
 
 
 def fly(

@@ -1,0 +1,149 @@
+"""Real ArduCopter behind a SiK modem: what it does with RADIO_STATUS, and without its ground station.
+
+The station is a script that says its words at given instants of sim time, so nothing hangs on how fast the machine is.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from bridge.record.names import Kind, Stream, from_autopilot, inputs_path
+from bridge.record.streams import read_stream
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.truth import TRUTH
+from bridge.run.directory import RunDirectory
+from bridge.scenario.file import parse_scenario
+from lostlink.flight.flight import Flight, Silent
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
+READY_S = 50
+SCENARIO = """schema: 1
+name: modem
+seed: 5
+autopilot: ardupilot
+speed: max
+duration_s: {duration_s}
+figure: false
+origin: {{lat_deg: 47.0, lon_deg: 8.0, alt_amsl_m: 500}}
+radio: perfect
+networks: {{telemetry: {{preset: sik-433, transmit_power_dbm: {power_dbm}}}}}
+ports: {{first_slot: {slot}}}
+zenoh: false
+mcap: {{write: false}}
+nodes:
+  - id: 0
+    parameters: {{FS_GCS_ENABLE: 1, FS_GCS_TIMEOUT: 5}}
+    modems: {{telemetry: {{baud: {baud}}}}}
+    agent: {{type: still}}
+  - id: gcs
+    kind: ground
+    place: {{east_m: 20}}
+    modems: {{telemetry: {{baud: {baud}, serve: [pty]}}}}
+    agent: {{type: still}}
+"""
+Said = list[tuple[float, Any]]
+Fly = Callable[..., Path]
+
+
+@pytest.fixture
+def fly(tmp_path: Path, arducopter: Path, free_slot: Callable[[int], int]) -> Fly:
+    """Fly with a script: its heartbeats once a second, and what it says."""
+
+    def flown(said: Said, duration_s: int, *, baud: int = 57_600, power_dbm: float = 20.0) -> Path:
+        script = tmp_path / "script"
+        path = inputs_path(script, "gcs")
+        path.parent.mkdir(parents=True)
+        beats: Said = [
+            (second, mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)) for second in range(1, duration_s)
+        ]
+        sender = mav.MAVLink(None, srcSystem=255, srcComponent=190)
+        with path.open("w") as file:
+            for at_s, message in sorted([*beats, *said], key=lambda one: one[0]):
+                data = bytes(message.pack(sender))
+                sender.seq = (sender.seq + 1) & 0xFF
+                line = {"tick_ns": round(at_s * 20) * 50_000_000, "kind": "serial", "radio": "telemetry"}
+                file.write(json.dumps(line | {"hex": data.hex()}) + "\n")
+        values = {"duration_s": duration_s, "slot": free_slot(2), "baud": baud, "power_dbm": power_dbm}
+        scenario = parse_scenario(SCENARIO.format(**values), "modem.yaml", tmp_path)
+        run = RunDirectory.create(tmp_path / "runs", scenario.name)
+        summary = Flight(scenario, run, Silent()).fly(arducopter.parent, script, takes_signals=False)
+        assert summary["ending"] == "duration", summary["error"]
+        assert summary["may_not_repeat"] == []
+        return run.path
+
+    return flown
+
+
+def messages(path: Path) -> Iterator[tuple[float, Any]]:
+    """Messages of a stream with their instants, s."""
+    reader = mav.MAVLink(None)
+    reader.robust_parsing = True
+    for entry in read_stream(path):
+        for message in reader.parse_buffer(entry.payload) or []:
+            yield entry.tick_ns / 1e9, message
+
+
+def out_of(run: Path, node: str, kind: str) -> list[tuple[float, Any]]:
+    path = Stream(Kind.FROM_MODEM, node, "telemetry").path(run)
+    return [(at_s, message) for at_s, message in messages(path) if message.get_type() == kind]
+
+
+def test_all_parameters_take_half_a_minute(fly: Fly) -> None:
+    run = fly([(READY_S, mav.MAVLink_param_request_list_message(1, 1))], READY_S + 60)
+    came = out_of(run, "gcs", "PARAM_VALUE")
+    count = came[0][1].param_count
+    assert len({message.param_index for _, message in came}) > 0.9 * count > 900
+    assert came[-1][0] - came[0][0] >= 28.0
+
+
+def test_a_saturated_link_settles(fly: Fly) -> None:
+    """115200 baud bring more than 64 kb/s carry: streams are slowed down until half of the buffer or more is free."""
+    streams: Said = [
+        (at_s, mav.MAVLink_request_data_stream_message(1, 1, 0, 25, 1)) for at_s in (20.5, 22.5, 25.5)
+    ]
+    run = fly(streams, 200, baud=115_200)
+    free = [message.txbuf for at_s, message in out_of(run, "0", "RADIO_STATUS") if at_s > 100.0]
+    assert 50.0 <= np.mean(free) <= 90.0
+    assert len(out_of(run, "gcs", "ATTITUDE")) > 100
+
+
+def test_out_of_range_the_copter_comes_home(fly: Fly) -> None:
+    def command(number: int, *values: float) -> Any:
+        return mav.MAVLink_command_long_message(1, 1, number, 0, *values, *[0.0] * (7 - len(values)))
+
+    far = (0b110111111000, round(47.01e7), round(8.0e7), 30.0, 0, 0, 0, 0, 0, 0, 0, 0)
+    said: Said = []
+    for again in (0.0, 0.5, 1.25):  # any may be lost
+        said += [
+            (READY_S + again, command(mav.MAV_CMD_DO_SET_MODE, 1, 4)),
+            (READY_S + 3 + again, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)),
+            (READY_S + 6 + again, command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30)),
+            (READY_S + 25 + again, mav.MAVLink_set_position_target_global_int_message(0, 1, 1, 6, *far)),
+        ]
+    run = fly(said, 300, power_dbm=-32.0)
+    beats = [(at_s, each) for at_s, each in out_of(run, "gcs", "HEARTBEAT") if each.autopilot == 3]
+    own = [
+        (at_s, each)
+        for at_s, each in messages(from_autopilot("0").path(run))
+        if each.get_type() == "HEARTBEAT"
+    ]
+    rtl_s = next(at_s for at_s, each in own if each.custom_mode == 6)
+    gaps = np.diff([at_s for at_s, _ in beats])
+    assert gaps.max() > 4.0, "it is never out of range"
+    lost_s = beats[int(gaps.argmax())][0]
+    assert lost_s - 10.0 < rtl_s < lost_s + 15.0
+    assert beats[-1][0] > rtl_s + 60.0, "it is never found again"
+    assert beats[-1][1].custom_mode == 6
+    places = read_columns(run, TRUTH, ("node", "position_north_m"))
+    north_m = places["position_north_m"][places["node"] == "0"]
+    assert north_m.max() > 200.0
+    assert abs(north_m[-1]) < 5.0
+    statuses = out_of(run, "gcs", "RADIO_STATUS")  # of its own modem, which goes on
+    assert np.diff([at_s for at_s, _ in statuses]).max() < 6.0
