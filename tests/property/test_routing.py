@@ -90,7 +90,7 @@ def packets(draw: st.DrawFn) -> list[AirPacket]:
     return found
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     router=routers(),
     sent=packets(),

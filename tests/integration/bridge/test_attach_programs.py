@@ -142,6 +142,7 @@ def assert_ticks_bound(round_trips_s: list[float]) -> None:
     assert median(round_trips_s) < 5 * TICK_NS / 1e9, round_trips_s
 
 
+@pytest.mark.slow
 def test_a_socket_program_between_two_ua_is_recorded_and_repeated_without_it(
     start_run: StartRun, attach: Attach
 ) -> None:
@@ -201,7 +202,8 @@ def assert_carried(run: Run, expected_bps: float, measured_bps: float, told: str
         assert measured_bps == pytest.approx(expected_bps, rel=0.03)
 
 
-@pytest.mark.parametrize("to", ["ua-1", pytest.param("10.42.0.255", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("to", ["ua-1", "10.42.0.255"])
 def test_the_throughput_is_that_of_the_medium(to: str, start_run: StartRun, attach: Attach) -> None:
     run = live(start_run, AIRTIME)
     sinks = [attach(run, node, *python("sink")) for node in ("1", "gcs")]
@@ -234,7 +236,8 @@ def test_a_program_is_on_the_radio_that_it_is_given(start_run: StartRun, attach:
 
 
 @needs("ping", "iputils-ping")
-@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", ["one", "many"])
 def test_ping(processes: str, start_run: StartRun, attach: Attach) -> None:
     run = live(start_run, IDEAL, "--processes", processes)
     there = attach(run, "gcs", *python("echo_server"))

@@ -164,7 +164,8 @@ def refly(run: Run, tmp_path: Path, slot: int, processes: str) -> dict[str, Any]
     return content
 
 
-@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", ["one", "many"])
 def test_a_station_flies_a_copter_over_the_air_and_the_run_repeats_without_it(
     processes: str, start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
@@ -208,6 +209,7 @@ def test_what_comes_out_is_what_arrived_on_the_air(start_run: StartRun) -> None:
     assert len(order) - len(of_the_air) < 20  # what is on the serial line when the run ends
 
 
+@pytest.mark.slow
 def test_two_modems_at_a_ua_and_a_network_that_all_share(start_run: StartRun) -> None:
     """By `tests/data/modems.yaml`: UA 0 and gcs are on near, all are on far."""
     text = MODEMS.read_text().replace("{", "{{").replace("}", "}}")

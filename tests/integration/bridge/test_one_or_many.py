@@ -41,7 +41,7 @@ FLOWN = {
     "modems, exchanges, lookahead": (str(MODEMS), *AHEAD, "--set", "mavlink_rate_hz=100"),
     "many UA": (str(EXAMPLES / "ring.yaml"),),
 }
-SHORT = {"separation", "lookahead", "modems"}
+SHORT = {"separation", "lookahead"}
 
 
 def fly(

@@ -53,7 +53,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Fly:
     ) -> Run:
         scenario = {
             **SCENARIO,
-            "ports": {"first_slot": free_slot(1)},
+            "ports": {"first_slot": free_slot(1), "zenoh": 0},
             "radio": RADIO | {"medium": medium, "routing": routing},
             "nodes": nodes,
         } | more
@@ -175,6 +175,7 @@ def test_a_mesh_from_scenario_to_record(flown: Fly) -> None:
     assert balances(run)
 
 
+@pytest.mark.slow
 def test_a_relay_whose_radio_goes_off_is_left_in_five_messages(flown: Fly) -> None:
     """Two relays between the ends, on both sides of the way: 112 m to each end, of 150 m that the radio reaches."""
     silent_s, interval_s = 6.0, 0.2
@@ -253,9 +254,16 @@ WAYS = [
     {"model": "static", "routes": ROUTES},
     {"model": "mesh", "ogm_interval_s": 0.2},
 ]
+each_way = pytest.mark.parametrize(
+    "routing",
+    [
+        pytest.param(way, id=str(way["model"]), marks=[pytest.mark.slow] * (way is not WAYS[2]))
+        for way in WAYS
+    ],
+)
 
 
-@pytest.mark.parametrize("routing", WAYS, ids=lambda way: str(way["model"]))
+@each_way
 def test_one_process_and_many_have_the_same_routes(flown: Fly, routing: dict[str, Any]) -> None:
     one = scripted(flown, routing)
     many = scripted(flown, routing, processes="many")
@@ -265,7 +273,8 @@ def test_one_process_and_many_have_the_same_routes(flown: Fly, routing: dict[str
     assert balances(one)
 
 
-@pytest.mark.parametrize("routing", WAYS, ids=lambda way: str(way["model"]))
+@pytest.mark.slow
+@each_way
 def test_fates_do_not_depend_on_ticks(flown: Fly, routing: dict[str, Any]) -> None:
     """The nodes stand."""
     first = fates(scripted(flown, routing))
@@ -275,7 +284,7 @@ def test_fates_do_not_depend_on_ticks(flown: Fly, routing: dict[str, Any]) -> No
         pd.testing.assert_frame_equal(first, fates(scripted(flown, routing, tick_rate_hz=rate_hz)))
 
 
-@pytest.mark.parametrize("routing", WAYS, ids=lambda way: str(way["model"]))
+@each_way
 def test_decided_anew_the_same_radio_gives_the_same_routes(
     flown: Fly, routing: dict[str, Any], tmp_path: Path
 ) -> None:
