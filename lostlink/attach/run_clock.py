@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, isinf
 from typing import Final
 
-SLOW: Final = 0.97
+SLOW: Final = 0.99
 """A run that reaches less than this share of its speed is too slow for what a program measures."""
 
 
