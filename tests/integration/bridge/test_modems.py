@@ -206,6 +206,9 @@ def test_what_comes_out_is_what_arrived_on_the_air(start_run: StartRun) -> None:
     assert len(of_the_air) > 100
     assert of_the_air == [payloads[seq] for seq in order][: len(of_the_air)]
     assert len(order) - len(of_the_air) < 20  # what is on the serial line when the run ends
+    command = [*LOSTLINK, "redecide", str(run.directory)]
+    anew = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert "fates are the same, with their powers and error rates" in anew.stdout, anew.stderr
 
 
 def test_two_modems_at_a_ua_and_a_network_that_all_share(start_run: StartRun) -> None:
