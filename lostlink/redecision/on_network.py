@@ -19,6 +19,7 @@ from bridge.scenario.resolve.channel import RadioChannel
 from channel.access.packets import Handling
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets, Receptions
+from channel.network.entry import FIRST_EXACT
 from channel.network.instants import NEVER_NS
 from channel.network.network import Network, RadioRoute
 from lostlink.redecision.packet_facts import PacketFacts
@@ -112,7 +113,7 @@ class NetworkAnew:
 
     def _lived(self, packets: Packets, network: Network) -> Iterator[tuple[Columns | None, int]]:
         medium, period_ns = self._channel.medium, self._sent.tick_period_ns
-        due_ns = tick_of(packets.sim_time_ns, period_ns)
+        due_ns = _stretch_of(packets, period_ns)
         index, nodes = self._channel.medium.index, self._sent.nodes
         handling = {
             (index[nodes[tx]], seq): how
@@ -191,3 +192,10 @@ def decide_all(networks: Sequence[NetworkAnew], on_done: OnDone) -> None:
     """
     for _ in zip_longest(*(network.steps(on_done) for network in networks)):
         pass
+
+
+def _stretch_of(packets: Packets, tick_period_ns: int) -> NDArray[np.int64]:
+    """The tick at which each packet is to be with its network: an agent's enters after it, a modem's during it."""
+    tick_ns = tick_of(packets.sim_time_ns, tick_period_ns)
+    began_ns = packets.sim_time_ns // tick_period_ns * tick_period_ns
+    return np.maximum.accumulate(np.where(packets.seq >= FIRST_EXACT, began_ns, tick_ns))

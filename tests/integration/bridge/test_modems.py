@@ -207,6 +207,9 @@ def test_what_comes_out_is_what_arrived_on_the_air(start_run: StartRun) -> None:
     assert len(of_the_air) > 100
     assert of_the_air == [payloads[seq] for seq in order][: len(of_the_air)]
     assert len(order) - len(of_the_air) < 20  # what is on the serial line when the run ends
+    command = [*LOSTLINK, "redecide", str(run.directory)]
+    anew = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert "fates are the same, with their powers and error rates" in anew.stdout, anew.stderr
 
 
 @pytest.mark.slow

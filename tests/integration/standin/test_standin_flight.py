@@ -23,7 +23,7 @@ from fdm.model.airframe import Airframe, load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.jsbsim_model import JsbsimModel
 from fdm.model.truth import TrueState
-from standin import sockets
+from standin import client_socket, sockets
 from standin.autopilot import Autopilot
 from standin.process import Process
 from standin.vehicle.location import Location
@@ -498,7 +498,7 @@ def deaf_client_of_a_served_autopilot(
     monkeypatch: pytest.MonkeyPatch,
 ) -> Iterator[tuple[sockets.AutopilotSockets, socket.socket, socket.socket]]:
     """An autopilot in a thread, its physics, and a client that asked for all messages and reads none."""
-    monkeypatch.setattr(sockets, "SEND_BUFFER_BYTES", 8192)
+    monkeypatch.setattr(client_socket, "SEND_BUFFER_BYTES", 8192)
     core = Autopilot(Location(45.0, 10.0, 100.0), StandinParameters(), frame_rate_hz=400, boot_unix_us=0)
     with physics() as udp, socket.socket() as deaf:
         served = sockets.AutopilotSockets(core, udp.getsockname(), ("127.0.0.1", 0))
@@ -557,7 +557,7 @@ def test_a_client_that_is_slow_to_read_holds_the_simulation_back_and_loses_nothi
 
 
 def test_a_client_that_stays_deaf_is_let_go_and_the_flight_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sockets, "DEAF_MAX_S", 1.5)
+    monkeypatch.setattr(client_socket, "DEAF_MAX_S", 1.5)
     with deaf_client_of_a_served_autopilot(monkeypatch) as (server, udp, _):
         frames = exchange_until_held_back(udp)
         assert not server.errors

@@ -293,6 +293,19 @@ def test_nothing_after_until_counts(tmp_path: Path) -> None:
     assert found.tick_ns == until_ns
 
 
+def test_packets_on_their_way_when_a_run_ended_are_no_difference_up_to_there(tmp_path: Path) -> None:
+    """One run ended at tick 9, the other was interrupted after it: a packet of tick 9 has come there at tick 12."""
+    until_ns = 9 * TICK_NS
+    ended = make_run(tmp_path / "a", lambda run: run.change_row(18, fate="run_ended"), ticks=10)
+    went_on = make_run(tmp_path / "b", lambda run: run.change_row(18, received_ns=12 * TICK_NS), ticks=11)
+    assert compare(ended, went_on, until_ns) is None
+    assert compare(went_on, ended, until_ns) is None
+    other = make_run(tmp_path / "c", lambda run: run.change_row(17, fate="channel_erasure"), ticks=11)
+    found = compare(ended, other, until_ns)
+    assert found is not None
+    assert found.tick_ns == 8 * TICK_NS
+
+
 def test_killed_run_is_compared_as_far_as_its_files_go(tmp_path: Path) -> None:
     a, b = make_run(tmp_path / "a", is_finished=False), make_run(tmp_path / "b")
     assert compare(a, b) is None
