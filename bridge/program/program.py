@@ -35,7 +35,6 @@ from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import log_clock
 from bridge.timeouts import FLUSH_PERIOD_S
-from channel.validity import OutsideValidityError
 from fdm.exchange.exchange import Exchange
 from standin.called import CalledStandIn
 from standin.cli import called_standins
@@ -177,12 +176,8 @@ class Program:
         self._end_physics()
         failure = self._over.exception() if self._over.done() else None
         with ExitStack() as closing:  # each, whatever another raises
-            # where a packet has no fate the books cannot be closed
-            if isinstance(failure, OutsideValidityError):
-                closing.callback(self._radio.close)
-            else:
-                dropped = 0 if self._bus is None else self._bus.dropped
-                closing.callback(self._radio.finish, self._tell_progress, dropped)
+            dropped = 0 if self._bus is None else self._bus.dropped
+            closing.callback(self._radio.finish, self._tell_progress, dropped)
             closing.callback(self._tell_clock)
             closing.callback(self._dynamics.close)
             if self._bus is not None:

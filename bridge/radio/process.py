@@ -22,7 +22,6 @@ from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import exit_status, log_clock, on_stop_signal, parse_arguments
 from bridge.timeouts import FLUSH_PERIOD_S
-from channel.validity import OutsideValidityError
 
 IDLE_S = 5.0
 log = logging.getLogger("router")
@@ -56,9 +55,6 @@ class RouterProcess:
         """Serve until `stop`, then write what is left of the record, however long that takes."""
         try:
             self._serve()
-        except OutsideValidityError:  # the packet has no fate: the books cannot be closed
-            self._radio.close()
-            raise
         except BaseException:
             self._radio.finish(self._tell_progress, self._came.intake.dropped)
             raise

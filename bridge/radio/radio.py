@@ -91,6 +91,8 @@ class RecordedRadio:
         self.core = VirtualRadio(airs, ring, self._modems)
         self.picture = Picture(nodes)
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
+        self._has_lost_fates = False
+        """A channel that raises leaves packets without a fate: books that cannot be closed."""
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
         self._written_ns = [0] * len(nodes)
@@ -175,7 +177,11 @@ class RecordedRadio:
 
     def settle(self, sim_time_ns: int) -> SettledTick:
         """Settle the packets of a closed tick, and have the sensors measure; `write` is to follow."""
-        settled = self.core.settle()
+        try:
+            settled = self.core.settle()
+        except BaseException:
+            self._has_lost_fates = True
+            raise
         told = self._sensors.measure(sim_time_ns) if self._sensors is not None else ()
         self.picture.take(settled.columns)
         return SettledTick(sim_time_ns, settled, self.picture.changed(), told)
@@ -208,7 +214,7 @@ class RecordedRadio:
         self._report.flush()
 
     def finish(self, tell_progress: Callable[[float], object], dropped: int = 0) -> None:
-        """Write what is left of the record, however long that takes.
+        """Write what is left of the record, however long that takes; after a tick without fates no books.
 
         Args:
             tell_progress: called now and then with the share that is done.
@@ -217,6 +223,9 @@ class RecordedRadio:
         Raises:
             LedgerError: sent is not delivered plus lost: a defect of ours.
         """
+        if self._has_lost_fates:
+            self.close()
+            return
         try:
             self.write(self.core.finish())
         finally:

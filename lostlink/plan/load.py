@@ -87,7 +87,8 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
     capacity = Capacity(medium_settings(radios), radios)
     nodes = tuple(_load_of(scenario, node, capacity) for node in scenario.transceivers)
     shares = [node.airtime_share for node in nodes]
-    payload_bits_per_s = sum(8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes)
+    payloads = [8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes]
+    carried = sum(bits for bits, share in zip(payloads, shares, strict=True) if share > 0.0)
     return OfferedLoad(
         nodes,
         capacity.medium,
@@ -95,8 +96,8 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
         capacity.is_shared,
         sum(node.packets_per_s or 0.0 for node in nodes),
         sum(node.on_air_bits_per_s or 0.0 for node in nodes),
-        payload_bits_per_s,
-        payload_bits_per_s / sum(shares) if sum(shares) > 0.0 else None,
+        sum(payloads),
+        carried / sum(shares) if sum(shares) > 0.0 else None,
         sum(shares) if capacity.is_shared else max(shares, default=0.0),
         any(node.is_guess for node in nodes),
         routing_settings(radios).copies(len(nodes)),

@@ -156,7 +156,7 @@ def _measured(path: Path, plan: CasePlan) -> dict[str, Any]:
         metrics = of_summary(run)
         metrics |= of_tables(run)
         timing = {key: run.summary[key] for key in ("wall_duration_s", "real_time_factor")}
-        return _result(plan, metrics | own(run, plan.metrics), timing, metrics["error"])
+        return _result(plan, metrics | own(run, plan.metrics, metrics), timing, metrics["error"])
     except Exception as error:
         traceback.print_exc()
         return _result(plan, metrics, {}, metrics.get("error") or _told(error))

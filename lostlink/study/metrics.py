@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -83,12 +83,17 @@ def _mean(values: NDArray[np.float64]) -> float:
     return float(known.mean()) if known.size else float("nan")
 
 
-def own(run: Run, functions: tuple[Function, ...]) -> Metrics:
+def own(run: Run, functions: tuple[Function, ...], taken: Container[str] = OF_THE_STUDY) -> Metrics:
     """What functions of the user's own say of a run.
 
+    Args:
+        run: the run.
+        functions: each gives columns by name.
+        taken: names of columns that there are already, beside those of the study.
+
     Raises:
-        StudyError: one gives what no table can hold, or a column that is the study's own. What they raise
-            themselves is passed on.
+        StudyError: one gives what no table can hold, or a column that there is. What they raise themselves is passed
+            on.
     """
     found: Metrics = {}
     for function in functions:
@@ -97,10 +102,11 @@ def own(run: Run, functions: tuple[Function, ...]) -> Metrics:
             raise StudyError(
                 f"{_told(function)}: has to give a mapping of columns (got {type(result).__name__})"
             )
-        if taken := [name for name in result if name in OF_THE_STUDY]:
-            raise StudyError(
-                f"{_told(function)}: {taken[0]}: is a column of the study's own: give it another name"
-            )
+        for name in result:
+            if name in OF_THE_STUDY or name in taken:
+                raise StudyError(
+                    f"{_told(function)}: {name}: is a column of the study's own: give it another name"
+                )
         found |= {str(name): _plain(value, f"{_told(function)}: {name}") for name, value in result.items()}
     return found
 

@@ -233,6 +233,37 @@ def test_a_model_outside_its_validity_ends_the_run_by_name(start_run: StartRun) 
     assert "Traceback" not in said
 
 
+LAW = """\
+from itertools import count
+
+from channel.propagation.path_loss import FreeSpace
+
+calls = count()
+
+
+class Broken(FreeSpace):
+    def path_loss_db(self, path):
+        if next(calls) > 20:
+            raise AttributeError("no such quantity: distance_km")
+        return super().path_loss_db(path)
+"""
+
+
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+def test_a_law_of_ones_own_that_fails_ends_the_run_with_what_it_raised(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    """Packets of that tick have no fate: the books cannot be closed, which is not what is told."""
+    (tmp_path / "mine.py").write_text(LAW)
+    own = f"{{{{preset: corrected, propagation: {{{{class: {tmp_path}/mine.py:Broken}}}}}}}}"
+    run = start_run(
+        scenario=STILL.replace("radio: moon2020", f"radio: {own}"), duration_s=5.0, processes=processes
+    )
+    assert run.finish() == 1
+    assert "no such quantity: distance_km" in run.summary["error"]
+    assert "LedgerError" not in run.summary["error"]
+
+
 ANTENNA = """\
 from channel.antenna import Isotropic
 

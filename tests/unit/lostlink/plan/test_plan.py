@@ -188,6 +188,14 @@ def test_load_on_slots_of_a_schedule_is_that_of_the_busiest_node() -> None:
     assert load["airtime_share"] == pytest.approx(4.0)
 
 
+def test_what_slots_carry_is_of_those_who_have_room_in_them() -> None:
+    """Of two nodes one alone has a slot, in which its package has room once in 0.5 s: not the load of both over it."""
+    schedule = "schedule={slots: [{nodes: 0, duration_s: 0.05}], round_s: 0.5}"
+    load = on_medium("model=tdma", schedule)["load"]
+    assert [node["airtime_share"] > 0.0 for node in load["nodes"]] == [True, False]
+    assert load["capacity_bps"] == pytest.approx(8 * HOLDS_BYTES / 0.5)
+
+
 def test_load_on_expresslrs_is_held_against_user_bytes() -> None:
     """Half the slots of 3003 us are the receiver's, and 62 user bytes take 7 of them: 1475 bytes a second."""
     load = on_medium("model=elrs", "mode=lora-333-full")["load"]

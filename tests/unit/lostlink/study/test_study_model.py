@@ -236,6 +236,11 @@ def test_other_metrics_are_refused_by_name(tmp_path, body, says):
         own(None, (function(tmp_path, body),))
 
 
+def test_a_metric_does_not_take_the_place_of_one_of_ours(tmp_path):
+    with pytest.raises(StudyError, match="measure: delivery: is a column of the study's own"):
+        own(None, (function(tmp_path, "{'delivery': 1}"),), {"delivery": 0.5})
+
+
 def test_a_function_that_is_not_there_is_named(tmp_path):
     missing = function(tmp_path, "{}").model_copy(update={"name": "other"})
     with pytest.raises(StudyError, match=r"own\.py:other: there is no such function"):
