@@ -60,9 +60,10 @@ class HostedGround(HostedNode):
             await device.close()
         await super().__aexit__(*exc)
 
-    def statistics(self) -> Mapping[str, Any]:
-        """What ground stations sent too fast, and what nobody took."""
-        return {
-            radio: {"overrun_bytes": device.overrun_bytes, "unread_bytes": device.unread_bytes}
-            for radio, device in self._devices.items()
-        }
+    def modem_counters(self) -> Mapping[str, int]:
+        """What ground stations sent faster than the line, and what nobody took."""
+        found: dict[str, int] = {}
+        for radio, device in self._devices.items():
+            found[f"modem.{radio}.overrun_bytes"] = device.overrun_bytes
+            found[f"modem.{radio}.unread_bytes"] = device.unread_bytes
+        return found

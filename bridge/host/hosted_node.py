@@ -216,6 +216,10 @@ class HostedNode:
         """Counters of what the node has beside its agent."""
         return {}
 
+    def modem_counters(self) -> Mapping[str, int]:
+        """Counters of what is at the serial sides of its modems, by name."""
+        return {}
+
     def close(self) -> None:
         """Write what is left of the record."""
         self._closed = True
@@ -223,5 +227,6 @@ class HostedNode:
             "messages_the_agent_could_not_read": 0 if self.runner is None else self.runner.ua.malformed,
             "commands_dropped": self.asks_dropped() + self.node.commands_dropped,
             "packets_from_outside_dropped": self.packets_lost() + self.node.packets_dropped,
+            **self.modem_counters(),
         }
         self._record.close(self.statistics(), counters)

@@ -178,12 +178,8 @@ def test_a_station_flies_a_copter_over_the_air_and_the_run_repeats_without_it(
         own = station.heard("RADIO_STATUS")
         assert (own.get_srcSystem(), own.get_srcComponent()) == (51, 68)
     assert run.finish() == 0, run.output.decode()
-    assert {
-        link["tx"]: link["sent"] > 100 for link in run.summary["links"] if link["radio"] == "telemetry"
-    } == {
-        "0": True,
-        "gcs": True,
-    }
+    sent = {link["tx"]: link["sent"] for link in run.summary["links"] if link["radio"] == "telemetry"}
+    assert min(sent.values()) > 2 * ITEMS
     again = refly(run, tmp_path, free_slot(2), processes)
     assert again["difference"] is None
     assert again["summary"]["digests"] == run.summary["digests"]
