@@ -27,6 +27,7 @@ from channel.propagation.gain_map import GainMap
 from channel.propagation.hata import Cost231Hata, OkumuraHata
 from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
 from channel.propagation.terrain import Terrain
+from channel.propagation.trial import try_law
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.routing.settings import NoRouting, RoutingSettings
 from channel.variant import Settings, Variant
@@ -54,7 +55,7 @@ Propagation = Annotated[
     | Terrain
     | GainMap,
     Field(discriminator="model"),
-    *own_models("propagation", "path_loss_db"),
+    *own_models("propagation", "path_loss_db", trial=try_law),
 ]
 Shadowing = Annotated[
     NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,

@@ -25,12 +25,15 @@ from channel.variant import Variant
 CLASS_KEY = "class"
 
 
-def own_models(group: str, *needed: str) -> tuple[WrapValidator, WrapSerializer]:
+def own_models(
+    group: str, *needed: str, trial: Callable[[Any], None] | None = None
+) -> tuple[WrapValidator, WrapSerializer]:
     """Return what lets a field of a radio take a user's model beside those of its union.
 
     Args:
         group: of entry points, without `lostlink.`.
         needed: methods and properties that the model has to have.
+        trial: raises ValueError if a model does not do what it has to.
     """
 
     def validate(value: Any, others: Callable[[Any], Any]) -> Any:
@@ -47,6 +50,11 @@ def own_models(group: str, *needed: str) -> tuple[WrapValidator, WrapSerializer]
             model = found.model_validate(parameters)
         except ValidationError as error:
             raise _first_of(error) from error
+        if trial is not None:
+            try:
+                trial(model)
+            except ValueError as error:
+                raise ValueError(f"{found.__name__} in {key[1]}: {error}") from error
         model._own_key = key
         return model
 

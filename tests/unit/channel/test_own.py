@@ -94,6 +94,40 @@ def test_mistakes_are_named(mine, group, problem):
     assert caught.value.key.startswith("propagation")
 
 
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("return path.distance_km", "raises AttributeError .*a Path has frequency_hz, distance_m"),
+        ("return 100.0", "gives one number for three links"),
+        ("return path.distance_m[:2]", r"gives \(2,\) for three links"),
+        ("return np.log10(path.distance_m - 200.0)", "has to be finite"),
+        ("return 60.0 if path.distance_m > 100.0 else path.distance_m", "raises ValueError"),
+        ("return path.distance_m + np.random.default_rng().normal()", "another loss for the same links"),
+    ],
+)
+def test_a_law_that_gives_no_losses_is_told_before_anything_flies(mine, body, problem):
+    (mine / "models" / "wrong.py").write_text(
+        f"import numpy as np\nfrom channel.variant import Variant\n\n\nclass Wrong(Variant):\n"
+        f"    def path_loss_db(self, path):\n        {body}\n"
+    )
+    tree = {"preset": "perfect", "propagation": {"class": "models/wrong.py:Wrong"}}
+    with np.errstate(all="ignore"), pytest.raises(PresetError, match=f"Wrong in .*{problem}") as caught:
+        presets.radio_from_mapping(presets.seen_from(mine, tree))
+    assert caught.value.key.startswith("propagation")
+
+
+def test_a_law_that_does_not_hold_near_2_ghz_is_not_tried(mine):
+    (mine / "models" / "low.py").write_text(
+        "from channel.propagation.hata import OkumuraHata\n\n\nclass Low(OkumuraHata):\n    pass\n"
+    )
+    assert presets.radio_from_mapping(
+        presets.seen_from(
+            mine,
+            {"preset": "telemetry-915", "propagation": {"class": "models/low.py:Low", "environment": "open"}},
+        )
+    )
+
+
 def test_an_entry_point_gives_a_model_a_name(mine, monkeypatch):
     monkeypatch.syspath_prepend(mine / "models")
     point = importlib.metadata.EntryPoint("steep", "mine:Steep", "lostlink.propagation")
