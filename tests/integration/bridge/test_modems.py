@@ -23,6 +23,7 @@ from bridge.record.packets import packets_of
 from bridge.record.streams import read_stream
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
+from lostlink import load_run
 from standin.vehicle.parameters import TABLE
 from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
 
@@ -45,6 +46,36 @@ nodes:
     kind: ground
     place: {{east_m: 20}}
     modems: {{telemetry: {{serve: ["tcpin::PORT"]}}}}
+    agent: {{type: still}}
+"""
+
+
+HOPS = """\
+schema: 1
+name: hops
+seed: 3
+speed: {speed}
+duration_s: {duration_s}
+origin: {{lat_deg: 47.0, lon_deg: 8.0, alt_amsl_m: 500.0}}
+radio: perfect
+networks:
+  telemetry:
+    preset: disk
+    frequency_hz: 915.0e+6
+    bit_rate_bps: 250.0e+3
+    max_range_m: 150
+    mtu_bytes: 300
+    medium: {{model: csma}}
+    routing: {{model: flood, hop_limit: 4}}
+ports: {{zenoh: 0, first_slot: {slot}}}
+nodes:
+  - {{id: 0, modems: {{telemetry: {{serial: 1, baud: 57600}}}}, agent: {{type: still}}}}
+  - {{id: near, kind: ground, place: {{north_m: 100}}, agent: {{type: still}}}}
+  - {{id: mid, kind: ground, place: {{north_m: 200}}, agent: {{type: still}}}}
+  - id: gcs
+    kind: ground
+    place: {{north_m: 300}}
+    modems: {{telemetry: {{serve: ["tcpin::PORT"], baud: 57600}}}}
     agent: {{type: still}}
 """
 
@@ -206,6 +237,23 @@ def test_what_comes_out_is_what_arrived_on_the_air(start_run: StartRun) -> None:
     command = [*LOSTLINK, "redecide", str(run.directory)]
     anew = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert "fates are the same, with their powers and error rates" in anew.stdout, anew.stderr
+
+
+@pytest.mark.slow
+def test_a_station_flies_a_copter_over_three_hops(start_run: StartRun) -> None:
+    """300 m away, with radios that reach 150 m: the two between them hand frames on, each once."""
+    port = free_port()
+    run = start_run(scenario=HOPS.replace("PORT", str(port)), speed=str(SPEED), duration_s=40.0)
+    with station_at(run, port) as station:
+        station.heard("HEARTBEAT", "HEARTBEAT.autopilot==3")
+        takes_off(station)
+    assert run.finish() == 0, run.output.decode()
+    ways = {
+        (tx, rx): part.sort_values("hop").node.astype(str).tolist()
+        for (tx, rx), part in load_run(run.directory).routes.groupby(["tx", "rx"], observed=True)
+    }
+    assert ways["0", "gcs"][:3] == ["0", "near", "mid"]
+    assert ways["gcs", "0"][:3] == ["gcs", "mid", "near"]
 
 
 @pytest.mark.slow
