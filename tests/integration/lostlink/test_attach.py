@@ -32,9 +32,9 @@ name: attached
 duration_s: 10
 origin: {lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690}
 radio: {preset: perfect, mtu_bytes: 1200}
-networks: {tiny: {preset: perfect, mtu_bytes: 60}}
+networks: {tiny: {preset: perfect, mtu_bytes: 60}, serial: {preset: sik-433}}
 nodes:
-  - {id: 0, agent: {type: still}}
+  - {id: 0, modems: {serial: {serial: 1}}, agent: {type: still}}
   - {id: 1, agent: {type: free}}
   - {id: gcs, kind: ground, networks: [main], agent: {type: still}}
 """
@@ -135,6 +135,10 @@ def refused(process: subprocess.Popen[str]) -> str:
         (("7",), "there is no node '7'; there are 0, 1, gcs"),
         (("gcs", "--radio", "tiny"), "node gcs has no radio 'tiny'; it has main"),
         (("0", "--radio", "tiny"), "radio tiny takes 60 bytes at most (mtu_bytes), and IPv4 needs 68"),
+        (
+            ("0", "--radio", "serial"),
+            "UA 0 has a modem on its radio serial, which sends and hears its autopilot's",
+        ),
         (("0", "--subnet", "10.0.0.0/30"), "10.0.0.0/30 has no address for node"),
         (("0", "--subnet", "10.0.0.1/24"), "'10.0.0.1/24' is no subnet, such as 10.42.0.0/24"),
         (("0", "--mtu", "1300"), "--mtu 1300: from 68 to 1200 on radio main"),
