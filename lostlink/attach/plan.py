@@ -119,8 +119,8 @@ def plan_of(asked: Asked) -> AttachPlan:
         )
     if asked.radio in node.modems:
         raise NotAttachable(
-            f"{scenario.title(node.node)} has a modem on its radio {asked.radio}, which sends and hears its autopilot's "
-            "or its stations' bytes alone: attach to another radio"
+            f"{scenario.title(node.node)} has a modem on its radio {asked.radio}, which sends and hears its "
+            "autopilot's or its stations' bytes alone: attach to another radio"
         )
     near = {each.node: each for each in scenario.nodes_on(asked.radio)}
     return AttachPlan(
