@@ -19,7 +19,7 @@ from bridge.bus.messages import AgentStatus, Header
 from bridge.host.modem_port import ModemPort
 from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
-from bridge.record.input_fields import PACKET_MAX_BYTES, Way
+from bridge.record.input_fields import PACKET_MAX_BYTES, PacketWay
 from bridge.record.ways import whom
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
@@ -123,7 +123,7 @@ class HostedNode:
 
     # From outside.
 
-    def packet_came(self, way: Way, payload: bytes) -> None:
+    def packet_came(self, way: PacketWay, payload: bytes) -> None:
         """Somebody outside has a packet for a radio of the node; what can go nowhere is dropped and counted."""
         if self._leads_somewhere(way) and 0 < len(payload) <= PACKET_MAX_BYTES:
             self.node.packet_came(way, payload)
@@ -134,7 +134,7 @@ class HostedNode:
     def _reach(self) -> dict[str, set[str]]:
         return whom(self._scenario, self.id)
 
-    def _leads_somewhere(self, way: Way) -> bool:
+    def _leads_somewhere(self, way: PacketWay) -> bool:
         return way.to in self._reach.get(way.radio, ())
 
     # Ticks.

@@ -25,7 +25,7 @@ from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.body import Body, StatePace
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
-from bridge.record.inputs import RecordedInput, Way
+from bridge.record.inputs import PacketWay, RecordedInput
 from bridge.record.logged import LoggedValue
 
 OnReply = Callable[[CommandEvent], object]
@@ -81,7 +81,7 @@ class Node:
         self._asked: list[tuple[str, CommandGoal, OnReply]] = []
         self.commands_dropped = 0
         """Commands of operators that found no room."""
-        self._entering: list[tuple[Way, bytes]] = []
+        self._entering: list[tuple[PacketWay, bytes]] = []
         self._entering_bytes = 0
         self.packets_dropped = 0
         """Packets from outside that found no room, or came where none are taken."""
@@ -111,7 +111,7 @@ class Node:
             return
         self._asked.append((verb, goal, on_reply))
 
-    def packet_came(self, way: Way, payload: bytes) -> None:
+    def packet_came(self, way: PacketWay, payload: bytes) -> None:
         """Somebody outside has a packet for a radio of the node: it enters at the next tick, and is recorded."""
         has_room = (
             len(self._entering) < ENTERING_MAX and self._entering_bytes + len(payload) <= ENTERING_MAX_BYTES
@@ -121,7 +121,7 @@ class Node:
         else:
             self._enter(way, payload)
 
-    def _enter(self, way: Way, payload: bytes) -> None:
+    def _enter(self, way: PacketWay, payload: bytes) -> None:
         self._entering.append((way, payload))
         self._entering_bytes += len(payload)
 

@@ -14,7 +14,7 @@ from bridge.bus.session import Query, Sample, Session, answer, end_of_answers
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_node import HostedNode
 from bridge.host.node import ASKED_MAX, ENTERING_MAX, OnReply
-from bridge.record.input_fields import VERBS, Way
+from bridge.record.input_fields import VERBS, PacketWay
 from bridge.run.directory import RunDirectory
 
 log = logging.getLogger("host")
@@ -56,7 +56,7 @@ class AskedOnBus:
     def _entered(self, sample: Sample) -> None:
         """A packet for one of the node's radios."""
         address = self._keys.address_of(str(sample.key_expr))
-        way = Way(address.radio, address.to, address.channel)
+        way = PacketWay(address.radio, address.to, address.channel)
         self._hosted.packet_came(way, sample.payload.to_bytes())
 
     def _look(self, hosted: HostedAircraft, query: Query) -> None:

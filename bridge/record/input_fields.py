@@ -57,7 +57,7 @@ class InputError(ValueError):
     """An input is wrong; the text names the key and what is allowed (and file and line, if it was read)."""
 
 
-class Way(NamedTuple):
+class PacketWay(NamedTuple):
     """Which way a packet goes that enters a node from outside.
 
     Attributes:
@@ -96,7 +96,7 @@ class RecordedInput:
     data: bytes = b""
     verb: str | None = None
     goal: CommandGoal | None = None
-    way: Way | None = None
+    way: PacketWay | None = None
     radio: str | None = None
 
     def __post_init__(self) -> None:
@@ -146,7 +146,7 @@ class RecordedInput:
         return cls(tick_ns, "command", verb=verb, goal=goal)
 
     @classmethod
-    def packet(cls, tick_ns: int, way: Way, data: bytes) -> RecordedInput:
+    def packet(cls, tick_ns: int, way: PacketWay, data: bytes) -> RecordedInput:
         """A packet came for a radio of the node."""
         return cls(tick_ns, "packet", data=data, way=way)
 
@@ -192,7 +192,7 @@ def from_fields(fields: dict[str, Any]) -> RecordedInput:
     if kind == "command":
         return RecordedInput(tick_ns, kind, verb=fields["verb"], goal=_goal(fields))
     if kind == "packet":
-        way = Way(*(_text(key, fields[key]) for key in Way._fields))
+        way = PacketWay(*(_text(key, fields[key]) for key in PacketWay._fields))
         return RecordedInput.packet(tick_ns, way, _bytes(fields["hex"]))
     if kind == "serial":
         return RecordedInput(tick_ns, kind, data=_bytes(fields["hex"]), radio=_text("radio", fields["radio"]))
@@ -279,7 +279,7 @@ def _frame(value: object) -> bytes:
     raise InputError(f"key 'hex': one whole MAVLink frame is expected: {text}")
 
 
-def _check_way(way: Way, data: bytes) -> None:
+def _check_way(way: PacketWay, data: bytes) -> None:
     for key, value in way._asdict().items():
         try:
             checked_chunk(value)

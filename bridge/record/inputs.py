@@ -19,10 +19,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
-from bridge.record.input_fields import InputError, RecordedInput, Way, from_fields, to_fields
+from bridge.record.input_fields import InputError, PacketWay, RecordedInput, from_fields, to_fields
 from bridge.record.names import INPUT_FOLDER, inputs_path
 
-__all__ = ["InputError", "InputWriter", "RecordedInput", "Way", "all_inputs", "inputs_of", "read_inputs"]
+__all__ = [
+    "InputError",
+    "InputWriter",
+    "PacketWay",
+    "RecordedInput",
+    "all_inputs",
+    "inputs_of",
+    "read_inputs",
+]
 
 
 class InputWriter:

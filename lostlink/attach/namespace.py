@@ -1,11 +1,9 @@
 """Makes a network namespace with one interface, and becomes a program in it: ``namespace.py SETTINGS PROGRAM ARG...``.
 
-SETTINGS is a JSON object, see `Settings`. Whoever starts it gets the other side of the interface (a TUN device: whole
-IP packets) through the socket of `Settings.fd`, and answers with a byte when the program may start; the message with
-the device is a remark, empty if all went well, and a message without one says why it could not be made.
-
-It is a program of its own, of the standard library alone: namespaces of a user are given only to a process with one
-thread, and Python has no other place between fork and exec that is safe.
+SETTINGS is a JSON object, see `InterfaceSettings`. Whoever starts it gets the other side of the interface (a TUN
+device: whole IP packets) through the socket of `InterfaceSettings.fd`, and answers with a byte when the program may
+start; the message with the device is a remark, empty if all went well, and a message without one says why it could not
+be made.
 """
 
 from __future__ import annotations
@@ -38,7 +36,7 @@ CANNOT_START, NOT_FOUND = 126, 127
 """Exit codes of shells, for programs that cannot be run and that are not there."""
 
 
-class Settings(NamedTuple):
+class InterfaceSettings(NamedTuple):
     """What the namespace is to have.
 
     Attributes:
@@ -102,7 +100,7 @@ def enter() -> None:
         ) from error
 
 
-def open_interface(settings: Settings) -> int:
+def open_interface(settings: InterfaceSettings) -> int:
     """The interface, up; returns the file whose reads and writes are its packets.
 
     Raises:
@@ -191,11 +189,11 @@ def become(command: list[str]) -> NoReturn:
         sys.exit(NOT_FOUND if isinstance(error, FileNotFoundError) else CANNOT_START)
 
 
-def main(open_all: Callable[[Settings], int] = open_interface) -> None:
+def main(open_all: Callable[[InterfaceSettings], int] = open_interface) -> None:
     """Make it, hand it over, and become the program."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Python would tell of it
-    settings, command = Settings(**json.loads(sys.argv[1])), sys.argv[2:]
+    settings, command = InterfaceSettings(**json.loads(sys.argv[1])), sys.argv[2:]
     with socket.socket(fileno=settings.fd) as starter:
         try:
             enter()

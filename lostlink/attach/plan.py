@@ -29,7 +29,7 @@ class NotAttachable(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class AttachRequest:
     """What a user asks for.
 
     Attributes:
@@ -95,7 +95,7 @@ class AttachPlan:
             )
 
 
-def plan_of(asked: Asked) -> AttachPlan:
+def plan_of(asked: AttachRequest) -> AttachPlan:
     """See that it can be.
 
     Raises:
@@ -152,7 +152,7 @@ def _radio_config(scenario: Scenario, node: Transceiver, name: str) -> RadioConf
     return load_radio(setting) if isinstance(setting, str) else radio_from_mapping(setting)
 
 
-def _mtu_bytes(radio: RadioConfig, asked: Asked) -> int:
+def _mtu_bytes(radio: RadioConfig, asked: AttachRequest) -> int:
     most = radio.mtu_bytes
     if most < MTU_MIN_BYTES:
         raise NotAttachable(

@@ -16,7 +16,7 @@ from typing import Final, Self
 import psutil
 
 from lostlink.attach import namespace
-from lostlink.attach.namespace import Settings
+from lostlink.attach.namespace import InterfaceSettings
 
 PR_SET_CHILD_SUBREAPER: Final = 36
 GRACE_S: Final = 5.0
@@ -32,7 +32,7 @@ class NoProgram(Exception):
     """The namespace could not be made; the text says why."""
 
 
-class Program:
+class AttachedProgram:
     """A program in its namespace, from `prepare` to `close`.
 
     Args:
@@ -61,7 +61,9 @@ class Program:
         """
         ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        settings = Settings(theirs.fileno(), os.getpid(), interface, address, netmask, mtu_bytes, hosts)
+        settings = InterfaceSettings(
+            theirs.fileno(), os.getpid(), interface, address, netmask, mtu_bytes, hosts
+        )
         words = [sys.executable, "-I", str(Path(namespace.__file__)), json.dumps(settings._asdict())]
         with theirs:
             process = subprocess.Popen([*words, *command], pass_fds=[theirs.fileno()])

@@ -14,7 +14,7 @@ from bridge.bus.session import Session
 from lostlink.attach.forwarder import Forwarder
 from lostlink.attach.link import IpLink
 from lostlink.attach.plan import AttachPlan
-from lostlink.attach.program import GRACE_S, Program
+from lostlink.attach.program import GRACE_S, AttachedProgram
 from lostlink.flight.signals import ending_signals
 
 INTERFACE: Final = "radio0"
@@ -33,7 +33,7 @@ def attach(plan: AttachPlan, command: Sequence[str], say: Say) -> tuple[int, For
     node = plan.node.node
     forwarder = Forwarder(node, plan.addresses, plan.subnet, plan.mtu_bytes)
     own, netmask = str(plan.addresses[node]), str(plan.subnet.netmask)
-    program = Program.prepare(INTERFACE, own, netmask, plan.mtu_bytes, plan.hosts, command)
+    program = AttachedProgram.prepare(INTERFACE, own, netmask, plan.mtu_bytes, plan.hosts, command)
     status = 0
     try:
         with plan.access.open() as session:
@@ -48,7 +48,7 @@ def attach(plan: AttachPlan, command: Sequence[str], say: Say) -> tuple[int, For
 class _Attached:
     """While the program runs."""
 
-    def __init__(self, plan: AttachPlan, program: Program, forwarder: Forwarder, say: Say) -> None:
+    def __init__(self, plan: AttachPlan, program: AttachedProgram, forwarder: Forwarder, say: Say) -> None:
         self._plan, self._program, self._forwarder, self._say = plan, program, forwarder, say
         self._ends = False
 

@@ -51,13 +51,13 @@ def attach(
         fail("network namespaces are Linux's: attach needs Linux", CANNOT_ATTACH)
     from bridge.bus.session import SessionError
     from lostlink.attach.claim import AlreadyAttached, claimed
-    from lostlink.attach.plan import Asked, plan_of
+    from lostlink.attach.plan import AttachRequest, plan_of
     from lostlink.attach.program import NoProgram
     from lostlink.attach.serve import attach as attached
 
     say = (lambda _: None) if quiet else tell
     try:
-        plan = plan_of(Asked(run, node, radio, subnet, mtu))
+        plan = plan_of(AttachRequest(run, node, radio, subnet, mtu))
         with claimed(plan.directory.path, plan.title, node, command):
             status, counts = attached(plan, command, say)
     except (ValueError, OSError, SessionError, AlreadyAttached, NoProgram) as error:

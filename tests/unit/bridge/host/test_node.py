@@ -31,7 +31,7 @@ from bridge.bus.radio_command import radio_goal
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.host.node import ENTERING_MAX, ENTERING_MAX_BYTES, Node
-from bridge.record.inputs import RecordedInput, Way
+from bridge.record.inputs import PacketWay, RecordedInput
 from bridge.record.logged import LoggedValue
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.model import Transmit
@@ -415,8 +415,8 @@ async def test_what_was_taken_at_a_tick_is_not_taken_again(host: Host) -> None:
 
 async def test_packets_from_outside_enter_at_a_tick_ahead_of_the_agent(host: Host) -> None:
     await heard(host)
-    host.node.packet_came(Way(to="3"), b"first")
-    host.node.packet_came(Way("mesh", channel="other"), b"second")
+    host.node.packet_came(PacketWay(to="3"), b"first")
+    host.node.packet_came(PacketWay("mesh", channel="other"), b"second")
     assert "input packet" not in host.exchange(TICK_NS // 2)
     host.orders[TICK_NS] = lambda: host.ua.transmit("order", b"")
     assert host.tick(TICK_NS)[:8] == [
@@ -430,17 +430,17 @@ async def test_packets_from_outside_enter_at_a_tick_ahead_of_the_agent(host: Hos
         "agent transmits order",
     ]
     assert host.inputs == [
-        RecordedInput.packet(TICK_NS, Way("main", "3", "ip"), b"first"),
-        RecordedInput.packet(TICK_NS, Way("mesh", "all", "other"), b"second"),
+        RecordedInput.packet(TICK_NS, PacketWay("main", "3", "ip"), b"first"),
+        RecordedInput.packet(TICK_NS, PacketWay("mesh", "all", "other"), b"second"),
     ]
     assert "input packet" not in host.tick(2 * TICK_NS)
 
 
 async def test_packets_of_a_record_enter_again_and_none_from_outside(host: Host) -> None:
-    recorded = [RecordedInput.packet(at_ns, Way(to="3"), b"E") for at_ns in (TICK_NS, TICK_NS + 1)]
+    recorded = [RecordedInput.packet(at_ns, PacketWay(to="3"), b"E") for at_ns in (TICK_NS, TICK_NS + 1)]
     host.node.repeat(recorded)
     await heard(host)
-    host.node.packet_came(Way(), b"E")
+    host.node.packet_came(PacketWay(), b"E")
     assert host.node.packets_dropped == 1
     for number, expected in ((1, 1), (2, 1), (3, 0)):
         assert host.tick(number * TICK_NS).count("agent transmits ip") == expected
@@ -453,10 +453,10 @@ async def test_packets_from_outside_are_bounded_and_the_rest_is_counted(
 ) -> None:
     await heard(host)
     for _ in range(room + 7):
-        host.node.packet_came(Way(), bytes(length))
+        host.node.packet_came(PacketWay(), bytes(length))
     assert host.node.packets_dropped == 7
     assert host.tick(TICK_NS).count("agent transmits ip") == room
-    host.node.packet_came(Way(), b"E")
+    host.node.packet_came(PacketWay(), b"E")
     assert host.tick(2 * TICK_NS).count("agent transmits ip") == 1
 
 
@@ -464,7 +464,7 @@ async def test_nothing_piles_up_for_a_node_that_nobody_of_ours_flies(host: Host)
     node = Node("8", host.node.body, host, host)
     for number in range(3):
         node.arrivals.packet_came(packet("a", number, 0), -80.0, 15.0)
-        node.packet_came(Way(), b"E")
+        node.packet_came(PacketWay(), b"E")
         node.tick(number * TICK_NS)
     given: list[int] = []
     host.ua.on_packet(lambda _sender, _channel, _payload, told: given.append(told.seq))

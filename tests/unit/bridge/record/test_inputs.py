@@ -14,8 +14,8 @@ from bridge.bus.messages import CommandGoal
 from bridge.record.inputs import (
     InputError,
     InputWriter,
+    PacketWay,
     RecordedInput,
-    Way,
     all_inputs,
     inputs_of,
     read_inputs,
@@ -30,7 +30,7 @@ ITEMS = [
     RecordedInput.command(60_000_000, "mode", CommandGoal("GUIDED", speed_mps=math.inf)),
     RecordedInput.closed(100_000_000, 3),
     RecordedInput.opened(100_000_000, 3),
-    RecordedInput.packet(150_000_000, Way("mesh", "gcs"), b"\x45\x00"),
+    RecordedInput.packet(150_000_000, PacketWay("mesh", "gcs"), b"\x45\x00"),
 ]
 
 
@@ -197,8 +197,8 @@ def test_writer_refuses_what_the_reader_would(tmp_path: Path) -> None:
         lambda: RecordedInput(0, "command", 1, verb="arm", goal=CommandGoal()),
         lambda: RecordedInput(1 << 63, "open", 1),
         lambda: RecordedInput(0, "packet", data=b"x"),
-        lambda: RecordedInput(0, "packet", 1, b"x", way=Way()),
-        lambda: RecordedInput(0, "frame", 1, b"x", way=Way()),
+        lambda: RecordedInput(0, "packet", 1, b"x", way=PacketWay()),
+        lambda: RecordedInput(0, "frame", 1, b"x", way=PacketWay()),
     ],
 )
 def test_values_that_do_not_go_together_are_refused(make: Callable[[], RecordedInput]) -> None:

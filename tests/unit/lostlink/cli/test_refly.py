@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bridge.record.events import Report
-from bridge.record.inputs import InputWriter, RecordedInput, Way
+from bridge.record.inputs import InputWriter, PacketWay, RecordedInput
 from bridge.record.names import inputs_path
 from bridge.record.provenance import Provenance, write_provenance
 from bridge.record.tables.truth import TRUTH
@@ -215,7 +215,7 @@ def wrong_input(run: Path) -> None:
     path.write_text(path.read_text() + '{"tick_ns": 1}\n')
 
 
-def packet_by(way: Way) -> Callable[[Path], None]:
+def packet_by(way: PacketWay) -> Callable[[Path], None]:
     """Have the record say that a packet entered node 0 from outside."""
 
     def write(run: Path) -> None:
@@ -228,7 +228,7 @@ def packet_by(way: Way) -> Callable[[Path], None]:
 
 def test_packets_that_can_go_where_they_say_are_no_hindrance(tmp_path: Path, fly: FakeFlight) -> None:
     run = recorded(tmp_path)
-    packet_by(Way(to="1"))(run)
+    packet_by(PacketWay(to="1"))(run)
     refly(tmp_path, run)
     assert fly.seen
 
@@ -238,11 +238,11 @@ def test_packets_that_can_go_where_they_say_are_no_hindrance(tmp_path: Path, fly
     [
         (shutil.rmtree, "no such directory"),
         (
-            packet_by(Way(to="7")),
+            packet_by(PacketWay(to="7")),
             "inputs/0.jsonl, at tick_ns 50: key 'to': '7'; on radio main there are 1, all",
         ),
-        (packet_by(Way(to="0")), "key 'to': '0'; on radio main there are 1, all"),
-        (packet_by(Way("mesh")), "inputs/0.jsonl, at tick_ns 50: key 'radio': 'mesh'; node 0 has main"),
+        (packet_by(PacketWay(to="0")), "key 'to': '0'; on radio main there are 1, all"),
+        (packet_by(PacketWay("mesh")), "inputs/0.jsonl, at tick_ns 50: key 'radio': 'mesh'; node 0 has main"),
         (lambda run: (run / "scenario.yaml").unlink(), "it has no scenario.yaml"),
         (lambda run: (run / "scenario.yaml").write_text("a: 1"), "scenario.yaml"),
         (wrong_input, "0.jsonl:2: key 'kind'"),
