@@ -23,7 +23,7 @@ view: $(VENV)/.view  ## Fly two UA in real time and show them on http://127.0.0.
 	$(BIN)/lostlink run --speed 1 --view
 
 test: $(VENV)/.dev  ## Run the tests.
-	$(BIN)/python -m pytest -m "not slow" $(PYTEST)
+	$(BIN)/python -m pytest -m "not slow and not long" $(PYTEST)
 
 test-slow: $(VENV)/.dev  ## Run the tests that take long.
 	$(BIN)/python -m pytest -m "slow and not long" $(PYTEST)

@@ -255,6 +255,7 @@ def test_fates_do_not_depend_on_ticks_or_on_bystanders_out_of_range(flown: Flown
     pd.testing.assert_frame_equal(first, fates(scripted(flown, bystanders=far)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", ["many"])
 def test_one_process_and_many_have_the_same_air(flown: Flown, processes: str) -> None:
     drawn = FLAT | {"phase_s": "drawn", "processing_s": 0.001, "processing_spread_s": 0.002}

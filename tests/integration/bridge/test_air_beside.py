@@ -114,7 +114,8 @@ def test_a_script_beside_a_node_is_told_what_its_agent_is_told_at_the_same_ticks
     assert len(mine) > 20
 
 
-@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", ["one", "many"])
 def test_a_free_program_sees_its_queue_and_what_became_of_its_unicasts(
     start_run: StartRun, processes: str
 ) -> None:

@@ -81,7 +81,9 @@ def test_plain_subscriber_of_the_readme_sees_deliveries(live_run: Run) -> None:
         assert "/rx/" in line
 
 
-@pytest.mark.parametrize("command", ["echo", "view", "token"])
+@pytest.mark.parametrize(
+    "command", ["echo", *(pytest.param(each, marks=pytest.mark.slow) for each in ("view", "token"))]
+)
 def test_who_would_join_a_run_without_zenoh_is_told(command: str, start_run: StartRun) -> None:
     run = start_run("--no-zenoh", "--speed", "1")
     run.wait_for("sim time")

@@ -86,7 +86,7 @@ def test_the_stand_in_asks_for_as_many_frames_as_the_scenario_says(start_run: St
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate_hz", [100, pytest.param(2000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("rate_hz", [100, pytest.param(2000, marks=[pytest.mark.slow, pytest.mark.long])])
 def test_the_stand_in_holds_its_height_at_any_rate_of_frames(start_run: StartRun, rate_hz: int) -> None:
     hovering = STILL.replace("type: still", "type: hold, altitude_m: 20")
     run = start_run(scenario=f"{hovering}fdm: {{{{standin_rate_hz: {rate_hz}}}}}\n", duration_s=25.0)

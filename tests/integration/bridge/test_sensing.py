@@ -196,6 +196,7 @@ def zigzag() -> list[dict[str, float]]:
     ]
 
 
+@pytest.mark.slow
 def test_powers_in_the_record_of_a_run_follow_the_channels_law(start_run: StartRun) -> None:
     """A node on a track measures shadowing, a UA that stands fading and noise."""
     sources = emitters(16)

@@ -48,12 +48,12 @@ def test_a_packet_to_a_group_has_a_fate_at_each_other_member(model: str, group: 
     )
     to, found, done = medium.addressees.codes[group], Counter[int](), []
     for number in range(3):
-        at_ns = number * 500 * MS
+        at_ns = number * 200 * MS
         network.send(Packets(*(np.array([one]) for one in (at_ns, 1, number, 40, to))), [PLAIN])
-        lived = network.live(at_ns + 500 * MS)
+        lived = network.live(at_ns + 200 * MS)
         found.update(lived.receptions.rx.tolist())
         done += lived.done
-    lived = network.live(30 * S)
+    lived = network.live(3 * S)
     found.update(lived.receptions.rx.tolist())
     done += lived.done
     others = {medium.index[node] for node in GROUPS[group]} - {1}

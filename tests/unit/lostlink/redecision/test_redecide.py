@@ -173,7 +173,9 @@ OTHERS = [
 
 
 @pytest.mark.parametrize("radio", OTHERS)
-@pytest.mark.parametrize("send", [None, some], ids=["states", "some"])
+@pytest.mark.parametrize(
+    "send", [pytest.param(None, id="states", marks=pytest.mark.slow), pytest.param(some, id="some")]
+)
 def test_another_radio_is_as_a_run_with_it(
     radio: str, send: Callable[[int], Sequence[Sent]] | None, tmp_path: Path
 ) -> None:
