@@ -203,7 +203,7 @@ def assert_carried(run: Run, expected_bps: float, measured_bps: float, told: str
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("to", ["ua-1", "10.42.0.255"])
+@pytest.mark.parametrize("to", ["ua-1", pytest.param("10.42.0.255", marks=pytest.mark.long)])
 def test_the_throughput_is_that_of_the_medium(to: str, start_run: StartRun, attach: Attach) -> None:
     run = live(start_run, AIRTIME)
     sinks = [attach(run, node, *python("sink")) for node in ("1", "gcs")]
@@ -221,6 +221,7 @@ def test_the_throughput_is_that_of_the_medium(to: str, start_run: StartRun, atta
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_program_is_on_the_radio_that_it_is_given(start_run: StartRun, attach: Attach) -> None:
     mesh = "networks: {{mesh: {{preset: perfect, mtu_bytes: 300}}}}\nports:"
     run = live(start_run, IDEAL.replace("ports:", mesh))
@@ -237,7 +238,7 @@ def test_a_program_is_on_the_radio_that_it_is_given(start_run: StartRun, attach:
 
 @needs("ping", "iputils-ping")
 @pytest.mark.slow
-@pytest.mark.parametrize("processes", ["one", "many"])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_ping(processes: str, start_run: StartRun, attach: Attach) -> None:
     run = live(start_run, IDEAL, "--processes", processes)
     there = attach(run, "gcs", *python("echo_server"))
@@ -293,6 +294,7 @@ def test_iperf3_by_udp_measures_the_medium(
 
 @needs("iperf3", "iperf3")
 @pytest.mark.slow
+@pytest.mark.long
 def test_iperf3_by_tcp_gets_through_and_no_more_than_the_medium_carries(
     start_run: StartRun, attach: Attach
 ) -> None:
@@ -307,6 +309,7 @@ def test_iperf3_by_tcp_gets_through_and_no_more_than_the_medium_carries(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_at_another_speed_it_works_with_a_warning(start_run: StartRun, attach: Attach) -> None:
     run = start_run("--speed", "4", scenario=IDEAL, duration_s=200.0)
     run.wait_for("sim time")

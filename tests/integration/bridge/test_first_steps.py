@@ -24,6 +24,7 @@ SHOWN = {
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1500)
 def test_every_command_of_the_page_works(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     tools = tmp_path / "bin"

@@ -81,9 +81,8 @@ def test_kill_at_a_random_moment(start_run: StartRun, process: str, number: int)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "frozen", [pytest.param("bridge.radio.process", marks=pytest.mark.long), "bridge.host.process"]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("frozen", ["bridge.radio.process", "bridge.host.process"])
 def test_a_run_flies_on_after_its_processes_were_frozen(start_run: StartRun, frozen: str) -> None:
     run = start_run(speed=str(SPEED), processes="many")
     run.wait_for("sim time")

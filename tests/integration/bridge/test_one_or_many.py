@@ -63,7 +63,7 @@ def fly(
 )
 def test_the_digests_are_equal(name: str, tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     slot = free_slot(24)
-    duration_s = 4.0 if name in SHORT else 6.0
+    duration_s = 4.0
     one, many = (fly(tmp_path, slot, kind, *FLOWN[name], duration_s=duration_s) for kind in ("one", "many"))
     assert one["digests"] == many["digests"]
     assert one["links"] == many["links"]

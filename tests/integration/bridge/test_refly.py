@@ -149,6 +149,7 @@ def test_the_binaries_of_the_record_are_flown_again(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_shipped_agent_yields_to_an_operator(
     start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
@@ -192,6 +193,7 @@ async def test_an_operators_command_is_repeated(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_an_interrupted_run_is_flown_again_to_its_last_whole_tick(
     start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

@@ -257,7 +257,9 @@ WAYS = [
 each_way = pytest.mark.parametrize(
     "routing",
     [
-        pytest.param(way, id=str(way["model"]), marks=[pytest.mark.slow] * (way is not WAYS[2]))
+        pytest.param(
+            way, id=str(way["model"]), marks=[pytest.mark.slow, pytest.mark.long] * (way is not WAYS[2])
+        )
         for way in WAYS
     ],
 )

@@ -89,6 +89,7 @@ def test_same_seed_same_record_byte_for_byte_at_any_speed_and_another_seed_diffe
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_default_scenario_agrees_with_the_model_as_does_the_papers_radio_over_its_flight(
     tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

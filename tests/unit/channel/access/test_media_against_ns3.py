@@ -17,12 +17,6 @@ from benchmarks.ns3.settings import SETTINGS, Setting, figures_of
 
 DATA = Path(__file__).parents[3] / "data" / "ns3_dcf.csv"
 QUICK_SEEDS, SEEDS = 2, 8
-LONG = (
-    "broadcast, 2 saturated",
-    "broadcast, 10 saturated",
-    "broadcast, 10 saturated, EIFS",
-    "broadcast, 20 at 50 a second",
-)
 QUICK = ("broadcast, 2 saturated", "hidden pair", "errors")
 DIFFER = {("capture, 5 dB", "from 33 m")}
 """lostlink goes over to the stronger frame at any time, ns-3 in the first 16 us alone."""
@@ -73,9 +67,8 @@ def test_settings_in_short(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in SETTINGS]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", SETTINGS)
 def test_all_settings(name: str) -> None:
     hold(name, SEEDS)
 

@@ -123,7 +123,7 @@ def poisson(rng: np.random.Generator, a_second: float, until_ns: int) -> list[in
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("load", "wait"), [(0.3, 0.2143), (0.6, 0.75), long(0.9, 4.5)])
+@pytest.mark.parametrize(("load", "wait"), [long(0.3, 0.2143), (0.6, 0.75), long(0.9, 4.5)])
 def test_one_sender_is_an_m_d_1_queue(load: float, wait: float) -> None:
     """Mean wait over service time: rho / (2 (1 - rho)) (Pollaczek and Khinchine)."""
     timing, service_ns = BitRate(64_000.0), 12_500_000
