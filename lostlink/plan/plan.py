@@ -18,6 +18,7 @@ from channel.access.settings import name_of
 from channel.link.radio import Radio
 from lostlink.plan.left_out import left_out
 from lostlink.plan.load import OfferedLoad, offered_load
+from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
 from lostlink.plan.reach import Reach, reach_of
 
 AIRTIME_MAX = 1.0
@@ -61,6 +62,7 @@ class RunPlan:
         ports: that the run listens on.
         udp_outputs: by UA, where its MAVLink is sent.
         radio: of all nodes.
+        networks: all radio networks, with their modems.
         load: what they offer to it.
         expectations: names and bounds.
         warnings: what is likely not meant.
@@ -82,6 +84,7 @@ class RunPlan:
     ports: tuple[str, ...]
     udp_outputs: dict[str, tuple[str, ...]]
     radio: RadioPlan
+    networks: tuple[NetworkPlan, ...]
     load: OfferedLoad
     expectations: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -117,9 +120,10 @@ def plan_of(scenario: Scenario) -> RunPlan:
             reach_of(common, payload),
             name_of(config.routing),
         ),
+        networks_of(scenario),
         load,
         tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),
-        (*_warnings(load, radios), *_late_outages(scenario)),
+        (*_warnings(load, radios), *rates_that_differ(scenario), *_late_outages(scenario)),
         tuple(left_out(scenario, common, wind_of(scenario))),
     )
 
