@@ -39,13 +39,15 @@ def test_packets_go_to_a_radio_by_name_and_are_numbered_together() -> None:
         ua.transmit("video", b"x", radio="mesh"),
         ua.transmit("video", b"x", radio="mesh", to="1"),
         ua.transmit("team", b"x", to="gcs"),
+        ua.transmit("team", b"x", to=1),  # as scenarios write ids
     ]
-    assert numbers == [0, 1, 2, 3]
+    assert numbers == [0, 1, 2, 3, 4]
     assert outlet.sent == [
         ("all", "team", 0, "main"),
         ("all", "video", 1, "mesh"),
         ("1", "video", 2, "mesh"),
         ("gcs", "team", 3, "main"),
+        ("1", "team", 4, "main"),
     ]
 
 
