@@ -209,8 +209,8 @@ class UaClient(Commands):
         Args:
             channel: last part of the keys.
             payload: what is transmitted.
-            to: the node, or the group of nodes, that it is for; every other one on the network if not given. A number is
-                a node's id.
+            to: the node, or the group of nodes, that it is for; every other one on the network if not given; a
+                number is a node's id.
             radio: name of the node's radio, which is that of the network.
             priority: packets of higher ones leave the queue first; from -128 to 127.
             lifetime_s: after so long in the queue it is dropped, s; it waits for ever if not given.

@@ -10,7 +10,9 @@ from bridge.bus.messages import DataPackage
 
 
 class LatestPackages(Mapping[str, DataPackage]):
-    """By node id, as text or as a number. A node whose newest packet is no DataPackage is not in it; that is counted in ``ua.malformed``.
+    """By node id, as text or as a number.
+
+    A node whose newest packet is no DataPackage is not in it; that is counted in ``ua.malformed``.
 
     Nor is one that did not know where it was: there is no nan in the states here.
 
