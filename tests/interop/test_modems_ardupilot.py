@@ -22,7 +22,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
 from lostlink.flight.flight import Flight, Silent
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
+pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(1500)]
 READY_S = 50
 SCENARIO = """schema: 1
 name: modem
