@@ -549,7 +549,7 @@ class SikMedium(Locking):
             tick_ns=REAL_TICK_NS if self.tick == "real" else NOMINAL_TICK_NS,
             takes_estimate=self.takes_estimate,
             locked=self.locked,
-            pairs=tuple((place(one), place(other)) for one, other in self.pairs) or None,
+            networks=tuple((place(one), place(other)) for one, other in self.pairs) or None,
             netids=self.netids or None,
         )
 
