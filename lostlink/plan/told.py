@@ -29,6 +29,7 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     outputs = [f"MAVLink of UA {node} to {', '.join(places)}" for node, places in plan.udp_outputs.items()]
     yield from _section("UDP outputs", outputs)
     yield from _section("Radio", list(_radio(plan)))
+    yield from _section("Who hears whom", [line for each in plan.links for line in each.lines()])
     yield from _section("Offered load", list(_load(plan)))
     yield from _section("Expectations", list(plan.expectations))
     yield from _section("Not modelled", list(plan.not_modelled))

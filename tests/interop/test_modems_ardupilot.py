@@ -5,8 +5,7 @@ The station is a script that says its words at given instants of sim time, so no
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,10 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from bridge.record.names import Kind, Stream, from_autopilot, inputs_path
-from bridge.record.streams import read_stream
+from bridge.record.names import from_autopilot
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
-from bridge.run.directory import RunDirectory
-from bridge.scenario.file import parse_scenario
-from lostlink.flight.flight import Flight, Silent
+from tests.integration.bridge.scripted_station import Said, flown, messages, out_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 READY_S = 50
@@ -48,7 +44,6 @@ nodes:
     modems: {{telemetry: {{baud: {baud}, serve: [pty]}}}}
     agent: {{type: still}}
 """
-Said = list[tuple[float, Any]]
 Fly = Callable[..., Path]
 
 
@@ -56,43 +51,12 @@ Fly = Callable[..., Path]
 def fly(tmp_path: Path, arducopter: Path, free_slot: Callable[[int], int]) -> Fly:
     """Fly with a script: its heartbeats once a second, and what it says."""
 
-    def flown(said: Said, duration_s: int, *, baud: int = 57_600, power_dbm: float = 20.0) -> Path:
-        script = tmp_path / "script"
-        path = inputs_path(script, "gcs")
-        path.parent.mkdir(parents=True)
-        beats: Said = [
-            (second, mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)) for second in range(1, duration_s)
-        ]
-        sender = mav.MAVLink(None, srcSystem=255, srcComponent=190)
-        with path.open("w") as file:
-            for at_s, message in sorted([*beats, *said], key=lambda one: one[0]):
-                data = bytes(message.pack(sender))
-                sender.seq = (sender.seq + 1) & 0xFF
-                line = {"tick_ns": round(at_s * 20) * 50_000_000, "kind": "serial", "radio": "telemetry"}
-                file.write(json.dumps(line | {"hex": data.hex()}) + "\n")
+    def fly_one(said: Said, duration_s: int, *, baud: int = 57_600, power_dbm: float = 20.0) -> Path:
         values = {"duration_s": duration_s, "slot": free_slot(2), "baud": baud, "power_dbm": power_dbm}
-        scenario = parse_scenario(SCENARIO.format(**values), "modem.yaml", tmp_path)
-        run = RunDirectory.create(tmp_path / "runs", scenario.name)
-        summary = Flight(scenario, run, Silent()).fly(arducopter.parent, script, takes_signals=False)
-        assert summary["ending"] == "duration", summary["error"]
-        assert summary["may_not_repeat"] == []
-        return run.path
+        run, _ = flown(SCENARIO.format(**values), tmp_path, said, ardupilot=arducopter.parent)
+        return run
 
-    return flown
-
-
-def messages(path: Path) -> Iterator[tuple[float, Any]]:
-    """Messages of a stream with their instants, s."""
-    reader = mav.MAVLink(None)
-    reader.robust_parsing = True
-    for entry in read_stream(path):
-        for message in reader.parse_buffer(entry.payload) or []:
-            yield entry.tick_ns / 1e9, message
-
-
-def out_of(run: Path, node: str, kind: str) -> list[tuple[float, Any]]:
-    path = Stream(Kind.FROM_MODEM, node, "telemetry").path(run)
-    return [(at_s, message) for at_s, message in messages(path) if message.get_type() == kind]
+    return fly_one
 
 
 def test_all_parameters_take_half_a_minute(fly: Fly) -> None:
