@@ -94,7 +94,7 @@ def test_a_radio_that_is_stronger_than_the_other_yields_its_window_all_the_same(
 
 
 CASES = [
-    ((2000, 2000), 0.02, 1),
+    pytest.param((2000, 2000), 0.02, 1, marks=pytest.mark.long),
     ((1000, 1000, 1000), 0.15, 1),
     pytest.param((0, 3000, 3000), 0.05, 8, marks=pytest.mark.long),
 ]
