@@ -64,7 +64,7 @@ def has_transmitter(medium: MediumSettings, nodes: Sequence[str], node: str) -> 
     """
     if not isinstance(medium, ElrsMedium):
         return False
-    return node in [first for first, _ in medium.pairs or zip(nodes[::2], nodes[1::2], strict=False)]
+    return node in [pair[0] for pair in medium.links(nodes).values()]
 
 
 def measures(medium: MediumSettings) -> bool:

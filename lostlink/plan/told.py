@@ -31,6 +31,7 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     yield from _section("Radio", list(_radio(plan)))
     networks = list(_networks(plan))
     yield from _section(f"Networks ({len(plan.networks)})", networks)
+    yield from _section("Who hears whom", [line for each in plan.links for line in each.lines()])
     yield from _section("Offered load", list(_load(plan)))
     yield from _section("Expectations", list(plan.expectations))
     yield from _section("Not modelled", list(plan.not_modelled))
