@@ -276,15 +276,40 @@ def test_ctrl_c_in_a_terminal_reaches_the_program_once(attach: Attach) -> None:
     os.close(theirs)
 
 
+BESIDE = 'sleep 1000 & setsid sleep 1000 & exec "$@"'
+"""A program with two processes in the background: one of its session, and one of its own."""
+
+
 @needs_namespace
-def test_a_killed_attach_takes_its_program_along(attach: Attach) -> None:
-    attached = attach("0", "--", *waits())
+def test_a_killed_attach_takes_its_program_along_and_what_that_started(attach: Attach) -> None:
+    attached = attach("0", "--", "sh", "-c", BESIDE, "sh", *waits())
     assert first_line(attached) == "here"
     below = psutil.Process(attached.pid).children(recursive=True)
-    assert below
+    assert [each.name() for each in below].count("sleep") == 2
     attached.kill()
     assert not psutil.wait_procs(below, timeout=WAIT_S)[1]
     assert ended(attach("0", "--", "true"))[0] == 0
+
+
+ORPHANS = 'for each in 1 2 3 4 5 6 7 8; do (true &); done; exec "$@"'
+
+
+@needs_namespace
+def test_what_ends_and_has_no_parent_is_reaped_while_the_program_runs(attach: Attach) -> None:
+    attached = attach("0", "--", "sh", "-c", ORPHANS, "sh", *waits())
+    assert first_line(attached) == "here"
+    below = psutil.Process(attached.pid).children(recursive=True)
+    orphans = [each for each in below if each.status() == psutil.STATUS_ZOMBIE or each.name() == "sh"]
+    assert not psutil.wait_procs(orphans, timeout=WAIT_S)[1]
+    assert attached.poll() is None
+
+
+@needs_namespace
+def test_the_program_sees_its_own_processes_alone(attach: Attach) -> None:
+    code = "import os; print(os.getpid() == int(os.readlink('/proc/self')), os.getppid())"
+    code += "; print(sorted(int(each) for each in os.listdir('/proc') if each.isdigit()))"
+    _, out, err = ended(attach("0", "--", sys.executable, "-I", "-c", code))
+    assert out.splitlines() == ["True 1", "[1, 2]"], err
 
 
 @needs_namespace
