@@ -19,7 +19,7 @@ from click.testing import CliRunner
 
 from bridge.bus.identity.keyring import Keyring
 from bridge.bus.identity.roster import roster
-from bridge.bus.messages import Header
+from bridge.bus.messages import Clock, Header
 from bridge.bus.session import Session, free_port, open_router
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
@@ -328,6 +328,29 @@ def test_the_end_of_the_run_ends_the_program_with_a_word(says: bool, run: Standi
     status, _, err = ended(attached)
     assert status == 143
     assert err.count("lostlink: the run is over: ends the program\n") == 1
+
+
+@needs_namespace
+@pytest.mark.parametrize("is_held", [True, False])
+def test_a_run_that_stands_is_slow_unless_an_operator_holds_it(
+    is_held: bool, run: Standing, attach: Attach
+) -> None:
+    keys, router = run.directory.keys, run.router
+    attached = attach("0", "--", "sh", "-c", "while true; do echo here; sleep 0.05; done")
+    wanted = [router.interest(key) for key in (keys.clock, keys.clock_pace, keys.clock_end)]
+    until = monotonic() + WAIT_S
+    while not all(each() for each in wanted) and monotonic() < until:
+        first_line(attached)
+    router.put(keys.clock, Clock(Header.at(0, "")))
+    if is_held:
+        router.put(keys.clock_pace, Clock(Header.at(0, ""), paused=True))
+    for _ in range(3):
+        first_line(attached)
+    router.put(keys.clock, Clock(Header.at(1, "")))
+    router.put(keys.clock_end, Header.at(1, ""))
+    status, _, err = ended(attached)
+    assert status == 143
+    assert ("times the speed that was asked for" not in err) == is_held, err
 
 
 WITHOUT_RIGHTS = (
