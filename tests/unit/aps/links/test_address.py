@@ -31,6 +31,8 @@ def test_serial_lines():
         "tcp:h:0",
         "tcp:h:65536",
         "tcp:h:x",
+        "tcp:a..b:5760",
+        f"tcp:{'a' * 64}.example:5760",
         "tcp-server:h:1",
         "serial:",
         "serial:/dev/x:fast",
