@@ -56,7 +56,9 @@ def parse_host_port(text: str, *, lowest_port: int = 1) -> tuple[str, int]:
     host = host.removeprefix("[").removesuffix("]")
     try:
         host.encode("idna")  # as it is done when the name is looked up
-    except UnicodeError as error:
+        if "\0" in host:
+            raise ValueError("it holds a zero byte")
+    except ValueError as error:
         raise ValueError(f"{host!r} is not the name of a host: {error}") from error
     return host, int(port)
 

@@ -33,6 +33,7 @@ def test_serial_lines():
         "tcp:h:x",
         "tcp:a..b:5760",
         f"tcp:{'a' * 64}.example:5760",
+        "tcp:a\0b:5760",
         "tcp-server:h:1",
         "serial:",
         "serial:/dev/x:fast",
