@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -25,7 +25,7 @@ class RadioMeter:
         rssi, noise: averages as SiK's firmware has them, in its units (`register_of`).
         remote: these two of the peer, as it said last.
         frames: that came through.
-        errors: frames that it followed and that had errors.
+        errors: frames that it followed and took for ones with errors.
         power_dbm, snr_db: of the last frame that came.
         heard_ns: when that was; None: none came.
         quality: of the last frames of the peer, whether they came.
@@ -60,19 +60,28 @@ class HeardWorld:
     Args:
         world: links as in a run.
         noise_dbm: of each node's receiver, while nothing is heard.
+        peers: of each node those whose frames its radio takes; those of others the radio drops at their header.
+        counts_foreign: whether others' frames are errors: with ECC the firmware of SiK finds their NETID, not the chip.
     """
 
-    def __init__(self, world: LinkWorld, noise_dbm: Mapping[int, float]) -> None:
-        self._world = world
+    def __init__(
+        self,
+        world: LinkWorld,
+        noise_dbm: Mapping[int, float],
+        peers: Mapping[int, Collection[int]],
+        *,
+        counts_foreign: bool = False,
+    ) -> None:
+        self._world, self._peers, self._counts_foreign = world, peers, counts_foreign
         self.nodes = world.nodes
         self.heard = {node: RadioMeter(noise=register_of(noise_dbm[node])) for node in world.nodes}
         self._came: dict[tuple[int, int], bool] = {}
         """Of a node and the sender of a frame that counts once the next begins: whether it came."""
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
-        """As in the world; whoever could hear it takes note of what became of the frame before."""
+        """As in the world; its peers take note of what became of the frame before."""
         for node, heard in self.heard.items():
-            if node != frame.node:
+            if frame.node in self._peers[node]:
                 came = self._came.get((node, frame.node))
                 if came is not None:
                     heard.quality.append(came)
@@ -82,10 +91,13 @@ class HeardWorld:
     def survives(
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
-        """As in the world; the receiver measures it."""
+        """As in the world; the receiver measures it, if it is a peer's."""
         fate = self._world.survives(frame, receiver, power_mw, pieces)
         heard = self.heard[receiver]
-        if fate[0]:
+        is_foreign = frame.node not in self._peers[receiver]
+        if is_foreign and not self._counts_foreign:
+            return fate
+        if fate[0] and not is_foreign:
             _, power_dbm, snr_db, *_ = self._world.figures(frame, receiver)
             heard.takes(power_dbm, snr_db, frame.ended_ns)
             self._came[receiver, frame.node] = True
