@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import inf
 from typing import Final
 
-from aps.links.kinds.held import HeldLink
+from aps.links.kinds.held import MAX_WRITE_BYTES, HeldLink
 from bridge.endpoints.endpoint import Endpoint
 
 HOLD_BYTES, GO_ON_BYTES = 512, 256
@@ -29,10 +30,14 @@ class AutopilotPort:
     Args:
         link: to it.
         on_wall_time: called with the reason when a run may not repeat.
+
+    Attributes:
+        unread_bytes: that the autopilot did not read in time: beyond what the kernel holds few wait.
     """
 
     def __init__(self, link: HeldLink, on_wall_time: Callable[[str], object]) -> None:
         self.link, self._on_wall_time = link, on_wall_time
+        self.unread_bytes = 0
 
     def read(self) -> bytes:
         """All that the autopilot has written."""
@@ -41,7 +46,15 @@ class AutopilotPort:
 
     def write(self, pieces: Sequence[bytes]) -> None:
         """All that has come out of the modem; nobody gets it while the port is not open."""
-        if not self.link.write(b"".join(pieces)):
+        unsent_bytes, taken = self.link.unsent_bytes, []
+        room_bytes = MAX_WRITE_BYTES - unsent_bytes if unsent_bytes else inf
+        for piece in pieces:
+            if len(piece) <= room_bytes:
+                room_bytes -= len(piece)
+                taken.append(piece)
+            else:
+                self.unread_bytes += len(piece)
+        if not self.link.write(b"".join(taken)):
             self._on_wall_time("its autopilot does not read a serial port with a modem")
 
     def close(self) -> None:

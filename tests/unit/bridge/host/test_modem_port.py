@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Sequence
 
+from aps.links.address import parse_autopilot
+from aps.links.kinds.held import MAX_WRITE_BYTES, HeldLink
 from bridge.endpoints.endpoint import Endpoint
-from bridge.host.modem_devices import GroundPort
+from bridge.host.modem_devices import AutopilotPort, GroundPort
 from bridge.host.modem_port import ModemPort
 from bridge.record.inputs import RecordedInput
 from bridge.record.names import Kind
@@ -85,6 +88,36 @@ def test_a_record_is_repeated_and_nobody_else_is_heard() -> None:
     host.says = b"who is there?"
     assert [port.exchange(at * 50 * MS) for at in range(4)] == [b"", b"one", b"two", b""]
     assert written.inputs == [inputs[0], inputs[2]]
+
+
+def test_little_waits_for_an_autopilot_that_does_not_read_and_what_it_gets_is_whole() -> None:
+    """After as much as the kernel takes and a bound, pieces are dropped as a whole and counted."""
+    piece_bytes, reasons = 100, list[str]()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        link = HeldLink(parse_autopilot(f"tcp:127.0.0.1:{listener.getsockname()[1]}"), 1 << 20)
+        port = AutopilotPort(link, reasons.append)
+        port.read()
+        autopilot, _ = listener.accept()
+        sent = 0
+        while sent < 200 or not port.unread_bytes:
+            port.write([bytes([sent % 251]) * piece_bytes for sent in range(sent, sent + 200)])
+            sent += 200
+            assert link.unsent_bytes <= 200 * piece_bytes
+        dropped = port.unread_bytes
+        port.write([b"x" * piece_bytes] * 200)
+        assert port.unread_bytes > dropped
+        assert link.unsent_bytes <= 200 * piece_bytes
+        assert set(reasons) == {"its autopilot does not read a serial port with a modem"}
+        with autopilot:
+            autopilot.settimeout(10.0)
+            due, got = (sent + 200) * piece_bytes - port.unread_bytes, bytearray()
+            while len(got) < due:
+                got += autopilot.recv(1 << 20)
+                port.write([])
+        port.close()
+    assert len(got) == due
+    assert all(len(set(got[at : at + piece_bytes])) == 1 for at in range(0, due, piece_bytes))
+    assert 200 * piece_bytes > MAX_WRITE_BYTES
 
 
 class Client(Endpoint):
