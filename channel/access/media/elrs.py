@@ -63,10 +63,11 @@ class ElrsSettings:
 
 @dataclass(slots=True, eq=False)
 class _Entered:
-    """A packet of which bytes are in chunks."""
+    """A packet of which bytes are in chunks; `frames` have carried them."""
 
     packet: AirPacket
     left_bytes: int
+    chunks: int = 0
     frames: int = 0
     is_lost: bool = False
 
@@ -221,6 +222,7 @@ class Elrs(AccessMedium):
                 entered = _Entered(packet, max(1, packet.length_bytes))
             taken = min(room_bytes, entered.left_bytes)
             entered.left_bytes -= taken
+            entered.chunks += 1
             room_bytes -= taken
             way.rest = entered if entered.left_bytes else None
             packets.append((entered, not entered.left_bytes))
@@ -338,7 +340,7 @@ class Elrs(AccessMedium):
         chunk.has_come = True
         for entered, ends in chunk.packets:
             if ends and not entered.is_lost:
-                self._book(entered.packet, way.peer, frame, entered.frames, None)
+                self._book(entered.packet, way.peer, frame, entered.frames, None, entered.chunks)
 
     def _drop(self, way: _Way, frame: AirFrame | None, loss: Loss) -> None:
         """All packets with bytes in the present chunk are lost, unless it came."""

@@ -229,4 +229,4 @@ class Sik(AccessMedium):
             self._radios[receiver].heard_peer(burst.trailer)
         for passage, length_bytes in burst.parts:
             if passage.passes(receiver, length_bytes, is_lost=loss is not None):
-                self._book(passage.packet, receiver, frame, passage.frames, loss)
+                self._book(passage.packet, receiver, frame, passage.frames, loss, passage.frames)

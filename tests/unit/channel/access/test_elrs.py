@@ -311,6 +311,18 @@ def test_who_is_not_the_peer_hears_nothing() -> None:
     assert [reply.packet.number for reply in outcomes if isinstance(reply, Reply)] == [2]
 
 
+def test_a_packet_comes_in_as_many_pieces_as_it_has_chunks_however_often_they_are_tried() -> None:
+    """130 bytes alone are 62, 62 and 6 of three chunks."""
+    for loss in (0.0, 0.4):
+        medium = Elrs(PlainWorld((0, 1), loss=loss))
+        for number in range(20):
+            medium.offer(AirPacket(0, number, 1, 130, number * 10 * S))
+        came = [one for one in fates(medium.run(200 * S)) if one.loss is None]
+        assert len(came) > 10
+        assert {one.parts for one in came} == {3}
+        assert max(one.attempts for one in came) > (30 if loss else 3)
+
+
 def test_a_way_that_is_longer_than_the_rest_of_a_slot_is_too_long() -> None:
     """493 us are left at 500 Hz: 148 km."""
     for delay_ns, comes in ((492_000, True), (493_000, False)):
