@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, GroundNode
 from bridge.scenario.resolve.radio import radios_of
+from channel.access.settings import ElrsMedium, SikMedium
 from channel.link.radio import Radio
 
 PAIR = 2
@@ -46,9 +47,8 @@ def links_of(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[RadioLin
     for network in scenario.network_names:
         radios = main if network == MAIN else radios_of(scenario, network=network)
         config = next(iter(radios.values())).config
-        links_by_name = getattr(config.medium, "links", None)
-        if links_by_name is not None:
-            nodes = links_by_name(tuple(radios))
+        if isinstance(config.medium, SikMedium | ElrsMedium):
+            nodes = config.medium.links(tuple(radios))
             linked = {node for ids in nodes.values() for node in ids}
             yield RadioLinks(
                 network, config.name, nodes, tuple(node for node in radios if node not in linked)

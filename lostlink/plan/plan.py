@@ -16,6 +16,7 @@ from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings import name_of
 from channel.link.radio import Radio
+from lostlink.plan.flow import overflows
 from lostlink.plan.left_out import left_out
 from lostlink.plan.links import RadioLinks, links_of, unlinked
 from lostlink.plan.load import OfferedLoad, offered_load
@@ -125,7 +126,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
         links,
         load,
         tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),
-        (*_warnings(load, radios), *missing, *_late_outages(scenario)),
+        (*_warnings(load, radios), *missing, *overflows(scenario), *_late_outages(scenario)),
         tuple(left_out(scenario, common, wind_of(scenario))),
     )
 
