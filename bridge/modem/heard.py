@@ -9,6 +9,7 @@ from typing import Final
 
 from channel.access.world import AirFrame, Arrival, Piece
 from channel.network.link_world import LinkWorld
+from channel.numbers.units import db_from_ratio
 
 FRAMES_OF_QUALITY: Final = 100
 """ExpressLRS: link quality is the share of the last so many frames of its peer that a receiver heard."""
@@ -22,7 +23,8 @@ class RadioMeter:
     """What one radio has measured.
 
     Attributes:
-        rssi, noise: averages as SiK's firmware has them, in its units (`register_of`).
+        rssi, noise: averages as SiK's firmware has them, in its units (`register_of`): of frames that came, and of all
+            that the radio takes in when it might transmit.
         remote: these two of the peer, as it said last.
         frames: that came through.
         errors: frames that it followed and took for ones with errors.
@@ -46,7 +48,15 @@ class RadioMeter:
         self.frames += 1
         self.power_dbm, self.snr_db, self.heard_ns = power_dbm, snr_db, at_ns
         self.rssi = (register_of(power_dbm) + 7 * self.rssi) // 8
-        self.noise = (register_of(power_dbm - snr_db) + 3 * self.noise) // 4
+
+    def samples(self, power_dbm: float) -> None:
+        """It might transmit, and measures what it takes in."""
+        self.noise = (register_of(power_dbm) + 3 * self.noise) // 4
+
+    def heard_nobody(self) -> None:
+        """It looks for its peers twice a second: none was heard, and the last frame's power counts once more."""
+        last = 0 if self.heard_ns is None else register_of(self.power_dbm)
+        self.rssi = (last + 3 * self.rssi) // 4
 
 
 def register_of(power_dbm: float) -> int:
@@ -107,3 +117,12 @@ class HeardWorld:
         else:
             heard.errors = min(heard.errors + 1, COUNTER_MAX)
         return fate
+
+    def samples_noise(self, node: int, at_ns: int, energy_mw: float) -> None:
+        """A node's radio might transmit: it measures noise and signals (`channel.access.world.Metering`)."""
+        taken_mw = self._world.noise_mw(node, at_ns) + energy_mw
+        self.heard[node].samples(float(db_from_ratio(taken_mw)))
+
+    def heard_nobody(self, node: int) -> None:
+        """A node's radio has had no frame since it last looked."""
+        self.heard[node].heard_nobody()
