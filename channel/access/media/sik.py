@@ -26,7 +26,7 @@ from channel.access.media.sik_timing import (
 from channel.access.packets import AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, World
+from channel.access.world import AirFrame, Metering, World
 from channel.draws import Draws
 
 HOST_BUFFER = QueueLimits(0, 1850)
@@ -117,6 +117,7 @@ class Sik(AccessMedium):
     ) -> None:
         super().__init__(world, limits, limits.length_bytes or 1 << 31)
         self._draws = Draws(seed)
+        self._meter = world if isinstance(world, Metering) else None
         self.settings = settings or SikSettings()
         self.timing = self.settings.timing()
         self.air = Air(self.agenda, world, hearing or Hearing(), self._passed)
@@ -162,6 +163,16 @@ class Sik(AccessMedium):
     def first_packet(self, node: int) -> AirPacket | None:
         """The packet that would leave a node's queue next."""
         return self._first(node)
+
+    def samples_noise(self, node: int) -> None:
+        """A radio that might transmit measures the noise, as the firmware does before each packet."""
+        if self._meter is not None:
+            self._meter.samples_noise(node, self.agenda.now_ns, self.air.receiver(node).energy_mw())
+
+    def heard_nobody(self, node: int) -> None:
+        """A radio has had no packet since it last looked."""
+        if self._meter is not None:
+            self._meter.heard_nobody(node)
 
     def _networks(self) -> dict[int, Sequence[int]]:
         """The nodes of each NETID."""
@@ -229,4 +240,4 @@ class Sik(AccessMedium):
             self._radios[receiver].heard_peer(burst.trailer)
         for passage, length_bytes in burst.parts:
             if passage.passes(receiver, length_bytes, is_lost=loss is not None):
-                self._book(passage.packet, receiver, frame, passage.frames, loss)
+                self._book(passage.packet, receiver, frame, passage.frames, loss, passage.frames)

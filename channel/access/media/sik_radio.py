@@ -158,6 +158,8 @@ class SikRadio:
         """Twice a second: is the link alive?"""
         self._looks_without = 0 if self._heard_since_look else self._looks_without + 1
         self._heard_since_look, self._sends_statistics = False, True
+        if self._looks_without:
+            self._medium.heard_nobody(self.node)
         if self._looks_without > LOOKS_TO_LOSE_LOCK:
             self._looks_without = LOOKS_AFTER_LOSS
             if not self._transmits:
@@ -207,6 +209,7 @@ class SikRadio:
         if self._is_receiving():
             tdm.wait = self._timing.latency
             return tdm.wait
+        self._medium.samples_noise(self.node)
         return NEVER if self._duty_wait else 0
 
     def _is_receiving(self) -> bool:

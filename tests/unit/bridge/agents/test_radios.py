@@ -121,6 +121,23 @@ def test_packets_from_outside_have_numbers_of_the_node_and_are_no_business_of_it
     assert ua.sent == len(outlet.sent) == 3
 
 
+def test_however_many_packets_from_outside_wait_their_agent_hears_of_none() -> None:
+    """A node takes 2000 packets from outside a tick, and a queue may hold them for many ticks."""
+    ua, heard = client(Outlet()), []
+    radio = ua.radios["mesh"]
+    radio.on_reply(heard.append)
+    own = []
+    for tick in range(10):
+        own.append(ua.transmit("team", b"x", to="1", radio="mesh"))
+        for _ in range(2000):
+            ua.enter(channel="ip", payload=b"E", to="1", radio="mesh")
+        if tick % 2:
+            own.append(ua.transmit("team", b"x", to="1", radio="mesh"))
+    radio.take(None, [UnicastReply(seq, True, 1, 90) for seq in range(ua.sent)])
+    assert ua.sent == 10 * 2001 + 5
+    assert [reply.seq for reply in heard] == own
+
+
 def test_who_does_not_ask_for_ip_gets_none() -> None:
     ua, arrivals = client(Outlet()), Arrivals()
     came: list[tuple[str, str]] = []
