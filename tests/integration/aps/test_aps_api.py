@@ -411,9 +411,10 @@ async def test_links_that_cannot_be_opened_for_good_end_alone(call, daemon, even
     def refused(*_: object, **__: object) -> None:
         raise UnicodeError("a resolver that chokes on the name")
 
-    monkeypatch.setattr(socket, "getaddrinfo", refused)
-    await daemon.open("tcp:chokes.example:5760")
-    await eventually(lambda: not daemon.opened)
+    with monkeypatch.context() as fault:
+        fault.setattr(socket, "getaddrinfo", refused)
+        await daemon.open("tcp:chokes.example:5760")
+        await eventually(lambda: not daemon.opened)
     assert daemon.failure is None
     assert (await call("GET", "/state"))[0] == 200
 
