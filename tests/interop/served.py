@@ -70,8 +70,8 @@ class Program:
         return len(self.lines)
 
     def interrupt(self) -> None:
-        """As Ctrl-C does."""
-        self._process.send_signal(signal.SIGINT)
+        """Ask it to end, as Ctrl-C does."""
+        self._process.terminate()
 
     async def ended(self) -> None:
         """Wait for the end, whatever its status."""

@@ -190,7 +190,7 @@ async def test_mavproxy(flown: Flown, tmp_path: Path) -> None:
         await types_until(client, "wp list", rf"Saved {ITEMS} waypoints to .*way\.txt", 60.0)
         await types_until(client, "mode GUIDED", "Mode GUIDED")
         await types_until(client, "arm throttle", "ARMED")
-        await types_until(client, "takeoff 10", "height 10", 60.0)
+        await types_until(client, "takeoff 15", r"height 1\d", 60.0)
         await types_until(client, "mode LOITER", "Mode LOITER")
         await types_until(client, "mode RTL", "Mode RTL")
     kept = (tmp_path / "way.txt").read_text().splitlines()[1:]
