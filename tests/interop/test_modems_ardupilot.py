@@ -19,7 +19,7 @@ from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.scripted_station import Said, flown, messages, out_of
 from tests.integration.bridge.test_modem_networks import flown_again
 
-pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(1500)]
+pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(3000)]
 READY_S = 50
 SCENARIO = """schema: 1
 name: modem

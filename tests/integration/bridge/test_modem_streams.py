@@ -128,6 +128,7 @@ def shares(lost: NDArray[np.bool_]) -> tuple[float, float]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("framing", [False, True])
 def test_frames_are_lost_as_packets_are_that_have_a_part_of_them(
     framing: bool, tmp_path: Path, free_slot: Callable[[int], int]
