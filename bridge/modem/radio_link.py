@@ -30,7 +30,7 @@ class LinkPlan:
         radios: of both ends.
         tracks: where they are.
         seed: of all that is drawn.
-        baud: of both serial lines; None: as the modem's firmware has it.
+        bauds: of both serial lines; None: as the modem's firmware has it.
         nodes: what they are called: draws hang on it.
         bases: which of them stand on the ground.
     """
@@ -38,7 +38,7 @@ class LinkPlan:
     radios: tuple[Radio, Radio]
     tracks: tuple[Track, Track]
     seed: int = 1
-    baud: int | None = None
+    bauds: tuple[int | None, int | None] = (None, None)
     nodes: tuple[str, str] = NODES
     bases: Sequence[str] = NODES[:1]
 
@@ -65,7 +65,7 @@ class RadioLink:
         else:
             seed, floor_dbm = channel.draws.seed, min(floors_dbm.values())
             medium = settings.open(Surroundings.of(world, channel.index, seed, config, floor_dbm))
-        modems = {end: modem_of(settings, plan.baud, is_transmitter=end == GROUND) for end in ENDS}
+        modems = {end: modem_of(settings, plan.bauds[end], is_transmitter=end == GROUND) for end in ENDS}
         self.pair = ModemPair(medium, modems, world.heard)
 
     def receive(self, end: int, data: bytes, at_ns: int) -> None:

@@ -482,7 +482,7 @@ class Scenario(Part):
         return tuple(f"127.0.0.1:{port}" for port in ports if 0 < port <= 65535)
 
     def instance(self, ua: Aircraft) -> int:
-        """ArduPilot's instance number: what its ports are counted by."""
+        """What the ports of ``ua`` are counted by."""
         return ua.id + self.ports.first_slot
 
     def _port(self, first: int, ua: Aircraft) -> int:

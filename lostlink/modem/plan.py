@@ -66,7 +66,7 @@ def plan_of(asked: Asked) -> LinkPlan:
     if asked.distances is not None:
         rows = read_distances(asked.distances) if isinstance(asked.distances, Path) else asked.distances
     radio = Radio(config)
-    return LinkPlan((radio, radio), apart_over_time(rows, heights_m), asked.seed, asked.baud)
+    return LinkPlan((radio, radio), apart_over_time(rows, heights_m), asked.seed, (asked.baud, asked.baud))
 
 
 def _of_radio(text: str) -> str:
@@ -83,7 +83,7 @@ def plan_of_run(
     Args:
         run: its directory, or its name in `runs/`.
         nodes: ids, that of the ground station first; see `ends_of`.
-        baud: of both serial lines; the modem's default unless given.
+        baud: of both serial lines; that of the node's modem in the run unless given, else the modem's default.
         network: the radio network that they are on; see `ends_of`.
 
     Raises:
@@ -101,7 +101,7 @@ def plan_of_run(
         (radios[ground], radios[air]),
         (tracks[0], tracks[1]),
         scenario.seed,
-        baud,
+        (_baud_of(scenario, network, ground, baud), _baud_of(scenario, network, air, baud)),
         (ground, air),
         bases,
     )
@@ -147,6 +147,11 @@ def _first_two(modems: Mapping[str, UaModem | GroundModem], known: Sequence[str]
     ground = [node for node, modem in modems.items() if isinstance(modem, GroundModem)][:1]
     with_modems = [*ground, *(node for node, modem in modems.items() if isinstance(modem, UaModem))]
     return (with_modems if len(with_modems) > 1 else known)[:2]
+
+
+def _baud_of(scenario: Scenario, network: str, node: str, baud: int | None) -> int | None:
+    modem = scenario.modems_on(network).get(node)
+    return modem.baud if baud is None and modem is not None else baud
 
 
 def _two(nodes: Sequence[str], known: Sequence[str], network: str) -> tuple[str, str]:

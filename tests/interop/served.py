@@ -69,6 +69,15 @@ class Program:
         self._process.stdin.write(text.encode() + b"\n")
         return len(self.lines)
 
+    def interrupt(self) -> None:
+        """Ask it to end, as Ctrl-C does."""
+        self._process.terminate()
+
+    async def ended(self) -> None:
+        """Wait for the end, whatever its status."""
+        await self._process.wait()
+        await self._reading
+
     async def ends_well(self, timeout_s: float = TIMEOUT_S) -> list[str]:
         """Wait for the end with status 0; returns all lines."""
         try:

@@ -17,8 +17,9 @@ from bridge.record.names import from_autopilot
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.scripted_station import Said, flown, messages, out_of
+from tests.integration.bridge.test_modem_networks import flown_again
 
-pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(1500)]
+pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(3000)]
 READY_S = 50
 SCENARIO = """schema: 1
 name: modem
@@ -53,13 +54,24 @@ Fly = Callable[..., Path]
 
 @pytest.fixture
 def fly(tmp_path: Path, arducopter: Path, free_slot: Callable[[int], int]) -> Fly:
-    """Fly with a script: its heartbeats once a second, and what it says."""
+    """Fly with a script: heartbeats once a second, and what it says. ``again``: then in many processes, too."""
 
     def fly_one(
-        said: Said, duration_s: int, *, baud: int = 57_600, radio: str = "sik-433", count: int = 1
+        said: Said,
+        duration_s: int,
+        *,
+        baud: int = 57_600,
+        radio: str = "sik-433",
+        count: int = 1,
+        again: bool = False,
     ) -> Path:
         values = {"duration_s": duration_s, "slot": free_slot(count), "baud": baud, "radio": radio}
-        run, _ = flown(SCENARIO.format(**values, count=count), tmp_path, said, ardupilot=arducopter.parent)
+        text = SCENARIO.format(**values, count=count)
+        run, summary = flown(text, tmp_path, said, ardupilot=arducopter.parent)
+        if again:
+            other = flown_again(run, tmp_path, free_slot(count), "many")
+            assert other["difference"] is None
+            assert other["summary"]["digests"] == summary["digests"]
         return run
 
     return fly_one
@@ -91,7 +103,7 @@ def test_three_copters_on_one_netid_do_not_get_their_parameters_over(fly: Fly) -
     said: Said = [
         (at_s, mav.MAVLink_param_request_list_message(turn % 3 + 1, 1)) for turn, at_s in enumerate(asked_s)
     ]
-    run = fly(said, READY_S + 100, radio=NETID, count=3)
+    run = fly(said, READY_S + 100, radio=NETID, count=3, again=True)
     came = [each for at_s, each in out_of(run, "gcs", "PARAM_VALUE") if at_s > READY_S]
     beats = [at_s for at_s, _ in out_of(run, "gcs", "HEARTBEAT") if at_s > READY_S]
     got = [len({each.param_index for each in came if each.get_srcSystem() == sysid}) for sysid in (1, 2, 3)]
@@ -105,7 +117,7 @@ def test_a_saturated_link_settles(fly: Fly) -> None:
     streams: Said = [
         (at_s, mav.MAVLink_request_data_stream_message(1, 1, 0, 25, 1)) for at_s in (20.5, 22.5, 25.5)
     ]
-    run = fly(streams, 200, baud=115_200)
+    run = fly(streams, 200, baud=115_200, again=True)
     free = [message.txbuf for at_s, message in out_of(run, "0", "RADIO_STATUS") if at_s > 100.0]
     assert 50.0 <= np.mean(free) <= 90.0
     assert len(out_of(run, "gcs", "ATTITUDE")) > 100
@@ -124,7 +136,7 @@ def test_out_of_range_the_copter_comes_home(fly: Fly) -> None:
             (READY_S + 6 + again, command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30)),
             (READY_S + 25 + again, mav.MAVLink_set_position_target_global_int_message(0, 1, 1, 6, *far)),
         ]
-    run = fly(said, 300, radio="{preset: sik-433, transmit_power_dbm: -32}")
+    run = fly(said, 300, radio="{preset: sik-433, transmit_power_dbm: -32}", again=True)
     beats = [(at_s, each) for at_s, each in out_of(run, "gcs", "HEARTBEAT") if each.autopilot == 3]
     own = [
         (at_s, each)

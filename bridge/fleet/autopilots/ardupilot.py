@@ -22,8 +22,8 @@ HOME_VARIABLE = "ARDUPILOT_HOME"
 PARAMETERS = resources.files("sitl_configs") / "params"
 BINARIES = {"copter": "arducopter", "plane": "arduplane"}
 """ArduPilot's binary by the airframe's vehicle."""
-INSTANCE_MAX = 255
-"""`-I` is a byte: 256 is 0 again, on the ports of another UA."""
+RC_PORT = 5501
+"""Where SITL takes radio control, UDP."""
 MAVLINK_2 = 2
 FAST_BAUD = 2_000_000
 """SIM_BAUDLIMIT_EN is for all ports: this is faster than what the daemon asks for."""
@@ -36,21 +36,17 @@ class ArduPilot(Launcher):
     """`arducopter`, `arduplane` and their kin, one process and one working directory per UA."""
 
     def check(self, scenario: Scenario, ua: Aircraft) -> None:
-        """See that the binary for the airframe's vehicle is there, and that ArduPilot can have the UA's ports.
+        """See that the binary for the airframe's vehicle is there.
 
         Raises:
             AutopilotError: if not, with the places that were looked at.
         """
+        del scenario
         vehicle = airframe_of(ua).vehicle
         if vehicle not in BINARIES:
             known = ", ".join(BINARIES)
             raise AutopilotError(f"UA {ua.id}: no ArduPilot is known for a {vehicle}; there are: {known}")
         self.binary(BINARIES[vehicle])
-        if scenario.instance(ua) > INSTANCE_MAX:
-            raise AutopilotError(
-                f"UA {ua.id} would be ArduPilot's instance {scenario.instance(ua)}, but it counts to "
-                f"{INSTANCE_MAX}: lower ports.first_slot (--first-slot)"
-            )
 
     def origin(self, ua: Aircraft) -> AutopilotOrigin:
         """The binary, by its digest."""
@@ -98,7 +94,15 @@ class ArduPilot(Launcher):
         directory.mkdir()
         # Not "--wipe": SITL keeps that one at a reboot over MAVLink, and so loses what a ground station has set.
         command = [str(self.binary(BINARIES[vehicle])), "-w", "--model", "JSON:127.0.0.1"]
-        command += ["-I", str(scenario.instance(ua)), "--sysid", str(ua.sysid), "--home", plan.home_text]
+        command += [
+            "-I",
+            str(ua.id),
+            *_ports(scenario, ua),
+            "--sysid",
+            str(ua.sysid),
+            "--home",
+            plan.home_text,
+        ]
         command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_own_parameters(plan, directory)}"]
         command += ["--serial0", "tcp:0", "--speedup", str(SPEEDUP), "--start-time", str(START_TIME_UNIX_S)]
         return ProcessSpec(
@@ -108,6 +112,17 @@ class ArduPilot(Launcher):
             cwd=directory,
             stop_signal=signal.SIGKILL,  # SITL ignores SIGTERM while it waits for physics
         )
+
+
+def _ports(scenario: Scenario, ua: Aircraft) -> Iterator[str]:
+    """All by name, and after `-I`, which moves those that are its defaults.
+
+    `-I` itself is in what SITL tells a ground station (banner, AUTOPILOT_VERSION), so it is the UA's, not the ports'.
+    """
+    fdm_port = scenario.fdm_port(ua)
+    yield from ("--base-port", str(scenario.autopilot_port(ua)))
+    yield from ("--rc-in-port", str(RC_PORT + 10 * scenario.instance(ua)))
+    yield from ("--sim-port-in", str(fdm_port + 1), "--sim-port-out", str(fdm_port))
 
 
 @cache

@@ -17,7 +17,7 @@ from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 
 FIRST_SLOT, LAST_SLOT = 20, 249
-"""Slots given out: below are those that people choose, above ArduPilot's instance number (eight bits) ends."""
+"""Slots given out: below are those that people choose."""
 
 
 class NoSlot(RuntimeError):

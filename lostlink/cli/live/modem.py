@@ -64,7 +64,9 @@ FAILED = 1
 )
 @click.option("--seed", type=int, help="Of all that is drawn. [1]")
 @click.option(
-    "--baud", type=int, help="Of both serial lines; 0: none. [57600 with SiK, 460800 with ELRS, else 0]"
+    "--baud",
+    type=int,
+    help="Of both serial lines; 0: none. [with --run as its modems', else 57600 with SiK, 460800 with ELRS, else 0]",
 )
 @click.option("--duration", type=float, metavar="SECONDS", help="End after so long; else with Ctrl-C.")
 @click.option(

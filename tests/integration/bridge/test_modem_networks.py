@@ -67,18 +67,10 @@ def lost_share(summary: dict[str, Any]) -> float:
     return 1.0 - sum(link["delivered"] for link in links) / sum(link["sent"] for link in links)
 
 
-def flown_again(run: Path, tmp_path: Path, slot: int) -> dict[str, Any]:
-    command = [
-        *LOSTLINK,
-        "refly",
-        str(run),
-        "--out",
-        str(tmp_path / "again"),
-        "--json",
-        "--first-slot",
-        str(slot),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=280)
+def flown_again(run: Path, tmp_path: Path, slot: int, processes: str = "auto") -> dict[str, Any]:
+    command = [*LOSTLINK, "refly", str(run), "--out", str(tmp_path / "again"), "--json"]
+    command += ["--first-slot", str(slot), "--processes", processes]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     content: dict[str, Any] = json.loads(done.stdout)
     return content
@@ -105,6 +97,28 @@ def test_three_copters_on_one_netid_lose_what_one_does_not(
     again = flown_again(run, tmp_path, free_slot(3))
     assert again["difference"] is None
     assert again["summary"]["digests"] == summary["digests"]
+
+
+def test_a_station_hears_its_own_modem_while_the_copter_is_gone(
+    tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    """What users miss in QGroundControl 5933: a status for each of its heartbeats, whoever is there."""
+    gone_s, forgets_s, duration_s = 4, 4, 14
+    values = {"name": "gone", "duration_s": duration_s, "radio": "{preset: sik-433, bursts: {model: none}}"}
+    scenario = SCENARIO.format(**values, count=1, slot=free_slot(1))
+    text = scenario.replace(
+        "    count: 1\n", f"    count: 1\n    radio_off: [{{from_s: {gone_s}, to_s: {duration_s}}}]\n"
+    )
+    run, _ = flown(text, tmp_path, [])
+    beats = [at_s for at_s, each in out_of(run, "gcs", "HEARTBEAT") if each.get_srcSystem() == 1]
+    assert gone_s - 1.5 < max(beats) < gone_s + 0.5
+    told = out_of(run, "gcs", "RADIO_STATUS")
+    assert {(each.get_srcSystem(), each.get_srcComponent()) for _, each in told} == {(51, 68)}
+    assert [int(at_s) for at_s, _ in told] == list(range(1, duration_s)), (
+        "one for each heartbeat, within the second"
+    )
+    assert all(each.remrssi for at_s, each in told if 1.5 < at_s < gone_s)
+    assert not any(each.remrssi for at_s, each in told if at_s > gone_s + forgets_s)
 
 
 @pytest.mark.slow

@@ -203,16 +203,6 @@ def test_bad_option_is_status_2(tmp_path: Path, option: str, value: str, says: s
     assert "Traceback" not in done.stderr
 
 
-def test_port_beyond_ardupilots_is_refused(tmp_path: Path) -> None:
-    binary = tmp_path / "arducopter"
-    binary.write_text("#!/bin/sh\n")
-    binary.chmod(0o755)
-    options = ("--autopilot", "ardupilot", "--ardupilot-dir", str(tmp_path), "--first-slot", "340")
-    done = lostlink("run", *options, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "instance 340, but it counts to 255" in done.stderr
-
-
 def test_stand_in_refuses_what_is_no_multirotor(tmp_path: Path) -> None:
     text = (SCENARIOS / "separation.yaml").read_text().replace("airframe: f450", "airframe: aerosonde", 1)
     (tmp_path / "plane.yaml").write_text(text)

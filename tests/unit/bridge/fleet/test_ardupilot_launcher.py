@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,23 @@ def test_parameters_of_the_ua_win_over_those_of_all_and_those_over_the_airframes
     assert (second["SIM_RATE_HZ"], second["FRAME_TYPE"], second["WPNAV_SPEED"]) == (1000, 0, 0.125)
     without = parameters_of(launched(tmp_path, TEXT, "1"))
     assert (without["SIM_RATE_HZ"], without["FRAME_TYPE"]) == (800, 1)
+
+
+def test_ports_move_and_what_sitl_says_of_itself_does_not(tmp_path: Path) -> None:
+    """SITL adds `-I` to the first letter of the id in its banner, which a ground station asks for; see its Util.cpp."""
+
+    def options(slot: int) -> dict[str, str]:
+        words = launched(tmp_path, f"{TEXT}ports: {{first_slot: {slot}}}\n", "1").command
+        assert words.index("-I") < min(
+            words.index(word) for word in words if word.endswith(("port", "-in", "-out"))
+        )
+        return {word: value for word, value in pairwise(words) if word.startswith("-")}
+
+    here, there = options(0), options(40)
+    assert here["-I"] == there["-I"] == "1"
+    ports = {"--base-port": 5770, "--rc-in-port": 5511, "--sim-port-in": 9013, "--sim-port-out": 9012}
+    assert {name: int(here[name]) for name in ports} == ports
+    assert {name: int(there[name]) - 400 for name in ports} == ports
 
 
 @pytest.mark.parametrize(

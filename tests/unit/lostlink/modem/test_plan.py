@@ -25,7 +25,7 @@ def run(tmp_path: Path) -> Path:
 
 def test_places_radios_and_seed_are_those_of_the_run(run: Path) -> None:
     plan = plan_of_run(run, ("1", "0"), baud=9600)
-    assert (plan.nodes, plan.seed, plan.baud, list(plan.bases)) == (("1", "0"), 11, 9600, [])
+    assert (plan.nodes, plan.seed, plan.bauds, list(plan.bases)) == (("1", "0"), 11, (9600, 9600), [])
     assert plan.radios[GROUND].config.name == "sik-433"
     for track, node in zip(plan.tracks, (1, 0), strict=True):
         # the record has nodes that go north with 1 m/s, at 10 m
@@ -76,6 +76,25 @@ def test_the_radio_is_that_of_the_modems_unless_asked_for(run: Path, network: st
     (run / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
     plan = plan_of_run(run, ("0", "1"), network=network)
     assert [each.config.name for each in plan.radios] == [radio, radio]
+
+
+@pytest.mark.parametrize(
+    ("asked", "byte_ns"), [(None, (10**10 // 57_600, 10**10 // 9600)), (1200, (8_333_333, 8_333_333))]
+)
+def test_a_modem_of_the_run_keeps_its_line(run: Path, asked: int | None, byte_ns: tuple[int, int]) -> None:
+    """Ten bit times a byte: the first node's modem says nothing and has SiK's 57600, the other's has 9600."""
+    text = ON_THE_AIR.replace(
+        "{id: 1, modems: {telemetry: {serial: 1}}", "{id: 1, modems: {telemetry: {baud: 9600}}"
+    )
+    (run / SCENARIO_FILE).write_text(parse_scenario(text, "scenario", run, {}).to_yaml(), encoding="utf-8")
+    frame = frame_of(200, 1)
+    for end, each_ns in enumerate(byte_ns):
+        link = RadioLink(plan_of_run(run, ("0", "1"), asked))
+        link.receive(end, frame, 0)
+        link.advance(len(frame) * each_ns - 1)
+        assert link.pair.modems[end].counts.units_sent == 0
+        link.advance(len(frame) * each_ns + len(frame) + 1)
+        assert link.pair.modems[end].counts.units_sent == 1
 
 
 @pytest.mark.parametrize(
