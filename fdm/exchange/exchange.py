@@ -20,7 +20,9 @@ from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
 from fdm.exchange.placement.placement import Placer
 from fdm.exchange.poller import Poller
-from fdm.exchange.seat import BuildModel, Seat, bind
+from fdm.exchange.px4.seat import BuildModel, Px4Seat
+from fdm.exchange.px4.welcome import Px4Seats
+from fdm.exchange.seat import Seat, bind
 from fdm.exchange.service import DATAGRAM_MAX_BYTES, Service
 from fdm.exchange.settings import Coupling, Placement, check_coupling, check_placement
 from fdm.model.jsbsim_model import JsbsimModel
@@ -112,11 +114,13 @@ class Exchange:
         self._placer = Placer(placement, alone=peers is None)
         self._service = Service(self._clock, self._commands, on_truth, self._at_tick, on_event)
         self._seats = self._service.seats
+        self._tick_period_ns = tick_period_ns
         self._called: list[CalledSeat] = []
         self._lone: Seat | None = None
         self._stopping = False
         self._poller = Poller()
         self._listeners: dict[int, Callable[[], object]] = {}
+        self._px4 = Px4Seats(self._service, self.listen, self._forget)
         self.listen(self._commands.fileno(), self._commands.drain)
         try:
             for index, spec in enumerate(aircraft):
@@ -224,7 +228,7 @@ class Exchange:
         """Wait for packets, wakes or the clock, and hear what has come."""
         clock = self._clock
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
-        ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
+        ready = self._poller.wait(self._px4.wake_at_ns(clock.wall_ns, clock.wake_at_ns()) - clock.wall_ns)
         clock.update(time.monotonic_ns())
         seats = self._seats
         for fd, _ in ready:
@@ -233,6 +237,7 @@ class Exchange:
                 self._service.hear(seat)
             else:
                 self._listeners[fd]()
+        self._px4.look(clock.wall_ns)
         self._service.start_without_the_absent()
 
     def stop(self) -> None:
@@ -299,7 +304,15 @@ class Exchange:
 
     # Inner workings
 
+    def _forget(self, fd: int) -> None:
+        """Wait for `fd` no longer."""
+        del self._listeners[fd]
+        self._poller.unregister(fd)
+
     def _add(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
+        if spec.px4 is not None:
+            self._add_px4(spec, sock, build_model)
+            return
         try:
             seat = Seat(spec, sock, self._clock.members[spec.ua_id], build_model, self._coupling)
         except BaseException:
@@ -307,6 +320,15 @@ class Exchange:
             raise
         self._seats[sock.fileno()] = seat
         self._poller.register(sock.fileno())
+
+    def _add_px4(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
+        try:
+            seat = Px4Seat(spec, sock, self._clock.members[spec.ua_id], build_model, self._tick_period_ns)
+        except BaseException:
+            sock.close()
+            raise
+        self._seats[sock.fileno()] = seat
+        self._px4.add(seat)
 
     def _add_called(self, spec: AircraftSpec, autopilot: CalledAutopilot, build_model: BuildModel) -> None:
         member = self._clock.members[spec.ua_id]

@@ -1,0 +1,197 @@
+"""One UA of an exchange whose autopilot is PX4: a port that listens, and the connection that PX4 made to it."""
+
+from __future__ import annotations
+
+import logging
+import socket
+from collections.abc import Callable
+from typing import Protocol
+
+from fdm.clock.member import Member
+from fdm.errors import AirframeError, PortInUseError
+from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
+from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
+from fdm.exchange.px4.frames import FramesOfPx4
+from fdm.exchange.px4.peer import process_at_end
+from fdm.exchange.px4.quiet import Rest
+from fdm.model.air_point import Air
+from fdm.model.airframe import Airframe
+from fdm.model.geodesy import Home
+from fdm.model.px4_sensors import Px4Encoder, Px4Sensors
+from fdm.wire.servo_packet import Fields
+
+LOOKS = 8
+"""How often it is looked in a row whether PX4 is at rest, before others get their turn."""
+READER = "sim_rcv"
+"""PX4's thread that reads what we send."""
+_READ_BYTES = 1 << 16
+
+_log = logging.getLogger(__name__)
+
+
+class FlightModelInAir(FlightModel, Protocol):
+    """A flight model with what a barometer needs."""
+
+    def air(self) -> Air:
+        """The air where it is."""
+
+
+BuildModel = Callable[[Airframe, Home], FlightModelInAir]
+
+
+class Px4Seat:
+    """One UA with its port.
+
+    Args:
+        spec: the UA; its ``px4`` is set.
+        sock: its port, of `listen`; the seat's from now on.
+        member: its place in the fleet clock.
+        build_model: makes its flight model.
+        tick_period_ns: sim time between ticks, at which PX4 has to be at rest.
+
+    Attributes:
+        connection: that of PX4; None while there is none.
+
+    Raises:
+        AirframeError: the model cannot be loaded, or the airframe says nothing for PX4.
+    """
+
+    def __init__(
+        self,
+        spec: AircraftSpec,
+        sock: socket.socket,
+        member: Member,
+        build_model: BuildModel,
+        tick_period_ns: int,
+    ) -> None:
+        if spec.airframe.px4 is None:
+            raise AirframeError(f"airframe {spec.airframe.name}: it has no section px4: PX4 cannot fly it")
+        peer = spec.px4 or Px4Peer(Px4Sensors(), seed=1)
+        self.sock, self.member = sock, member
+        self.connection: socket.socket | None = None
+        self._rate_hz, self._motors = peer.sensors.imu_rate_hz, spec.airframe.px4.motors
+        self._frames = FramesOfPx4(self._rate_hz, self._motors)
+        self._rest: Rest | None = None
+        self._tick_period_ns = tick_period_ns
+        self._wall_ns = 0
+        self._encode = Px4Encoder(
+            peer.sensors,
+            spec.home,
+            seed=peer.seed,
+            ua_id=spec.ua_id,
+            has_airspeed=spec.airframe.vehicle == "plane",
+            epoch_unix_s=peer.epoch_unix_s,
+        )
+
+        def build() -> FlightModel:
+            self._encode.model = model = build_model(spec.airframe, spec.home)
+            self._encode.reset()
+            return model
+
+        self.aircraft = ExchangedAircraft(member, build, self._encode, spec.wind, spec.disturb)
+
+    @property
+    def port(self) -> int:
+        """Its TCP port."""
+        return int(self.sock.getsockname()[1])
+
+    def accept(self) -> Fields:
+        """PX4 connects (anew): take its connection; returns the packet that asks for the first frame."""
+        connection, address = self.sock.accept()
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setblocking(False)
+        self.drop()
+        self.connection = connection
+        pid = process_at_end(connection)
+        self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=pid is not None)
+        self._rest = None if pid is None else Rest(pid, READER)
+        if pid is None:
+            self.aircraft.count("starts_by_wall_time")
+        _log.info("UA %d: PX4 has connected from %s (process %s)", self.aircraft.ua_id, address, pid)
+        return self._frames.hello()
+
+    def drop(self) -> None:
+        """Close the connection, if there is one."""
+        if self.connection is not None:
+            self.connection.close()
+            self.connection = None
+
+    def send(self, reply: bytes) -> None:
+        """Send the messages of a frame."""
+        if self.connection is None:
+            return
+        if self._rest is not None:
+            self._rest.sent()
+        try:
+            self.connection.send(reply)
+        except OSError as error:
+            self.aircraft.count("send_failed")
+            _log.debug("UA %d: frame not sent: %s", self.aircraft.ua_id, error)
+        before_ns, target_ns, period_ns = self.member.sim_time_ns, self.member.target_ns, self._tick_period_ns
+        self._frames.sent(
+            self.aircraft.fields[2] + 1, self._wall_ns, holds=before_ns // period_ns != target_ns // period_ns
+        )
+
+    def receive(self) -> bool:
+        """Read what PX4 has sent; False: it has closed the connection."""
+        while self.connection is not None:
+            try:
+                data = self.connection.recv(_READ_BYTES)
+            except BlockingIOError:
+                return True
+            except OSError:
+                data = b""
+            if not data:
+                self.drop()
+                return False
+            self._frames.receive(data)
+        return False
+
+    def take(self, wall_ns: int) -> Fields | None:
+        """The frame that is done now, as a packet that asks for the next one."""
+        self._wall_ns = wall_ns
+        fields = self._frames.done()
+        if fields is not None or self.connection is None or not self._frames.wants_rest(wall_ns):
+            return fields
+        if self._rest is None:
+            return self._frames.at_rest()
+        for _ in range(LOOKS):
+            if self._rest.is_at_rest():
+                self.receive()  # it may have answered since the last look
+                self._frames.booted = self._frames.booted or not self._rest.has_children()
+                return self._frames.at_rest()
+        return None
+
+    def wants_look(self, wall_ns: int) -> bool:
+        """Whether `take` is to be called soon though PX4 has sent nothing."""
+        return self.connection is not None and self._frames.wants_rest(wall_ns)
+
+    def close(self) -> None:
+        """Close port and connection."""
+        self.drop()
+        self.sock.close()
+
+    def counters(self) -> dict[str, int]:
+        """What the aircraft and its frames counted."""
+        return {**self.aircraft.counters(), **self._frames.counters}
+
+
+def listen(spec: AircraftSpec, host: str) -> socket.socket:
+    """A TCP port at which PX4 finds its simulator.
+
+    Raises:
+        PortInUseError: the port cannot be had.
+    """
+    sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.bind((host, spec.port))
+        sock.listen(1)
+    except OSError as error:
+        sock.close()
+        raise PortInUseError(
+            f"TCP port {spec.port} on {host} (flight dynamics of UA {spec.ua_id}) cannot be used: "
+            f"{error.strerror}",
+            spec.port,
+        ) from None
+    return sock
