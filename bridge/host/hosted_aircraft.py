@@ -22,7 +22,7 @@ from bridge.host.modem_port import ModemPort
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
-from bridge.scenario.model import START_TIME_UNIX_S
+from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
 
 log = logging.getLogger("host")
@@ -48,13 +48,14 @@ class HostedAircraft(HostedNode):
         serials: Mapping[int, CalledClient] = MappingProxyType({}),
     ) -> None:
         scenario, record = run.scenario, NodeRecord(run, config.node)
+        kind = scenario.autopilot_of(config)
         self.daemon = HeldDaemon(
             DaemonConfig(
-                autopilot=f"tcp:127.0.0.1:{scenario.autopilot_port(config)}",
+                autopilot=mavlink_of(scenario, config),
                 sysid=config.sysid,
                 listen_port=scenario.aps_port(config),
                 links=tuple(f"udp-out:{place}" for place in scenario.udp_outputs(config)),
-                middle_stick=scenario.autopilot != "external",
+                middle_stick=kind != "external",
                 tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
                 tlog_name=config.node,
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
@@ -68,7 +69,7 @@ class HostedAircraft(HostedNode):
         self._api = AsyncExitStack()
         self.daemon.on_bytes = record.write_mavlink
         self.daemon.on_wall_time = record.may_not_repeat
-        if scenario.autopilot == "standin":
+        if kind == "standin":
             self.daemon.by_thread.clear()  # it has no threads, refuses files and has no logs
         self.daemon.on_link_down = self._link_down
         self.daemon.on_failure = self._cannot_go_on
@@ -163,3 +164,9 @@ class HostedAircraft(HostedNode):
         for device in self._devices:
             device.close()
         super().close()
+
+
+def mavlink_of(scenario: Scenario, ua: Aircraft) -> str:
+    """Where the daemon finds the autopilot: ArduPilot's and the stand-in's TCP, or the port that PX4 sends to by UDP."""
+    port = scenario.autopilot_port(ua)
+    return f"udp-in:127.0.0.1:{port + 1}" if scenario.autopilot_of(ua) == "px4" else f"tcp:127.0.0.1:{port}"

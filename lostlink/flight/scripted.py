@@ -24,7 +24,7 @@ from lostlink.flight.progress import Progress
 from lostlink.flight.verdict import RunOutcome
 from lostlink.reading.run import Run, load_run
 
-Autopilot = Literal["standin", "ardupilot", "external"]
+Autopilot = AutopilotName
 ScenarioLike = str | Path | Mapping[str, Any] | Scenario
 """A shipped scenario's name, a YAML file, its content as a mapping, or one that was read already."""
 

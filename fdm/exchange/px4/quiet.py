@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from pathlib import Path
 
-PROC = Path("/proc")
+PROC = "/proc"
 _AT_REST = (b"S", b"Z", b"X")
 """States of proc(5): sleeps, has ended."""
+_READ_BYTES = 1024
 
 
 class Rest:
@@ -32,12 +32,13 @@ class Rest:
     def __init__(self, pid: int, reader: str = "") -> None:
         self.pid = pid
         self._reader_name = reader
-        self._reader = ""
-        self._read_at_send = -1
+        self._reader: _Thread | None = None
+        self._reads_at_send = -1
+        self._threads: dict[str, _Thread] = {}
 
     def sent(self) -> None:
-        """Something was sent to it, or is about to be: it is at rest only when it has run since."""
-        self._read_at_send = self._runs_of_reader()
+        """Something is about to be sent to it: it is at rest only when its reader has run since."""
+        self._reads_at_send = self._reads()
 
     def has_children(self) -> bool:
         """Whether it has started processes that have not ended: PX4's start script goes on."""
@@ -45,37 +46,98 @@ class Rest:
 
     def is_at_rest(self) -> bool:
         """Whether there was an instant since the call at which all its threads slept. False if it has ended."""
-        if self._read_at_send >= 0 and self._runs_of_reader() == self._read_at_send:
+        if self._reads_at_send >= 0 and self._reads() == self._reads_at_send:
             return False
         try:
-            before = {task: _runs(task) for task in _tasks_of_all(self.pid)}
-            if not before or not all(map(_sleeps, before)):
-                return False
-            return all(map(_sleeps, _tasks_of_all(self.pid))) and all(
-                before.get(task) == _runs(task) for task in _tasks_of_all(self.pid)
+            before = {thread: thread.runs() for thread in self._all()}
+            return (
+                bool(before)
+                and all(thread.sleeps() for thread in before)
+                and all(thread.sleeps() for thread in before)
+                and {thread: thread.runs() for thread in self._all()} == before
             )
         except OSError:  # a thread has ended meanwhile: look again
             return False
 
-    def _runs_of_reader(self) -> int:
+    def close(self) -> None:
+        """Look no more."""
+        for thread in self._threads.values():
+            thread.close()
+        self._threads.clear()
+        self._reader = None
+
+    def _all(self) -> list[_Thread]:
+        """All threads that there are now; those that have ended are forgotten."""
+        known = self._threads
+        self._threads = {}
+        for path in _tasks(self.pid):
+            self._threads[path] = known.pop(path, None) or _Thread(path)
+        for thread in known.values():
+            thread.close()
+        return list(self._threads.values())
+
+    def _reads(self) -> int:
         """How often the reader was given a processor; -1 if there is no such thread."""
         if not self._reader_name:
             return -1
         try:
-            if not self._reader:
-                self._reader = _named_thread(self.pid, self._reader_name)
-            return _runs(self._reader) if self._reader else -1
+            if self._reader is None:
+                self._reader = next((each for each in self._all() if each.name() == self._reader_name), None)
+            return -1 if self._reader is None else self._reader.runs()
         except OSError:
             return -1
 
 
-def _tasks_of_all(pid: int) -> Iterator[str]:
-    """Paths of all threads of the process and its descendants."""
+class _Thread:
+    """One thread: its files stay open, as they are read again and again."""
+
+    __slots__ = ("_path", "_schedstat", "_stat")
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._stat = os.open(f"{path}/stat", os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            self._schedstat = os.open(f"{path}/schedstat", os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:
+            os.close(self._stat)
+            raise
+
+    def runs(self) -> int:
+        """How often it was given a processor."""
+        return int(os.pread(self._schedstat, _READ_BYTES, 0).split()[2])
+
+    def sleeps(self) -> bool:
+        """Whether it sleeps, or has ended."""
+        text = os.pread(self._stat, _READ_BYTES, 0)
+        at = text.rindex(b")") + 2  # the name before it may hold anything
+        return text[at : at + 1] in _AT_REST
+
+    def name(self) -> str:
+        """Its name."""
+        return _read(f"{self._path}/comm").decode().strip()
+
+    def close(self) -> None:
+        """Close its files."""
+        os.close(self._stat)
+        os.close(self._schedstat)
+
+
+def thread_ids(pid: int) -> list[int]:
+    """Ids of all threads of a process and its descendants.
+
+    Raises:
+        OSError: there is no such process, or no /proc.
+    """
+    return [int(path.rpartition("/")[2]) for path in _tasks(pid)]
+
+
+def _tasks(pid: int) -> Iterator[str]:
+    """Paths of all threads of a process and its descendants."""
     folder = f"{PROC}/{pid}/task"
     for tid in os.listdir(folder):  # noqa: PTH208 (the hot path: names are enough)
         yield f"{folder}/{tid}"
     for child in _children(pid):
-        yield from _tasks_of_all(child)
+        yield from _tasks(child)
 
 
 def _children(pid: int) -> Iterator[int]:
@@ -87,25 +149,8 @@ def _children(pid: int) -> Iterator[int]:
     yield from map(int, text.split())
 
 
-def _runs(task: str) -> int:
-    return int(_read(f"{task}/schedstat").split()[2])
-
-
-def _sleeps(task: str) -> bool:
-    text = _read(f"{task}/stat")
-    at = text.rindex(b")") + 2  # the name before it may hold anything
-    return text[at : at + 1] in _AT_REST
-
-
-def _named_thread(pid: int, name: str) -> str:
-    for task in (PROC / str(pid) / "task").iterdir():
-        if (task / "comm").read_text().strip() == name:
-            return str(task)
-    return ""
-
-
 def _read(path: str) -> bytes:
-    fd = os.open(path, os.O_RDONLY)
+    fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         return os.read(fd, 4096)
     finally:

@@ -12,6 +12,7 @@ from fdm.errors import AirframeError, PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
 from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
 from fdm.exchange.px4.frames import FramesOfPx4
+from fdm.exchange.px4.one_core import keep_on_one_core
 from fdm.exchange.px4.peer import process_at_end
 from fdm.exchange.px4.quiet import Rest
 from fdm.model.air_point import Air
@@ -24,6 +25,10 @@ LOOKS = 8
 """How often it is looked in a row whether PX4 is at rest, before others get their turn."""
 READER = "sim_rcv"
 """PX4's thread that reads what we send."""
+BY_WALL_TIME = "starts_by_wall_time"
+"""Counter of the connections of a PX4 that we cannot see the threads of."""
+ON_MANY_CORES = "starts_on_many_cores"
+"""Counter of the connections of a PX4 that we cannot keep on one core."""
 _READ_BYTES = 1 << 16
 
 _log = logging.getLogger(__name__)
@@ -106,12 +111,17 @@ class Px4Seat:
         self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=pid is not None)
         self._rest = None if pid is None else Rest(pid, READER)
         if pid is None:
-            self.aircraft.count("starts_by_wall_time")
+            self.aircraft.count(BY_WALL_TIME)
+        elif not keep_on_one_core(pid, self.aircraft.ua_id):
+            self.aircraft.count(ON_MANY_CORES)
         _log.info("UA %d: PX4 has connected from %s (process %s)", self.aircraft.ua_id, address, pid)
         return self._frames.hello()
 
     def drop(self) -> None:
         """Close the connection, if there is one."""
+        if self._rest is not None:
+            self._rest.close()
+            self._rest = None
         if self.connection is not None:
             self.connection.close()
             self.connection = None

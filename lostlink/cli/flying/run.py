@@ -39,12 +39,13 @@ class SpeedOption(click.ParamType[float | str]):
 
 @click.command(short_help="Fly a scenario and record what its radio delivered.")
 @click.argument("scenario", default=DEFAULT_SCENARIO)
-@click.option("--autopilot", type=click.Choice(["standin", "ardupilot", "external"]), help="Who flies.")
+@click.option("--autopilot", type=click.Choice(get_args(AutopilotName)), help="Who flies.")
 @click.option(
     "--ardupilot-dir",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
     help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
 )
+@px4_option
 @click.option("--speed", type=SpeedOption(), help="Real-time factor, or max: as fast as this machine can.")
 @click.option(
     "--coupling",
