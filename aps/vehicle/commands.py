@@ -57,6 +57,10 @@ class Step:
     """... if it reports this value (to 1, since some parameters are whole numbers), not the one of before."""
     optional: bool = False
     """A refusal is reported as feedback but does not end the command."""
+    done: Callable[[VehicleState], bool] | None = None
+    """Of a message that nothing acknowledges: whether the state shows that it was taken."""
+    explains: bool = False
+    """What the autopilot says to it are reasons for a refusal of the next step, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +89,10 @@ class CommandPlan:
     """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
     setpoint_period_s: float = 0.0
     """By the autopilot's clock or the daemon's, whichever is faster."""
+    may_leave: Callable[[VehicleState], bool] = lambda _: False
+    """Whether having left them in this state is a part of it ..."""
+    leave_grace_ms: int = 0
+    """... and how long the rest of the state may take to show that, ms of the autopilot's clock."""
     lead_s: float | None = None
     """For how long setpoints are sent before the first step, by the autopilot's clock; ``None``: they begin with
     acceptance."""
@@ -140,6 +148,7 @@ class CommandExecution(Execution):
         self._feedback_ms = 0
         self._mode_seen = False
         self._armed_seen = False
+        self._left_ms: int | None = None
         self._objection = ""
         self._silence_ns = round(silence_s * NS_PER_S)
         self._clock_ms = 0
@@ -230,6 +239,9 @@ class CommandExecution(Execution):
     # Steps and their acknowledgements.
 
     def _poll_steps(self, state: VehicleState, now_ns: int) -> list[Any]:
+        done = None if not self.plan.steps else self.plan.steps[self._step].done
+        if done is not None and self._waiting.tries and done(state):
+            self._waiting.answer = _ACCEPTED
         while self._waiting.answer == _ACCEPTED or not self.plan.steps:
             if not self._next_step(state, now_ns):
                 return self._poll_goal(state, now_ns)
@@ -246,8 +258,9 @@ class CommandExecution(Execution):
 
     def _next_step(self, state: VehicleState, now_ns: int) -> bool:
         """Go on to the next step; False when there is none and the flight towards the goal begins."""
+        explained = self._step < len(self.plan.steps) and self.plan.steps[self._step].explains
         self._step += 1
-        self._waiting = _Waiting()
+        self._waiting = _Waiting(texts=self._waiting.texts if explained else [])
         if self._step < len(self.plan.steps):
             return True
         self._accepted_ms = self._feedback_ms = state.time_boot_ms
@@ -305,7 +318,7 @@ class CommandExecution(Execution):
             return [] if plan.farewell is None else plan.farewell(state)
         if plan.needs_armed and not state.armed and (self._armed_seen or flown_ms > ARMED_GRACE_MS):
             self.end(Outcome.INTERRUPTED, "the UA is not armed" + self._words())
-        elif self._mode_seen and plan.modes and state.mode not in plan.modes:
+        elif self._has_left(state):
             self.end(Outcome.INTERRUPTED, f"mode changed to {state.mode}" + self._words())
         elif flown_ms > plan.timeout_s * 1000.0:
             self.end(
@@ -317,6 +330,17 @@ class CommandExecution(Execution):
         elif state.time_boot_ms - self._feedback_ms >= FEEDBACK_PERIOD_MS:
             self._feedback(state)
         return []
+
+    def _has_left(self, state: VehicleState) -> bool:
+        """Whether it flies in another mode: in one that may be a part of the plan, after some time of it."""
+        plan = self.plan
+        outside = self._mode_seen and plan.modes and state.mode not in plan.modes
+        if not outside or plan.may_leave(state):
+            self._left_ms = None
+            return False
+        if self._left_ms is None:
+            self._left_ms = state.time_boot_ms
+        return state.time_boot_ms - self._left_ms >= plan.leave_grace_ms
 
     def _feedback(self, state: VehicleState) -> None:
         self._feedback_ms = state.time_boot_ms

@@ -12,6 +12,7 @@ from aps.vehicle.commands import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import ZERO, Place, Yaw, global_setpoint, local_setpoint
 from aps.vehicle.flight.steps import (
+    arm_step,
     command_int,
     command_long,
     is_fixed_wing,
@@ -161,6 +162,14 @@ class ArduPilot:
         """AUTO, and MISSION_START."""
         start = optional(command_long(state, int(mavlink.MAV_CMD_MISSION_START)))
         return Manoeuvre((self.mode_step(state, "AUTO"), start), ("AUTO",))
+
+    def current_item_step(self, state: VehicleState, seq: int) -> Step:
+        """DO_SET_MISSION_CURRENT."""
+        return command_long(state, int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), float(seq), 0.0)
+
+    def arm(self, state: VehicleState) -> Manoeuvre:
+        """It says why not by itself."""
+        return Manoeuvre((arm_step(state),))
 
     def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
         """DO_CHANGE_SPEED."""

@@ -21,6 +21,8 @@ class Manoeuvre:
     steps: tuple[Step, ...] = ()
     modes: tuple[str, ...] = ()
     """The modes that it flies it in."""
+    last_modes: tuple[str, ...] = ()
+    """Of a mission: the modes that its last item may lead to."""
     by_setpoints: bool = False
     """Whether we fly it, by setpoints that are repeated."""
     lead_s: float | None = None
@@ -115,6 +117,12 @@ class Autopilot(Protocol):
 
     def mission(self, state: VehicleState) -> Manoeuvre:
         """Fly the mission."""
+
+    def current_item_step(self, state: VehicleState, seq: int) -> Step:
+        """Go on with another item of the mission."""
+
+    def arm(self, state: VehicleState) -> Manoeuvre:
+        """Arm the motors."""
 
     def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
         """Change the speed; ``kind`` is one of ``air``, ``ground``, ``climb``, ``descent``."""

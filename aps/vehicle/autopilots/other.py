@@ -9,7 +9,9 @@ from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
 from aps.vehicle.commands import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw
+from aps.vehicle.flight.steps import arm_step, command_long
 from aps.vehicle.state import Vector3, VehicleState
+from aps.wire.dialect import mavlink
 
 __all__ = ["OtherAutopilot"]
 
@@ -79,6 +81,14 @@ class OtherAutopilot:
     def mission(self, state: VehicleState) -> Manoeuvre:
         """Refused."""
         _refuse(state, "mission")
+
+    def current_item_step(self, state: VehicleState, seq: int) -> Step:
+        """DO_SET_MISSION_CURRENT."""
+        return command_long(state, int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), float(seq), 0.0)
+
+    def arm(self, state: VehicleState) -> Manoeuvre:
+        """As MAVLink has it."""
+        return Manoeuvre((arm_step(state),))
 
     def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:  # noqa: ARG002
         """Refused."""

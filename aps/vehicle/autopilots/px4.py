@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
 from aps.vehicle.commands import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw, global_setpoint, offset_deg
-from aps.vehicle.flight.steps import command_int, command_long, set_mode
+from aps.vehicle.flight.steps import arm_step, command_int, command_long, set_mode
 from aps.vehicle.state import Vector3, VehicleState
-from aps.wire.dialect import is_plane, mavlink
+from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
 
 __all__ = ["MODES", "Px4"]
 
@@ -188,7 +189,21 @@ class Px4:
 
     def mission(self, state: VehicleState) -> Manoeuvre:
         """AUTO.MISSION: it begins by itself, where MISSION_START would arm, too."""
-        return Manoeuvre((self.mode_step(state, "AUTO.MISSION"),), ("AUTO.MISSION",))
+        last = ("AUTO.RTL", "AUTO.LAND", "AUTO.PRECLAND", HOLD)
+        return Manoeuvre((self.mode_step(state, "AUTO.MISSION"),), ("AUTO.MISSION",), last_modes=last)
+
+    def current_item_step(self, state: VehicleState, seq: int) -> Step:
+        """MISSION_SET_CURRENT, which nothing acknowledges: not all versions know the command."""
+
+        def message(_: int) -> Any:
+            return mavlink.MAVLink_mission_set_current_message(state.sysid, AUTOPILOT_COMPID, seq)
+
+        return Step(message, done=lambda now: now.mission_current == seq)
+
+    def arm(self, state: VehicleState) -> Manoeuvre:
+        """Its checks first: by themselves they are told when they change, not when arming is refused for them."""
+        checks = command_long(state, int(mavlink.MAV_CMD_RUN_PREARM_CHECKS))
+        return Manoeuvre((replace(checks, optional=True, explains=True), arm_step(state)))
 
     def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
         """DO_CHANGE_SPEED: the navigator takes any for the cruise speed."""

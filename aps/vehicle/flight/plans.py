@@ -52,8 +52,8 @@ def known_mode(state: VehicleState, mode: str) -> str:
 
 def arm(state: VehicleState) -> CommandPlan:
     """Arm the motors."""
-    step = command_long(state, int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM), 1.0)
-    return CommandPlan("arm", (step,), lambda now: now.armed, MODE_TIMEOUT_S, occupies=ARMING)
+    way = autopilot_of(state.autopilot).arm(state)
+    return CommandPlan("arm", way.steps, lambda now: now.armed, MODE_TIMEOUT_S, occupies=ARMING)
 
 
 def disarm(state: VehicleState, *, force: bool = False) -> CommandPlan:

@@ -11,6 +11,7 @@ from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 
 __all__ = [
     "EARTH_RADIUS_M",
+    "arm_step",
     "checked",
     "command_int",
     "command_long",
@@ -62,6 +63,11 @@ def command_int(
         )
 
     return Step(message, command=command)
+
+
+def arm_step(state: VehicleState) -> Step:
+    """COMPONENT_ARM_DISARM."""
+    return command_long(state, int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM), 1.0)
 
 
 def set_mode(state: VehicleState, *numbers: int) -> Step:

@@ -8,10 +8,9 @@ from typing import Final
 from aps.timeouts import MODE_TIMEOUT_S
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands import CommandPlan, Step
-from aps.vehicle.flight.steps import checked, command_long, finite_or_none
+from aps.vehicle.flight.steps import checked, finite_or_none
 from aps.vehicle.missions.items import KINDS, first_seq
 from aps.vehicle.state import VehicleState
-from aps.wire.dialect import mavlink
 
 __all__ = ["fly", "set_current"]
 
@@ -19,6 +18,8 @@ MISSION_TIMEOUT_S: Final = 24 * 3600.0
 STALE_S: Final = 5.0
 """A mission that still says COMPLETE so long after its start, by the autopilot's clock, is complete (it was short), not
 the one before."""
+LAST_ITEM_GRACE_MS: Final = 1500
+"""Between a heartbeat that shows the mode to which the last item leads, and the MISSION_CURRENT of that item (1 Hz)."""
 _ITEM_REACHED: Final = 46
 
 
@@ -75,6 +76,8 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         MISSION_TIMEOUT_S,
         remaining_m=lambda now: finite_or_none(now.waypoint_distance_m),
         modes=way.modes,
+        may_leave=lambda now: now.mode in way.last_modes and now.mission_current >= now.mission_total,
+        leave_grace_ms=LAST_ITEM_GRACE_MS if way.last_modes else 0,
         needs_armed=True,
         refusal_hint="" if state.mission_total else "the autopilot has no mission",
         position=lambda now: (
@@ -88,7 +91,7 @@ def _current_step(state: VehicleState, seq: int) -> Step:
     if isinstance(seq, bool) or not isinstance(seq, int):
         raise ValueError(f"the number of an item is a whole number, not {seq!r}")
     number = checked("the number of an item", seq, 0, 0xFFFE)
-    return command_long(state, int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), number, 0.0)
+    return autopilot_of(state.autopilot).current_item_step(state, int(number))
 
 
 def set_current(state: VehicleState, seq: int) -> CommandPlan:
