@@ -6,7 +6,7 @@ import asyncio
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from aps.callbacks import Callbacks
 from aps.timeouts import SILENCE_TIMEOUT_S
@@ -282,6 +282,7 @@ class Commander:
                 newer.refuse(f"{older.verb} is under way")
             elif _is_target(older) and _is_target(newer):
                 older.supersede(f"by {newer.verb}")
+                newer.leads_on(older)
             else:
                 older.interrupt(f"by {newer.verb}")
 
@@ -377,7 +378,7 @@ def argument_names(verb: str) -> tuple[str, ...]:
     return tuple(inspect.signature(VERBS[verb]).parameters)[1:]
 
 
-def _is_target(execution: Execution) -> bool:
+def _is_target(execution: Execution) -> TypeGuard[CommandExecution]:
     return isinstance(execution, CommandExecution) and execution.plan.target
 
 

@@ -16,6 +16,7 @@ from typing import Any, Final
 from aps.callbacks import Callbacks
 from aps.timeouts import SILENCE_TIMEOUT_S, SILENT_HEARTBEATS
 from aps.vehicle.acks import FOREIGN, AckLedger
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commander import Commander
 from aps.vehicle.messages import MessageBoard
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
@@ -40,6 +41,7 @@ __all__ = ["Vehicle"]
 _HEARTBEAT: Final = 0
 _COMMANDS: Final = frozenset({75, 76})
 """COMMAND_INT and COMMAND_LONG: what is answered by a COMMAND_ACK."""
+_PARAM_VALUE: Final = 22
 _COMMAND_ACK: Final = 77
 _ACK: Final = struct.Struct("<HBBiBB")
 _NO_STREAM: Final = re.compile(rb"No ap_message for mavlink id \((\d+)\)")
@@ -47,6 +49,14 @@ _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
 
 _log = logging.getLogger(__name__)
+
+
+def _fields(frame: Frame) -> dict[str, Any]:
+    """The fields of a frame; of PARAM_VALUE with the bytes of its value, which may be those of a whole number."""
+    fields = message_fields(frame.raw)
+    if frame.msg_id == _PARAM_VALUE and fields:
+        fields["param_bytes"] = frame.payload[:4].ljust(4, b"\0")
+    return fields
 
 
 class Vehicle:
@@ -134,7 +144,7 @@ class Vehicle:
 
     def receive(self, frame: Frame, now_ns: int) -> bool:
         """A frame from the autopilot's link; returns whether the state may have changed (see ``state_changed``)."""
-        raw, msg_id, sysid, compid, _, _, _, _ = frame
+        _, msg_id, sysid, compid, _, _, _, _ = frame
         if compid != AUTOPILOT_COMPID:
             return False
         if sysid != self.sysid:
@@ -144,7 +154,7 @@ class Vehicle:
         changed = self._from_autopilot(frame, now_ns)
         commands = self.commands
         if commands.busy and commands.wants(msg_id) and self._is_for_us(frame):
-            commands.on_message(message_name(msg_id), message_fields(raw))
+            commands.on_message(message_name(msg_id), _fields(frame))
         if self.subscriptions.rated and self.subscriptions.due(self.telemetry.clock_ms):
             self.subscriptions.offer_due(self.telemetry.state(now_ns))
         return changed
@@ -247,6 +257,7 @@ class Vehicle:
         else:
             _log.info("nothing but heartbeats from the autopilot: asking for its streams anew")
         self._silent_heartbeats = 0
+        self.streams.twins = autopilot_of(self.telemetry.autopilot).stream_twins
         self._ask_for_streams(now_ns)
 
     def _autopilot_rebooted(self, now_ns: int) -> None:

@@ -45,6 +45,7 @@ def shows_all(seen: ViewPage) -> None:
     assert [place[:2] for place in plan["rally"]] == [[0, 1100], [1300, -300]]
 
 
+@pytest.mark.long
 def test_a_run_whose_plan_is_looked_at_is_the_same_run(
     browser: Browser,
     start_run: StartRun,  # noqa: F811

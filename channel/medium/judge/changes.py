@@ -41,6 +41,10 @@ MOST_OVER = 2.0
 """A pair that is over this many times the way wanted is not taken."""
 APART_NS = 2_000_000_000
 COHERENCES_APART = 3.0
+FINEST = 0.02
+"""Of a decorrelation distance: over shorter ways a sum of few waves is smoother than the law that it stands for."""
+MOST_MOVED = 0.25
+"""By which the mean square of such a pair may depend on whether shadowing changes at all; else it is not taken."""
 STEP_NS = 250_000_000
 """At which pairs are looked at until they are over their way."""
 NEVER_NS = 1 << 62
@@ -121,17 +125,25 @@ class Changes:
             return STEP_NS
         del self._first[look.link]
         if not question.over or over_m < MOST_OVER * question.over * spacing_m:
-            self._pairs.append(self._pair(first, look))
+            pair = self._pair(first, look, is_fine=0.0 < over_m < FINEST * spacing_m)
+            self._pairs += [pair] if pair else []
         return apart_ns(look.radio)
 
-    def _pair(self, first: HeardPower, second: HeardPower) -> PowerChange:
+    def _pair(self, first: HeardPower, second: HeardPower, is_fine: bool) -> PowerChange | None:
+        """Return the pair as judged; None if it turns on steps that the channel's fields over place do not resolve."""
         law = correlations(first, HeardPowers.of([second]))
         defect = self._question.defect(first.radio, law)
         uniform = first.uniforms(self._draws, self._question.name, (2 * ROWS + 1) * DRAWS + 1)
         rows = uniform[:-1].reshape(-1, DRAWS)
         right = np.sort(changes_in_steps(first, second, law, rows[:ROWS]))
-        wrong = changes_in_steps(first, second, defect, rows[ROWS : 2 * ROWS])
-        ratio = float(np.square(_scores(wrong, right, rows[-1])).mean())
+
+        def mean_square(other: Correlations) -> float:
+            drawn = changes_in_steps(first, second, other, rows[ROWS : 2 * ROWS])
+            return float(np.square(_scores(drawn, right, rows[-1])).mean())
+
+        if is_fine and abs(mean_square(_standing(law)) - mean_square(law)) > MOST_MOVED:
+            return None
+        ratio = mean_square(defect)
         normal = _scores(np.array([change_in_steps(first, second)]), right, uniform[-1:])
         more = float(defect.shadowing[0] - law.shadowing[0])
         way = (second.ends_ned_m - first.ends_ned_m) / (lasting_m(first.radio) or 1.0)
@@ -153,6 +165,11 @@ def _scores(found: NDArray[np.int64], drawn: NDArray[np.int64], v: FloatArray) -
     """Return normal scores of ranks among numbers in rising order, ties broken by v, uniform over (0, 1)."""
     low, high = (np.searchsorted(drawn, found, side=side) for side in SIDES)
     return np.asarray(special.ndtri((low + v * (high - low + 1)) / (drawn.size + 1)))
+
+
+def _standing(law: Correlations) -> Correlations:
+    """Return the correlations if shadowing and line of sight stayed as they are."""
+    return law._replace(shadowing=np.ones(1), sight=np.ones(1))
 
 
 def apart_ns(radio: Radio) -> int:

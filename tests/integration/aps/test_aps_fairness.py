@@ -31,7 +31,7 @@ def own_heap():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("autopilot", ["clock", "standin"])
+@pytest.mark.parametrize("autopilot", [pytest.param("clock", marks=pytest.mark.long), "standin"])
 @pytest.mark.parametrize("abuse", [name for name in ABUSES if name != "nobody"])
 def test_a_witness_loses_nothing_to_an_abuser(abuse, autopilot):
     row = measure(abuse, 3.0, autopilot)

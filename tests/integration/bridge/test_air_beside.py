@@ -66,7 +66,7 @@ class Told:
             self.queues[name].append((now_ns / 1e9, *radio.queue))
 
 
-@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_script_beside_a_node_is_told_what_its_agent_is_told_at_the_same_ticks(
     start_run: StartRun, processes: str
 ) -> None:
@@ -115,7 +115,7 @@ def test_a_script_beside_a_node_is_told_what_its_agent_is_told_at_the_same_ticks
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("processes", ["one", "many"])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_free_program_sees_its_queue_and_what_became_of_its_unicasts(
     start_run: StartRun, processes: str
 ) -> None:

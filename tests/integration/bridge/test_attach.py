@@ -82,7 +82,7 @@ def test_plain_subscriber_of_the_readme_sees_deliveries(live_run: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["echo", *(pytest.param(each, marks=pytest.mark.slow) for each in ("view", "token"))]
+    "command", ["echo", *(pytest.param(each, marks=pytest.mark.long) for each in ("view", "token"))]
 )
 def test_who_would_join_a_run_without_zenoh_is_told(command: str, start_run: StartRun) -> None:
     run = start_run("--no-zenoh", "--speed", "1")
@@ -101,7 +101,7 @@ def test_who_would_join_a_run_without_zenoh_is_told(command: str, start_run: Sta
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_echo_ends_with_the_run_and_prints_json(processes: str, start_run: StartRun) -> None:
     run = start_run("--zenoh", "--processes", processes, "--speed", "4", duration_s=20.0, scenario=STILL)
     run.wait_for("sim time")

@@ -77,6 +77,7 @@ def test_redecision_and_replay_are_measured(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_speed_of_a_study_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     assert bench_study.main(["--rounds", "1", "--seeds", "1", "--duration", "3", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)

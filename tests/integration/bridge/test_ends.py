@@ -74,9 +74,11 @@ def assert_tables_are_whole(run: Run) -> int:
     ("after_s", "number"),
     [
         *product((0.05, 0.3, 0.5, 1.0, 2.0), (signal.SIGINT, signal.SIGTERM)),
-        *(slow(5.0, number) for number in (signal.SIGINT, signal.SIGTERM)),
-        slow(20.0, signal.SIGINT),
-        pytest.param(20.0, signal.SIGTERM, marks=[pytest.mark.slow, pytest.mark.long]),
+        slow(5.0, signal.SIGINT),
+        *(
+            pytest.param(after_s, number, marks=pytest.mark.long)
+            for after_s, number in ((5.0, signal.SIGTERM), (20.0, signal.SIGINT), (20.0, signal.SIGTERM))
+        ),
     ],
 )
 def test_a_signal_ends_a_run_at_any_time(
@@ -265,7 +267,7 @@ def test_an_agent_that_raises_ends_the_run_with_its_tick(
 
 
 @pytest.mark.slow
-@both
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_run_with_an_agent_that_blocks_can_be_ended(
     start_run: StartRun, tmp_path: Path, processes: str
 ) -> None:
@@ -481,7 +483,7 @@ def test_a_killed_process_ends_the_run_by_name_and_log(
     ("processes", "victim", "name", "ending"),
     [
         ("many", "bridge.host.process", "host-0", "interrupted"),
-        slow("many", "bridge.radio.process", "router", "failed"),
+        pytest.param("many", "bridge.radio.process", "router", "failed", marks=pytest.mark.long),
         slow("one", "bridge.program.process", "fleet", "failed"),
     ],
 )

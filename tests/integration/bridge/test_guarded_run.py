@@ -132,7 +132,7 @@ def test_zenoh_can_be_asked_to_log_what_the_rules_refuse(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("processes", ["one", "many"])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_observers_see_what_is_delivered_and_not_what_is_transmitted(
     start_run: StartRun, processes: str
 ) -> None:

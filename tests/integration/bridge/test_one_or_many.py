@@ -42,6 +42,9 @@ FLOWN = {
     "many UA": (str(EXAMPLES / "ring.yaml"),),
 }
 SHORT = {"separation", "lookahead"}
+LONG = {"modems", "consensus", "localise", "turn back", "lookahead, exchanges", "parallel coupling"}
+"""What others are short of, or fly in a test of their own."""
+MARKS = {**dict.fromkeys(LONG, pytest.mark.long), **dict.fromkeys(SHORT, ())}
 
 
 def fly(
@@ -59,7 +62,7 @@ def fly(
 
 
 @pytest.mark.parametrize(
-    "name", [name if name in SHORT else pytest.param(name, marks=pytest.mark.slow) for name in FLOWN]
+    "name", [pytest.param(name, marks=MARKS.get(name, pytest.mark.slow)) for name in FLOWN]
 )
 def test_the_digests_are_equal(name: str, tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     slot = free_slot(24)

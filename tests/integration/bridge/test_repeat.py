@@ -35,7 +35,8 @@ def table(*arguments: str) -> list[dict[str, object]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", ["standin loaded", pytest.param("wander", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("line", ["standin loaded", "wander"])
 def test_a_line_of_the_benchmark_is_identical(line: str, free_slot: Callable[[int], int]) -> None:
     [row] = table("--only", line, "--slot", str(free_slot(4)))
     assert (row["identical"], row["remarks"]) == (1, []), row
@@ -108,6 +109,7 @@ class Slow(Agent):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_slow_agent_makes_the_run_slow_and_not_another(start_run: StartRun, tmp_path: Path) -> None:
     (tmp_path / "slow.py").write_text(SLOW)
     runs = []
@@ -154,8 +156,9 @@ def listen(run: Run) -> None:
     assert heard > 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "client", [pytest.param(client, marks=pytest.mark.slow) for client in (flood, stall, listen)]
+    "client", [flood, *(pytest.param(client, marks=pytest.mark.long) for client in (stall, listen))]
 )
 def test_a_client_that_says_nothing_to_the_autopilot_changes_nothing(
     start_run: StartRun, client: Callable[[Run], None]

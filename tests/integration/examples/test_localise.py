@@ -74,6 +74,7 @@ def test_the_mission_flies_and_repeats(tmp_path: Path, free_slot: Callable[[int]
     assert len(first.agent_values("plan")) >= 6
 
 
+@pytest.mark.long
 def test_the_run_that_raised_a_false_alarm_passes(fly_mission: FlyMission) -> None:
     """One-sided shadowing, rounded: taken for continuous, its powers at 53 places had a chance of 1e-06."""
     settings = {"seed": 18, "tick_rate_hz": 4, "fdm.standin_rate_hz": 100}
@@ -103,6 +104,7 @@ def study_of(folder: Path, file: str, cases: list[str]) -> dict[str, dict[str, A
     return {row["case"]: row for row in rows}
 
 
+@pytest.mark.long
 def test_from_two_sides_both_find_what_neither_finds_alone(tmp_path: Path) -> None:
     rows = study_of(tmp_path, "study_sides.yaml", ["none", "perfect"])
     assert all(row["outcome"] == "pass" for row in rows.values())

@@ -59,6 +59,7 @@ def wait_for(process: subprocess.Popen[bytes], text: bytes) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_commands_of_the_page(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     for _, name, text in BLOCKS:
         if name:

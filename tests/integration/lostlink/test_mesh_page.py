@@ -29,6 +29,7 @@ def test_the_page_says_of_the_radio_what_the_example_has() -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(400)
+@pytest.mark.long
 def test_commands_of_the_page(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     for kind, name, text in BLOCK.findall(TEXT):

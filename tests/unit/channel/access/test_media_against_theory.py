@@ -82,7 +82,7 @@ def test_saturated_unicast_has_bianchis_throughput(kind: str, rate_mbps: float, 
         (15, 10, 0.6595, 15_000),
         pytest.param(15, 2, 0.1174, 600_000, marks=(pytest.mark.slow, pytest.mark.long)),
         pytest.param(31, 2, 0.0604, 900_000, marks=(pytest.mark.slow, pytest.mark.long)),
-        pytest.param(31, 10, 0.4278, 100_000, marks=pytest.mark.slow),
+        pytest.param(31, 10, 0.4278, 100_000, marks=(pytest.mark.slow, pytest.mark.long)),
     ],
 )
 def test_saturated_broadcasts_collide_as_freeze_and_resume_has_it(
@@ -136,7 +136,7 @@ def test_one_sender_is_an_m_d_1_queue(load: float, wait: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("load", [long(0.2), 0.5, long(1.0)])
+@pytest.mark.parametrize("load", [long(0.2), long(0.5), long(1.0)])
 def test_many_that_do_not_listen_are_aloha(load: float) -> None:
     """G e^-2G (Abramson 1970), heard by a node that only listens."""
     stations, timing = 200, BitRate(1_000_000.0)

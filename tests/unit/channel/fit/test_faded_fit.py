@@ -138,9 +138,8 @@ def coverage_of(truth, repeats, seed):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize(
-    "truth", [pytest.param(STRONG, id="K 12 dB", marks=pytest.mark.long), pytest.param(WEAK, id="K 6 dB")]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("truth", [STRONG, WEAK], ids=["K 12 dB", "K 6 dB"])
 def test_intervals_of_ten_logs_hold_the_truth(truth):
     counts = coverage_of(truth, 10, 9)
     assert min(counts.values()) >= 7, counts

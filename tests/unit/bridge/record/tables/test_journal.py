@@ -229,7 +229,9 @@ while True:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(30))
+@pytest.mark.parametrize(
+    "number", [*range(8), *(pytest.param(number, marks=pytest.mark.long) for number in range(8, 30))]
+)
 def test_a_writer_killed_at_any_moment_leaves_all_but_its_last_second(tmp_path: Path, number: int) -> None:
     after_s = np.random.Generator(np.random.PCG64(number)).uniform(0.0, 2.5)
     command = [sys.executable, "-c", WRITER, str(tmp_path)]
