@@ -228,7 +228,7 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     "try both for a lone UA in serial coupling, and keep the faster one.",
 )
 def main(**arguments: Any) -> None:
-    """Serve the flight dynamics of one UA, or of several, to autopilots started by hand: ArduPilot (UDP, JSON scheme) or PX4."""
+    """Serve the flight dynamics of one UA, or of several, to autopilots started by hand (ArduPilot, PX4)."""
     options = Options(**arguments)
     if options.count > 1 and options.port:
         raise click.BadOptionUsage(
@@ -254,9 +254,10 @@ def main(**arguments: Any) -> None:
         _fail(f"{error}{hint}")
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: exchange.stop())
+    wire = "TCP" if options.px4 else "UDP"
     for spec in specs:
         click.echo(
-            f"ready: UA {spec.ua_id}, {spec.airframe.name}, {'TCP' if options.px4 else 'UDP'} {options.host}:{exchange.ports[spec.ua_id]}"
+            f"ready: UA {spec.ua_id}, {spec.airframe.name}, {wire} {options.host}:{exchange.ports[spec.ua_id]}"
         )
     sys.stdout.flush()
     try:

@@ -32,6 +32,7 @@ _LANDED: Final = ("undefined", "on_ground", "in_air", "takeoff", "landing")
 
 _ARMED: Final = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
 _PREARM: Final = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+_PX4: Final = int(mavlink.MAV_AUTOPILOT_PX4)
 _EKF_POSITION: Final = int(mavlink.ESTIMATOR_POS_HORIZ_ABS)
 
 
@@ -156,7 +157,8 @@ class Telemetry:
     def _sys_status(self, fields: tuple[Any, ...]) -> None:
         _, enabled, health, _, voltage_mv, current_ca, _, _, _, _, _, _, remaining = fields
         values = self._values
-        values["ready_to_arm"] = not enabled & _PREARM or bool(health & _PREARM)
+        says_so = enabled & _PREARM or values.get("autopilot") == _PX4  # which never counts it as enabled
+        values["ready_to_arm"] = not says_so or bool(health & _PREARM)
         values["voltage_v"] = NAN if voltage_mv in (0, 0xFFFF) else voltage_mv / 1000.0
         values["current_a"] = NAN if current_ca < 0 else current_ca / 100.0
         values["battery_remaining_percent"] = NAN if remaining < 0 else float(remaining)

@@ -167,6 +167,6 @@ class HostedAircraft(HostedNode):
 
 
 def mavlink_of(scenario: Scenario, ua: Aircraft) -> str:
-    """Where the daemon finds the autopilot: ArduPilot's and the stand-in's TCP, or the port that PX4 sends to by UDP."""
+    """Where the daemon finds the autopilot: at a TCP port of ArduPilot or the stand-in; PX4 sends to one of ours."""
     port = scenario.autopilot_port(ua)
     return f"udp-in:127.0.0.1:{port + 1}" if scenario.autopilot_of(ua) == "px4" else f"tcp:127.0.0.1:{port}"

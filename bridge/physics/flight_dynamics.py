@@ -15,7 +15,15 @@ from bridge.run.every import Every
 from bridge.run.process import log_clock
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import EmitterNode, GroundNode
-from bridge.scenario.resolve.flight import airframe_of, disturb_of, home_of, legacy_of, origin_of, px4_of, wind_of
+from bridge.scenario.resolve.flight import (
+    airframe_of,
+    disturb_of,
+    home_of,
+    legacy_of,
+    origin_of,
+    px4_of,
+    wind_of,
+)
 from bridge.scenario.resolve.ground_track import GroundTrack
 from bridge.timeouts import FLUSH_PERIOD_S, START_S
 from fdm.air.weather import in_weather

@@ -18,7 +18,15 @@ from pydantic import (
 from bridge.scenario.expectations import Expectation
 from bridge.scenario.mcap import McapSettings
 from bridge.scenario.modems import GroundModem, UaModem
-from bridge.scenario.nodes import MAIN, Aircraft, AutopilotName, EmitterNode, GroundNode, NodeConfig, Transceiver
+from bridge.scenario.nodes import (
+    MAIN,
+    Aircraft,
+    AutopilotName,
+    EmitterNode,
+    GroundNode,
+    NodeConfig,
+    Transceiver,
+)
 from bridge.scenario.parts import (
     Finite,
     Latitude,
@@ -184,7 +192,7 @@ class Scenario(Part):
         name: part of the run directory's name.
         description: for people.
         seed: of all random draws: channel, wind, sensor noise, agents, random places.
-        autopilot: who flies: the stand-in that ships, real ArduPilot or PX4, or one that you start; a UA may say another.
+        autopilot: who flies: the stand-in that ships, real ArduPilot or PX4, or one that you start; UA may differ.
         speed: real-time factor, or max.
         duration_s: longest sim time; the run ends earlier when all tasks are done.
         take_off_at_s: sim time before which agents do not take off, so that what else has a time meets the same part of
@@ -346,7 +354,9 @@ class Scenario(Part):
             if self.fdm.scheme == "legacy" and kind != "external":
                 raise ValueError("fdm.scheme legacy is for autopilot: external; the others speak json only")
             if kind == "px4" and ua.modems:
-                raise ValueError(f"modems: UA {ua.node} is flown by PX4, which has no second serial port here")
+                raise ValueError(
+                    f"modems: UA {ua.node} is flown by PX4, which has no second serial port here"
+                )
         return self
 
     @model_validator(mode="after")
@@ -470,6 +480,11 @@ class Scenario(Part):
     def autopilots(self) -> frozenset[AutopilotName]:
         """Who flies: all kinds of the fleet."""
         return frozenset(self.autopilot_of(ua) for ua in self.ua)
+
+    @property
+    def autopilots_in_words(self) -> str:
+        """Who flies, for people: ``ardupilot, px4``."""
+        return ", ".join(sorted(self.autopilots))
 
     def fdm_port(self, ua: Aircraft) -> int:
         """UDP port of the flight dynamics exchange of ``ua``; of PX4, TCP."""

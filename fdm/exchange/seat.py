@@ -6,6 +6,7 @@ import logging
 import socket
 import struct
 import sys
+
 from fdm.clock.member import Member
 from fdm.errors import PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec

@@ -18,6 +18,7 @@ from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario, with_changes
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import AutopilotName
 from lostlink.flight.exits import WELL, status_of
 from lostlink.flight.flight import Flight, Silent, Watcher
 from lostlink.flight.progress import Progress

@@ -73,7 +73,7 @@ def summarise(
         "schema": SCHEMA,
         "scenario": scenario.name,
         "seed": scenario.seed,
-        "autopilot": scenario.autopilot,
+        "autopilot": scenario.autopilots_in_words,
         "radio": scenario.radio,
         "speed": scenario.speed,
         "ending": ending,

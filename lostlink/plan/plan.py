@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.fleet.hosts import host_groups, standin_groups
-from bridge.fleet.how import how_joined, in_words
+from bridge.fleet.how import calls_standins, how_joined, in_words
 from bridge.fleet.preflight.ports import ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
@@ -98,7 +98,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
         scenario.name,
         scenario.description,
         scenario.seed,
-        autopilots_in_words(scenario),
+        scenario.autopilots_in_words,
         scenario.speed,
         scenario.duration_s,
         scenario.tick_rate_hz,

@@ -22,9 +22,11 @@ INSTANCE_MAX = 249
 RATE_BYTES_PER_S = 4_000_000
 PARAMETERS = {
     "COM_RC_IN_MODE": 4,
+    "COM_OBL_RC_ACT": 5,
     "NAV_DLL_ACT": 0,
+    "NAV_RCL_ACT": 0,
 }
-"""There are no sticks; and a lost ground station is for the scenario to act upon."""
+"""There are no sticks; a lost ground station is for the scenario to act upon; where setpoints end, it holds."""
 
 
 class Px4(Launcher):
@@ -44,8 +46,8 @@ class Px4(Launcher):
         self.binary()
         if scenario.instance(ua) > INSTANCE_MAX:
             raise AutopilotError(
-                f"UA {ua.id} would be PX4's instance {scenario.instance(ua)}; from {INSTANCE_MAX + 1} on its ports meet "
-                "others: lower ports.first_slot (--first-slot)"
+                f"UA {ua.id} would be PX4's instance {scenario.instance(ua)}, beyond {INSTANCE_MAX}, where ports of "
+                "others begin: lower ports.first_slot (--first-slot)"
             )
 
     def origin(self, ua: Aircraft) -> AutopilotOrigin:  # noqa: ARG002
@@ -65,8 +67,9 @@ class Px4(Launcher):
                 return place.resolve()
         looked = "".join(f"\n  {place}" for place in places)
         raise AutopilotError(
-            f"no PX4 was found. Looked at:{looked}\n  px4 on PATH\nBuild it by PX4's documentation (make px4_sitl_default), "
-            f"then point to it with --px4-dir DIR or {HOME_VARIABLE}=DIR; or fly the stand-in (autopilot: standin)."
+            f"no PX4 was found. Looked at:{looked}\n  px4 on PATH\n"
+            "Build it by PX4's documentation (make px4_sitl_default), then point to it with --px4-dir DIR or "
+            f"{HOME_VARIABLE}=DIR; or fly the stand-in (autopilot: standin)."
         )
 
     def _places(self) -> Iterator[Path]:

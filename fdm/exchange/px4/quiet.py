@@ -71,7 +71,7 @@ class Rest:
         known = self._threads
         self._threads = {}
         for path in _tasks(self.pid):
-            self._threads[path] = known.pop(path, None) or _Thread(path)
+            self._threads[path] = known.pop(path) if path in known else _Thread(path)
         for thread in known.values():
             thread.close()
         return list(self._threads.values())

@@ -42,7 +42,7 @@ Vector = tuple[float, float, float]
 
 
 class HilSensor(NamedTuple):
-    """What IMU, magnetometer, barometer and airspeed sensor measure; a sensor that `fields_updated` lacks is ignored."""
+    """What the sensors measure; one that `fields_updated` lacks is ignored."""
 
     time_us: int
     specific_force_frd_mps2: Vector
