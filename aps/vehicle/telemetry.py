@@ -31,7 +31,6 @@ BOOT_SHIFT_MS: Final = 5000
 _LANDED: Final = ("undefined", "on_ground", "in_air", "takeoff", "landing")
 
 _ARMED: Final = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-_PREARM: Final = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
 _EKF_POSITION: Final = int(mavlink.ESTIMATOR_POS_HORIZ_ABS)
 
 
@@ -53,6 +52,8 @@ class Telemetry:
         self.sysid = sysid
         self.reboots = 0
         """How often the autopilot's clock has gone back."""
+        self.custom_mode = 0
+        """Of the newest heartbeat: the mode as the autopilot numbers it."""
         self.decode_errors = 0
         """Frames of a known type whose values made no sense: a latitude of 300 degrees, an infinite number. NaN is
         no error: autopilots send it for what they do not know."""
@@ -142,6 +143,7 @@ class Telemetry:
 
     def _heartbeat(self, fields: tuple[Any, ...]) -> None:
         custom_mode, vehicle_type, autopilot, base_mode, system_status = fields
+        self.custom_mode = custom_mode
         values = self._values
         values["vehicle_type"], values["autopilot"] = vehicle_type, autopilot
         values["mode"] = _mode_name(vehicle_type, autopilot, custom_mode)
@@ -156,7 +158,7 @@ class Telemetry:
     def _sys_status(self, fields: tuple[Any, ...]) -> None:
         _, enabled, health, _, voltage_mv, current_ca, _, _, _, _, _, _, remaining = fields
         values = self._values
-        values["ready_to_arm"] = not enabled & _PREARM or bool(health & _PREARM)
+        values["ready_to_arm"] = autopilot_of(self.autopilot).ready_to_arm(enabled, health)
         values["voltage_v"] = NAN if voltage_mv in (0, 0xFFFF) else voltage_mv / 1000.0
         values["current_a"] = NAN if current_ca < 0 else current_ca / 100.0
         values["battery_remaining_percent"] = NAN if remaining < 0 else float(remaining)
