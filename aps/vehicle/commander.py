@@ -222,7 +222,12 @@ class Commander:
             ValueError: no such verb, or an argument that is wrong or out of range.
         """
         _check_verb(verb)
-        execution = self._execution(verb, *arguments, **options)
+        return self.begin(self._execution(verb, *arguments, **options), on_progress, on_done)
+
+    def begin(
+        self, execution: Execution, on_progress: OnProgress | None = None, on_done: OnDone | None = None
+    ) -> CommandHandle:
+        """As ``start``, of what has been made already."""
         handle = CommandHandle(execution, self, on_progress, on_done)
         if execution.result is None:
             self._take_over(execution)

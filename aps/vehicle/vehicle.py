@@ -18,7 +18,10 @@ from aps.timeouts import SILENCE_TIMEOUT_S, SILENT_HEARTBEATS
 from aps.vehicle.acks import FOREIGN, AckLedger
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commander import Commander
+from aps.vehicle.events import EVENT_ID, EventTexts
+from aps.vehicle.execution import CommandResult
 from aps.vehicle.messages import MessageBoard
+from aps.vehicle.parameters.ftp import ReadExecution
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
 from aps.vehicle.sticks import MiddleStick
 from aps.vehicle.streams import StreamArbiter, command_of
@@ -44,6 +47,8 @@ _COMMANDS: Final = frozenset({75, 76})
 _PARAM_VALUE: Final = 22
 _COMMAND_ACK: Final = 77
 _ACK: Final = struct.Struct("<HBBiBB")
+EVENT_MARK: Final = "\t"
+"""PX4 ends texts with it that are events as well."""
 _NO_STREAM: Final = re.compile(rb"No ap_message for mavlink id \((\d+)\)")
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
@@ -109,6 +114,9 @@ class Vehicle:
         """Called with the first heartbeat of each connection, if set."""
         self.heard = False
         """Whether the autopilot's heartbeat has been heard on this connection."""
+        self.events = EventTexts()
+        """What the autopilot's events mean."""
+        self._clock = clock
         self._name = name
         self._put = put
         self._encoder = Encoder(sysid, ONBOARD_COMPUTER_COMPID)
@@ -225,6 +233,8 @@ class Vehicle:
             self._command_ack(frame, now_ns)
         elif frame.msg_id == STATUSTEXT_ID:
             self._status_text(frame)
+        elif frame.msg_id == EVENT_ID:
+            self._tell_text(self.events.take(frame, self.telemetry.custom_mode))
         return False
 
     def _is_for_us(self, frame: Frame) -> bool:
@@ -252,6 +262,7 @@ class Vehicle:
             self.heard = True
             _log.info("autopilot of system %d heard: %s", self.sysid, self.telemetry.state(now_ns).mode)
             self.callbacks.call("the callback for the first heartbeat", self.on_heard)
+            self._fetch_events()
         elif self._silent_heartbeats < SILENT_HEARTBEATS or not self.streams.idle:
             return
         else:
@@ -293,11 +304,31 @@ class Vehicle:
         if self.answers_us(frame):
             return
         text = self._assembler.take(frame)
+        if text is not None and text.text.endswith(EVENT_MARK):  # an event says the same
+            text = None if self.events.known else StatusText(text.severity, text.text.rstrip(EVENT_MARK))
+        self._tell_text(text)
+
+    def _tell_text(self, text: StatusText | None) -> None:
         if text is not None:
             _log.info("autopilot: %s", text.text)
             self.commands.on_text(text)
             for listener in (self.texts, *self.text_listeners):
                 self.callbacks.call("the callback for texts", listener, text)
+
+    def _fetch_events(self) -> None:
+        """Get what the autopilot's events mean from itself, where it has that and files may be read."""
+        path = autopilot_of(self.telemetry.autopilot).events_path
+        if path and self.commands.ftp and not self.events.known:
+            reading = ReadExecution(self.telemetry.state(self._clock()), path, "events")
+            self.commands.begin(reading, on_done=self._events_fetched)
+
+    def _events_fetched(self, result: CommandResult) -> None:
+        try:
+            if not result.reached:
+                raise ValueError(str(result))
+            self.events.learn(result.value)
+        except ValueError as error:
+            _log.info("the autopilot's events are told by number: %s", error)
 
     # Our own messages.
 

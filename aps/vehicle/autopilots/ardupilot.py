@@ -12,6 +12,7 @@ from aps.vehicle.commands import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import ZERO, Place, Yaw, global_setpoint, local_setpoint
 from aps.vehicle.flight.steps import (
+    PREARM_CHECK,
     arm_step,
     command_int,
     command_long,
@@ -72,6 +73,7 @@ class ArduPilot:
     home_is_an_item = True
     bytewise_parameters = False
     packed_parameters = True
+    events_path: str | None = None
     stream_twins: Mapping[int, int | None] = {}
     mode_aliases: Mapping[str, str] = {}
 
@@ -90,6 +92,10 @@ class ArduPilot:
     def last_item(self, total: int, mission_state: int) -> int:
         """Home is item 0 and not counted. Both fields are extensions: 0 where they are not sent."""
         return total if mission_state else -1
+
+    def ready_to_arm(self, enabled: int, health: int) -> bool:
+        """Its checks may be switched off."""
+        return not enabled & PREARM_CHECK or bool(health & PREARM_CHECK)
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """Copters and VTOL: GUIDED and NAV_TAKEOFF. Fixed wing: the TAKEOFF mode with TKOFF_ALT set."""

@@ -71,6 +71,8 @@ class Autopilot(Protocol):
     """Whether whole numbers are the four bytes of a PARAM_VALUE's float."""
     packed_parameters: bool
     """Whether it has a file of all parameters."""
+    events_path: str | None
+    """Where it keeps what its events mean, if it has that."""
     stream_twins: Mapping[int, int | None]
     """Messages that ArduPilot has -> the one of the same use here; ``None`` where there is none to ask for."""
     mode_aliases: Mapping[str, str]
@@ -87,6 +89,9 @@ class Autopilot(Protocol):
 
     def last_item(self, total: int, mission_state: int) -> int:
         """Number of a mission's last item by MISSION_CURRENT; -1 where that does not say."""
+
+    def ready_to_arm(self, enabled: int, health: int) -> bool:
+        """By SYS_STATUS's sensors that are enabled and healthy (MAV_SYS_STATUS_SENSOR)."""
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """To a height above home."""

@@ -9,7 +9,7 @@ from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
 from aps.vehicle.commands import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw
-from aps.vehicle.flight.steps import arm_step, command_long
+from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_long
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import mavlink
 
@@ -23,6 +23,7 @@ class OtherAutopilot:
     home_is_an_item = False
     bytewise_parameters = False
     packed_parameters = False
+    events_path: str | None = None
     stream_twins: Mapping[int, int | None] = {}
     mode_aliases: Mapping[str, str] = {}
 
@@ -41,6 +42,10 @@ class OtherAutopilot:
     def last_item(self, total: int, mission_state: int) -> int:
         """As MAVLink has it, if the extensions are sent."""
         return total if mission_state else -1
+
+    def ready_to_arm(self, enabled: int, health: int) -> bool:
+        """As MAVLink has it."""
+        return not enabled & PREARM_CHECK or bool(health & PREARM_CHECK)
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:  # noqa: ARG002
         """Refused."""

@@ -12,9 +12,10 @@ from typing import Any, Final
 
 from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
 from aps.vehicle.commands import Step
+from aps.vehicle.events import METADATA_PATH
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw, global_setpoint, offset_deg
-from aps.vehicle.flight.steps import arm_step, command_int, command_long, set_mode
+from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_int, command_long, set_mode
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
 
@@ -65,6 +66,7 @@ class Px4:
     home_is_an_item = False
     bytewise_parameters = True
     packed_parameters = False
+    events_path: str | None = METADATA_PATH
     stream_twins: Mapping[int, int | None] = {
         0: None,  # HEARTBEAT and
         42: None,  # MISSION_CURRENT come of themselves at 1 Hz
@@ -104,6 +106,10 @@ class Px4:
     def last_item(self, total: int, mission_state: int) -> int:  # noqa: ARG002
         """It counts from 0; the state of the mission is not said by all versions."""
         return total - 1 if 0 < total < NO_MISSION else -1
+
+    def ready_to_arm(self, enabled: int, health: int) -> bool:  # noqa: ARG002
+        """It names the check among what is healthy alone."""
+        return bool(health & PREARM_CHECK)
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """NAV_TAKEOFF here, whatever the vehicle; it holds once it is there."""

@@ -11,6 +11,7 @@ from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 
 __all__ = [
     "EARTH_RADIUS_M",
+    "PREARM_CHECK",
     "arm_step",
     "checked",
     "command_int",
@@ -24,6 +25,7 @@ __all__ = [
 ]
 
 EARTH_RADIUS_M: Final = 6_378_137.0
+PREARM_CHECK: Final = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
 
 
 def command_long(state: VehicleState, command: int, *params: float) -> Step:
