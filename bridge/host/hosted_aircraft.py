@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from types import MappingProxyType
@@ -22,6 +23,7 @@ from bridge.host.modem_port import ModemPort
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
+from bridge.run.px4 import px4_events_file
 from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
 
@@ -59,6 +61,7 @@ class HostedAircraft(HostedNode):
                 tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
                 tlog_name=config.node,
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
+                events_file=px4_events_file(os.environ) if kind == "px4" else None,
             ),
             autopilot=autopilot,
             ahead=bool(scenario.lookahead_ticks),

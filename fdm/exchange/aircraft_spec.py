@@ -36,11 +36,13 @@ class Px4Peer:
         sensors: rates and errors of its sensors.
         seed: of their errors.
         epoch_unix_s: time of day at its boot.
+        wake_ports: UDP ports of its MAVLink on this machine, which are woken in each frame (fdm.exchange.px4.seat).
     """
 
     sensors: Px4Sensors
     seed: int
     epoch_unix_s: int = EPOCH_UNIX_S
+    wake_ports: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

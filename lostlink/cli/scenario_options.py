@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
-from bridge.fleet.autopilots.px4 import HOME_VARIABLE
+from bridge.run.px4 import HOME_VARIABLE
 from bridge.scenario.document.settings import Setting, parse_setting
 from bridge.scenario.file import read_scenario
 from bridge.scenario.model import Scenario

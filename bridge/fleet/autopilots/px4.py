@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 from collections.abc import Iterator, Sequence
 from functools import cache
@@ -12,12 +11,11 @@ from pathlib import Path
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.children.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, px4_origin
+from bridge.run.px4 import HOME_VARIABLE, etc_of, find_px4, px4_places
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft
 from bridge.scenario.resolve.flight import airframe_of
 
-HOME_VARIABLE = "PX4_HOME"
-BUILD = Path("build") / "px4_sitl_default"
 INSTANCE_MAX = 249
 RATE_BYTES_PER_S = 4_000_000
 PARAMETERS = {
@@ -60,23 +58,15 @@ class Px4(Launcher):
         Raises:
             AutopilotError: if it is nowhere.
         """
-        places = list(self._places())
-        on_path = shutil.which("px4", path=self.environment.get("PATH"))
-        for place in (*places, *([Path(on_path)] if on_path else [])):
-            if os.access(place, os.X_OK) and (place.resolve().parents[1] / "etc" / "init.d-posix").is_dir():
-                return place.resolve()
-        looked = "".join(f"\n  {place}" for place in places)
+        found = find_px4(self.environment)
+        if found is not None:
+            return found
+        looked = "".join(f"\n  {place}" for place in px4_places(self.environment))
         raise AutopilotError(
             f"no PX4 was found. Looked at:{looked}\n  px4 on PATH\n"
             "Build it by PX4's documentation (make px4_sitl_default), then point to it with --px4-dir DIR or "
             f"{HOME_VARIABLE}=DIR; or fly the stand-in (autopilot: standin)."
         )
-
-    def _places(self) -> Iterator[Path]:
-        root = self.environment.get(HOME_VARIABLE)
-        if root:
-            yield Path(root) / "bin" / "px4"
-            yield Path(root) / BUILD / "bin" / "px4"
 
     def processes(self, plans: Sequence[LaunchPlan]) -> Iterator[ProcessSpec]:
         """A process for each UA.
@@ -93,7 +83,7 @@ class Px4(Launcher):
         (directory / "px4-rc.params").write_text(_own_parameters(plan), encoding="ascii")
         (directory / "px4-rc.mavlink").write_text(_own_mavlink(plan), encoding="ascii")
         command = [str(binary), "-i", str(plan.scenario.instance(plan.ua))]
-        command += ["-d", str(binary.parents[1] / "etc"), "-w", str(directory), "-s", "etc/init.d-posix/rcS"]
+        command += ["-d", str(etc_of(binary)), "-w", str(directory), "-s", "etc/init.d-posix/rcS"]
         px4 = plan.airframe.px4
         return ProcessSpec(
             plan.name,

@@ -50,7 +50,7 @@ def px4_of(scenario: Scenario, ua: Aircraft) -> Px4Peer | None:
     """How a UA that PX4 flies is served; None if another flies it."""
     if scenario.autopilot_of(ua) != "px4":
         return None
-    return Px4Peer(scenario.fdm.px4, scenario.seed, START_TIME_UNIX_S)
+    return Px4Peer(scenario.fdm.px4, scenario.seed, START_TIME_UNIX_S, (scenario.autopilot_port(ua),))
 
 
 def origin_of(origin: Origin) -> GeodeticPosition:

@@ -1,8 +1,11 @@
 """When a frame that was sent to PX4 is done. Sans-IO: bytes, instants and whether PX4 is at rest come in.
 
-A frame is done when PX4 has answered it, or when it is at rest and so cannot answer any more: then it keeps its
-outputs. While PX4 boots (its start script runs), and at ticks, an answered frame is done only when PX4 is at rest,
-too: what the frame has set going is over, and all that PX4 says over MAVLink is said.
+A frame is done when PX4 is at rest: what the frame has set going is over, all that PX4 says is said, and if it has not
+answered by then it will not, and keeps its outputs (so it is while it boots). What a frame comes to is thus a matter of
+the frames before it alone, and of no wall time.
+
+Where nobody can see whether PX4 is at rest (it is on another machine), a frame is done when it is answered, or when
+patience has run out.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from fdm.wire.px4.mavlink import FrameReader
 from fdm.wire.servo_packet import Fields
 
 PATIENCE_NS = 20_000_000
-"""Wall time after which it is looked whether PX4 will answer at all. Nothing but wall time depends on it."""
+"""Wall time after which a frame is done that nobody answers, where rest cannot be seen."""
 _IDLE = (0.0,) * CONTROLS
 
 
@@ -24,11 +27,10 @@ class FramesOfPx4:
     Args:
         rate_hz: frames per second.
         motors: outputs that are motors.
-        sees_rest: whether it can be seen if PX4 is at rest; if not, patience decides, which is wall time.
+        sees_rest: whether it can be seen if PX4 is at rest.
 
     Attributes:
         counters: what was dropped, and frames without an answer.
-        booted: PX4's start script has ended.
     """
 
     def __init__(self, rate_hz: int, motors: frozenset[int], *, sees_rest: bool = True) -> None:
@@ -38,23 +40,25 @@ class FramesOfPx4:
         self._sent_ns = 0
         self._answer: ActuatorControls | None = None
         self._controls: tuple[float, ...] = _IDLE
-        self._holds = True
-        self.booted = False
         self.counters: Counter[str] = Counter()
+
+    @property
+    def awaits(self) -> bool:
+        """Whether a frame is under way."""
+        return self._awaited >= 0
+
+    @property
+    def answered(self) -> bool:
+        """Whether the frame that is under way is answered."""
+        return self._answer is not None
 
     def hello(self) -> Fields:
         """PX4 has connected: it wants the first frame."""
         return self._fields(0)
 
-    def sent(self, frame: int, wall_ns: int, *, holds: bool) -> None:
-        """Frame `frame` (counted from 1) was sent.
-
-        Args:
-            frame: which.
-            wall_ns: monotonic wall time.
-            holds: whether it is done only when PX4 is at rest.
-        """
-        self._awaited, self._sent_ns, self._answer, self._holds = frame, wall_ns, None, holds
+    def sent(self, frame: int, wall_ns: int) -> None:
+        """Frame `frame`, counted from 1, was sent at `wall_ns` (monotonic)."""
+        self._awaited, self._sent_ns, self._answer = frame, wall_ns, None
 
     def receive(self, data: bytes) -> None:
         """Take what PX4 sent. Never raises."""
@@ -67,31 +71,17 @@ class FramesOfPx4:
             else:
                 self._answer = answer
 
-    def done(self) -> Fields | None:
-        """The frame that is done, as a packet that asks for the next one; None if there is none."""
-        if self._answer is None or self._needs_rest:
-            return None
-        return self._finish()
+    def is_done(self, wall_ns: int) -> bool:
+        """Where rest cannot be seen: whether the frame is done."""
+        late = wall_ns - self._sent_ns >= PATIENCE_NS
+        return not self._sees_rest and self.awaits and (self.answered or late)
 
-    def wants_rest(self, wall_ns: int) -> bool:
-        """Whether it is to be looked if PX4 is at rest; where that cannot be seen, whether patience has run out."""
-        if self._awaited < 0:
-            return False
-        return self._needs_rest or wall_ns - self._sent_ns >= PATIENCE_NS
-
-    def at_rest(self) -> Fields:
-        """PX4 is at rest: the frame is done, answered or not. To be called if `wants_rest` only."""
+    def done(self) -> Fields:
+        """The frame is done: the packet that asks for the next one."""
+        frame, self._awaited = self._awaited, -1
         if self._answer is None:
             self.counters["frames_unanswered"] += 1
-        return self._finish()
-
-    @property
-    def _needs_rest(self) -> bool:
-        return self._sees_rest and (self._holds or not self.booted)
-
-    def _finish(self) -> Fields:
-        frame, self._awaited = self._awaited, -1
-        if self._answer is not None:
+        else:
             self._controls = self._answer.controls
         return self._fields(frame)
 

@@ -13,11 +13,13 @@ time.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 PROC = "/proc"
 _AT_REST = (b"S", b"Z", b"X")
 """States of proc(5): sleeps, has ended."""
+_NUM_THREADS = 17
+"""Place of the number of threads in /proc/PID/stat, counted after the name (proc(5): field 20)."""
 _READ_BYTES = 1024
 
 
@@ -35,6 +37,7 @@ class Rest:
         self._reader: _Thread | None = None
         self._reads_at_send = -1
         self._threads: dict[str, _Thread] = {}
+        self._is_known = False
 
     def sent(self) -> None:
         """Something is about to be sent to it: it is at rest only when its reader has run since."""
@@ -49,14 +52,17 @@ class Rest:
         if self._reads_at_send >= 0 and self._reads() == self._reads_at_send:
             return False
         try:
-            before = {thread: thread.runs() for thread in self._all()}
+            threads = self._all()
+            before = [thread.runs() for thread in threads]
             return (
-                bool(before)
-                and all(thread.sleeps() for thread in before)
-                and all(thread.sleeps() for thread in before)
-                and {thread: thread.runs() for thread in self._all()} == before
+                bool(threads)
+                and all(thread.sleeps() for thread in threads)
+                and all(thread.sleeps() for thread in threads)
+                and [thread.runs() for thread in threads] == before
+                and self._are_all(threads)
             )
         except OSError:  # a thread has ended meanwhile: look again
+            self._is_known = False
             return False
 
     def close(self) -> None:
@@ -66,8 +72,16 @@ class Rest:
         self._threads.clear()
         self._reader = None
 
+    def _are_all(self, threads: Sequence[_Thread]) -> bool:
+        """Whether there were no others when these slept."""
+        count = threads[0].count()
+        self._is_known = count == len(threads) and not self.has_children()
+        return count == len(threads) or len(list(_tasks(self.pid))) == len(threads)
+
     def _all(self) -> list[_Thread]:
         """All threads that there are now; those that have ended are forgotten."""
+        if self._is_known:
+            return list(self._threads.values())
         known = self._threads
         self._threads = {}
         for path in _tasks(self.pid):
@@ -111,6 +125,11 @@ class _Thread:
         text = os.pread(self._stat, _READ_BYTES, 0)
         at = text.rindex(b")") + 2  # the name before it may hold anything
         return text[at : at + 1] in _AT_REST
+
+    def count(self) -> int:
+        """How many threads its process has."""
+        text = os.pread(self._stat, _READ_BYTES, 0)
+        return int(text[text.rindex(b")") + 2 :].split()[_NUM_THREADS])
 
     def name(self) -> str:
         """Its name."""

@@ -52,7 +52,6 @@ class Px4Seat:
         sock: its port, of `listen`; the seat's from now on.
         member: its place in the fleet clock.
         build_model: makes its flight model.
-        tick_period_ns: sim time between ticks, at which PX4 has to be at rest.
 
     Attributes:
         connection: that of PX4; None while there is none.
@@ -67,7 +66,6 @@ class Px4Seat:
         sock: socket.socket,
         member: Member,
         build_model: BuildModel,
-        tick_period_ns: int,
     ) -> None:
         if spec.airframe.px4 is None:
             raise AirframeError(f"airframe {spec.airframe.name}: it has no section px4: PX4 cannot fly it")
@@ -77,8 +75,9 @@ class Px4Seat:
         self._rate_hz, self._motors = peer.sensors.imu_rate_hz, spec.airframe.px4.motors
         self._frames = FramesOfPx4(self._rate_hz, self._motors)
         self._rest: Rest | None = None
-        self._tick_period_ns = tick_period_ns
         self._wall_ns = 0
+        self._wake_ports, self._has_woken = peer.wake_ports, False
+        self._waker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._encode = Px4Encoder(
             peer.sensors,
             spec.home,
@@ -132,15 +131,13 @@ class Px4Seat:
             return
         if self._rest is not None:
             self._rest.sent()
+        self._has_woken = False
         try:
             self.connection.send(reply)
         except OSError as error:
             self.aircraft.count("send_failed")
             _log.debug("UA %d: frame not sent: %s", self.aircraft.ua_id, error)
-        before_ns, target_ns, period_ns = self.member.sim_time_ns, self.member.target_ns, self._tick_period_ns
-        self._frames.sent(
-            self.aircraft.fields[2] + 1, self._wall_ns, holds=before_ns // period_ns != target_ns // period_ns
-        )
+        self._frames.sent(self.aircraft.fields[2] + 1, self._wall_ns)
 
     def receive(self) -> bool:
         """Read what PX4 has sent; False: it has closed the connection."""
@@ -160,25 +157,39 @@ class Px4Seat:
     def take(self, wall_ns: int) -> Fields | None:
         """The frame that is done now, as a packet that asks for the next one."""
         self._wall_ns = wall_ns
-        fields = self._frames.done()
-        if fields is not None or self.connection is None or not self._frames.wants_rest(wall_ns):
-            return fields
-        if self._rest is None:
-            return self._frames.at_rest()
+        frames, rest = self._frames, self._rest
+        if not self.wants_look():
+            return None
+        if rest is None:
+            return frames.done() if frames.is_done(wall_ns) else None
+        if frames.answered and not self._has_woken:
+            self._wake()
         for _ in range(LOOKS):
-            if self._rest.is_at_rest():
+            if rest.is_at_rest():
                 self.receive()  # it may have answered since the last look
-                self._frames.booted = self._frames.booted or not self._rest.has_children()
-                return self._frames.at_rest()
+                return frames.done()
         return None
 
-    def wants_look(self, wall_ns: int) -> bool:
+    def _wake(self) -> None:
+        """Have PX4's MAVLink threads look at the time: else they do every 10 ms of wall time, whichever frame that is.
+
+        They read an empty datagram, and then do what is due, such as the next part of a list of parameters.
+        """
+        self._has_woken = True
+        for port in self._wake_ports:
+            try:
+                self._waker.sendto(b"", ("127.0.0.1", port))
+            except OSError as error:
+                _log.debug("UA %d: not woken at port %d: %s", self.aircraft.ua_id, port, error)
+
+    def wants_look(self) -> bool:
         """Whether `take` is to be called soon though PX4 has sent nothing."""
-        return self.connection is not None and self._frames.wants_rest(wall_ns)
+        return self.connection is not None and self._frames.awaits
 
     def close(self) -> None:
         """Close port and connection."""
         self.drop()
+        self._waker.close()
         self.sock.close()
 
     def counters(self) -> dict[str, int]:

@@ -47,16 +47,14 @@ class Px4Seats:
 
     def wake_at_ns(self, wall_ns: int, otherwise_ns: int) -> int:
         """Wall instant of the next look, or `otherwise_ns` if that is earlier."""
-        if any(seat.wants_look(wall_ns) for seat in self._seats):
+        if any(seat.wants_look() for seat in self._seats):
             return min(otherwise_ns, wall_ns + LOOK_PERIOD_NS)
-        if any(seat.connection is not None for seat in self._seats):
-            return min(otherwise_ns, wall_ns + 20 * LOOK_PERIOD_NS)
         return otherwise_ns
 
-    def look(self, wall_ns: int) -> None:
+    def look(self) -> None:
         """See who is at rest by now."""
         for seat in self._seats:
-            if seat.wants_look(wall_ns):
+            if seat.wants_look():
                 self._service.hear_px4(seat)
 
     def _connects(self, seat: Px4Seat) -> None:
