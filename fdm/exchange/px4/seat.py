@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
+import time
 from collections.abc import Callable
 from typing import Protocol
 
@@ -23,6 +24,9 @@ from fdm.wire.servo_packet import Fields
 
 LOOKS = 8
 """How often it is looked in a row whether PX4 is at rest, before others get their turn."""
+WAKES, WAKE_AGE_NS = 10, 2_000_000
+"""How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
+wake by themselves 10 ms later."""
 READER = "sim_rcv"
 """PX4's thread that reads what we send."""
 BY_WALL_TIME = "starts_by_wall_time"
@@ -77,6 +81,8 @@ class Px4Seat:
         self._rest: Rest | None = None
         self._wall_ns = 0
         self._wake_ports, self._has_woken = peer.wake_ports, False
+        self._has_woken_at_rest = self._has_booted = False
+        self._woken_ns = 0
         self._waker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._encode = Px4Encoder(
             peer.sensors,
@@ -105,7 +111,7 @@ class Px4Seat:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setblocking(False)
         self.drop()
-        self.connection = connection
+        self.connection, self._has_booted = connection, False
         pid = process_at_end(connection)
         self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=pid is not None)
         self._rest = None if pid is None else Rest(pid, READER)
@@ -130,8 +136,9 @@ class Px4Seat:
         if self.connection is None:
             return
         if self._rest is not None:
+            self._wake_again(self._rest)
             self._rest.sent()
-        self._has_woken = False
+        self._has_woken = self._has_woken_at_rest = False
         try:
             self.connection.send(reply)
         except OSError as error:
@@ -166,16 +173,37 @@ class Px4Seat:
             self._wake()
         for _ in range(LOOKS):
             if rest.is_at_rest():
+                if not self._has_booted and not self._is_last_look(rest):
+                    continue
                 self.receive()  # it may have answered since the last look
                 return frames.done()
         return None
+
+    def _is_last_look(self, rest: Rest) -> bool:
+        """While its start script runs: whether it was woken when it was at rest, as links may have begun before."""
+        if self._has_woken_at_rest:
+            self._has_booted = not rest.has_children()
+            return True
+        self._has_woken_at_rest = True
+        self._wake()
+        return False
+
+    def _wake_again(self, rest: Rest) -> None:
+        """Wake them again if that was long ago, lest they wake by themselves in the midst of the frame that comes."""
+        tries = WAKES if self._wake_ports and self._woken_ns else 0
+        while tries and time.monotonic_ns() - self._woken_ns > WAKE_AGE_NS:
+            tries -= 1
+            self._wake()
+            for _ in range(LOOKS):
+                if rest.is_at_rest():
+                    break
 
     def _wake(self) -> None:
         """Have PX4's MAVLink threads look at the time: else they do every 10 ms of wall time, whichever frame that is.
 
         They read an empty datagram, and then do what is due, such as the next part of a list of parameters.
         """
-        self._has_woken = True
+        self._has_woken, self._woken_ns = True, time.monotonic_ns()
         for port in self._wake_ports:
             try:
                 self._waker.sendto(b"", ("127.0.0.1", port))
