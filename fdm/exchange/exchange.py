@@ -114,6 +114,7 @@ class Exchange:
         self._placer = Placer(placement, alone=peers is None)
         self._service = Service(self._clock, self._commands, on_truth, self._at_tick, on_event)
         self._seats = self._service.seats
+        self._tick_period_ns = tick_period_ns
         self._called: list[CalledSeat] = []
         self._lone: Seat | None = None
         self._stopping = False
@@ -322,7 +323,7 @@ class Exchange:
 
     def _add_px4(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
         try:
-            seat = Px4Seat(spec, sock, self._clock.members[spec.ua_id], build_model)
+            seat = Px4Seat(spec, sock, self._clock.members[spec.ua_id], build_model, self._tick_period_ns)
         except BaseException:
             sock.close()
             raise

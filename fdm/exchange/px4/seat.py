@@ -56,6 +56,7 @@ class Px4Seat:
         sock: its port, of `listen`; the seat's from now on.
         member: its place in the fleet clock.
         build_model: makes its flight model.
+        tick_period_ns: sim time between ticks, at which others speak to PX4.
 
     Attributes:
         connection: that of PX4; None while there is none.
@@ -70,6 +71,7 @@ class Px4Seat:
         sock: socket.socket,
         member: Member,
         build_model: BuildModel,
+        tick_period_ns: int,
     ) -> None:
         if spec.airframe.px4 is None:
             raise AirframeError(f"airframe {spec.airframe.name}: it has no section px4: PX4 cannot fly it")
@@ -81,8 +83,8 @@ class Px4Seat:
         self._rest: Rest | None = None
         self._wall_ns = 0
         self._wake_ports, self._has_woken = peer.wake_ports, False
-        self._has_woken_at_rest = self._has_booted = False
         self._woken_ns = 0
+        self._tick_period_ns, self._tick = tick_period_ns, -1
         self._waker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._encode = Px4Encoder(
             peer.sensors,
@@ -111,7 +113,7 @@ class Px4Seat:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setblocking(False)
         self.drop()
-        self.connection, self._has_booted = connection, False
+        self.connection = connection
         pid = process_at_end(connection)
         self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=pid is not None)
         self._rest = None if pid is None else Rest(pid, READER)
@@ -136,9 +138,9 @@ class Px4Seat:
         if self.connection is None:
             return
         if self._rest is not None:
-            self._wake_again(self._rest)
+            self._settle(self._rest)
             self._rest.sent()
-        self._has_woken = self._has_woken_at_rest = False
+        self._has_woken = False
         try:
             self.connection.send(reply)
         except OSError as error:
@@ -169,39 +171,41 @@ class Px4Seat:
             return None
         if rest is None:
             return frames.done() if frames.is_done(wall_ns) else None
-        if frames.answered and not self._has_woken:
-            self._wake()
         for _ in range(LOOKS):
             if rest.is_at_rest():
-                if not self._has_booted and not self._is_last_look(rest):
+                if self._wake_ports and not self._has_woken:
+                    self._wake()
                     continue
                 self.receive()  # it may have answered since the last look
                 return frames.done()
         return None
 
-    def _is_last_look(self, rest: Rest) -> bool:
-        """While its start script runs: whether it was woken when it was at rest, as links may have begun before."""
-        if self._has_woken_at_rest:
-            self._has_booted = not rest.has_children()
-            return True
-        self._has_woken_at_rest = True
-        self._wake()
-        return False
+    def _settle(self, rest: Rest) -> None:
+        """Before a frame: have what it was told at a tick taken, and its MAVLink threads woken not long ago.
 
-    def _wake_again(self, rest: Rest) -> None:
-        """Wake them again if that was long ago, lest they wake by themselves in the midst of the frame that comes."""
+        Else they might wake by themselves in the midst of the frame.
+        """
         tries = WAKES if self._wake_ports and self._woken_ns else 0
-        while tries and time.monotonic_ns() - self._woken_ns > WAKE_AGE_NS:
+        was_held = self._begins_at_tick()
+        while tries and (was_held or time.monotonic_ns() - self._woken_ns > WAKE_AGE_NS):
             tries -= 1
+            was_held = False
             self._wake()
-            for _ in range(LOOKS):
+            for _ in range(LOOKS * LOOKS):
                 if rest.is_at_rest():
                     break
+
+    def _begins_at_tick(self) -> bool:
+        """Whether it was held at a tick since the frame before, and may have been spoken to."""
+        tick = self.member.sim_time_ns // self._tick_period_ns
+        was_tick, self._tick = self._tick, tick
+        return tick != was_tick
 
     def _wake(self) -> None:
         """Have PX4's MAVLink threads look at the time: else they do every 10 ms of wall time, whichever frame that is.
 
-        They read an empty datagram, and then do what is due, such as the next part of a list of parameters.
+        They read an empty datagram, and then do what is due, such as the next part of a list of parameters. It is sent
+        when PX4 is at rest: then nobody else is about to run.
         """
         self._has_woken, self._woken_ns = True, time.monotonic_ns()
         for port in self._wake_ports:
