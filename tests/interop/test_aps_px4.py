@@ -76,7 +76,10 @@ async def test_pymavlink_reads_and_sets_parameters_of_both_kinds(copter):
 
 
 async def test_mavsdk_flies_px4_through_the_daemon(copter):
-    async with program(CLIENTS / "mavsdk_flight.py", f"tcpout://127.0.0.1:{copter.listen_port}") as client:
+    read = ("--parameter", "MPC_XY_CRUISE")
+    async with program(
+        CLIENTS / "mavsdk_flight.py", f"tcpout://127.0.0.1:{copter.listen_port}", *read
+    ) as client:
         lines = await client.ends_well(200.0)
     text = "\n".join(lines)
     assert "health: global position True home True" in text
