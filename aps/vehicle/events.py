@@ -43,6 +43,7 @@ _UNIT: Final = {"m_v": " m", "m": " m", "m/s": " m/s"}
 _SUMMARY: Final = "summary"
 _CHECK_GROUPS: Final = frozenset({"arming_check", "health"})
 _WARNING, _NOTICE = 4, 5
+_MODE_BITS: Final = 32
 
 
 class EventTexts:
@@ -84,7 +85,7 @@ class EventTexts:
             self._events |= events
             self._checks |= events.keys() if name in _CHECK_GROUPS else set()
         for bit, modes in component.get("navigation_mode_groups", {}).get("groups", {}).items():
-            self._mode_bits |= dict.fromkeys(modes, 1 << int(bit))
+            self._mode_bits |= dict.fromkeys(modes, 1 << min(int(bit), _MODE_BITS))
 
     def take(self, frame: Frame, custom_mode: int) -> StatusText | None:
         """The text of an EVENT; ``None`` for one that is not for people.

@@ -340,11 +340,12 @@ class Vehicle:
             self.acks.sent(command, frame.sysid, frame.compid, FOREIGN)
 
     def _send(self, messages: list[Any], request: object) -> None:
-        """Queue messages; ``request`` waits for the acknowledgement of those that are commands."""
+        """Queue messages; ``request`` waits for the acknowledgement of those that are commands, if anything does."""
         for message in messages:
             self._put(self._encoder.encode(message))
             if message.get_msgId() in _COMMANDS:
-                self.acks.sent(message.command, self.sysid, ONBOARD_COMPUTER_COMPID, request)
+                waits = FOREIGN if request is None else request
+                self.acks.sent(message.command, self.sysid, ONBOARD_COMPUTER_COMPID, waits)
 
     def _pump_streams(self, now_ns: int) -> None:
         request = self.streams.poll(now_ns)

@@ -19,6 +19,8 @@ from typing import Any, Final
 
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
+from aps.links.address import parse_autopilot
+from aps.links.kinds.held_udp import HeldUdpLink
 from aps.vehicle.execution import CommandResult
 from aps.vehicle.state import VehicleState
 from aps.wire.framer import Framer
@@ -121,16 +123,42 @@ class Pilot:
         self._flying = False
 
 
-def kept(data: bytes, framer: Framer, due_s: dict[int, float], now_s: float) -> bytes:
-    """The frames of an exchange that go into the record."""
-    pieces = []
-    for frame in framer.receive(data):
-        thin = frame.msg_id in THINNED and now_s >= due_s.get(frame.msg_id, 0.0)
+class ThinnedPx4:
+    """A running PX4 by UDP, of which the daemon hears what goes into the record, and no more."""
+
+    def __init__(self, port: int) -> None:
+        self._link = HeldUdpLink(parse_autopilot(f"udp-in:127.0.0.1:{port}"), 1 << 16)
+        self._framer = Framer()
+        self._due_s: dict[int, float] = {}
+        self.tick = 0
+        self.pieces: list[bytes] = []
+
+    def connect(self) -> None:
+        """aps: a client is there."""
+        self._link.connect_now()
+
+    def disconnect(self) -> None:
+        """aps: it is gone."""
+        self._link.close()
+
+    def read(self) -> bytes:
+        """aps: what PX4 has said."""
+        frames = self._framer.receive(self._link.read())
+        chosen = b"".join(frame.raw for frame in frames if self._is_kept(frame.msg_id))
+        if chosen:
+            self.pieces.append(_RECORD.pack(self.tick, len(chosen)) + chosen)
+        return chosen
+
+    def _is_kept(self, msg_id: int) -> bool:
+        now_s = self.tick * TICK_S
+        thin = msg_id in THINNED and now_s >= self._due_s.get(msg_id, 0.0)
         if thin:
-            due_s[frame.msg_id] = now_s + 0.25
-        if thin or frame.msg_id in KEPT:
-            pieces.append(frame.raw)
-    return b"".join(pieces)
+            self._due_s[msg_id] = now_s + 0.25
+        return thin or msg_id in KEPT
+
+    def write(self, data: bytes) -> None:
+        """aps: what is said to PX4."""
+        self._link.write(data)
 
 
 def read_record(path: Path) -> dict[int, bytes]:
@@ -146,31 +174,23 @@ def read_record(path: Path) -> dict[int, bytes]:
 
 async def record(port: int, sysid: int, path: Path, say: Callable[[str], None] = print) -> None:
     """Fly, and write what PX4 said."""
-    config = DaemonConfig(autopilot=f"udp-in:127.0.0.1:{port}", sysid=sysid)
-    pieces: list[bytes] = []
-    framer, due_s, tick = Framer(), dict[int, float](), 0
-
-    def on_bytes(direction: str, data: bytes) -> None:
-        chosen = kept(data, framer, due_s, tick * TICK_S) if direction == "from_autopilot" else b""
-        if chosen:
-            pieces.append(_RECORD.pack(tick, len(chosen)) + chosen)
-
-    async with HeldDaemon(config) as daemon:
+    config = DaemonConfig(autopilot="tcp:127.0.0.1:1", sysid=sysid)
+    px4 = ThinnedPx4(port)
+    async with HeldDaemon(config, autopilot=px4) as daemon:
         daemon.vehicle.events.learn(json.dumps(METADATA).encode())
         await daemon.connect()
-        daemon.on_bytes = on_bytes
         pilot, loop = Pilot(daemon, 100), asyncio.get_running_loop()
         begin_s, told = loop.time(), 0
         while not pilot.over:
-            tick += 1
-            await asyncio.sleep(begin_s + tick * TICK_S - loop.time())
-            daemon.begin_exchange(round(tick * TICK_S * 1e9))
+            px4.tick += 1
+            await asyncio.sleep(begin_s + px4.tick * TICK_S - loop.time())
+            daemon.begin_exchange(round(px4.tick * TICK_S * 1e9))
             pilot.decide()
             daemon.end_exchange()
             for result in pilot.results[told:]:
-                say(f"{tick * TICK_S:7.2f} {result}")
+                say(f"{px4.tick * TICK_S:7.2f} {result}")
             told = len(pilot.results)
-    write_record(path, pieces)
+    write_record(path, px4.pieces)
 
 
 def write_record(path: Path, pieces: list[bytes]) -> None:
