@@ -15,6 +15,7 @@ from aps.held import HeldDaemon
 from aps.links.address import parse_autopilot
 from aps.links.kinds.called import CalledClient, CalledLink
 from aps.links.kinds.held import HeldLink
+from aps.vehicle.streams import DEFAULT_RATES_HZ
 from bridge.agents.outlet import NodeOutlet
 from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.host.hosted_node import HostedNode
@@ -27,6 +28,9 @@ from bridge.run.px4 import px4_events_file
 from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
 
+SYSTEM_TIME = 2
+PX4_RATES_HZ = {message: rate for message, rate in DEFAULT_RATES_HZ.items() if message != SYSTEM_TIME}
+"""PX4's SYSTEM_TIME has the time of the machine: no two records would be alike."""
 log = logging.getLogger("host")
 
 
@@ -61,6 +65,7 @@ class HostedAircraft(HostedNode):
                 tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
                 tlog_name=config.node,
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
+                stream_rates_hz=PX4_RATES_HZ if kind == "px4" else DEFAULT_RATES_HZ,
                 events_file=px4_events_file(os.environ) if kind == "px4" else None,
             ),
             autopilot=autopilot,

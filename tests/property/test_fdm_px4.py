@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,7 +17,7 @@ ANSWERS = st.builds(
 
 def cut(data, cuts):
     places = sorted({0, len(data), *(place % (len(data) + 1) for place in cuts)})
-    return [data[begin:end] for begin, end in zip(places, places[1:], strict=False)]
+    return [data[begin:end] for begin, end in pairwise(places)]
 
 
 @given(st.lists(ANSWERS, max_size=5), st.lists(st.integers(0), max_size=20))

@@ -18,6 +18,8 @@ from collections.abc import Iterator, Sequence
 PROC = "/proc"
 _AT_REST = (b"S", b"Z", b"X")
 """States of proc(5): sleeps, has ended."""
+_NAPS = (b"hrtimer_nanosleep", b"do_nanosleep")
+"""Where threads that sleep for a time wait in the kernel (proc(5): wchan)."""
 _NUM_THREADS = 17
 """Place of the number of threads in /proc/PID/stat, counted after the name (proc(5): field 20)."""
 _READ_BYTES = 1024
@@ -63,6 +65,14 @@ class Rest:
             )
         except OSError:  # a thread has ended meanwhile: look again
             self._is_known = False
+            return False
+
+    def naps(self) -> bool:
+        """Whether a thread of it, not its main one, sleeps for a time: then it will go on by wall time."""
+        main = f"{PROC}/{self.pid}/task/{self.pid}"
+        try:
+            return any(thread.naps() for path, thread in self._threads.items() if path != main)
+        except OSError:
             return False
 
     def close(self) -> None:
@@ -130,6 +140,10 @@ class _Thread:
         """How many threads its process has."""
         text = os.pread(self._stat, _READ_BYTES, 0)
         return int(text[text.rindex(b")") + 2 :].split()[_NUM_THREADS])
+
+    def naps(self) -> bool:
+        """Whether it sleeps for a time, as far as the system tells."""
+        return _read(f"{self._path}/wchan").rstrip(b"\0") in _NAPS
 
     def name(self) -> str:
         """Its name."""

@@ -27,6 +27,8 @@ LOOKS = 8
 WAKES, WAKE_AGE_NS = 10, 2_000_000
 """How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
 wake by themselves 10 ms later."""
+LONGEST_NAP_NS = 20_000_000
+"""Wall time after which a thread of PX4 that still naps waits for the next frame."""
 READER = "sim_rcv"
 """PX4's thread that reads what we send."""
 BY_WALL_TIME = "starts_by_wall_time"
@@ -81,9 +83,9 @@ class Px4Seat:
         self._rate_hz, self._motors = peer.sensors.imu_rate_hz, spec.airframe.px4.motors
         self._frames = FramesOfPx4(self._rate_hz, self._motors)
         self._rest: Rest | None = None
-        self._wall_ns = 0
         self._wake_ports, self._has_woken = peer.wake_ports, False
-        self._woken_ns = 0
+        self._woken_ns = self._sent_ns = 0
+        self._has_booted = False
         self._tick_period_ns, self._tick = tick_period_ns, -1
         self._waker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._encode = Px4Encoder(
@@ -113,7 +115,7 @@ class Px4Seat:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setblocking(False)
         self.drop()
-        self.connection = connection
+        self.connection, self._has_booted = connection, False
         pid = process_at_end(connection)
         self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=pid is not None)
         self._rest = None if pid is None else Rest(pid, READER)
@@ -146,7 +148,8 @@ class Px4Seat:
         except OSError as error:
             self.aircraft.count("send_failed")
             _log.debug("UA %d: frame not sent: %s", self.aircraft.ua_id, error)
-        self._frames.sent(self.aircraft.fields[2] + 1, self._wall_ns)
+        self._sent_ns = time.monotonic_ns()
+        self._frames.sent(self.aircraft.fields[2] + 1, self._sent_ns)
 
     def receive(self) -> bool:
         """Read what PX4 has sent; False: it has closed the connection."""
@@ -165,7 +168,6 @@ class Px4Seat:
 
     def take(self, wall_ns: int) -> Fields | None:
         """The frame that is done now, as a packet that asks for the next one."""
-        self._wall_ns = wall_ns
         frames, rest = self._frames, self._rest
         if not self.wants_look():
             return None
@@ -173,12 +175,22 @@ class Px4Seat:
             return frames.done() if frames.is_done(wall_ns) else None
         for _ in range(LOOKS):
             if rest.is_at_rest():
+                if not self._has_booted and not self._has_napped(rest, wall_ns):
+                    return None
                 if self._wake_ports and not self._has_woken:
                     self._wake()
                     continue
                 self.receive()  # it may have answered since the last look
                 return frames.done()
         return None
+
+    def _has_napped(self, rest: Rest, wall_ns: int) -> bool:
+        """While its start script runs: whether no thread naps, or one has for so long that it waits for a frame.
+
+        Some nap for up to 5 ms of wall time, again and again, until another one is ready.
+        """
+        self._has_booted = self._frames.answered and not rest.has_children()
+        return not rest.naps() or wall_ns - self._sent_ns >= LONGEST_NAP_NS
 
     def _settle(self, rest: Rest) -> None:
         """Before a frame: have what it was told at a tick taken, and its MAVLink threads woken not long ago.

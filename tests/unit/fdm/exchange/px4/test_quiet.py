@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -39,7 +41,8 @@ def program():
     )
     process.stdout.readline()
     yield process
-    os.killpg(process.pid, signal.SIGKILL)
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     process.stdin.close()
     process.stdout.close()
@@ -89,9 +92,8 @@ def test_a_stopped_program_is_not_at_rest_and_neither_is_one_that_has_ended(prog
 
 
 def test_what_was_sent_has_to_be_read_first(program):
-    name = (f"/proc/{program.pid}/task/{program.pid}/comm",)
-    with open(name[0]) as file:
-        rest = Rest(program.pid, reader=file.read().strip())
+    name = Path(f"/proc/{program.pid}/comm").read_text(encoding="ascii").strip()
+    rest = Rest(program.pid, reader=name)
     assert comes_to_rest(rest)
     rest.sent()
     assert not comes_to_rest(rest, 0.2), "nothing has come that it could have read"

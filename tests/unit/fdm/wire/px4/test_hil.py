@@ -44,7 +44,16 @@ def test_hil_gps_is_what_pymavlink_reads():
 
 def test_hil_state_quaternion_is_what_pymavlink_reads():
     state = hil.HilState(
-        7, (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0), 1.5, 2.5, 3.5, (1.0, 2.0, -400.0), 20.0, 21.0, (0.0, 0.0, -9.80665)
+        7,
+        (1.0, 0.0, 0.0, 0.0),
+        (0.5, 0.0, 0.0),
+        1.5,
+        2.5,
+        3.5,
+        (1.0, 2.0, -400.0),
+        20.0,
+        21.0,
+        (0.0, 0.0, -9.80665),
     )
     (message,) = read_by_pymavlink(hil.state_frame(FrameWriter(0, 200), state))
     assert list(message.attitude_quaternion) == [1.0, 0.0, 0.0, 0.0]
