@@ -33,6 +33,7 @@ from fdm.clock.status import ClockStatus
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.called import CalledAutopilot
 from fdm.exchange.exchange import Exchange
+from fdm.exchange.px4.seat import WHY_NOT
 from fdm.model.truth import TrueState
 from fdm.workers.fleet_exchange import FleetExchange, open_exchange
 
@@ -130,6 +131,8 @@ class FlownDynamics:
         for ua_id in self.exchange.ports:
             counters = self.exchange.counters(ua_id)
             self._report.set_counters({f"ua {ua_id} {name}": n for name, n in counters.items()})
+            for name in WHY_NOT.keys() & counters.keys():
+                self._report.may_not_repeat(f"UA {ua_id}: {WHY_NOT[name]}")
         self.exchange.close()
         self._table.close()
         self._report.close()

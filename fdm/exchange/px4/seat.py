@@ -13,7 +13,7 @@ from fdm.errors import AirframeError, PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
 from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
 from fdm.exchange.px4.frames import FramesOfPx4
-from fdm.exchange.px4.one_core import keep_on_one_core
+from fdm.exchange.px4.one_core import keep_on_one_core, runs_in_order
 from fdm.exchange.px4.peer import process_at_end
 from fdm.exchange.px4.quiet import Rest
 from fdm.model.air_point import Air
@@ -35,6 +35,15 @@ BY_WALL_TIME = "starts_by_wall_time"
 """Counter of the connections of a PX4 that we cannot see the threads of."""
 ON_MANY_CORES = "starts_on_many_cores"
 """Counter of the connections of a PX4 that we cannot keep on one core."""
+OUT_OF_ORDER = "starts_without_real_time_threads"
+"""Counter of the connections of a PX4 that may not have real-time threads."""
+WHY_NOT = {
+    BY_WALL_TIME: "its PX4 runs on another machine, or as another user: when it is done with a frame cannot be seen",
+    ON_MANY_CORES: "its PX4 could not be kept on one core: the order of its threads is the machine's",
+    OUT_OF_ORDER: "its PX4 may not have real-time threads (root, CAP_SYS_NICE or `ulimit -r 99`): their order is the "
+    "machine's",
+}
+"""Why a flight may not repeat, by counter."""
 _READ_BYTES = 1 << 16
 
 _log = logging.getLogger(__name__)
@@ -123,6 +132,8 @@ class Px4Seat:
             self.aircraft.count(BY_WALL_TIME)
         elif not keep_on_one_core(pid, self.aircraft.ua_id):
             self.aircraft.count(ON_MANY_CORES)
+        elif not runs_in_order(pid):
+            self.aircraft.count(OUT_OF_ORDER)
         _log.info("UA %d: PX4 has connected from %s (process %s)", self.aircraft.ua_id, address, pid)
         return self._frames.hello()
 
@@ -152,7 +163,7 @@ class Px4Seat:
         self._frames.sent(self.aircraft.fields[2] + 1, self._sent_ns)
 
     def receive(self) -> bool:
-        """Read what PX4 has sent; False: it has closed the connection."""
+        """Read what PX4 has sent; False: it has closed the connection, which `drop` is for."""
         while self.connection is not None:
             try:
                 data = self.connection.recv(_READ_BYTES)
@@ -161,7 +172,6 @@ class Px4Seat:
             except OSError:
                 data = b""
             if not data:
-                self.drop()
                 return False
             self._frames.receive(data)
         return False
