@@ -17,7 +17,7 @@ class SteppingModel:
         """At rest."""
         return (0.0, 0.0, 0.0, 0.0, 0.0, -9.8, *(0.0,) * 10)
 
-    def step(self, fields: Fields, rate_hz: int) -> None:  # noqa: ARG002
+    def step(self, fields: Fields, rate_hz: int) -> None:
         """Write it down."""
         self._driven.append(fields)
 
