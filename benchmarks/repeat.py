@@ -4,7 +4,7 @@ Each line is a scenario, flown once as the reference and then ``--repeats`` time
 under load, at another speed, with another split over processes, on other cores or ports. A line holds if every digest
 of every repeat is equal, and every run came to its end.
 
-    python -m benchmarks.repeat                       # the stand-in's lines; with ARDUPILOT_HOME, PX4_HOME also the real ones
+    python -m benchmarks.repeat                       # with ARDUPILOT_HOME and PX4_HOME also the real ones
     python -m benchmarks.repeat --short --repeats 1   # a few seconds of sim time each: what the test suite runs
     python -m benchmarks.repeat --only loaded --keep runs/repeat
 """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fdm.model.air_point import Air, AirPoint
+from fdm.model.air_point import AirPoint, StaticAir
 from fdm.model.truth import TrueState, Vector
 from fdm.wire.servo_packet import Fields
 
@@ -21,9 +21,9 @@ class SteppingModel:
         """Write it down."""
         self._driven.append(fields)
 
-    def air(self) -> Air:
+    def air(self) -> StaticAir:
         """That at sea level."""
-        return Air(101_325.0, 288.15)
+        return StaticAir(101_325.0, 288.15)
 
     def truth(self, ua_id: int, sim_time_ns: int) -> TrueState:
         """It stands."""

@@ -104,17 +104,13 @@ class Exchange:
         )
         check_coupling(coupling)
         check_placement(placement)
-        self._coupling, self._peers = coupling, peers
-        ids = [spec.ua_id for spec in aircraft]
-        if len(set(ids)) != len(ids):
-            raise ValueError(f"ua_id twice in {ids}")
-        self._clock = FleetClock(ids, settings, time.monotonic_ns(), peers)
+        self._coupling, self._peers, self._tick_period_ns = coupling, peers, tick_period_ns
+        self._clock = FleetClock(_ids_of(aircraft), settings, time.monotonic_ns(), peers)
         self._commands = CommandQueue()
         self._on_tick = on_tick
         self._placer = Placer(placement, alone=peers is None)
         self._service = Service(self._clock, self._commands, on_truth, self._at_tick, on_event)
         self._seats = self._service.seats
-        self._tick_period_ns = tick_period_ns
         self._called: list[CalledSeat] = []
         self._lone: Seat | None = None
         self._stopping = False
@@ -337,3 +333,15 @@ class Exchange:
         )
         self._called.append(seat)
         self._seats[-len(self._called)] = seat
+
+
+def _ids_of(aircraft: Sequence[AircraftSpec]) -> list[int]:
+    """The UA's ids.
+
+    Raises:
+        ValueError: an id twice.
+    """
+    ids = [spec.ua_id for spec in aircraft]
+    if len(set(ids)) != len(ids):
+        raise ValueError(f"ua_id twice in {ids}")
+    return ids

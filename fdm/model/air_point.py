@@ -19,7 +19,7 @@ class AirPoint(NamedTuple):
     airspeed_mps: float
 
 
-class Air(NamedTuple):
+class StaticAir(NamedTuple):
     """What barometer and thermometer measure, without errors."""
 
     pressure_pa: float

@@ -16,7 +16,7 @@ from pathlib import Path
 import jsbsim
 
 from fdm.errors import AirframeError, ModelDivergedError
-from fdm.model.air_point import Air, AirPoint
+from fdm.model.air_point import AirPoint, StaticAir
 from fdm.model.airframe import Airframe, ServoChannel
 from fdm.model.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
 from fdm.model.ground_contact import slowest_stable_rate_hz
@@ -183,9 +183,9 @@ class JsbsimModel:
             self._truth_only[0]() * FOOT_M,
         )
 
-    def air(self) -> Air:
+    def air(self) -> StaticAir:
         """Pressure and temperature where it is: those of the standard atmosphere, as the weather has shifted them."""
-        return Air(self._exec["atmosphere/P-psf"] * PSF_PA, self._exec["atmosphere/T-R"] * RANKINE_K)
+        return StaticAir(self._exec["atmosphere/P-psf"] * PSF_PA, self._exec["atmosphere/T-R"] * RANKINE_K)
 
     def truth(self, ua_id: int, sim_time_ns: int) -> TrueState:
         """The true state, stamped `sim_time_ns`."""

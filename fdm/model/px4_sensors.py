@@ -13,7 +13,7 @@ from typing import Annotated, Protocol
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from fdm.errors import ModelDivergedError
-from fdm.model.air_point import Air
+from fdm.model.air_point import StaticAir
 from fdm.model.geodesy import Home, geodetic_from_ned
 from fdm.model.magnetic_field import magnetic_field_ned_gauss
 from fdm.model.truth import Vector, quaternion_from_euler
@@ -75,7 +75,7 @@ class Px4Sensors(BaseModel):
 class InAir(Protocol):
     """What is asked of a flight model."""
 
-    def air(self) -> Air:
+    def air(self) -> StaticAir:
         """The air where it is."""
 
 
@@ -115,7 +115,7 @@ class Px4Encoder:
         self._frame = 0
         self._writer = FrameWriter(SIMULATOR_SYSTEM, SIMULATOR_COMPONENT)
         self._errors = _draws(*self._key)
-        self._air = Air(SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K)
+        self._air = StaticAir(SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K)
 
     def __call__(self, values: tuple[float, ...]) -> bytes:
         """The messages of the next frame; the IMU's is the last, as PX4 answers it.

@@ -11,7 +11,7 @@ from aps.vehicle.commands import Step
 from aps.vehicle.flight.setpoints import Place, Yaw
 from aps.vehicle.state import Vector3, VehicleState
 
-__all__ = ["Autopilot", "Circle", "Manoeuvre", "Target"]
+__all__ = ["AutopilotWays", "Circle", "Manoeuvre", "Target"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Circle:
     clockwise: bool
 
 
-class Autopilot(Protocol):
+class AutopilotWays(Protocol):
     """One kind of autopilot. It keeps nothing: what it answers follows from the state.
 
     Where it cannot do what is asked it raises ``Refusal``, with the reason in words.

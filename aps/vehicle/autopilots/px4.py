@@ -59,7 +59,7 @@ MODES: Final = {
 """Names as MAVROS and pymavlink spell them."""
 
 
-class Px4:
+class Px4Ways:
     """PX4 copters, fixed wings and VTOL."""
 
     name = "PX4"

@@ -16,7 +16,7 @@ from fdm.exchange.px4.frames import FramesOfPx4
 from fdm.exchange.px4.one_core import keep_on_one_core, runs_in_order
 from fdm.exchange.px4.peer import process_at_end
 from fdm.exchange.px4.quiet import Rest
-from fdm.model.air_point import Air
+from fdm.model.air_point import StaticAir
 from fdm.model.airframe import Airframe
 from fdm.model.geodesy import Home
 from fdm.model.px4_sensors import Px4Encoder, Px4Sensors
@@ -52,7 +52,7 @@ _log = logging.getLogger(__name__)
 class FlightModelInAir(FlightModel, Protocol):
     """A flight model with what a barometer needs."""
 
-    def air(self) -> Air:
+    def air(self) -> StaticAir:
         """The air where it is."""
 
 

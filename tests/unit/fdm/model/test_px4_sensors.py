@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from pymavlink.dialects.v20 import common
 
 from fdm.errors import ModelDivergedError
-from fdm.model.air_point import Air
+from fdm.model.air_point import StaticAir
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.jsbsim_model import JsbsimModel
@@ -22,7 +22,7 @@ STANDS = (0.0, 0.0, 0.0, 0.0, 0.0, -9.8, 3.0, 4.0, -5.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 class StandardAir:
     def air(self):
-        return Air(95_000.0, 285.15)
+        return StaticAir(95_000.0, 285.15)
 
 
 def encoder(sensors=EXACT, *, seed=1, ua_id=0, has_airspeed=False):
