@@ -19,7 +19,7 @@ from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_int, comman
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
 
-__all__ = ["MODES", "Px4"]
+__all__ = ["MODES", "Px4Ways"]
 
 OFFBOARD_LEAD_S: Final = 0.5
 """Setpoints have to come before OFFBOARD is entered: its checks look for one at 10 Hz."""

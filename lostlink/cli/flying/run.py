@@ -156,8 +156,7 @@ def run(
         fail(error)
     except OSError as error:
         fail(f"{out}: cannot make a directory for the run there: {error}")
-    has_parameters = resolved.parameters or any(ua.parameters for ua in resolved.ua)
-    if has_parameters and resolved.autopilots == {"standin"}:
+    if resolved.autopilots == {"standin"} and resolved.has_parameters:
         tell("the stand-in autopilot does not take the scenario's parameters")
     with ExitStack() as beside:
         if viewing is not None:
