@@ -127,7 +127,7 @@ class RadioConfig(Settings):
     name: str = Field(default="custom", description="what reports call it")
     description: str = Field(default="", description="one line")
     source: str = Field(default="", description="where the numbers come from")
-    frequency_hz: float = Field(gt=0.0, le=1e12, description="carrier")
+    frequency_hz: float = Field(ge=1e6, le=1e12, description="carrier, Hz: 2412 MHz are 2.412e+9")
     bandwidth_hz: float = Field(default=20e6, gt=0.0, le=1e11, description="noise bandwidth")
     bit_rate_bps: float = Field(default=20e6, gt=0.0, le=1e12, description="bit rate on air")
     transmit_power_dbm: float = Field(ge=-200.0, le=200.0)

@@ -53,7 +53,14 @@ def parse_host_port(text: str, *, lowest_port: int = 1) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdecimal() or not lowest_port <= int(port) <= 65535:
         raise ValueError(f"{text!r} is not HOST:PORT with a port in {lowest_port}..65535")
-    return host.removeprefix("[").removesuffix("]"), int(port)
+    host = host.removeprefix("[").removesuffix("]")
+    try:
+        host.encode("idna")  # as it is done when the name is looked up
+        if "\0" in host:
+            raise ValueError("it holds a zero byte")
+    except ValueError as error:
+        raise ValueError(f"{host!r} is not the name of a host: {error}") from error
+    return host, int(port)
 
 
 def parse_address(text: str, role: Role = Role.CLIENT) -> LinkAddress:

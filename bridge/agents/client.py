@@ -195,7 +195,7 @@ class UaClient(Commands):
         channel: str,
         payload: bytes | Message,
         *,
-        to: str = ALL,
+        to: str | int = ALL,
         radio: str = MAIN,
         priority: int = 0,
         lifetime_s: float | None = None,
@@ -209,7 +209,8 @@ class UaClient(Commands):
         Args:
             channel: last part of the keys.
             payload: what is transmitted.
-            to: the node, or the group of nodes, that it is for; every other one on the network if not given.
+            to: the node, or the group of nodes, that it is for; every other one on the network if not given; a
+                number is a node's id.
             radio: name of the node's radio, which is that of the network.
             priority: packets of higher ones leave the queue first; from -128 to 127.
             lifetime_s: after so long in the queue it is dropped, s; it waits for ever if not given.
@@ -222,6 +223,7 @@ class UaClient(Commands):
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
         checked_chunk(channel)
+        to = str(to) if isinstance(to, int) else to
         checked_chunk(to)
         self._check_reach(radio, to)
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else ""

@@ -10,7 +10,9 @@ from bridge.bus.messages import DataPackage
 
 
 class LatestPackages(Mapping[str, DataPackage]):
-    """By node id. A node whose newest packet is no DataPackage is not in it; that is counted in ``ua.malformed``.
+    """By node id, as text or as a number.
+
+    A node whose newest packet is no DataPackage is not in it; that is counted in ``ua.malformed``.
 
     Nor is one that did not know where it was: there is no nan in the states here.
 
@@ -31,7 +33,8 @@ class LatestPackages(Mapping[str, DataPackage]):
         self.raw[sender] = payload
         self._read.pop(sender, None)
 
-    def __getitem__(self, sender: str) -> DataPackage:
+    def __getitem__(self, sender: str | int) -> DataPackage:
+        sender = str(sender)
         if sender not in self._read:
             package = self._ua.read(self.raw[sender], DataPackage)
             self._read[sender] = package if package is not None and has_fix(package.state) else None

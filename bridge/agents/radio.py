@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections import deque
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from bridge.bus.messages import DecodeError, RadioStatus
 
-LEFT_OUT_MAX = 1000
-"""Packets from outside that are remembered until it is known what became of them; queues are shorter."""
+RUNS_MAX = 100_000
+"""So many runs of packets from outside, without one of the agent's between them, are remembered: more than wait."""
 
 
 class QueueState(NamedTuple):
@@ -40,6 +40,28 @@ class UnicastReply(NamedTuple):
     at_ns: int
 
 
+class NumberRuns:
+    """A set of rising numbers, as runs of consecutive ones; of many runs the oldest are forgotten."""
+
+    def __init__(self) -> None:
+        self._firsts: list[int] = []
+        self._lasts: list[int] = []
+
+    def add(self, number: int) -> None:
+        """Take the next, which is above all others."""
+        if self._lasts and self._lasts[-1] == number - 1:
+            self._lasts[-1] = number
+            return
+        if len(self._firsts) >= 2 * RUNS_MAX:
+            del self._firsts[:RUNS_MAX], self._lasts[:RUNS_MAX]
+        self._firsts.append(number)
+        self._lasts.append(number)
+
+    def __contains__(self, number: int) -> bool:
+        place = bisect_right(self._firsts, number) - 1
+        return place >= 0 and number <= self._lasts[place]
+
+
 class OwnRadio:
     """Of one node. On a medium that takes no time nothing waits, and nothing is acknowledged.
 
@@ -52,7 +74,7 @@ class OwnRadio:
         self.queue = QueueState()
         self.replies: tuple[UnicastReply, ...] = ()
         self._on_reply: list[Callable[[UnicastReply], object]] = []
-        self._left_out: deque[int] = deque(maxlen=LEFT_OUT_MAX)
+        self._left_out = NumberRuns()
 
     def on_reply(self, callback: Callable[[UnicastReply], object]) -> None:
         """Call ``callback(reply)`` for each unicast that was acknowledged or given up."""
@@ -60,7 +82,7 @@ class OwnRadio:
 
     def leave_out(self, seq: int) -> None:
         """What becomes of the packet with this number is not told: it came from outside."""
-        self._left_out.append(seq)
+        self._left_out.add(seq)
 
     def begin(self) -> None:
         """A tick begins: what was said before it is old."""

@@ -84,13 +84,13 @@ class HostedAircraft(HostedNode):
         self.daemon.on_input = self.node.client_did
         self._connecting: asyncio.Task[None] | None = None
         self._waits = False
-        self._devices: list[AutopilotPort] = []
+        self._devices: dict[str, AutopilotPort] = {}
         for radio, modem in config.modems.items():
             address = parse_autopilot(f"tcp:127.0.0.1:{scenario.serial_port(config, modem.serial)}")
             port, limit = serials.get(modem.serial), self.daemon.config.queue_limit_bytes
             link = HeldLink(address, limit) if port is None else CalledLink(port, address, limit)
             device = AutopilotPort(link, record.may_not_repeat)
-            self._devices.append(device)
+            self._devices[radio] = device
             self.ports[radio] = ModemPort(radio, device, record, is_outside=False)
 
     async def __aenter__(self) -> HostedAircraft:
@@ -161,6 +161,10 @@ class HostedAircraft(HostedNode):
         self._record.may_not_repeat("its autopilot closed its MAVLink connection")
         self._connecting = asyncio.create_task(self._reconnect())
 
+    def modem_counters(self) -> Mapping[str, int]:
+        """What its autopilot did not read at serial ports with a modem."""
+        return {f"modem.{radio}.unread_bytes": device.unread_bytes for radio, device in self._devices.items()}
+
     def statistics(self) -> Mapping[str, Any]:
         """Counters of its MAVLink daemon."""
         return self.daemon.statistics()
@@ -169,7 +173,7 @@ class HostedAircraft(HostedNode):
         """Write what is left of the record."""
         if self._connecting is not None:
             self._connecting.cancel()
-        for device in self._devices:
+        for device in self._devices.values():
             device.close()
         super().close()
 

@@ -168,10 +168,7 @@ class Node:
             [
                 Input(item.link, item.kind, item.data)
                 for item in recorded
-                if item.link is not None
-                and item.kind != "command"
-                and item.kind != "packet"
-                and item.kind != "serial"
+                if item.link is not None and item.kind in ("open", "frame", "close")
             ]
         )
         self.body.begin(now_ns)

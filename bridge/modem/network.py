@@ -40,10 +40,11 @@ Offer = Callable[[int, bytes, int], OnAir]
 
 @dataclass(slots=True)
 class _Sent:
-    """A unit on the air: how many of its packets have no fate yet at each receiver, and why it is lost there."""
+    """A unit on the air; by receiver its packets without a fate, the pieces in which others came, why it is lost."""
 
     unit: Unit
     open_packets: dict[int, int] = field(default_factory=dict)
+    parts: dict[int, int] = field(default_factory=dict)
     losses: dict[int, Loss] = field(default_factory=dict)
     was_on_air: bool = False
     is_told: bool = False
@@ -126,6 +127,7 @@ class ModemNetwork:
         if sent is None:  # somebody else's on the same air
             return
         sent.open_packets[receiver] -= 1
+        sent.parts[receiver] = sent.parts.get(receiver, 0) + fate.parts
         if fate.loss is not None:
             sent.losses.setdefault(receiver, fate.loss)
         sent.was_on_air |= fate.started_ns >= 0
@@ -142,4 +144,4 @@ class ModemNetwork:
         counts.units_arrived += 1
         counts.bytes_arrived += len(sent.unit.data)
         if receiver in self.modems:
-            self.modems[receiver].deliver(sent.unit.data, now_ns, fate.attempts)
+            self.modems[receiver].deliver(sent.unit.data, now_ns, sent.parts[receiver])

@@ -10,7 +10,7 @@ from bridge.modem.ideal import IdealMedium
 from bridge.modem.network import Output
 from bridge.modem.pair import AIR, ENDS, GROUND, ModemPair
 from bridge.modem.places import Guide, Track
-from bridge.modem.settings import modem_of
+from bridge.modem.settings import counts_foreign, modem_of, peers_of
 from channel.access.media.medium import AccessMedium
 from channel.access.settings import Ideal, Surroundings
 from channel.link.radio import Radio
@@ -55,9 +55,10 @@ class RadioLink:
         channel = Medium(radios, seed=plan.seed, nodes=plan.nodes, bases=plan.bases)
         self._guide = Guide(channel, plan.tracks)
         floors_dbm = {end: radio.noise_floor_dbm for end, radio in enumerate(plan.radios)}
-        world = HeardWorld(LinkWorld(channel, expects=False, keeps=False), floors_dbm)
         config = plan.radios[GROUND].config
         settings = config.medium
+        links, peers = LinkWorld(channel, expects=False, keeps=False), peers_of(settings, plan.nodes)
+        world = HeardWorld(links, floors_dbm, peers, counts_foreign=counts_foreign(settings))
         medium: AccessMedium
         if isinstance(settings, Ideal):
             medium = IdealMedium(world)

@@ -64,12 +64,35 @@ def has_transmitter(medium: MediumSettings, nodes: Sequence[str], node: str) -> 
     """
     if not isinstance(medium, ElrsMedium):
         return False
-    return node in [first for first, _ in medium.pairs or zip(nodes[::2], nodes[1::2], strict=False)]
+    return node in [pair[0] for pair in medium.links(nodes).values()]
 
 
 def measures(medium: MediumSettings) -> bool:
     """Whether modems on this medium tell their hosts what their radios measure."""
     return isinstance(medium, SikMedium | ElrsMedium)
+
+
+def peers_of(medium: MediumSettings, nodes: Sequence[str]) -> dict[int, frozenset[int]]:
+    """Whose frames each node's radio takes: of paired radios its peers' alone; all by their places among the nodes.
+
+    Args:
+        medium: of the network.
+        nodes: ids of all its nodes, in their order.
+    """
+    place = {node: number for number, node in enumerate(nodes)}
+    everybody = frozenset(place.values())
+    if not isinstance(medium, SikMedium | ElrsMedium):
+        return {each: everybody - {each} for each in everybody}
+    found: dict[int, frozenset[int]] = dict.fromkeys(everybody, frozenset())
+    for ids in medium.links(nodes).values():
+        there = frozenset(place[node] for node in ids if node in place)
+        found |= {each: there - {each} for each in there}
+    return found
+
+
+def counts_foreign(medium: MediumSettings) -> bool:
+    """Whether a modem on this medium counts frames of other links as errors: SiK with ECC."""
+    return isinstance(medium, SikMedium) and medium.ecc
 
 
 def _or(baud: int | None, default: int) -> int:

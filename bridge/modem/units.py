@@ -12,6 +12,7 @@ MAGIC_V1: Final = 0xFE
 MAGIC_V2: Final = 0xFD
 AROUND_V1_BYTES, AROUND_V2_BYTES, SIGNATURE_BYTES = 8, 12, 13
 """Of a frame beside its payload: header and checksum; with MAVLink 2 perhaps a signature."""
+LONGEST_FRAME_BYTES: Final = AROUND_V2_BYTES + 255 + SIGNATURE_BYTES
 HEARTBEAT_BYTES: Final = 9
 LEAST_TO_JUDGE: Final = 3
 """Start marker, length, and of MAVLink 2 the flags."""
@@ -108,6 +109,12 @@ def _cut(held: bytes) -> Unit | None:
     names_it = data[7:10] == b"\0\0\0" if is_v2 else data[5] == 0
     is_right_long = data[1] <= HEARTBEAT_BYTES if is_v2 else data[1] == HEARTBEAT_BYTES
     return Unit(data, 2 if is_v2 else 1, names_it and is_right_long)
+
+
+def unit_bytes(data: bytes) -> int:
+    """How long the unit is with which bytes begin; all of them, if its end is not among them."""
+    cut = _cut(data) if data else None
+    return len(data) if cut is None else len(cut.data)
 
 
 def _frame_bytes(held: bytes) -> int:

@@ -17,7 +17,7 @@ from bridge.bus.keys import ALL
 from bridge.modem.heard import HeardWorld, RadioMeter
 from bridge.modem.modem import Modem
 from bridge.modem.network import ModemNetwork, OnAir
-from bridge.modem.settings import has_transmitter, measures, modem_of
+from bridge.modem.settings import counts_foreign, has_transmitter, measures, modem_of, peers_of
 from bridge.radio.senders import TxPacket
 from bridge.radio.serial_output import SerialOutput
 from bridge.scenario.model import Scenario
@@ -41,10 +41,12 @@ class Meters:
 
     def __call__(self, medium: Medium, links: LinkWorld) -> World:
         """Look on at a world, if modems there tell what they measure."""
-        if not measures(medium.radios[0].config.medium):
+        settings = medium.radios[0].config.medium
+        if not measures(settings):
             return links
         floors_dbm = {node: radio.noise_floor_dbm for node, radio in enumerate(medium.radios)}
-        self._world = HeardWorld(links, floors_dbm)
+        peers = peers_of(settings, medium.nodes)
+        self._world = HeardWorld(links, floors_dbm, peers, counts_foreign=counts_foreign(settings))
         return self._world
 
     def of(self, node: int) -> RadioMeter:

@@ -109,6 +109,7 @@ class AirFate:
         frame: that transmission; None if it never was on the air.
         met_at: the node at which that was heard or lost; None: the receiver.
         way: who transmitted it, from its sender on, if others handed it on (`channel.routing`).
+        parts: in how many pieces the receiver's radio had it, each as it came; what was tried again counts once.
     """
 
     packet: AirPacket
@@ -121,6 +122,7 @@ class AirFate:
     frame: AirFrame | None = field(default=None, compare=False, repr=False)
     met_at: int | None = None
     way: tuple[int, ...] = ()
+    parts: int = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

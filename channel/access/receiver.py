@@ -303,14 +303,14 @@ class Receiver:
             or self._locked is not None
             or (
                 (bool(self._signals) or bool(self._elsewhere) or bool(self._foreign))
-                and self._energy_mw() >= self._air.hearing.energy_mw
+                and self.energy_mw() >= self._air.hearing.energy_mw
             )
         )
         if is_busy != self.is_busy or self._noticing is not None:
             self._changes(is_busy)
 
-    def _energy_mw(self) -> float:
-        """All power, that of other networks too."""
+    def energy_mw(self) -> float:
+        """The power of all signals that it takes in now, those of other networks too."""
         heard_mw = self._heard_mw()
         if self._foreign:
             heard_mw += sum(signal.taken_mw(self.channel) for signal in self._foreign)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -17,7 +17,7 @@ from channel.access.media.delay import Delay, DelaySettings, WayDelay
 from channel.access.media.elrs import Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
 from channel.access.media.schedule import Schedule, Slot
-from channel.access.media.sik import Sik, SikSettings
+from channel.access.media.sik import DEFAULT_NETID, LEAST_RADIOS, Sik, SikSettings
 from channel.access.media.sik_timing import (
     AIR_RATES_KBPS,
     NOMINAL_TICK_NS,
@@ -27,7 +27,7 @@ from channel.access.media.sik_timing import (
 )
 from channel.access.media.tdma import Tdma
 from channel.access.queue import QueueLimits
-from channel.access.slot_settings import SlotSchedule
+from channel.access.slot_settings import Ids, SlotSchedule
 from channel.access.timing import NS_PER_S, BitRate, Wifi, wifi_a, wifi_b, wifi_g
 from channel.access.world import World
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db
@@ -445,6 +445,11 @@ class DelayMedium(Variant):
         return self.rate_bps * length_bytes / (length_bytes + self.header_bytes)
 
 
+def two_by_two(nodes: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Nodes in pairs, in their order; the last of an odd number is left out."""
+    return tuple(zip(nodes[::2], nodes[1::2], strict=False))
+
+
 class ElrsMedium(Variant):
     """ExpressLRS with MAVLink: a transmitter module and a receiver take turns."""
 
@@ -464,6 +469,16 @@ class ElrsMedium(Variant):
         if mode not in ELRS_MODES:
             raise ValueError(f"{mode}: there are {', '.join(ELRS_MODES)}")
         return mode
+
+    def links(self, nodes: Sequence[str]) -> dict[str, tuple[str, ...]]:
+        """Who hears whom: pairs by number, the transmitter module's first.
+
+        Args:
+            nodes: all ids, in their order.
+        """
+        return {
+            f"pair {number}": pair for number, pair in enumerate(self.pairs or two_by_two(nodes), start=1)
+        }
 
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium.
@@ -485,7 +500,7 @@ class ElrsMedium(Variant):
 
 
 class SikMedium(Locking):
-    """SiK telemetry radios: pairs share the time in windows, and hop; settings by the names of their parameters."""
+    """SiK telemetry radios: two of a NETID share the time in windows, and hop; settings by their parameters' names."""
 
     model: Literal["sik"] = "sik"
     queue: Queue = Field(
@@ -496,6 +511,11 @@ class SikMedium(Locking):
     )
     netids: tuple[int, ...] = Field(
         default=(), description="NETID of each pair; 25, 26 and so on unless given"
+    )
+    units: dict[Annotated[int, Field(ge=0, le=65_535)], Ids] = Field(
+        default_factory=dict,
+        description="in place of pairs and netids: by NETID the ids of its nodes, two or more; more than two disturb "
+        "each other",
     )
     air_kbps: int = Field(default=64, description=f"AIR_SPEED: one of {', '.join(map(str, AIR_RATES_KBPS))}")
     ecc: bool = Field(default=False, description="ECC: Golay(23,12); error.coding has to say so, too")
@@ -531,7 +551,29 @@ class SikMedium(Locking):
         self._timing()
         if self.netids and self.pairs and len(self.netids) != len(self.pairs):
             raise ValueError(f"{len(self.netids)} NETIDs for {len(self.pairs)} pairs")
+        if self.units and (self.pairs or self.netids):
+            raise ValueError("units has the NETID of each node: leave pairs and netids out")
+        netid_of: dict[str, int] = {}
+        for netid, ids in self.units.items():
+            if len(ids) < LEAST_RADIOS:
+                raise ValueError(f"units: NETID {netid} has {len(ids)} of {LEAST_RADIOS} or more nodes")
+            for node in ids:
+                if node in netid_of:
+                    both = sorted({netid_of[node], netid})
+                    raise ValueError(f"units: node {node} is twice on NETID {' and '.join(map(str, both))}")
+                netid_of[node] = netid
         return self
+
+    def links(self, nodes: Sequence[str]) -> dict[str, tuple[str, ...]]:
+        """Who hears whom: by NETID, its nodes.
+
+        Args:
+            nodes: all ids, in their order.
+        """
+        networks = self.pairs or two_by_two(nodes)
+        netids = self.netids or range(DEFAULT_NETID, DEFAULT_NETID + len(networks))
+        found = self.units or dict(zip(netids, networks, strict=False))
+        return {f"NETID {netid}": tuple(ids) for netid, ids in found.items()}
 
     def _timing(self) -> SikTiming:
         return sik_timing(self.air_kbps, ecc=self.ecc, max_window_ms=self.max_window_ms, lbt=self.lbt)
@@ -549,15 +591,15 @@ class SikMedium(Locking):
             tick_ns=REAL_TICK_NS if self.tick == "real" else NOMINAL_TICK_NS,
             takes_estimate=self.takes_estimate,
             locked=self.locked,
-            pairs=tuple((place(one), place(other)) for one, other in self.pairs) or None,
-            netids=self.netids or None,
+            networks=tuple(tuple(map(place, ids)) for ids in self.units.values() or self.pairs) or None,
+            netids=tuple(self.units) or self.netids or None,
         )
 
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium.
 
         Raises:
-            ValueError: a pair of a node that is not there, or a node in two pairs.
+            ValueError: a node that is not there, or is in two pairs.
         """
         return Sik(
             surroundings.world,

@@ -166,6 +166,17 @@ class Foreseeing(Protocol):
         """What was expected is of no use any more."""
 
 
+@runtime_checkable
+class Metering(Protocol):
+    """A world that takes note of what radios measure while no frame comes."""
+
+    def samples_noise(self, node: int, at_ns: int, energy_mw: float) -> object:
+        """A radio that might transmit measures what it takes in; ``energy_mw``: of signals, noise not among them."""
+
+    def heard_nobody(self, node: int) -> object:
+        """A radio has had no frame of its peers since it last looked."""
+
+
 class PlainWorld:
     """Every node hears every other equally well, but those that are deaf to each other; two frames at once spoil both.
 

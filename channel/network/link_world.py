@@ -205,6 +205,15 @@ class LinkWorld:
             return False, False
         return not disturbed or drawn > self._lost(frame, receiver, power_mw, added(own, pieces)), True
 
+    def noise_mw(self, node: int, at_ns: int) -> float:
+        """The noise of a node's receiver at an instant, with all that interferes but frames."""
+        other = self.nodes[0] if node != self.nodes[0] else self.nodes[-1]
+        if not self._has_sources:
+            return float(ratio_from_db(self._other.radio(other, node).noise_floor_dbm))
+        frame = AirFrame(other, 0, "noise", 1, at_ns, at_ns)
+        r, row = self._always_on.receptions(*as_packets([frame], [at_ns])), _row(frame, node)
+        return float(ratio_from_db(r.received_power_dbm[row] - r.snr_db[row]))
+
     def _foreign(self, frame: AirFrame, receiver: int) -> Sequence[Piece]:
         """The power of other networks in the band at a receiver, while a frame comes in there; empty: none."""
         if self.beside is None:

@@ -97,11 +97,13 @@ class Leg:
         journey: whose.
         way: who transmitted it, from its sender on, this one too.
         attempts: on the legs before it.
+        copy: the how-manieth that its node transmits: a newer packet of the same key takes its place, not another copy.
     """
 
     journey: Journey
     way: tuple[int, ...]
     attempts: int
+    copy: int = 0
 
 
 @dataclass(slots=True)

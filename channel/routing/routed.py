@@ -47,7 +47,8 @@ class Routed:
 
     The medium has packets of this network alone: each hop is one, numbered by who transmits it. Outcomes are those of
     the packets that were offered: delivered with the first copy that comes, lost when no copy is under way any more, by
-    the cause of the copy whose transmitter was nearest. What a sender learns of a unicast is what its first hop says.
+    the cause of the copy whose transmitter was nearest. What a sender learns of a unicast is what its first hop says
+    (of a flood's nothing), or that it has no route.
 
     Args:
         medium: of the network.
@@ -102,6 +103,8 @@ class Routed:
         onward = self._router.send(packet.node, packet)
         self._go_on(journey, packet.node, onward, None, None)
         self._end(journey)
+        if isinstance(onward, Loss) and packet.to is not None:
+            self._outcomes.append(Reply(packet, self._agenda.now_ns, acknowledged=False, attempts=0))
 
     def _go_on(
         self, journey: Journey, node: int, onward: Onward, last: AirFate | None, leg: Leg | None
@@ -113,9 +116,9 @@ class Routed:
             return
         way = (*(() if leg is None else leg.way), node)
         attempts = 0 if last is None or leg is None else leg.attempts + last.attempts
-        for hop in onward:
+        for copy, hop in enumerate(onward):
             journey.under_way += 1
-            then = Leg(journey, way, attempts)
+            then = Leg(journey, way, attempts, copy)
             if hop.delay_ns:
                 self._agenda.at(now_ns + hop.delay_ns, ACTS, node, self._transmit, node, hop, then)
             else:
@@ -135,7 +138,7 @@ class Routed:
                 now_ns,
                 packet.priority,
                 lifetime_ns,
-                f"{packet.node}:{packet.key}" if packet.key else "",
+                f"{packet.node}:{leg.copy}:{packet.key}" if packet.key else "",
                 cargo=Cargo(leg),
             )
         )

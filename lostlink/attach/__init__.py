@@ -2,7 +2,7 @@
 
 addresses  the IPv4 address of each node
 forwarder  which node an IP packet is for, and what is dropped; no I/O
-namespace  makes the namespace and its interface, and becomes the program: a program of its own
+namespace  makes the namespaces and the interface, and runs the program in them: a program of its own
 program    starts that, and ends it with all that it started
 claim      one program to a node
 run_clock  which wall time belongs to an instant, and whether the run keeps up

@@ -67,6 +67,7 @@ class IpLink:
         for key, handler in (
             (self._keys.rx(self._node, "*", IP), self._packet_came),
             (self._keys.clock, self._clock_came),
+            (self._keys.clock_pace, self._pace_came),
             (self._keys.clock_end, lambda _: self._on_end()),
         ):
             self._session.subscribe(key, lambda sample, handler=handler: inbox.push((handler, sample)))  # type: ignore[misc]
@@ -98,6 +99,9 @@ class IpLink:
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)
         self.clock.came(clock.header.stamp.ns, self._loop.time(), clock.speed)
+
+    def _pace_came(self, sample: Sample) -> None:
+        self.clock.operator_did(is_held=decode(sample.payload.to_bytes(), Clock).paused)
 
     def _packet_came(self, sample: Sample) -> None:
         raw = sample.payload.to_bytes()

@@ -1,9 +1,13 @@
-"""Makes a network namespace with one interface, and becomes a program in it: ``namespace.py SETTINGS PROGRAM ARG...``.
+"""Makes a network namespace with one interface, and runs a program in it: ``namespace.py SETTINGS PROGRAM ARG...``.
 
-SETTINGS is a JSON object, see `InterfaceSettings`. Whoever starts it gets the other side of the interface (a TUN
-device: whole IP packets) through the socket of `InterfaceSettings.fd`, and answers with a byte when the program may
-start; the message with the device is a remark, empty if all went well, and a message without one says why it could not
-be made.
+SETTINGS is a JSON object, see `InterfaceSettings`. Whoever starts it gets three files through the socket of
+`InterfaceSettings.fd`: the other side of the interface (a TUN device: whole IP packets), and the pidfds of the
+namespace's init and of the program. It answers with a byte when the program may start. The message with the files is a
+remark, empty if all went well, and a message without them says why it could not be made.
+
+The processes are three: this one, which waits; the init of a PID namespace, its child; and the program, that one's
+child. Each dies with the one before it, and with the init the kernel kills all that is left in the namespace, in
+whatever session or group it is. SIGTERM to the init goes to all of them.
 """
 
 from __future__ import annotations
@@ -16,12 +20,12 @@ import signal
 import socket
 import struct
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple, NoReturn
 
-CLONE_NEWNS, CLONE_NEWUSER, CLONE_NEWNET = 0x00020000, 0x10000000, 0x40000000
+CLONE_NEWNS, CLONE_NEWUSER, CLONE_NEWPID, CLONE_NEWNET = 0x00020000, 0x10000000, 0x20000000, 0x40000000
+MS_NOSUID, MS_NODEV, MS_NOEXEC = 0x2, 0x4, 0x8
 MS_BIND, MS_REC, MS_PRIVATE, MNT_DETACH = 0x1000, 0x4000, 0x40000, 2
 PR_SET_PDEATHSIG: Final = 1
 TUN: Final = "/dev/net/tun"
@@ -34,6 +38,10 @@ MULTICAST, LIMITED_BROADCAST = ("224.0.0.0", "240.0.0.0"), ("255.255.255.255", "
 HOSTS: Final = "/etc/hosts"
 CANNOT_START, NOT_FOUND = 126, 127
 """Exit codes of shells, for programs that cannot be run and that are not there."""
+SIGNALLED: Final = 128
+"""And the number of the signal: exit code of shells for a program that was ended by it."""
+REST_GRACE_S: Final = 1.0
+"""What a program leaves behind is asked to end, and killed after so long, wall time."""
 
 
 class InterfaceSettings(NamedTuple):
@@ -41,7 +49,6 @@ class InterfaceSettings(NamedTuple):
 
     Attributes:
         fd: of the socket to whoever started this.
-        parent: process id of that one.
         interface: name of the interface.
         address, netmask: of it.
         mtu_bytes: of it.
@@ -49,7 +56,6 @@ class InterfaceSettings(NamedTuple):
     """
 
     fd: int
-    parent: int
     interface: str
     address: str
     netmask: str
@@ -76,12 +82,14 @@ def _called(name: str, *arguments: object) -> None:
 
 
 def enter() -> None:
-    """Leave for a network and a mount namespace of our own: as root directly, else in a user namespace.
+    """Leave for namespaces of our own: as root directly, else in a user namespace.
+
+    They are of the network and of mounts, and that of processes for children.
 
     Raises:
         NoNamespace: neither is allowed.
     """
-    wanted = CLONE_NEWNET | CLONE_NEWNS
+    wanted = CLONE_NEWNET | CLONE_NEWNS | CLONE_NEWPID
     if os.geteuid() == 0:
         with suppress(OSError):  # root in a container may lack the right, and still have user namespaces
             _called("unshare", wanted)
@@ -151,31 +159,44 @@ def _route(destination: str, mask: str, interface: bytes) -> bytes:
     return native.pack(0, *ends, RTF_UP, 0, 0, 0, 0, ctypes.addressof(name), 0, 0, 0)
 
 
-def name_hosts(lines: str) -> str:
-    """Have /etc/hosts begin with ``lines``, in this mount namespace alone; returns why that cannot be, or "".
+def own_files(hosts: str) -> str:
+    """Have /etc/hosts begin with ``hosts`` and /proc show the namespace's processes, in this mount namespace alone.
 
-    The file lies on a file system of its own, which goes with the namespace.
+    Returns:
+        What of it cannot be, or "".
     """
     try:
-        content = lines + Path(HOSTS).read_text(encoding="utf-8", errors="surrogateescape")
         _called("mount", None, b"/", None, MS_REC | MS_PRIVATE, None)
-        _called("mount", b"tmpfs", b"/tmp", b"tmpfs", 0, b"size=1m,mode=755")
-        try:
-            file = Path("/tmp/hosts")
-            file.write_text(content, encoding="utf-8", errors="surrogateescape")
-            _called("mount", b"/tmp/hosts", HOSTS.encode(), None, MS_BIND, None)
-        finally:
-            _called("umount2", b"/tmp", MNT_DETACH)
+        name_hosts(hosts)
     except OSError as error:
         return f"names of nodes do not work ({error.strerror}): use their addresses"
+    try:
+        _called("mount", b"proc", b"/proc", b"proc", MS_NOSUID | MS_NODEV | MS_NOEXEC, None)
+    except OSError as error:
+        return f"/proc has process ids of this machine, not those that the program sees ({error.strerror})"
     return ""
 
 
-def leash(parent: int) -> None:
-    """Have the kernel end the program with whoever started this."""
+def name_hosts(lines: str) -> None:
+    """Have /etc/hosts begin with ``lines``.
+
+    The file lies on a file system of its own, which goes with the namespace.
+
+    Raises:
+        OSError: it cannot be.
+    """
+    content = lines + Path(HOSTS).read_text(encoding="utf-8", errors="surrogateescape")
+    _called("mount", b"tmpfs", b"/tmp", b"tmpfs", 0, b"size=1m,mode=755")
+    try:
+        Path("/tmp/hosts").write_text(content, encoding="utf-8", errors="surrogateescape")
+        _called("mount", b"/tmp/hosts", HOSTS.encode(), None, MS_BIND, None)
+    finally:
+        _called("umount2", b"/tmp", MNT_DETACH)
+
+
+def leash() -> None:
+    """Have the kernel kill this process when its parent ends."""
     _called("prctl", PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
-    if os.getppid() != parent:
-        sys.exit("attach: whoever started this is gone")
 
 
 def become(command: list[str]) -> NoReturn:
@@ -189,25 +210,75 @@ def become(command: list[str]) -> NoReturn:
         sys.exit(NOT_FOUND if isinstance(error, FileNotFoundError) else CANNOT_START)
 
 
-def main(open_all: Callable[[InterfaceSettings], int] = open_interface) -> None:
-    """Make it, hand it over, and become the program."""
+def exit_code(status: int) -> int:
+    """That of a shell, for a status of wait()."""
+    code = os.waitstatus_to_exitcode(status)
+    return code if code >= 0 else SIGNALLED - code
+
+
+def be_init(starter: socket.socket, tun: int, hosts: str, command: list[str]) -> int:
+    """Be the first process of the namespace: start the program, and reap what ends until nothing is left.
+
+    Returns:
+        The program's exit code.
+    """
+    leash()
+    remark = own_files(hosts)
+    program = os.fork()
+    if program == 0:
+        with starter:
+            if not starter.recv(1):  # whoever started us is gone
+                sys.exit(CANNOT_START)
+        become(command)
+    signal.signal(signal.SIGTERM, lambda *_: end_all())
+    pidfds = [os.pidfd_open(os.getpid()), os.pidfd_open(program)]
+    socket.send_fds(starter, [remark.encode() or b"\0"], [tun, *pidfds])
+    starter.close()
+    for each in (tun, *pidfds):
+        os.close(each)
+    ended, status = os.wait()
+    while ended != program:
+        ended, status = os.wait()
+    reap_rest(exit_code(status))
+    return exit_code(status)
+
+
+def reap_rest(code: int) -> None:
+    """End what the program has left; what does not end in time the kernel kills when this process exits."""
+    signal.signal(signal.SIGALRM, lambda *_: os._exit(code))
+    signal.setitimer(signal.ITIMER_REAL, REST_GRACE_S)
+    end_all()
+    with suppress(ChildProcessError):
+        while True:
+            os.wait()
+
+
+def end_all() -> None:
+    """Ask all processes of the namespace but this one to end."""
+    with suppress(ProcessLookupError):
+        os.kill(-1, signal.SIGTERM)
+
+
+def main() -> None:
+    """Make it, and wait for its end with the program's exit code."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Python would tell of it
     settings, command = InterfaceSettings(**json.loads(sys.argv[1])), sys.argv[2:]
     with socket.socket(fileno=settings.fd) as starter:
         try:
             enter()
-            tun = open_all(settings)
+            tun = open_interface(settings)
         except (NoNamespace, OSError) as error:
             starter.send(str(error).encode())
             sys.exit(CANNOT_START)
-        remark = name_hosts(settings.hosts)
-        socket.send_fds(starter, [remark.encode() or b"\0"], [tun])
-        os.close(tun)
-        leash(settings.parent)
-        if not starter.recv(1):
-            sys.exit(CANNOT_START)
-    become(command)
+        leash()
+        init = os.fork()
+        if init == 0:
+            sys.exit(be_init(starter, tun, settings.hosts, command))
+    os.close(tun)
+    for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # the program gets them, too
+    sys.exit(exit_code(os.waitpid(init, 0)[1]))
 
 
 if __name__ == "__main__":

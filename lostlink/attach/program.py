@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -13,19 +13,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, Self
 
-import psutil
-
 from lostlink.attach import namespace
-from lostlink.attach.namespace import InterfaceSettings
+from lostlink.attach.namespace import SIGNALLED, InterfaceSettings
 
-PR_SET_CHILD_SUBREAPER: Final = 36
 GRACE_S: Final = 5.0
 """What was asked to end is killed after so long, wall time."""
-REST_GRACE_S: Final = 1.0
-"""The same for what a program leaves behind."""
 MESSAGE_MAX: Final = 4096
-SIGNALLED: Final = 128
-"""And the number of the signal: exit code of a program that was ended by it."""
 
 
 class NoProgram(Exception):
@@ -36,17 +29,23 @@ class AttachedProgram:
     """A program in its namespace, from `prepare` to `close`.
 
     Args:
-        process: which waits in its namespace, or has become the program.
-        tun: the other side of its interface.
+        process: which ends with all that is in the namespace, and has the program's exit code.
+        files: the other side of its interface, and the pidfds of the namespace's init and of the program.
         remark: what did not go well; "" if nothing.
         gate: the socket through which it is told to go on.
+
+    Attributes:
+        tun: the first of the files.
+        pidfd: readable when all have ended.
     """
 
-    def __init__(self, process: subprocess.Popen[bytes], tun: int, remark: str, gate: socket.socket) -> None:
-        self._process, self.tun, self.remark, self._gate = process, tun, remark, gate
-        os.set_blocking(tun, False)
+    def __init__(
+        self, process: subprocess.Popen[bytes], files: Sequence[int], remark: str, gate: socket.socket
+    ) -> None:
+        self.tun, self._init, self._program = files
+        self._process, self.remark, self._gate = process, remark, gate
+        os.set_blocking(self.tun, False)
         self.pidfd = os.pidfd_open(process.pid)
-        """Readable when it has ended."""
 
     @classmethod
     def prepare(
@@ -54,26 +53,21 @@ class AttachedProgram:
     ) -> Self:
         """Make the namespace; the program waits in it for `go`.
 
-        What it starts and leaves behind becomes a child of this process.
-
         Raises:
             NoProgram: the namespace cannot be made.
         """
-        ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        settings = InterfaceSettings(
-            theirs.fileno(), os.getpid(), interface, address, netmask, mtu_bytes, hosts
-        )
+        settings = InterfaceSettings(theirs.fileno(), interface, address, netmask, mtu_bytes, hosts)
         words = [sys.executable, "-I", str(Path(namespace.__file__)), json.dumps(settings._asdict())]
         with theirs:
             process = subprocess.Popen([*words, *command], pass_fds=[theirs.fileno()])
-        message, tuns, _, _ = socket.recv_fds(ours, MESSAGE_MAX, 1)
+        message, files, _, _ = socket.recv_fds(ours, MESSAGE_MAX, 3)
         text = message.decode(errors="replace").strip("\0")
-        if not tuns:
+        if not files:
             ours.close()
             process.wait()
             raise NoProgram(text or "the namespace could not be made")
-        return cls(process, tuns[0], text, ours)
+        return cls(process, files, text, ours)
 
     def go(self) -> None:
         """Let the program begin."""
@@ -82,36 +76,26 @@ class AttachedProgram:
 
     def signal(self, number: int) -> None:
         """Send the program a signal, if it is still there."""
-        if self._process.poll() is None:
-            self._process.send_signal(number)
+        _send(self._program, number)
 
     def end(self) -> None:
         """Ask the program and all that it has started to end."""
-        for each in _descendants():
-            with suppress(psutil.NoSuchProcess):
-                each.terminate()
+        _send(self._init, signal.SIGTERM)
 
     def kill(self) -> None:
         """End them."""
-        for each in _descendants():
-            with suppress(psutil.NoSuchProcess):
-                each.kill()
+        _send(self._init, signal.SIGKILL)
 
     def close(self) -> int:
         """End what is left of it; returns its exit code as a shell has it (128 and the signal that ended it)."""
         self._gate.close()
-        if self._process.poll() is None:
-            self.kill()
-        status = self._process.wait()
-        self.end()
-        psutil.wait_procs(_descendants(), timeout=REST_GRACE_S)
         self.kill()
-        psutil.wait_procs(_descendants(), timeout=REST_GRACE_S)
-        os.close(self.pidfd)
-        os.close(self.tun)
+        status = self._process.wait()
+        for each in (self.tun, self._init, self._program, self.pidfd):
+            os.close(each)
         return status if status >= 0 else SIGNALLED - status
 
 
-def _descendants() -> list[psutil.Process]:
-    found = psutil.Process().children(recursive=True)
-    return [each for each in found if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
+def _send(pidfd: int, number: int) -> None:
+    with suppress(ProcessLookupError):  # it has ended
+        signal.pidfd_send_signal(pidfd, number)

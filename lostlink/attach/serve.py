@@ -92,8 +92,8 @@ class _Attached:
         """Have the program end, if need be in a while and by force."""
         if not self._ends:
             self._ends = True
-            self._program.end()
             asyncio.get_running_loop().call_later(GRACE_S, self._program.kill)
+            self._program.end()
 
     def _came(self, number: int) -> None:
         """Somebody sent us a signal: it is for the program."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Any, Final
-
-from lostlink.flight.verdict import RunOutcome
 
 WELL: Final = 0
 DISAGREES: Final = 1
@@ -13,6 +12,23 @@ UNUSABLE: Final = 2
 """What was asked for cannot be started or read."""
 UNEXPECTED: Final = 3
 """The record agrees with the model, but not with an expectation of the scenario."""
+
+
+class RunOutcome(StrEnum):
+    """What a run is worth; `summary.json` has it as ``outcome``."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    """The record disagrees with the channel's model, or with an expectation of the scenario."""
+    NONE = "none"
+    """Nothing was drawn that could be judged."""
+    INTERRUPTED = "interrupted"
+    BROKE_OFF = "broke_off"
+
+    @property
+    def word(self) -> str:
+        """How lines for people begin."""
+        return "no verdict" if self is RunOutcome.NONE else self.value.replace("_", " ")
 
 
 def status_of(summary: dict[str, Any] | None) -> int:

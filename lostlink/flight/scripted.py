@@ -19,10 +19,9 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario, with_changes
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import AutopilotName
-from lostlink.flight.exits import WELL, status_of
+from lostlink.flight.exits import WELL, RunOutcome, status_of
 from lostlink.flight.flight import Flight, Silent, Watcher
 from lostlink.flight.progress import Progress
-from lostlink.flight.verdict import RunOutcome
 from lostlink.reading.run import Run, load_run
 
 Autopilot = AutopilotName

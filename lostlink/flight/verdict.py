@@ -4,30 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from itertools import groupby
 from operator import itemgetter
 from typing import Any
 
 from lostlink.expectations.judge import Judgement
-
-
-class RunOutcome(StrEnum):
-    """What a run is worth; `summary.json` has it as ``outcome``."""
-
-    PASS = "pass"
-    FAIL = "fail"
-    """The record disagrees with the channel's model, or with an expectation of the scenario."""
-    NONE = "none"
-    """Nothing was drawn that could be judged."""
-    INTERRUPTED = "interrupted"
-    BROKE_OFF = "broke_off"
-
-    @property
-    def word(self) -> str:
-        """How lines for people begin."""
-        return "no verdict" if self is RunOutcome.NONE else self.value.replace("_", " ")
-
+from lostlink.flight.exits import RunOutcome
 
 UNJUDGED = {"interrupted": RunOutcome.INTERRUPTED, "failed": RunOutcome.BROKE_OFF}
 """By ending: outcomes of runs that say nothing of the model."""

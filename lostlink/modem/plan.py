@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,9 @@ import numpy as np
 from bridge.modem.places import DISTANCE_MAX_M, Sample, Track, apart_over_time, read_distances
 from bridge.modem.radio_link import LinkPlan
 from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
+from bridge.scenario.model import Scenario
+from bridge.scenario.modems import GroundModem, UaModem
+from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import radios_of
 from channel.link.radio import Radio
 from channel.presets import load_radio, overrides_from_settings
@@ -41,7 +44,7 @@ class Asked:
     distances: Path | Sequence[tuple[float, float]] | None = None
     heights_m: tuple[float, float] | None = None
     seed: int = 1
-    baud: int | None = field(default=None)
+    baud: int | None = None
 
 
 def plan_of(asked: Asked) -> LinkPlan:
@@ -72,17 +75,25 @@ def _of_radio(text: str) -> str:
     return text.removeprefix(PREFIX)
 
 
-def plan_of_run(run: Path, nodes: Sequence[str] | None = None, baud: int | None = None) -> LinkPlan:
+def plan_of_run(
+    run: Path, nodes: Sequence[str] | None = None, baud: int | None = None, network: str | None = None
+) -> LinkPlan:
     """The link between two nodes of a recorded run: their radios, their places over time, its seed.
 
+    Args:
+        run: its directory, or its name in `runs/`.
+        nodes: ids, that of the ground station first; see `ends_of`.
+        baud: of both serial lines; the modem's default unless given.
+        network: the radio network that they are on; see `ends_of`.
+
     Raises:
-        ValueError: it is no run, or has no such nodes.
+        ValueError: it is no run, or has no such nodes or network.
         OSError: its record cannot be read.
     """
     recorded = load_run(run)
     scenario = recorded.scenario
-    radios = radios_of(scenario)
-    ground, air = _two(tuple(radios)[:2] if nodes is None else nodes, tuple(radios))
+    network, (ground, air) = ends_of(scenario, nodes, network)
+    radios = radios_of(scenario, network=network)
     truth = TrueStates.read(recorded.path, recorded.nodes, (*POSITION, *ATTITUDE))
     tracks = tuple(_track(truth, recorded.nodes.index(node)) for node in (ground, air))
     bases = [node.node for node in scenario.ground if node.node in (ground, air)]
@@ -96,10 +107,54 @@ def plan_of_run(run: Path, nodes: Sequence[str] | None = None, baud: int | None 
     )
 
 
-def _two(nodes: Sequence[str], known: Sequence[str]) -> tuple[str, str]:
+def ends_of(
+    scenario: Scenario, nodes: Sequence[str] | None = None, network: str | None = None
+) -> tuple[str, tuple[str, str]]:
+    """A radio network and two nodes on it.
+
+    What is not given is where modems are: the one network where these nodes (any two) have some, else `main`, and
+    there the first ground station and UA with modems, else the first two nodes.
+
+    Raises:
+        ValueError: there are no such, or several; the text says which.
+    """
+    if network is None:
+        network = _network_with_modems(scenario, nodes)
+    elif network not in scenario.network_names:
+        raise ValueError(
+            f"the run has no radio network {network}; there are {', '.join(scenario.network_names)}"
+        )
+    known = [node.node for node in scenario.nodes_on(network)]
+    if nodes is None:
+        nodes = _first_two(scenario.modems_on(network), known)
+    return network, _two(nodes, known, network)
+
+
+def _network_with_modems(scenario: Scenario, nodes: Sequence[str] | None) -> str:
+    """The one where the nodes (any two unless given) have modems; `main` if there is none."""
+    found = [
+        name
+        for name in scenario.network_names
+        if len(modems := scenario.modems_on(name)) > 1 and set(nodes or ()) <= set(modems)
+    ]
+    if len(found) > 1:
+        raise ValueError(f"there are modems on {' and '.join(found)}: choose a network with --radio")
+    return found[0] if found else MAIN
+
+
+def _first_two(modems: Mapping[str, UaModem | GroundModem], known: Sequence[str]) -> Sequence[str]:
+    """The first ground station and UA with modems, or the first two nodes."""
+    ground = [node for node, modem in modems.items() if isinstance(modem, GroundModem)][:1]
+    with_modems = [*ground, *(node for node, modem in modems.items() if isinstance(modem, UaModem))]
+    return (with_modems if len(with_modems) > 1 else known)[:2]
+
+
+def _two(nodes: Sequence[str], known: Sequence[str], network: str) -> tuple[str, str]:
     for node in nodes:
         if node not in known:
-            raise ValueError(f"the run has no radio at node {node}; there are {', '.join(known)}")
+            raise ValueError(
+                f"the run has no radio at node {node} on {network}; there are {', '.join(known)}"
+            )
     if len(set(nodes)) != 2:
         raise ValueError(f"nodes {','.join(nodes)}: two that differ, as in 0,1")
     return nodes[0], nodes[1]

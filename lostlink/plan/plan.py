@@ -16,8 +16,11 @@ from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings import name_of
 from channel.link.radio import Radio
+from lostlink.plan.flow import overflows
 from lostlink.plan.left_out import left_out
+from lostlink.plan.links import RadioLinks, links_of, unlinked
 from lostlink.plan.load import OfferedLoad, offered_load
+from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
 from lostlink.plan.reach import Reach, reach_of
 
 AIRTIME_MAX = 1.0
@@ -61,6 +64,8 @@ class RunPlan:
         ports: that the run listens on.
         udp_outputs: by UA, where its MAVLink is sent.
         radio: of all nodes.
+        networks: all radio networks, with their modems.
+        links: of each network whose radios have links, who hears whom.
         load: what they offer to it.
         expectations: names and bounds.
         warnings: what is likely not meant.
@@ -82,6 +87,8 @@ class RunPlan:
     ports: tuple[str, ...]
     udp_outputs: dict[str, tuple[str, ...]]
     radio: RadioPlan
+    networks: tuple[NetworkPlan, ...]
+    links: tuple[RadioLinks, ...]
     load: OfferedLoad
     expectations: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -94,6 +101,8 @@ def plan_of(scenario: Scenario) -> RunPlan:
     load = offered_load(scenario, radios)
     payload = max((node.payload_bytes for node in load.nodes if node.payload_bytes), default=0)
     config = common.config
+    links = tuple(links_of(scenario, radios))
+    missing = [line for each in links for line in unlinked(scenario, each)]
     return RunPlan(
         scenario.name,
         scenario.description,
@@ -117,9 +126,17 @@ def plan_of(scenario: Scenario) -> RunPlan:
             reach_of(common, payload),
             name_of(config.routing),
         ),
+        networks_of(scenario),
+        links,
         load,
         tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),
-        (*_warnings(load, radios), *_late_outages(scenario)),
+        (
+            *_warnings(load, radios),
+            *missing,
+            *overflows(scenario),
+            *rates_that_differ(scenario),
+            *_late_outages(scenario),
+        ),
         tuple(left_out(scenario, common, wind_of(scenario))),
     )
 

@@ -29,6 +29,9 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     outputs = [f"MAVLink of UA {node} to {', '.join(places)}" for node, places in plan.udp_outputs.items()]
     yield from _section("UDP outputs", outputs)
     yield from _section("Radio", list(_radio(plan)))
+    networks = list(_networks(plan))
+    yield from _section(f"Networks ({len(plan.networks)})", networks)
+    yield from _section("Who hears whom", [line for each in plan.links for line in each.lines()])
     yield from _section("Offered load", list(_load(plan)))
     yield from _section("Expectations", list(plan.expectations))
     yield from _section("Not modelled", list(plan.not_modelled))
@@ -63,6 +66,17 @@ def _radio(plan: RunPlan) -> Iterator[str]:
         return
     for share, distance_m in radio.reach.distance_m.items():
         yield f"{float(share):.0%} of data packages arrive up to {_distance(distance_m, radio.reach.limit_m)}"
+
+
+def _networks(plan: RunPlan) -> Iterator[str]:
+    """The networks if there are several, and the modems at their radios."""
+    for network in plan.networks:
+        if len(plan.networks) > 1:
+            what = f"{network.radio}, {network.frequency_hz / 1e6:g} MHz, medium {network.medium}"
+            disturbed = f"; disturbed by {', '.join(network.disturbed_by)}" if network.disturbed_by else ""
+            yield f"{network.name}: {what}, nodes {', '.join(network.nodes)}{disturbed}"
+        for node, modem in network.modems.items():
+            yield f"{network.name}, modem of node {node}: {modem}"
 
 
 def _distance(distance_m: float | None, limit_m: float) -> str:

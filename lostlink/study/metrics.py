@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lostlink.flight.verdict import RunOutcome
+from lostlink.flight.exits import RunOutcome
 from lostlink.reading.ages import NEEDED, link_ages, times_of
 from lostlink.reading.links import counts_of
 from lostlink.reading.places import places_of, separation_m

@@ -91,7 +91,7 @@ TABLE = (
     AccessRow("clock/release", writes=RADIO, reads=OWN | PHYSICS | LOOKERS),
     AccessRow("clock/end", writes=RADIO, reads=OWN | PHYSICS | LOOKERS),
     AccessRow("clock/start", writes=SUPERVISOR, reads=OWN | PHYSICS | RADIO | LOOKERS),
-    AccessRow("clock/pace", writes=PHYSICS, reads=LOOKERS),
+    AccessRow("clock/pace", writes=PHYSICS, reads=NODE | LOOKERS),
     AccessRow("clock/cmd/*", serves=PHYSICS, asks=OPERATOR),
     AccessRow("tick/**", writes=RADIO | PHYSICS, reads=RADIO | LOOKERS),
     AccessRow("host/{host}/heard", writes=RADIO, reads=HOST),

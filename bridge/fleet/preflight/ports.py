@@ -39,12 +39,18 @@ class PortUse:
         return f"{self.transport} port {self.port} ({self.purpose})"
 
 
-def ports_of(scenario: Scenario) -> Iterator[PortUse]:
-    """All ports that the run listens on, or expects its autopilots to; autopilots that are called have none."""
+def ports_of(scenario: Scenario, *, repeats: bool = False) -> Iterator[PortUse]:
+    """All ports that the run listens on, or expects its autopilots to; autopilots that are called have none.
+
+    Args:
+        scenario: of the run.
+        repeats: it repeats a record, which has what ground stations sent: no modem is served.
+    """
     called = calls_standins(scenario)
     if scenario.ports.zenoh and has_bus(scenario):
         yield PortUse(scenario.ports.zenoh, "TCP", "Zenoh router", "ports.zenoh")
-    yield from _served(scenario)
+    if not repeats:
+        yield from _served(scenario)
     fdm_setting = "ports.fdm" if scenario.fdm.scheme == "json" else "ports.first_slot"
     for ua in scenario.ua:
         kind = scenario.autopilot_of(ua)
@@ -111,6 +117,8 @@ def _remedy(use: PortUse) -> str:
         return "free it, or choose another with --zenoh-port N (0: any) or ports.zenoh in the scenario"
     if use.setting.startswith("--"):
         return f"free it, or choose another with {use.setting} N (0: any)"
+    if use.setting.startswith("modems."):
+        return f"free it, or choose another in {use.setting} in the scenario (0: any)"
     return f"free it, or move all UA with --first-slot N, or change {use.setting} in the scenario"
 
 

@@ -19,8 +19,13 @@ def launchers_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launc
     return Launchers(scenario, os.environ, ardupilot_dir)
 
 
-def preflight(scenario: Scenario, ardupilot_dir: Path | None = None) -> None:
+def preflight(scenario: Scenario, ardupilot_dir: Path | None = None, *, repeats: bool = False) -> None:
     """See, before anything is started, that the run can start.
+
+    Args:
+        scenario: of the run.
+        ardupilot_dir: where real binaries are, if that was said.
+        repeats: it repeats a record.
 
     Raises:
         FleetError: if a port is taken, or an autopilot or a wind map is missing; the text says what to do.
@@ -35,6 +40,6 @@ def preflight(scenario: Scenario, ardupilot_dir: Path | None = None) -> None:
             launchers.of(ua).check(scenario, ua)
     except AutopilotError as error:
         raise FleetError(str(error)) from error
-    taken = conflicts(ports_of(scenario))
+    taken = conflicts(ports_of(scenario, repeats=repeats))
     if taken:
         raise FleetError("\n".join(taken))

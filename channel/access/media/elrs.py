@@ -22,7 +22,7 @@ from channel.access.elrs_modes import (
     ElrsMode,
 )
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirPacket, Loss, Reply
+from channel.access.packets import AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.stubborn import Fragment, StubbornReceiver, StubbornSender, are_whole
 from channel.access.timing import US
@@ -63,10 +63,11 @@ class ElrsSettings:
 
 @dataclass(slots=True, eq=False)
 class _Entered:
-    """A packet of which bytes are in chunks."""
+    """A packet of which bytes are in chunks; `frames` have carried them."""
 
     packet: AirPacket
     left_bytes: int
+    chunks: int = 0
     frames: int = 0
     is_lost: bool = False
 
@@ -180,16 +181,20 @@ class Elrs(AccessMedium):
         self._pairs[transmitter] = self._pairs[receiver] = pair
         return pair
 
+    def receivers_of(self, packet: AirPacket) -> tuple[int, ...]:
+        """The node that it is for; if it is for several, the peer, if it is one of them."""
+        if packet.to is not None:
+            return (packet.to,)
+        way = self._ways.get(packet.node)
+        return (way.peer,) if way is not None and packet.is_for(way.peer) else ()
+
     # What enters.
 
     def _enter(self, packet: AirPacket) -> None:
         way = self._ways.get(packet.node)
         if way is None or packet.to not in (None, way.peer):
-            super()._lost(packet, Loss.NO_PEER)
+            self._lost(packet, Loss.NO_PEER)
             return
-        for receiver in self.receivers_of(packet):
-            if receiver != way.peer:
-                self._book(packet, receiver, None, 0, Loss.NO_PEER)
         pair = self._pairs[packet.node]
         if way is pair.down and not pair.up.is_heard:
             self._lost(packet, Loss.OUTAGE)
@@ -199,12 +204,6 @@ class Elrs(AccessMedium):
     def _beside_bytes(self, node: int) -> int:
         rest = self._ways[node].rest
         return 0 if rest is None else rest.left_bytes
-
-    def _lost(self, packet: AirPacket, loss: Loss) -> None:
-        """Lost before it was on the air, for the peer; of others that is said as it enters."""
-        self._book(packet, self._ways[packet.node].peer, None, 0, loss)
-        if packet.to is not None:
-            self._tell(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))
 
     def _wake(self, node: int) -> None:
         way = self._ways[node]
@@ -223,6 +222,7 @@ class Elrs(AccessMedium):
                 entered = _Entered(packet, max(1, packet.length_bytes))
             taken = min(room_bytes, entered.left_bytes)
             entered.left_bytes -= taken
+            entered.chunks += 1
             room_bytes -= taken
             way.rest = entered if entered.left_bytes else None
             packets.append((entered, not entered.left_bytes))
@@ -340,7 +340,7 @@ class Elrs(AccessMedium):
         chunk.has_come = True
         for entered, ends in chunk.packets:
             if ends and not entered.is_lost:
-                self._book(entered.packet, way.peer, frame, entered.frames, None)
+                self._book(entered.packet, way.peer, frame, entered.frames, None, entered.chunks)
 
     def _drop(self, way: _Way, frame: AirFrame | None, loss: Loss) -> None:
         """All packets with bytes in the present chunk are lost, unless it came."""

@@ -150,15 +150,21 @@ class AccessMedium(ABC):
             self._lost(packet, Loss.EXPIRED)
 
     def _book(
-        self, packet: AirPacket, receiver: int, frame: AirFrame | None, attempts: int, loss: Loss | None
+        self,
+        packet: AirPacket,
+        receiver: int,
+        frame: AirFrame | None,
+        attempts: int,
+        loss: Loss | None,
+        parts: int = 1,
     ) -> None:
         """What became of a packet at a node, if it is for that; by the frame that decided, None if there was none."""
         if not packet.is_for(receiver):
             return
         now_ns = self.agenda.now_ns
         started_ns, ended_ns = (-1, -1) if frame is None else (frame.started_ns, frame.ended_ns)
-        fate = AirFate(packet, receiver, max(now_ns, ended_ns), started_ns, ended_ns, attempts, loss, frame)
-        self._tell(fate)
+        at_ns = max(now_ns, ended_ns)
+        self._tell(AirFate(packet, receiver, at_ns, started_ns, ended_ns, attempts, loss, frame, parts=parts))
 
     def _tell(self, outcome: Outcome) -> None:
         if self._listener is None:

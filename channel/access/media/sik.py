@@ -1,4 +1,7 @@
-"""SiK telemetry radios (3DR, Holybro, RFD900): pairs that share the time in windows, hopping over channels.
+"""SiK telemetry radios (3DR, Holybro, RFD900): two that share the time in windows, hopping over channels.
+
+More than two may have one NETID, for which the firmware is not made: each takes any packet of its NETID as its peer's,
+so those that have heard the same one have their windows at the same time, and disturb each other in them.
 
 Source: ArduPilot/SiK 2.2, `Firmware/radio/tdm.c`, `packet.c`, `freq_hopping.c`.
 """
@@ -23,12 +26,15 @@ from channel.access.media.sik_timing import (
 from channel.access.packets import AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, World
+from channel.access.world import AirFrame, Metering, World
 from channel.draws import Draws
 
 HOST_BUFFER = QueueLimits(0, 1850)
 """Bytes from the host that wait in a radio (Si1000)."""
 MAX_CHANNELS = 50
+DEFAULT_NETID = 25
+LEAST_RADIOS = 2
+"""That can talk to each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +53,11 @@ class SikSettings:
         tick_ns: how long a tick is: `REAL_TICK_NS`, or `NOMINAL_TICK_NS`, by which the firmware reckons.
         takes_estimate: whether a receiver takes the window in a trailer as it is, which the sender has shortened by too
             long an estimate of the packet's flight, so that windows open early; else what the sender really has left.
-        locked: whether the radios of a pair have found each other before instant 0.
-        pairs: who talks to whom; None: the nodes in their order, two by two.
-        netids: of the pairs; None: 25 (the default of the firmware), 26 and so on.
-        phases: (node, ticks since the start of its round at instant 0); others are drawn. The second of a locked pair
-            follows the first.
+        locked: whether the radios of a NETID have found each other before instant 0.
+        networks: the nodes of each NETID, two or more; None: the nodes in their order, two by two.
+        netids: of these networks; None: 25 (the default of the firmware), 26 and so on.
+        phases: (node, ticks since the start of its round at instant 0); others are drawn. Of a locked network all
+            follow the first.
     """
 
     air_kbps: int = 64
@@ -65,7 +71,7 @@ class SikSettings:
     tick_ns: int = REAL_TICK_NS
     takes_estimate: bool = False
     locked: bool = True
-    pairs: tuple[tuple[int, int], ...] | None = None
+    networks: tuple[tuple[int, ...], ...] | None = None
     netids: tuple[int, ...] | None = None
     phases: tuple[tuple[int, int], ...] = ()
 
@@ -85,7 +91,7 @@ class SikSettings:
 
 
 class Sik(AccessMedium):
-    """Pairs of SiK radios; what is for all goes to the peer.
+    """SiK radios of one or several NETIDs; what is for all goes to all others of the sender's NETID.
 
     Args:
         world: nodes, powers, delays; a frame's length is what errors can hit, before it is coded.
@@ -95,7 +101,7 @@ class Sik(AccessMedium):
         hearing: how receivers hear; radios that listen before they talk sense its `energy_mw`.
 
     Raises:
-        ValueError: pairs that do not fit the nodes, or settings that radios do not have.
+        ValueError: networks that do not fit the nodes, or settings that radios do not have.
     """
 
     air: Air
@@ -111,38 +117,39 @@ class Sik(AccessMedium):
     ) -> None:
         super().__init__(world, limits, limits.length_bytes or 1 << 31)
         self._draws = Draws(seed)
+        self._meter = world if isinstance(world, Metering) else None
         self.settings = settings or SikSettings()
         self.timing = self.settings.timing()
         self.air = Air(self.agenda, world, hearing or Hearing(), self._passed)
-        self._peers: dict[int, int] = {}
+        self._others: dict[int, tuple[int, ...]] = {}
+        """Of each node on a NETID: the other nodes on it."""
         self._radios: dict[int, SikRadio] = {}
-        self._bursts: dict[AirFrame, Burst] = {}
-        pairs, netids = self._networks()
-        for pair, netid in zip(pairs, netids, strict=True):
-            self._pair(pair, netid)
+        self._bursts: dict[AirFrame, tuple[Burst, set[int]]] = {}
+        """What is on the air, and whom of the sender's NETID it has not passed."""
+        for netid, nodes in self._networks().items():
+            self._join(nodes, netid)
         ears: dict[int, Ear] = {node: self._radios.get(node, DeafEar()) for node in sorted(world.nodes)}
         for node, receiver in self.air.join(ears).items():
             if node in self._radios:
                 self._radios[node].begin(receiver)
 
     def receivers_of(self, packet: AirPacket) -> tuple[int, ...]:
-        """The node that it is for; if it is for several, the peer, if that is one of them."""
+        """The node that it is for; if it is for several, those of them that have the sender's NETID."""
         if packet.to is not None:
             return (packet.to,)
-        peer = self._peers.get(packet.node)
-        return () if peer is None or not packet.is_for(peer) else (peer,)
+        return tuple(node for node in self._others.get(packet.node, ()) if packet.is_for(node))
 
     def until_window_ns(self, node: int) -> int:
         """How long until a node's own window opens, at the instant that `run` came to; 0: it is open."""
         return self._radios[node].until_window_ns()
 
     def is_locked(self, node: int) -> bool:
-        """Whether a node's radio has found its peer."""
+        """Whether a node's radio has found another of its NETID."""
         return self._radios[node].hopping.locked
 
     def transmit(self, radio: SikRadio, burst: Burst, frame: AirFrame) -> None:
         """Put a radio's packet on the air."""
-        self._bursts[frame] = burst
+        self._bursts[frame] = burst, set(self._others[frame.node])
         self.air.transmit(frame, partial(self._free, radio))
 
     def _free(self, radio: SikRadio) -> None:
@@ -157,53 +164,65 @@ class Sik(AccessMedium):
         """The packet that would leave a node's queue next."""
         return self._first(node)
 
-    def _networks(self) -> tuple[Sequence[tuple[int, int]], Sequence[int]]:
-        nodes = sorted(self.world.nodes)
-        pairs = self.settings.pairs
-        if pairs is None:
-            pairs = tuple(zip(nodes[::2], nodes[1::2], strict=False))
-        members = [node for pair in pairs for node in pair]
-        if len(set(members)) < len(members) or not set(members) <= set(nodes):
-            raise ValueError(f"pairs {pairs}: each of the nodes {nodes} at most once, and no others")
-        netids = self.settings.netids or tuple(range(25, 25 + len(pairs)))
-        if len(netids) != len(pairs):
-            raise ValueError(f"{len(netids)} NETIDs for {len(pairs)} pairs")
-        if len(set(netids)) < len(netids):
-            raise ValueError(f"NETIDs {netids}: one of its own for each pair")
-        return pairs, netids
+    def samples_noise(self, node: int) -> None:
+        """A radio that might transmit measures the noise, as the firmware does before each packet."""
+        if self._meter is not None:
+            self._meter.samples_noise(node, self.agenda.now_ns, self.air.receiver(node).energy_mw())
 
-    def _pair(self, pair: tuple[int, int], netid: int) -> None:
-        """Both radios of a network; locked ones are half a round apart, on the same channel in their windows."""
-        first, second = pair
+    def heard_nobody(self, node: int) -> None:
+        """A radio has had no packet since it last looked."""
+        if self._meter is not None:
+            self._meter.heard_nobody(node)
+
+    def _networks(self) -> dict[int, Sequence[int]]:
+        """The nodes of each NETID."""
+        nodes = sorted(self.world.nodes)
+        networks = self.settings.networks
+        if networks is None:
+            networks = tuple(zip(nodes[::2], nodes[1::2], strict=False))
+        members = [node for network in networks for node in network]
+        if len(set(members)) < len(members) or not set(members) <= set(nodes):
+            raise ValueError(f"networks {networks}: each of the nodes {nodes} at most once, and no others")
+        if any(len(network) < LEAST_RADIOS for network in networks):
+            raise ValueError(f"networks {networks}: {LEAST_RADIOS} or more nodes in each")
+        netids = self.settings.netids or tuple(range(DEFAULT_NETID, DEFAULT_NETID + len(networks)))
+        if len(netids) != len(networks):
+            raise ValueError(f"{len(netids)} NETIDs for {len(networks)} networks")
+        if len(set(netids)) < len(netids):
+            raise ValueError(f"NETIDs {netids}: one of its own for each network")
+        return dict(zip(netids, networks, strict=True))
+
+    def _join(self, nodes: Sequence[int], netid: int) -> None:
+        """All radios of a NETID; locked ones are half a round behind the first, on its channel in its window."""
         order, timing, set_to = (
             hop_order(netid, self.settings.channels),
             self.timing,
             dict(self.settings.phases),
         )
-        self._peers[first], self._peers[second] = second, first
-        radios = []
-        for node in pair:
+        first: tuple[int, int, int] | None = None
+        for node in nodes:
             words = WordStream(self._draws, str(node), "sik")
             phase, hop, sub_ns = (words.below(n) for n in (timing.round, len(order), self.settings.tick_ns))
-            radios.append((words, set_to.get(node, phase) % timing.round, hop, sub_ns))
-        if self.settings.locked:
-            _, phase, hop, sub_ns = radios[0]
-            phase = (phase + timing.round // 2) % timing.round
-            is_ahead = phase < timing.round // 2
-            radios[1] = (radios[1][0], phase, hop + (1 if is_ahead else -1), sub_ns)
-        for node, (words, phase, hop, sub_ns) in zip(pair, radios, strict=True):
+            phase = set_to.get(node, phase) % timing.round
+            if first is None:
+                first = phase, hop, sub_ns
+            elif self.settings.locked:
+                phase, hop = (first[0] + timing.round // 2) % timing.round, first[1]
+                hop += 1 if phase < timing.round // 2 else -1
+                sub_ns = first[2] if len(nodes) == LEAST_RADIOS else sub_ns
+            self._others[node] = tuple(other for other in sorted(nodes) if other != node)
             self._radios[node] = SikRadio(
-                self, node, self._peers[node], words, order, phase=phase, hop=hop, sub_ns=sub_ns
+                self, node, self._others[node], words, order, phase=phase, hop=hop, sub_ns=sub_ns
             )
 
     def _wake(self, node: int) -> None:
         self._radios[node].wake()
 
     def _enter(self, packet: AirPacket) -> None:
-        peer = self._peers.get(packet.node)
-        if packet.to is not None and packet.to != peer:
+        others = self._others.get(packet.node, ())
+        if packet.to is not None and packet.to not in others:
             self._lost(packet, Loss.NO_PEER)
-        elif peer is not None:
+        elif others:
             super()._enter(packet)
 
     def _beside_bytes(self, node: int) -> int:
@@ -211,13 +230,14 @@ class Sik(AccessMedium):
 
     def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:
         """A frame has passed a node."""
-        if receiver != self._peers.get(frame.node):
+        if receiver not in self._others[frame.node]:
             return
-        burst = self._bursts.pop(frame)
+        burst, left = self._bursts[frame]
+        left.discard(receiver)
+        if not left:
+            del self._bursts[frame]
         if loss is None:
             self._radios[receiver].heard_peer(burst.trailer)
         for passage, length_bytes in burst.parts:
-            passage.missing_bytes -= length_bytes
-            if not passage.is_lost and (loss is not None or not passage.missing_bytes):
-                passage.is_lost = loss is not None
-                self._book(passage.packet, receiver, frame, passage.frames, loss)
+            if passage.passes(receiver, length_bytes, is_lost=loss is not None):
+                self._book(passage.packet, receiver, frame, passage.frames, loss, passage.frames)

@@ -6,6 +6,7 @@ each at the next tick at which something can change.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from channel.access.agenda import ACTS, Agenda, Entry
@@ -38,7 +39,7 @@ class SikRadio:
     Args:
         medium: it is on.
         node: whose it is.
-        peer: whom it talks to.
+        others: the other radios of its NETID: it takes each for its peer.
         words: of its own draws.
         order: of its network's channels.
         phase: ticks since the start of its round at instant 0.
@@ -55,11 +56,13 @@ class SikRadio:
         "_average_duty",
         "_duty_wait",
         "_epoch_ns",
+        "_first_look",
         "_frames",
         "_heard_since_look",
         "_looks_without",
         "_medium",
-        "_peer",
+        "_notices_ns",
+        "_others",
         "_pending",
         "_quiet_since",
         "_receiver",
@@ -81,7 +84,7 @@ class SikRadio:
         self,
         medium: Sik,
         node: int,
-        peer: int,
+        others: Collection[int],
         words: WordStream,
         order: tuple[int, ...],
         *,
@@ -89,10 +92,14 @@ class SikRadio:
         hop: int,
         sub_ns: int,
     ) -> None:
-        self._medium, self.node, self._peer, self._words = medium, node, peer, words
+        self._medium, self.node, self._others, self._words = medium, node, others, words
         self._agenda: Agenda = medium.agenda
         self._settings, self._timing = medium.settings, medium.timing
         self._epoch_ns, self._tick = -sub_ns, 0
+        # Windows of two take turns: when each notices the other, or looks, makes no odds, and is as simple as may be.
+        is_pair = len(others) == 1
+        self._notices_ns = 0 if is_pair else self._timing.sync_ns
+        self._first_look = LINK_TICKS if is_pair else LINK_TICKS - words.below(LINK_TICKS)
         self._tdm = Tdm(self._timing, phase, self._turned)
         self.hopping = Hopping(order, hop + (self._tdm.state is not OWN), locked=self._settings.locked)
         self.stream = ByteStream(
@@ -112,7 +119,8 @@ class SikRadio:
         """Switch on, at instant 0."""
         self._receiver = receiver
         receiver.channel = self.hopping.listens_on
-        self._agenda.at(self._instant_ns(LINK_TICKS), ACTS, self.node, self._look, LINK_TICKS)
+        tick = self._first_look
+        self._agenda.at(self._instant_ns(tick), ACTS, self.node, self._look, tick)
         self._agenda.at(0, ACTS, self.node, self.wake)
 
     def until_window_ns(self) -> int:
@@ -150,6 +158,8 @@ class SikRadio:
         """Twice a second: is the link alive?"""
         self._looks_without = 0 if self._heard_since_look else self._looks_without + 1
         self._heard_since_look, self._sends_statistics = False, True
+        if self._looks_without:
+            self._medium.heard_nobody(self.node)
         if self._looks_without > LOOKS_TO_LOSE_LOCK:
             self._looks_without = LOOKS_AFTER_LOSS
             if not self._transmits:
@@ -199,12 +209,15 @@ class SikRadio:
         if self._is_receiving():
             tdm.wait = self._timing.latency
             return tdm.wait
+        self._medium.samples_noise(self.node)
         return NEVER if self._duty_wait else 0
 
     def _is_receiving(self) -> bool:
         """Whether a packet comes in; one of another network is dropped at its NETID, unless that is coded."""
         frame = self._receiver.follows
-        return frame is not None and (self._settings.ecc or frame.node == self._peer)
+        if frame is None or self._agenda.now_ns < frame.started_ns + self._notices_ns:
+            return False
+        return self._settings.ecc or frame.node in self._others
 
     def _short_of_room(self) -> int:
         """Ticks before a packet fits in the window; 0: it does; `NEVER`: none does any more."""
@@ -263,7 +276,7 @@ class SikRadio:
     # Hearing.
 
     def heard_peer(self, trailer: Trailer) -> None:
-        """The other radio's packet came."""
+        """A packet of its NETID came: whoever sent it is the peer."""
         self._catch_up()
         self._heard_since_look = True
         self.hopping.found()
@@ -288,8 +301,8 @@ class SikRadio:
             self._wake_soon()
 
     def is_done(self) -> bool:
-        """Never: it follows its peer."""
+        """Never: it follows its peers."""
         return False
 
     def heard(self, frame: AirFrame) -> None:
-        """The medium says it to the peer alone; radios drop packets of another NETID."""
+        """The medium says it to radios of its NETID alone; others drop the packet."""

@@ -10,6 +10,8 @@ from channel.access.packets import AirPacket
 SERIAL_BYTE_TICKS: Final = 10
 """What the firmware takes a byte of the host for, at SERIAL_SPEED 57: 65536 // (57 * 125) + 1."""
 
+LOST: Final = -1
+
 
 class Passage:
     """A packet of the host on its way.
@@ -17,17 +19,26 @@ class Passage:
     Attributes:
         packet: which.
         unsent_bytes: not yet put on the air.
-        missing_bytes: not yet arrived.
         frames: that had a part of it.
-        is_lost: whether one of them was lost.
     """
 
-    __slots__ = ("frames", "is_lost", "missing_bytes", "packet", "unsent_bytes")
+    __slots__ = ("_length_bytes", "_missing_bytes", "frames", "packet", "unsent_bytes")
 
     def __init__(self, packet: AirPacket) -> None:
         self.packet = packet
-        self.unsent_bytes = self.missing_bytes = max(1, packet.length_bytes)
-        self.frames, self.is_lost = 0, False
+        self.unsent_bytes = self._length_bytes = max(1, packet.length_bytes)
+        self._missing_bytes: dict[int, int] = {}
+        """By receiver that a part has passed: what has not arrived there, or `LOST`."""
+        self.frames = 0
+
+    def passes(self, receiver: int, length_bytes: int, *, is_lost: bool) -> bool:
+        """A part of it has passed a receiver; whether that decides what becomes of it there."""
+        missing_bytes = self._missing_bytes.get(receiver, self._length_bytes)
+        if missing_bytes == LOST:
+            return False
+        missing_bytes -= length_bytes
+        self._missing_bytes[receiver] = LOST if is_lost else missing_bytes
+        return is_lost or not missing_bytes
 
 
 class Cut(NamedTuple):

@@ -102,6 +102,11 @@ class SikTiming:
             return _GOLAY_HEADER_BYTES + -(-payload_bytes // 3) * 3
         return _SYNC_BYTES + _NETID_BYTES + _LENGTH_BYTES + payload_bytes + _CRC_BYTES
 
+    @property
+    def sync_ns(self) -> int:
+        """From the start of a frame until a receiver knows of it: all before the NETID."""
+        return (_PREAMBLE_BYTES + _SYNC_BYTES) * 8_000_000 // self.air_kbps
+
     def frame_ns(self, data_bytes: int) -> int:
         """How long a frame is on the air."""
         return self.frame_bytes(data_bytes) * 8_000_000 // self.air_kbps

@@ -89,7 +89,7 @@ def refly(
     silent = quiet or as_json
     try:
         planned = plan(run, {k: v for k, v in changes.items() if v is not None})
-        preflight(planned.scenario, ardupilot_dir or planned.ardupilot_dir)
+        preflight(planned.scenario, ardupilot_dir or planned.ardupilot_dir, repeats=True)
         directory = RunDirectory.create(out, planned.scenario.name)
     except (ValueError, OSError, FleetError) as error:
         fail(error)

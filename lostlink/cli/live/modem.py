@@ -20,14 +20,17 @@ if TYPE_CHECKING:
 
 PROGRESS_S = 5.0
 FAILED = 1
-OF_A_RUN = ("radio", "settings", "distance", "distances", "heights", "seed")
-"""Options that a recorded run has in itself."""
 
 
 @click.command(short_help="Put a lossy radio link between a ground station and an autopilot.")
 @click.option("--gcs", required=True, metavar="ENDPOINT", help="Where the ground station is.")
 @click.option("--autopilot", required=True, metavar="ENDPOINT", help="Where the autopilot is.")
-@click.option("--radio", metavar="NAME|FILE", help="Of both ends; lostlink radios lists them. [sik-433]")
+@click.option(
+    "--radio",
+    metavar="NAME|FILE",
+    help="Of both ends; lostlink radios lists them. [sik-433] With --run: one of its radio networks; that where the "
+    "nodes have modems unless given, else main.",
+)
 @click.option(
     "--set",
     "settings",
@@ -57,7 +60,7 @@ OF_A_RUN = ("radio", "settings", "distance", "distances", "heights", "seed")
 @click.option(
     "--nodes",
     metavar="A,B",
-    help="With --run: ids, that of the ground station first; the first two unless given.",
+    help="With --run: ids, that of the ground station first; unless given the first two, of those with modems.",
 )
 @click.option("--seed", type=int, help="Of all that is drawn. [1]")
 @click.option(
@@ -131,12 +134,13 @@ def _planned(
         raise click.UsageError("--nodes are those of a recorded run: it needs --run")
     if "distance" in given and "distances" in given:
         raise click.UsageError("--distance and --distances: choose one")
+    network = given.pop("radio", None) if run is not None else None
     if run is not None and given:
         named = ", ".join(f"--{'set' if key == 'settings' else key}" for key in given)
         raise click.UsageError(f"{named}: the recorded run of --run has its own")
     try:
         if run is not None:
-            plan = plan_of_run(run, nodes.split(",") if nodes else None, baud)
+            plan = plan_of_run(run, nodes.split(",") if nodes else None, baud, network)
         else:
             names = {"distance": "distance_m", "heights": "heights_m"}
             plan = plan_of(Asked(**{names.get(key, key): value for key, value in given.items()}, baud=baud))

@@ -59,7 +59,7 @@ def redecide(
     """
     from channel.checks import ChannelInputError
     from channel.validity import OutsideValidityError
-    from lostlink.flight.verdict import RunOutcome
+    from lostlink.flight.exits import RunOutcome
     from lostlink.redecision.redecide import decide
     from lostlink.redecision.told import plain_of, verdict_on
     from lostlink.redecision.whole_run import write_whole_run

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from lostlink.flight.verdict import RunOutcome
+from lostlink.flight.exits import RunOutcome
 from lostlink.reading.air import BUSY_NS, NS_PER_S
 from lostlink.reading.capacity import rate_text
 from lostlink.report.page.words import NOTHING, count, num, share

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import http.client
 import json
+import socket
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -406,9 +407,14 @@ async def test_without_a_token_no_links_beyond_this_machine_are_opened(call, dae
         assert (await guarded("POST", "/links", wish, Authorization=f"Bearer {TOKEN}"))[0] == 201
 
 
-async def test_links_that_cannot_be_opened_for_good_end_alone(call, daemon, eventually):
-    await daemon.open(f"tcp:{'a' * 70}.example:5760")
-    await eventually(lambda: not daemon.opened)
+async def test_links_that_cannot_be_opened_for_good_end_alone(call, daemon, eventually, monkeypatch):
+    def refused(*_: object, **__: object) -> None:
+        raise UnicodeError("a resolver that chokes on the name")
+
+    with monkeypatch.context() as fault:
+        fault.setattr(socket, "getaddrinfo", refused)
+        await daemon.open("tcp:chokes.example:5760")
+        await eventually(lambda: not daemon.opened)
     assert daemon.failure is None
     assert (await call("GET", "/state"))[0] == 200
 

@@ -19,7 +19,7 @@ from click.testing import CliRunner
 
 from bridge.bus.identity.keyring import Keyring
 from bridge.bus.identity.roster import roster
-from bridge.bus.messages import Header
+from bridge.bus.messages import Clock, Header
 from bridge.bus.session import Session, free_port, open_router
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
@@ -276,15 +276,40 @@ def test_ctrl_c_in_a_terminal_reaches_the_program_once(attach: Attach) -> None:
     os.close(theirs)
 
 
+BESIDE = 'sleep 1000 & setsid sleep 1000 & exec "$@"'
+"""A program with two processes in the background: one of its session, and one of its own."""
+
+
 @needs_namespace
-def test_a_killed_attach_takes_its_program_along(attach: Attach) -> None:
-    attached = attach("0", "--", *waits())
+def test_a_killed_attach_takes_its_program_along_and_what_that_started(attach: Attach) -> None:
+    attached = attach("0", "--", "sh", "-c", BESIDE, "sh", *waits())
     assert first_line(attached) == "here"
     below = psutil.Process(attached.pid).children(recursive=True)
-    assert below
+    assert [each.name() for each in below].count("sleep") == 2
     attached.kill()
     assert not psutil.wait_procs(below, timeout=WAIT_S)[1]
     assert ended(attach("0", "--", "true"))[0] == 0
+
+
+ORPHANS = 'for each in 1 2 3 4 5 6 7 8; do (true &); done; exec "$@"'
+
+
+@needs_namespace
+def test_what_ends_and_has_no_parent_is_reaped_while_the_program_runs(attach: Attach) -> None:
+    attached = attach("0", "--", "sh", "-c", ORPHANS, "sh", *waits())
+    assert first_line(attached) == "here"
+    below = psutil.Process(attached.pid).children(recursive=True)
+    orphans = [each for each in below if each.status() == psutil.STATUS_ZOMBIE or each.name() == "sh"]
+    assert not psutil.wait_procs(orphans, timeout=WAIT_S)[1]
+    assert attached.poll() is None
+
+
+@needs_namespace
+def test_the_program_sees_its_own_processes_alone(attach: Attach) -> None:
+    code = "import os; print(os.getpid() == int(os.readlink('/proc/self')), os.getppid())"
+    code += "; print(sorted(int(each) for each in os.listdir('/proc') if each.isdigit()))"
+    _, out, err = ended(attach("0", "--", sys.executable, "-I", "-c", code))
+    assert out.splitlines() == ["True 1", "[1, 2]"], err
 
 
 @needs_namespace
@@ -303,6 +328,29 @@ def test_the_end_of_the_run_ends_the_program_with_a_word(says: bool, run: Standi
     status, _, err = ended(attached)
     assert status == 143
     assert err.count("lostlink: the run is over: ends the program\n") == 1
+
+
+@needs_namespace
+@pytest.mark.parametrize("is_held", [True, False])
+def test_a_run_that_stands_is_slow_unless_an_operator_holds_it(
+    is_held: bool, run: Standing, attach: Attach
+) -> None:
+    keys, router = run.directory.keys, run.router
+    attached = attach("0", "--", "sh", "-c", "while true; do echo here; sleep 0.05; done")
+    wanted = [router.interest(key) for key in (keys.clock, keys.clock_pace, keys.clock_end)]
+    until = monotonic() + WAIT_S
+    while not all(each() for each in wanted) and monotonic() < until:
+        first_line(attached)
+    router.put(keys.clock, Clock(Header.at(0, "")))
+    if is_held:
+        router.put(keys.clock_pace, Clock(Header.at(0, ""), paused=True))
+    for _ in range(3):
+        first_line(attached)
+    router.put(keys.clock, Clock(Header.at(1, "")))
+    router.put(keys.clock_end, Header.at(1, ""))
+    status, _, err = ended(attached)
+    assert status == 143
+    assert ("times the speed that was asked for" not in err) == is_held, err
 
 
 WITHOUT_RIGHTS = (

@@ -33,6 +33,7 @@ class Bench:
     forwarder: Forwarder
     entered: asyncio.Queue[tuple[str, bytes]] = field(default_factory=asyncio.Queue)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
+    link: IpLink = field(init=False)
 
     def tick(self, tick_ns: int, speed: float = 1.0) -> None:
         self.router.put(KEYS.clock, Clock(Header.at(tick_ns, ""), speed))
@@ -71,6 +72,7 @@ async def bench() -> AsyncIterator[Bench]:
         wanted = router.interest(KEYS.clock_end)
         link = IpLink(client, KEYS, "0", "main", forwarder, ours.fileno(), bench.ended.set)
         link.open()
+        bench.link = link
         async with asyncio.timeout(WAIT_S):
             while not wanted():  # noqa: ASYNC110
                 await asyncio.sleep(0.01)
@@ -116,6 +118,21 @@ async def test_packets_of_others_do_not_come(bench: Bench) -> None:
     bench.delivers(mine)
     assert (await bench.comes())[0] == mine
     assert bench.forwarder.dropped == {Dropped.IPV6: 1}
+
+
+async def test_while_an_operator_holds_the_clock_the_run_is_not_slow(bench: Bench) -> None:
+    bench.tick(0)
+    bench.router.put(KEYS.clock_pace, Clock(Header.at(0, ""), 1.0, 0.0, paused=True))
+    bench.tick(0)  # no sim time in some wall time: too slow, were it not held
+    bench.delivers(ip_packet("10.42.0.1"))
+    await bench.comes()
+    assert bench.link.clock.warning == ""
+    bench.router.put(KEYS.clock_pace, Clock(Header.at(0, ""), 1.0))
+    for _ in range(2):
+        bench.tick(0)
+    bench.delivers(ip_packet("10.42.0.1"))
+    await bench.comes()
+    assert bench.link.clock.warning
 
 
 async def test_the_end_of_the_run_is_told(bench: Bench) -> None:

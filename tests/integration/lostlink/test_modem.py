@@ -263,6 +263,8 @@ def refused(*words: str) -> tuple[int, str]:
         (["--gcs", "pty", "--autopilot", "pty", "--nodes", "0,1"], "needs --run"),
         (["--gcs", "pty", "--autopilot", "pty", "--run", "x", "--seed", "3"], "--seed: the recorded run"),
         (["--gcs", "pty", "--autopilot", "pty", "--run", "nowhere"], "nowhere is not the directory of a run"),
+        (["--gcs", "tcpin:a..b:5760", "--autopilot", "pty"], "'a..b' is not the name of a host"),
+        (["--gcs", "pty", "--autopilot", "tcp:a..b:5760"], "'a..b' is not the name of a host"),
         (["--gcs", "pty", "--autopilot", "pty", "--duration", "0"], "--duration 0: above 0"),
         (["--gcs", "pty", "--autopilot", "pty", "--duration", "nan"], "--duration nan: above 0"),
         (["--gcs", "pty", "--autopilot", "pty", "--distance", "1e200"], "a distance of 1e+200 m: from 0 to"),

@@ -40,7 +40,7 @@ def test_commands_of_the_page(tmp_path: Path, free_slot: Callable[[int], int]) -
     for kind, name, text in BLOCKS:
         if kind != "sh":
             (tmp_path / name).write_text(text.replace("5790", port), encoding="utf-8")
-    assert [shlex.split(command)[1] for command in COMMANDS] == ["check", "run", "run", "refly"]
+    assert [shlex.split(command)[1] for command in COMMANDS] == ["check", "run", "check", "run", "refly"]
     for number, command in enumerate(COMMANDS):
         _, verb, *words = shlex.split(command)
         if verb != "check":
@@ -52,6 +52,8 @@ def test_commands_of_the_page(tmp_path: Path, free_slot: Callable[[int], int]) -
         station = started(tmp_path, "station.py") if is_live else None
         told, _ = process.communicate(timeout=250)
         assert process.returncode == 0, told
+        if "netid.yaml" in words:
+            assert "NETID 25: gcs, 0, 1, 2" in told
         if station is not None:
             heard, _ = station.communicate(timeout=60)
             assert "ATTITUDE {" in heard, heard

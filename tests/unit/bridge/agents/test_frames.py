@@ -100,6 +100,7 @@ def test_others_are_not_in_latest_before_their_first_fix(ua: UaClient) -> None:
     assert ("0" in latest, len(latest), list(latest.raw), ua.malformed) == (False, 0, ["0"], 0)
     latest.take("0", encode(DataPackage(state=FIX)))
     assert latest["0"].state.position_ned_m.z == -30.0
+    assert latest[0] is latest["0"]  # as scenarios write ids
 
 
 def test_a_measurement_has_its_place_in_the_fleets_frame(ua: UaClient) -> None:

@@ -39,13 +39,15 @@ def test_packets_go_to_a_radio_by_name_and_are_numbered_together() -> None:
         ua.transmit("video", b"x", radio="mesh"),
         ua.transmit("video", b"x", radio="mesh", to="1"),
         ua.transmit("team", b"x", to="gcs"),
+        ua.transmit("team", b"x", to=1),  # as scenarios write ids
     ]
-    assert numbers == [0, 1, 2, 3]
+    assert numbers == [0, 1, 2, 3, 4]
     assert outlet.sent == [
         ("all", "team", 0, "main"),
         ("all", "video", 1, "mesh"),
         ("1", "video", 2, "mesh"),
         ("gcs", "team", 3, "main"),
+        ("1", "team", 4, "main"),
     ]
 
 
@@ -117,6 +119,23 @@ def test_packets_from_outside_have_numbers_of_the_node_and_are_no_business_of_it
     ua.is_over = True
     ua.enter(channel="ip", payload=b"E", to="1", radio="mesh")
     assert ua.sent == len(outlet.sent) == 3
+
+
+def test_however_many_packets_from_outside_wait_their_agent_hears_of_none() -> None:
+    """A node takes 2000 packets from outside a tick, and a queue may hold them for many ticks."""
+    ua, heard = client(Outlet()), []
+    radio = ua.radios["mesh"]
+    radio.on_reply(heard.append)
+    own = []
+    for tick in range(10):
+        own.append(ua.transmit("team", b"x", to="1", radio="mesh"))
+        for _ in range(2000):
+            ua.enter(channel="ip", payload=b"E", to="1", radio="mesh")
+        if tick % 2:
+            own.append(ua.transmit("team", b"x", to="1", radio="mesh"))
+    radio.take(None, [UnicastReply(seq, True, 1, 90) for seq in range(ua.sent)])
+    assert ua.sent == 10 * 2001 + 5
+    assert [reply.seq for reply in heard] == own
 
 
 def test_who_does_not_ask_for_ip_gets_none() -> None:

@@ -75,6 +75,19 @@ def test_a_unit_of_several_packets_is_lost_where_one_of_them_is() -> None:
         assert 60 * 0.7**4 / 3 < len(whole) < 60 * 0.7**2
 
 
+@pytest.mark.parametrize(("parts", "bytes_out"), [(1, 40), (2, 140), (4, 190), (5, 200)])
+def test_the_last_piece_of_a_unit_needs_room_however_often_it_was_tried(parts: int, bytes_out: int) -> None:
+    """Of 200 bytes 200 / parts come last, and find room for 40: the pieces before have left by then."""
+    settings = ModemSettings(9600, to_host_bytes=40)
+    modems = {node: Modem(settings, RadioMeter(), lambda: 0) for node in (0, 1)}
+    network = ModemNetwork(modems, lambda node, data, now_ns: OnAir(0, (1,)))
+    modems[0].receive(frame_of(200, 0), 0)
+    network.step(S, ())
+    packet = AirPacket(0, 0, 1, 200, S)
+    network.step(2 * S, [AirFate(packet, 1, 2 * S, S, 2 * S, attempts=90, loss=None, parts=parts)])
+    assert modems[1].counts.bytes_out == bytes_out
+
+
 @pytest.mark.parametrize(
     ("medium", "transmitters"),
     [

@@ -296,24 +296,31 @@ def test_pairs_do_not_disturb_each_other() -> None:
 
 
 def test_who_is_not_the_peer_hears_nothing() -> None:
-    """Pairs as set; a broadcast comes to the peer alone, a unicast to another is refused at once."""
+    """Pairs as set; a broadcast is for the peer alone, as with SiK; a unicast to another is refused at once."""
     medium = Elrs(PlainWorld(range(5)), ElrsSettings(pairs=((3, 0), (1, 2))))
     for number, to in enumerate((None, 0, 1)):
         medium.offer(AirPacket(3, number, to, 10, MS))
     medium.offer(AirPacket(4, 0, None, 10, MS))
     outcomes = medium.run(S)
     seen = {(fate.packet.node, fate.packet.number, fate.receiver): fate.loss for fate in fates(outcomes)}
-    lost = Loss.NO_PEER
-    assert seen == {
-        (3, 0, 0): None,
-        (3, 0, 1): lost,
-        (3, 0, 2): lost,
-        (3, 0, 4): lost,
-        (3, 1, 0): None,
-        (3, 2, 1): lost,
-        **{(4, 0, other): lost for other in range(4)},
-    }
+    assert seen == {(3, 0, 0): None, (3, 1, 0): None, (3, 2, 1): Loss.NO_PEER}
+    groups = [
+        AirPacket(3, 9, None, 10, S, members=members) for members in (frozenset({0, 1}), frozenset({1}))
+    ]
+    assert [medium.receivers_of(packet) for packet in groups] == [(0,), ()]
     assert [reply.packet.number for reply in outcomes if isinstance(reply, Reply)] == [2]
+
+
+def test_a_packet_comes_in_as_many_pieces_as_it_has_chunks_however_often_they_are_tried() -> None:
+    """130 bytes alone are 62, 62 and 6 of three chunks."""
+    for loss in (0.0, 0.4):
+        medium = Elrs(PlainWorld((0, 1), loss=loss))
+        for number in range(20):
+            medium.offer(AirPacket(0, number, 1, 130, number * 10 * S))
+        came = [one for one in fates(medium.run(200 * S)) if one.loss is None]
+        assert len(came) > 10
+        assert {one.parts for one in came} == {3}
+        assert max(one.attempts for one in came) > (30 if loss else 3)
 
 
 def test_a_way_that_is_longer_than_the_rest_of_a_slot_is_too_long() -> None:

@@ -251,7 +251,7 @@ def test_a_newer_packet_replaces_the_older_one_in_a_full_buffer() -> None:
 
 def test_it_talks_to_its_peer_alone() -> None:
     """What is for all goes to the peer; what is for another node is lost, and a node alone talks to nobody."""
-    medium = Sik(PlainWorld(range(5)), SikSettings(pairs=((0, 3), (1, 2))))
+    medium = Sik(PlainWorld(range(5)), SikSettings(networks=((0, 3), (1, 2))))
     for number, (node, to) in enumerate([(0, None), (0, 3), (0, 1), (4, None), (4, 0), (2, 1)]):
         medium.offer(AirPacket(node, number, to, 30, 0))
     found = {(one.packet.number, one.receiver): one.loss for one in fates(medium.run(5 * S))}
@@ -350,10 +350,10 @@ def test_mistakes_are_said() -> None:
     with pytest.raises(ValueError, match="air rate 57 kb/s: one of 2, 4, 8"):
         Sik(PlainWorld((0, 1)), SikSettings(57))
     with pytest.raises(ValueError, match="at most once"):
-        Sik(PlainWorld((0, 1, 2)), SikSettings(pairs=((0, 1), (1, 2))))
-    with pytest.raises(ValueError, match="1 NETIDs for 2 pairs"):
+        Sik(PlainWorld((0, 1, 2)), SikSettings(networks=((0, 1), (1, 2))))
+    with pytest.raises(ValueError, match="1 NETIDs for 2 networks"):
         Sik(PlainWorld(range(4)), SikSettings(netids=(3,)))
-    with pytest.raises(ValueError, match="one of its own for each pair"):
+    with pytest.raises(ValueError, match="one of its own for each network"):
         Sik(PlainWorld(range(4)), SikSettings(netids=(3, 3)))
     with pytest.raises(ValueError, match="60 channels: 1 to 50"):
         SikSettings(channels=60)

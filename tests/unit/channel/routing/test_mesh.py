@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from channel.access.media.airtime import AirTime
-from channel.access.packets import AirFate, AirPacket, Loss
+from channel.access.packets import AirFate, AirPacket, Loss, Reply
 from channel.access.timing import BitRate
 from channel.access.world import AirFrame, Arrival, PlainWorld
 from channel.draws import Draws
@@ -149,8 +149,11 @@ def test_a_node_that_is_gone_is_forgotten_after_the_purge_time() -> None:
     assert station.next_to(2) is None
     assert station.next_to(1) == 1
     network.offer(AirPacket(0, 0, 2, 100, second(silent_s + purge_s + 2 * INTERVAL_S) + 1))
-    [fate] = [each for each in network.live(second(silent_s + purge_s + 3.0)) if isinstance(each, AirFate)]
+    at_ns = second(silent_s + purge_s + 2 * INTERVAL_S) + 1
+    fate, reply = network.live(second(silent_s + purge_s + 3.0))
+    assert isinstance(fate, AirFate)
     assert (fate.loss, fate.started_ns) == (Loss.NO_ROUTE, -1)
+    assert reply == Reply(AirPacket(0, 0, 2, 100, at_ns), at_ns, acknowledged=False, attempts=0)
 
 
 def test_what_is_for_all_is_sent_three_times_by_each_node_that_has_others_to_tell() -> None:
@@ -165,6 +168,27 @@ def test_what_is_for_all_is_sent_three_times_by_each_node_that_has_others_to_tel
     assert [(each.receiver, each.loss, each.way) for each in found] == [(1, None, (0,)), (2, None, (0, 1))]
     assert (network.counts.sent, network.counts.handed_on) == (3, 3)
     assert network.counts.duplicates == 2 + 3 + 2  # at 1 of 0, at 0 of 1, at 2 of 1
+
+
+def test_copies_of_a_packet_with_a_key_do_not_replace_each_other_and_newer_packets_do() -> None:
+    """A frame of 100 bytes and 14 is on the air for 114 ms: when it ends, both later copies wait behind it."""
+    router = mesh(2)
+    network = Routed(AirTime(PlainWorld(range(2)), BitRate(8e3)), router)
+    network.live(second(10.0))
+
+    def sent(at_s: float, numbers: range) -> int:
+        before = network.counts.sent
+        for number in numbers:
+            at_ns = second(at_s + 0.02 * (number - numbers.start)) + 1
+            network.offer(AirPacket(0, number, None, 100, at_ns, key="position"))
+        found = [each for each in network.live(second(at_s + 2.0)) if isinstance(each, AirFate)]
+        assert [each.receiver for each in found] == [1] * len(numbers)
+        assert {each.loss for each in found} <= {None, Loss.REPLACED}
+        return network.counts.sent - before
+
+    assert sent(10.0, range(1)) == 3
+    assert sent(20.0, range(1, 3)) == 1 + 3
+    assert sent(30.0, range(3, 8)) == 1 + 3
 
 
 def test_an_originator_that_nobody_heard_of_floods_nothing() -> None:

@@ -43,7 +43,7 @@ class FakeFlight:
 def fly(monkeypatch: pytest.MonkeyPatch) -> FakeFlight:
     fake = FakeFlight()
     monkeypatch.setattr(command, "_flight", lambda: fake)
-    monkeypatch.setattr(command, "preflight", lambda *_: None)
+    monkeypatch.setattr(command, "preflight", lambda *_, **__: None)
     return fake
 
 

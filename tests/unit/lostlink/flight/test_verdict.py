@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from lostlink.expectations.judge import Judgement
-from lostlink.flight.exits import DISAGREES, UNEXPECTED, WELL, status_of
-from lostlink.flight.verdict import RunOutcome, verdict_of
+from lostlink.flight.exits import DISAGREES, UNEXPECTED, WELL, RunOutcome, status_of
+from lostlink.flight.verdict import verdict_of
 
 LINKS = [{"sent": 50, "delivered": 25}]
 GOOD = {

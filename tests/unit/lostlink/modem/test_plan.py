@@ -9,8 +9,8 @@ import pytest
 from bridge.modem.pair import AIR, GROUND
 from bridge.modem.radio_link import RadioLink
 from bridge.run.directory import SCENARIO_FILE
-from bridge.scenario.file import read_scenario
-from lostlink.modem.plan import plan_of_run
+from bridge.scenario.file import parse_scenario, read_scenario
+from lostlink.modem.plan import ends_of, plan_of_run
 from tests.unit.bridge.modem.frames import frame_of
 from tests.unit.bridge.record.runs import TICK_NS, make_run
 
@@ -44,7 +44,7 @@ def test_the_link_of_a_run_carries_frames(run: Path) -> None:
 @pytest.mark.parametrize(
     ("nodes", "said"),
     [
-        (("0", "7"), "no radio at node 7; there are 0, 1"),
+        (("0", "7"), "no radio at node 7 on main; there are 0, 1"),
         (("1", "1"), "two that differ"),
         (("1",), "two that differ"),
     ],
@@ -52,3 +52,57 @@ def test_the_link_of_a_run_carries_frames(run: Path) -> None:
 def test_nodes_that_cannot_be(run: Path, nodes: tuple[str, ...], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         plan_of_run(run, nodes)
+
+
+ON_THE_AIR = """\
+schema: 1
+name: air
+duration_s: 10
+origin: {lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690}
+radio: perfect
+networks: {telemetry: sik-433}
+nodes:
+  - {id: 0, modems: {telemetry: {serial: 1}}, agent: {type: still}}
+  - {id: 1, modems: {telemetry: {serial: 1}}, agent: {type: still}}
+"""
+MODEMS = Path(__file__).parents[3] / "data" / "modems.yaml"
+
+
+@pytest.mark.parametrize(
+    ("network", "radio"), [(None, "sik-433"), ("main", "perfect"), ("telemetry", "sik-433")]
+)
+def test_the_radio_is_that_of_the_modems_unless_asked_for(run: Path, network: str | None, radio: str) -> None:
+    scenario = parse_scenario(ON_THE_AIR, "scenario", run, {})
+    (run / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
+    plan = plan_of_run(run, ("0", "1"), network=network)
+    assert [each.config.name for each in plan.radios] == [radio, radio]
+
+
+@pytest.mark.parametrize(
+    ("nodes", "network", "ends"),
+    [
+        (("gcs", "1"), None, ("far", ("gcs", "1"))),
+        (None, "far", ("far", ("gcs", "0"))),
+        (None, "near", ("near", ("gcs", "0"))),
+        (None, "main", ("main", ("0", "1"))),
+    ],
+)
+def test_ends_are_where_modems_are(
+    nodes: tuple[str, ...] | None, network: str | None, ends: tuple[str, tuple[str, str]]
+) -> None:
+    found, pair = ends_of(read_scenario(str(MODEMS), {}), nodes, network)
+    assert (found, tuple(pair)) == ends
+
+
+@pytest.mark.parametrize(
+    ("nodes", "network", "said"),
+    [
+        (("gcs", "0"), None, "there are modems on near and far: choose a network with --radio"),
+        (None, None, "there are modems on near and far: choose a network with --radio"),
+        (None, "moon", "no radio network moon; there are main, near, far"),
+        (("gcs", "1"), "moon", "no radio network moon"),
+    ],
+)
+def test_networks_that_cannot_be(nodes: tuple[str, ...] | None, network: str | None, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        ends_of(read_scenario(str(MODEMS), {}), nodes, network)

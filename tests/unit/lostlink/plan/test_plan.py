@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -289,3 +290,33 @@ def test_groups_of_addressees_are_listed_with_their_members() -> None:
     at = lines.index("Groups of addressees (2)")
     assert lines[at + 1 : at + 3] == ["  pair: 0", "  wing: 0, 1"]
     assert not any("Groups" in line for line in checked("separation").output.splitlines())
+
+
+MODEMS = Path(__file__).parents[3] / "data" / "modems.yaml"
+
+
+def test_networks_modems_and_who_disturbs_whom() -> None:
+    """In one band: Wi-Fi at 2.4 GHz and ExpressLRS; SiK at 433 MHz is in none of the others'."""
+    air = ["networks.wifi=wifi-2.4", "networks.control=elrs-2.4-333full"]
+    told = checked(str(MODEMS), *(part for each in air for part in ("--set", each))).output
+    lines = [line.strip() for line in told.split("Networks (5)\n")[1].split("\n\n")[0].splitlines()]
+    assert lines == [
+        "main: perfect, 2412 MHz, medium ideal, nodes 0, 1, gcs",
+        "near: sik-433, 433.92 MHz, medium sik, nodes 0, gcs",
+        "near, modem of node 0: SERIAL1, 57600 baud",
+        "near, modem of node gcs: served at tcpin::0, 57600 baud",
+        "far: xbee-900hp, 915 MHz, medium airtime, nodes 0, 1, gcs",
+        "far, modem of node 0: SERIAL2, 115200 baud",
+        "far, modem of node 1: SERIAL1, 57600 baud",
+        "far, modem of node gcs: served at pty, no serial line: bytes pass at once",
+        "wifi: wifi-2.4, 2437 MHz, medium csma, nodes 0, gcs; disturbed by control",
+        "control: elrs-2.4-333full, 2440 MHz, medium elrs, nodes 0, gcs; disturbed by wifi",
+    ]
+
+
+def test_a_radio_of_another_rate_than_its_medium_is_warned_of() -> None:
+    assert on_medium("model=csma", more=["transmit.every_ticks=20"])["warnings"] == [
+        "radio of network main: frames last as long as at 6 Mb/s (medium.rate_mbps), and have the errors of 0.064 Mb/s "
+        "(bit_rate_bps)"
+    ]
+    assert plan_with("radio=wifi-5.8", "transmit.every_ticks=20")["warnings"] == []

@@ -1,0 +1,101 @@
+"""The radio networks of a run, their modems, and which of them disturb which."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import permutations
+
+from bridge.modem.settings import has_transmitter, modem_of
+from bridge.record.radio_switches import switches_of
+from bridge.scenario.model import Scenario
+from bridge.scenario.modems import GroundModem
+from bridge.scenario.nodes import MAIN
+from bridge.scenario.resolve.channel import channel_of
+from bridge.scenario.resolve.radio import radios_of
+from channel.access.settings import CsmaMedium, MediumSettings, name_of
+from channel.network.crossing import Crossing
+
+RATES_APART = 1.01
+"""Factor between two rates that are not the same rate rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkPlan:
+    """A radio network.
+
+    Attributes:
+        name, radio, medium, frequency_hz: as in the scenario.
+        nodes: ids of its nodes.
+        disturbed_by: networks whose frames reach its receivers.
+        modems: by node, what is at the serial side of its radio.
+    """
+
+    name: str
+    radio: str
+    medium: str
+    frequency_hz: float
+    nodes: tuple[str, ...]
+    disturbed_by: tuple[str, ...]
+    modems: dict[str, str]
+
+
+def networks_of(scenario: Scenario) -> tuple[NetworkPlan, ...]:
+    """The networks of a scenario, whose names are known to be right."""
+    disturbed = _disturbed(scenario)
+    return tuple(_network(scenario, name, disturbed[name]) for name in scenario.network_names)
+
+
+def _network(scenario: Scenario, name: str, disturbed_by: list[str]) -> NetworkPlan:
+    radios = radios_of(scenario, network=name)
+    config = next(iter(radios.values())).config
+    return NetworkPlan(
+        name,
+        config.name,
+        name_of(config.medium),
+        config.frequency_hz,
+        tuple(radios),
+        tuple(disturbed_by),
+        dict(_modems(scenario, name, config.medium, tuple(radios))),
+    )
+
+
+def _modems(
+    scenario: Scenario, network: str, medium: MediumSettings, nodes: tuple[str, ...]
+) -> Iterator[tuple[str, str]]:
+    for node, modem in scenario.modems_on(network).items():
+        found = modem_of(medium, modem.baud, is_transmitter=has_transmitter(medium, nodes, node))
+        line = f"{found.baud} baud" if found.baud else "no serial line: bytes pass at once"
+        at = (
+            f"served at {', '.join(modem.serve)}"
+            if isinstance(modem, GroundModem)
+            else f"SERIAL{modem.serial}"
+        )
+        yield node, f"{at}, {line}"
+
+
+def _disturbed(scenario: Scenario) -> dict[str, list[str]]:
+    """By network, those whose frames reach its receivers."""
+    disturbed: dict[str, list[str]] = {name: [] for name in scenario.network_names}
+    if disturbed.keys() <= {MAIN}:
+        return disturbed
+    channels = [channel_of(scenario, switches_of(scenario, network=name), name) for name in disturbed]
+    sides = [neighbour.side for each in channels if (neighbour := each.neighbour) is not None]
+    for source, target in permutations(sides, 2):
+        if Crossing(source, target).carries:
+            disturbed[target.name].append(source.name)
+    return disturbed
+
+
+def rates_that_differ(scenario: Scenario) -> Iterator[str]:
+    """Tell of 802.11 whose frames last as long as at one rate, and have the errors of another."""
+    for name in scenario.network_names:
+        config = next(iter(radios_of(scenario, network=name).values())).config
+        if not isinstance(config.medium, CsmaMedium):
+            continue
+        rate_bps = config.medium.rate_mbps * 1e6
+        if not 1.0 / RATES_APART < rate_bps / config.bit_rate_bps < RATES_APART:
+            yield (
+                f"radio of network {name}: frames last as long as at {rate_bps / 1e6:g} Mb/s (medium.rate_mbps), and "
+                f"have the errors of {config.bit_rate_bps / 1e6:g} Mb/s (bit_rate_bps)"
+            )

@@ -1,0 +1,55 @@
+"""Ports at which ground stations find modems, looked at before the start."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bridge.fleet.course import FleetError
+from bridge.fleet.preflight.preflight import preflight
+from bridge.scenario.file import parse_scenario
+from bridge.scenario.model import Scenario
+
+SCENARIO = """\
+schema: 1
+name: served
+duration_s: 10
+origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690}}
+radio: sik-433
+nodes:
+  - {{id: 0, modems: {{main: {{serial: 1}}}}, agent: {{type: still}}}}
+  - {{id: gcs, kind: ground, modems: {{main: {{serve: ["{kind}::{port}"]}}}}, agent: {{type: still}}}}
+"""
+
+
+@pytest.fixture(params=["tcpin", "udpin"])
+def taken(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Scenario, int]]:
+    """A scenario, and the port of its ground station's modem, which somebody else has."""
+    kind = socket.SOCK_STREAM if request.param == "tcpin" else socket.SOCK_DGRAM
+    with socket.socket(type=kind) as other:
+        other.bind(("127.0.0.1", 0))
+        if kind == socket.SOCK_STREAM:
+            other.listen()
+        port = other.getsockname()[1]
+        yield (
+            parse_scenario(SCENARIO.format(kind=request.param, port=port), "scenario", tmp_path, {}),
+            port,
+        )
+
+
+def test_a_taken_port_of_a_modem_is_told_with_what_helps(taken: tuple[Scenario, int]) -> None:
+    scenario, port = taken
+    with pytest.raises(FleetError) as told:
+        preflight(scenario)
+    [line] = str(told.value).splitlines()
+    assert f"port {port} (modem of node gcs on main) is in use" in line
+    assert line.endswith(
+        "free it, or choose another in modems.main.serve of node gcs in the scenario (0: any)"
+    )
+
+
+def test_a_run_that_repeats_a_record_serves_no_modem(taken: tuple[Scenario, int]) -> None:
+    preflight(taken[0], repeats=True)
