@@ -23,8 +23,14 @@ LOOK_PERIOD_S: Final = 0.5
 Say = Callable[[str], object]
 
 
-def attach(plan: AttachPlan, command: Sequence[str], say: Say) -> tuple[int, Forwarder]:
+def attach(plan: AttachPlan, command: Sequence[str], say: Say, warn: Say) -> tuple[int, Forwarder]:
     """Have the program attached; returns its exit code, and the counts of its packets.
+
+    Args:
+        plan: of the attachment.
+        command: the program, with its arguments.
+        say: told how it goes.
+        warn: told what makes its times wrong.
 
     Raises:
         NoProgram: its namespace cannot be made.
@@ -37,7 +43,7 @@ def attach(plan: AttachPlan, command: Sequence[str], say: Say) -> tuple[int, For
     status = 0
     try:
         with plan.access.open() as session:
-            asyncio.run(_Attached(plan, program, forwarder, say).live(session))
+            asyncio.run(_Attached(plan, program, forwarder, say, warn).live(session))
     finally:
         for number in _passed_on():  # what is left of the program has to be ended first
             signal.signal(number, signal.SIG_IGN)
@@ -48,8 +54,11 @@ def attach(plan: AttachPlan, command: Sequence[str], say: Say) -> tuple[int, For
 class _Attached:
     """While the program runs."""
 
-    def __init__(self, plan: AttachPlan, program: AttachedProgram, forwarder: Forwarder, say: Say) -> None:
-        self._plan, self._program, self._forwarder, self._say = plan, program, forwarder, say
+    def __init__(
+        self, plan: AttachPlan, program: AttachedProgram, forwarder: Forwarder, say: Say, warn: Say
+    ) -> None:
+        self._plan, self._program, self._forwarder = plan, program, forwarder
+        self._say, self._warn = say, warn
         self._ends = False
 
     async def live(self, session: Session) -> None:
@@ -81,7 +90,7 @@ class _Attached:
         loop.remove_reader(self._program.pidfd)
         link.close()
         if link.clock.warning:
-            self._say(link.clock.warning)
+            self._warn(link.clock.warning)
 
     def _run_ended(self) -> None:
         if not self._ends:

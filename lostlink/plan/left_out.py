@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 from bridge.scenario.agents import FreeAgent
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import MAIN
+from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.settings import Ideal, name_of
 from channel.link.radio import Radio
@@ -41,18 +43,26 @@ def left_out(scenario: Scenario, radio: Radio, wind: WindConfig) -> list[str]:
 
     Args:
         scenario: what is to be flown.
-        radio: that of all nodes.
+        radio: that of all nodes on `main`.
         wind: the wind that is flown in.
     """
-    return [
-        *_of_medium(radio),
-        *_of_routing(radio),
-        *ALWAYS,
-        *_of_radio(radio),
-        *_of_roles(scenario, radio),
-        *_of_others(scenario, radio),
-        *_of_flight(scenario, wind),
+    common = [*_of_network(scenario, radio), *_of_others(scenario, radio)]
+    own = [
+        f"on {name}: {line}"
+        for name in scenario.network_names
+        if name != MAIN
+        for line in _of_network(scenario, next(iter(radios_of(scenario, network=name).values())))
+        if line not in common
     ]
+    return [*common, *own, *_of_flight(scenario, wind)]
+
+
+def _of_network(scenario: Scenario, radio: Radio) -> Iterator[str]:
+    yield from _of_medium(radio)
+    yield from _of_routing(radio)
+    yield from ALWAYS
+    yield from _of_radio(radio)
+    yield from _of_roles(scenario, radio)
 
 
 def _of_routing(radio: Radio) -> Iterator[str]:

@@ -204,7 +204,7 @@ class _Group:
                 self._refuse(place.content[key], (place_key, key), text)
 
     def _placed(self, place: Written, spot: Spot) -> Written:
-        """A place moved by that of the pattern; a heading of its own wins over the pattern's."""
+        """A place moved by that of the pattern; a heading of its own wins over the pattern's, and masts have none."""
         moved = {
             key: _number(place, key) + offset
             for key, offset in zip(("north_m", "east_m"), spot[:2], strict=True)
@@ -213,7 +213,7 @@ class _Group:
             before = place.get(key)
             if before is None or _is_number(before.content):
                 place = place.having(key, Written(value, place.place))
-        if spot.heading_deg is not None and place.get("heading_deg") is None:
+        if spot.heading_deg is not None and self._kind == "ua" and place.get("heading_deg") is None:
             place = place.having("heading_deg", Written(spot.heading_deg, place.place))
         return place.without(*PATTERNS)
 

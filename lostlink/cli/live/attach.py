@@ -59,7 +59,7 @@ def attach(
     try:
         plan = plan_of(AttachRequest(run, node, radio, subnet, mtu))
         with claimed(plan.directory.path, plan.title, node, command):
-            status, counts = attached(plan, command, say)
+            status, counts = attached(plan, command, say, warn=tell)
     except (ValueError, OSError, SessionError, AlreadyAttached, NoProgram) as error:
         fail(error, CANNOT_ATTACH)
     say(counts.summary())

@@ -183,7 +183,13 @@ async def test_help_has_examples():
 
 
 async def test_a_daemon_that_fails_of_itself_ends_the_program():
-    process = await start("--autopilot", f"tcp:{'a' * 70}.example:5760", "--listen", "127.0.0.1:0")
+    fault = "import socket; socket.getaddrinfo = lambda *_, **__: {}['a resolver with a defect']"
+    program = f"{fault}; import sys; from aps.__main__ import main; sys.exit(main())"
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-c", program, "--autopilot", "tcp:gcs.example:5760", "--listen", "127.0.0.1:0"),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
     _, stderr = await asyncio.wait_for(process.communicate(), 20)
     assert process.returncode == 1
     assert stderr.decode().splitlines()[-1].startswith("aps: the daemon failed: ")

@@ -39,7 +39,7 @@ def test_another_model_in_a_group_keeps_nothing_of_the_old():
         ({"preset": "moon2020", "propagation": {"exponnet": 3}}, "propagation.exponnet", "exponent"),
         ({"preset": "moon2020", "noise": {"flor": -3}}, "noise.flor", "floor_dbm, model"),
         ({"preset": "moon2020", "propagation": {"model": "magic"}}, "propagation", "log-distance"),
-        ({"preset": "moon2020", "frequency_hz": -1}, "frequency_hz", "greater than 0"),
+        ({"preset": "moon2020", "frequency_hz": -1}, "frequency_hz", "1000000, not -1"),
         ({"preset": "moon2020", "frequency_hz": float("nan")}, "frequency_hz", "finite"),
         ({"preset": "mon2020"}, "preset", "did you mean moon2020"),
         ({"name": "empty"}, "frequency_hz", "missing"),

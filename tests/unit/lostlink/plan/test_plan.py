@@ -263,6 +263,13 @@ def test_what_is_left_out_follows_the_scenario() -> None:
     assert not any(line.startswith(("wind", "ArduPilot", "fading", "shadowing")) for line in richer)
 
 
+def test_what_is_left_out_is_told_of_each_network() -> None:
+    lines = plan_with("networks={mesh: {preset: wifi-2.4, routing: mesh}}")["not_modelled"]
+    told = [line for line in lines if line.startswith("on mesh: ")]
+    assert [line.split()[2] for line in told[:2]] == ["access", "of"], "its medium, and its routing"
+    assert not {line.removeprefix("on mesh: ") for line in told} & set(lines), "each is said once"
+
+
 def test_it_reads_well() -> None:
     done = checked("separation", "--radio", "corrected", "--set", "nodes.0.home.east_m=-7")
     assert done.exit_code == 0

@@ -86,6 +86,19 @@ def test_a_ring_is_even_and_faces_where_it_is_told_to() -> None:
     assert [heading for *_, heading in homes("ring: {radius_m: 9}, heading_deg: 7")] == [7] * 6
 
 
+@pytest.mark.parametrize(
+    ("pattern", "wanted"),
+    [
+        ("ring: {radius_m: 20, face: inward}", [(20, 0), (-20, 0)]),
+        ("column: {spacing_m: 10, heading_deg: 90}", [(0, 0), (0, -10)]),
+    ],
+)
+def test_masts_stand_in_patterns_that_have_headings(pattern: str, wanted: list[tuple[int, int]]) -> None:
+    node = "  - {id: 'mast-{i}', kind: ground, count: 2, place: {%s}, agent: {type: still}}\n"
+    places = [it.place for it in fleet(GROUP % "line: {spacing_m: 9}" + node % pattern).ground]
+    assert [(place.north_m, place.east_m) for place in places if place] == wanted
+
+
 def test_random_places_come_from_the_seed_and_keep_apart() -> None:
     box = "random: {north_m: [0, 100], east_m: [-50, 50], min_spacing_m: 25}"
     places = homes(box)
