@@ -7,12 +7,13 @@ threads, and those of its start script, sleep.
 Proof: a thread that sleeps at two instants, and was given no processor from before the first until after the second,
 slept all the while. If this holds for all threads, and each first instant is before each second one, then there was an
 instant at which all of them slept, and no thread was there to wake another. What may still wake one is a timer of wall
-time.
+time: whether one naps so is seen between the two instants.
 """
 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator, Sequence
 
 PROC = "/proc"
@@ -38,42 +39,56 @@ class Rest:
         self._reader_name = reader
         self._reader: _Thread | None = None
         self._reads_at_send = -1
+        self._main = f"{PROC}/{pid}/task/{pid}"
         self._threads: dict[str, _Thread] = {}
         self._is_known = False
+        self._own = 0
+        self._nappers: set[str] = set()
+        self._since_ns = 0
 
     def sent(self) -> None:
         """Something is about to be sent to it: it is at rest only when its reader has run since."""
         self._reads_at_send = self._reads()
+        self._nappers = set()
 
     def has_children(self) -> bool:
         """Whether it has started processes that have not ended: PX4's start script goes on."""
         return any(True for _ in _children(self.pid))
 
-    def is_at_rest(self) -> bool:
-        """Whether there was an instant since the call at which all its threads slept. False if it has ended."""
+    def is_at_rest(self, nap_ns: int = 0) -> bool:
+        """Whether there was an instant since the call at which all its threads slept. False if it has ended.
+
+        Args:
+            nap_ns: threads that nap count as at rest only when the same ones have for so long (wall time) since
+                `sent`; 0: at once.
+        """
         if self._reads_at_send >= 0 and self._reads() == self._reads_at_send:
             return False
         try:
             threads = self._all()
             before = [thread.runs() for thread in threads]
-            return (
-                bool(threads)
-                and all(thread.sleeps() for thread in threads)
-                and all(thread.sleeps() for thread in threads)
-                and [thread.runs() for thread in threads] == before
-                and self._are_all(threads)
-            )
+            if not threads or not all(thread.sleeps() for thread in threads):
+                return False
+            nappers = {
+                path for path, each in self._threads.items() if nap_ns and path != self._main and each.naps()
+            }
+            slept = all(thread.sleeps() for thread in threads) and [t.runs() for t in threads] == before
+            return slept and self._are_all(threads) and self._have_waited(nappers, nap_ns)
         except OSError:  # a thread has ended meanwhile: look again
             self._is_known = False
             return False
 
+    def _have_waited(self, nappers: set[str], nap_ns: int) -> bool:
+        """Whether no thread naps, or the same ones have for `nap_ns`."""
+        now_ns = time.monotonic_ns()
+        if nappers != self._nappers:
+            self._nappers, self._since_ns = nappers, now_ns
+        return not nappers or now_ns - self._since_ns >= nap_ns
+
+    @property
     def naps(self) -> bool:
-        """Whether a thread of it, not its main one, sleeps for a time: then it will go on by wall time."""
-        main = f"{PROC}/{self.pid}/task/{self.pid}"
-        try:
-            return any(thread.naps() for path, thread in self._threads.items() if path != main)
-        except OSError:
-            return False
+        """Whether a thread, not its main one, slept for a time when it was last found at rest."""
+        return bool(self._nappers)
 
     def close(self) -> None:
         """Look no more."""
@@ -84,17 +99,21 @@ class Rest:
 
     def _are_all(self, threads: Sequence[_Thread]) -> bool:
         """Whether there were no others when these slept."""
-        count = threads[0].count()
-        self._is_known = count == len(threads) and not self.has_children()
-        return count == len(threads) or len(list(_tasks(self.pid))) == len(threads)
+        if self.has_children():
+            self._is_known = False
+            return set(_tasks(self.pid)) == set(self._threads)
+        self._is_known = threads[0].count() == len(threads) == self._own
+        return self._is_known
 
     def _all(self) -> list[_Thread]:
         """All threads that there are now; those that have ended are forgotten."""
         if self._is_known:
             return list(self._threads.values())
-        known = self._threads
+        known, own = self._threads, f"{PROC}/{self.pid}/task/"
         self._threads = {}
-        for path in _tasks(self.pid):
+        paths = list(_tasks(self.pid))
+        self._own = sum(path.startswith(own) for path in paths)
+        for path in paths:
             self._threads[path] = known.pop(path) if path in known else _Thread(path)
         for thread in known.values():
             thread.close()

@@ -28,7 +28,8 @@ WAKES, WAKE_AGE_NS = 10, 2_000_000
 """How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
 wake by themselves 10 ms later."""
 LONGEST_NAP_NS = 20_000_000
-"""Wall time after which a thread of PX4 that still naps waits for the next frame."""
+"""Wall time after which a thread of PX4 that still naps waits for the next frame. While it boots some nap for 5 ms,
+again and again, until another one is ready."""
 READER = "sim_rcv"
 """PX4's thread that reads what we send."""
 BY_WALL_TIME = "starts_by_wall_time"
@@ -184,23 +185,18 @@ class Px4Seat:
         if rest is None:
             return frames.done() if frames.is_done(wall_ns) else None
         for _ in range(LOOKS):
-            if rest.is_at_rest():
-                if not self._has_booted and not self._has_napped(rest, wall_ns):
-                    return None
+            if rest.is_at_rest(0 if self._has_booted else LONGEST_NAP_NS):
                 if self._wake_ports and not self._has_woken:
                     self._wake()
                     continue
                 self.receive()  # it may have answered since the last look
+                self._has_booted = self._has_booted or self._boot_is_over(rest)
                 return frames.done()
         return None
 
-    def _has_napped(self, rest: Rest, wall_ns: int) -> bool:
-        """While its start script runs: whether no thread naps, or one has for so long that it waits for a frame.
-
-        Some nap for up to 5 ms of wall time, again and again, until another one is ready.
-        """
-        self._has_booted = self._frames.answered and not rest.has_children()
-        return not rest.naps() or wall_ns - self._sent_ns >= LONGEST_NAP_NS
+    def _boot_is_over(self, rest: Rest) -> bool:
+        """Whether it answers, its start script has ended, and so has the thread that ran the script's last command."""
+        return self._frames.answered and not rest.naps and not rest.has_children()
 
     def _settle(self, rest: Rest) -> None:
         """Before a frame: have what it was told at a tick taken, and its MAVLink threads woken not long ago.

@@ -16,13 +16,17 @@ from fdm.exchange.px4.quiet import Rest, thread_ids
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="/proc is Linux's")
 
 PROGRAM = """
-import subprocess, sys, threading
+import subprocess, sys, threading, time
 waits = threading.Event()
 threading.Thread(target=waits.wait, daemon=True).start()
+def naps():
+    while True: time.sleep(0.005)
 print("ready", flush=True)
 for line in sys.stdin:
     if line == "spin\\n":
         while True: pass
+    if line == "nap\\n":
+        threading.Thread(target=naps, daemon=True).start()
     if line == "start\\n":
         subprocess.Popen([sys.executable, "-c", "while True: pass"])
     print("done", flush=True)
@@ -109,3 +113,17 @@ def test_all_its_threads_are_kept_on_one_core(program):
     assert len(cores) == 2
     assert cores[0] == cores[1]
     assert len(cores[0]) == 1
+
+
+def test_a_thread_that_naps_is_at_rest_only_when_it_has_for_long(program):
+    rest = Rest(program.pid)
+    assert comes_to_rest(rest)
+    assert not rest.naps
+    tell(program, "nap")
+    program.stdout.readline()
+    begun_s = time.monotonic()
+    assert comes_to_rest(rest), "at once, where naps do not matter"
+    while not rest.is_at_rest(nap_ns=300_000_000):
+        assert time.monotonic() < begun_s + 10.0
+    assert time.monotonic() >= begun_s + 0.3
+    assert rest.naps
