@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from bridge.radio.ledger_file import LEDGER
+from bridge.record.autopilot_logs import autopilot_logs
 from bridge.record.digests import digest_line, digests
 from bridge.record.events import read_reports
 from bridge.record.tables.deliveries import DELIVERIES
@@ -92,6 +93,7 @@ def summarise(
         "may_not_repeat": list(reports.may_not_repeat),
         "events": [asdict(event) for event in reports.events],
         "counters": reports.counters,
+        "autopilot_logs": autopilot_logs(run.path),
         "bins_judged": len(judged),
         "bins_within": within,
         "checks": ledger["checks"],
