@@ -15,22 +15,13 @@ import yaml
 from numpy.typing import NDArray
 
 from lostlink.reading.run import load_run
-from tests.interop.px4_agents import CORNERS, HEIGHT_M
 
 pytestmark = [pytest.mark.px4, pytest.mark.timeout(900)]
 
 ROOT = Path(__file__).parents[2]
-AGENT = {"type": "own", "class": f"{ROOT / 'tests' / 'interop' / 'px4_agents.py'}:MissionAndReturn"}
-BESIDE = {
-    "schema": 1,
-    "name": "beside",
-    "description": "The same mission, flown by each UA beside the others.",
-    "seed": 1,
-    "speed": "max",
-    "duration_s": 240,
-    "origin": {"lat_deg": 40.1331, "lon_deg": -105.2404, "alt_amsl_m": 1690.0},
-    "radio": "moon2020",
-}
+BESIDE = ROOT / "examples" / "two_autopilots" / "two_autopilots.yaml"
+CORNERS, HEIGHT_M = ((40, 0), (40, 40), (0, 40)), 20.0
+"""Of its mission: north and east of home, metres."""
 
 
 def fly(out: Path, slot: int, *options: str) -> dict[str, Any]:
@@ -87,12 +78,12 @@ def test_a_mission_and_the_return_beside_another_autopilot(
     request.getfixturevalue("px4")
     if beside == "ardupilot":
         request.getfixturevalue("arducopter")
-    nodes = [
-        {"id": 0, "autopilot": "px4", "agent": AGENT},
-        {"id": 1, "autopilot": beside, "home": {"east_m": 100}, "agent": AGENT},
-    ]
+    content = yaml.safe_load(BESIDE.read_text(encoding="utf-8"))
+    content["nodes"][1]["autopilot"] = beside
+    for node in content["nodes"]:
+        node["agent"]["class"] = str(BESIDE.parent / "agent.py:MissionAndReturn")
     scenario = tmp_path / "beside.yaml"
-    scenario.write_text(yaml.safe_dump(BESIDE | {"nodes": nodes}), encoding="utf-8")
+    scenario.write_text(yaml.safe_dump(content), encoding="utf-8")
     summary = fly(tmp_path / "runs", free_slot(2), str(scenario))
     assert summary["ending"] == "done"
     (run,) = (tmp_path / "runs").iterdir()
