@@ -41,8 +41,9 @@ class DaemonBase(ABC):
         measures_latency: whether to ask the autopilot for its time again and again.
 
     Raises:
-        ValueError: a setting is out of range.
-        OSError: the port is taken (on entering the context), or the tlog cannot be written.
+        ValueError: a setting is out of range, or the file of events is none.
+        OSError: the port is taken (on entering the context), the tlog cannot be written, or the file of events
+            cannot be read.
     """
 
     def __init__(
@@ -72,6 +73,8 @@ class DaemonBase(ABC):
         self.commands = self.vehicle.commands
         self.hub, self.router = self.core.hub, self.core.router
         self.streams, self.telemetry = self.vehicle.streams, self.vehicle.telemetry
+        if config.events_file is not None:
+            self.vehicle.events.learn(config.events_file.read_bytes())
         self.failure: BaseException | None = None
         """What ended the daemon's own work, if something did."""
         self.on_failure: Callable[[BaseException], None] | None = None

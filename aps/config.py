@@ -45,6 +45,9 @@ class DaemonConfig:
     middle_stick: bool = False
     """Whether the throttle stick of a copter is held in the middle while it flies LOITER, ALT_HOLD and the like by a
     command of ours: for simulations, as a real vehicle has a pilot and a receiver."""
+    events_file: Path | None = None
+    """What the autopilot's events mean: ``etc/extras/all_events.json.xz`` of PX4's build. Without it a daemon by wall
+    time asks the autopilot; one in held mode tells them by number."""
     tlog_directory: Path | None = None
     """Where every frame is recorded (.tlog); ``None``: nowhere."""
     tlog_name: str = ""

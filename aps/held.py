@@ -26,9 +26,10 @@ from typing import Any, Final
 from aps.base import DaemonBase
 from aps.config import DaemonConfig
 from aps.inputs import Input, InputQueue
-from aps.links.address import parse_autopilot
+from aps.links.address import LinkAddress, parse_autopilot
 from aps.links.kinds.called import CalledClient, CalledLink
 from aps.links.kinds.held import HeldLink
+from aps.links.kinds.held_udp import HeldUdpLink
 from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.timeouts import HELD_SILENCE_TIMEOUT_S
@@ -38,6 +39,7 @@ __all__ = ["ExchangeCounters", "HeldDaemon"]
 
 AUTOPILOT_ID: Final = 0
 """Id of the autopilot's link; an input's is 1 or higher."""
+_LINKS: Final[dict[str, Callable[[LinkAddress, int], HeldLink]]] = {"tcp": HeldLink, "udp-in": HeldUdpLink}
 _EXCHANGE: Final = "exchange"
 _BY_THREAD: Final = {
     110: "a client used MAVLink FTP, which ArduPilot answers from a thread of its own",
@@ -70,6 +72,8 @@ class ExchangeCounters:
     overfull_reads: int = 0
     """Exchanges at which more was read than the receive buffer is sure to hold: the autopilot may have waited."""
     link_losses: int = 0
+    lost_datagrams: int = 0
+    """Of a link by UDP: what the kernel had no room for."""
 
 
 class HeldDaemon(DaemonBase):
@@ -99,9 +103,9 @@ class HeldDaemon(DaemonBase):
         ahead: bool = False,
     ) -> None:
         address = parse_autopilot(config.autopilot)
-        if address.kind != "tcp" or config.more_autopilots:
+        if address.kind not in _LINKS or config.more_autopilots:
             raise ValueError(
-                f"a held autopilot has one link, tcp:HOST:PORT, not {config.autopilot!r} and more"
+                f"a held autopilot has one link, tcp:HOST:PORT or udp-in:HOST:PORT, not {config.autopilot!r} and more"
             )
         if address.opening.rules.key is not None:
             raise ValueError(
@@ -109,7 +113,7 @@ class HeldDaemon(DaemonBase):
             )
         limit_bytes = config.queue_limit_bytes
         self.link = (
-            HeldLink(address, limit_bytes)
+            _LINKS[address.kind](address, limit_bytes)
             if autopilot is None
             else CalledLink(autopilot, address, limit_bytes)
         )
@@ -256,6 +260,7 @@ class HeldDaemon(DaemonBase):
         if len(data) > self.link.receive_buffer_bytes // 2:
             self.counters.overfull_reads += 1
             self._wall_time(f"the autopilot wrote {len(data)} bytes at once: it may have had to wait")
+        self._count_lost()
         self._tell_bytes("from_autopilot", data)
         self.core.frames(self.link, self.link.receive(data, self._now_ns), self._now_ns)
         if was_up and not self.link.up:
@@ -264,6 +269,12 @@ class HeldDaemon(DaemonBase):
             self.core.link_closed(AUTOPILOT_ID, self._now_ns)
             if self.on_link_down is not None:
                 self.on_link_down()
+
+    def _count_lost(self) -> None:
+        lost = self.link.lost_datagrams - self.counters.lost_datagrams
+        if lost:
+            self.counters.lost_datagrams += lost
+            self._wall_time(f"{lost} datagrams of the autopilot were lost: the kernel had no room for them")
 
     def _tell_bytes(self, direction: str, data: bytes) -> None:
         if data and self.on_bytes is not None:

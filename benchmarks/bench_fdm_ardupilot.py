@@ -28,6 +28,7 @@ from benchmarks.bench_fdm import load
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
 from fdm.clock.fleet_clock import ClockStatus
+from fdm.exchange.aircraft_spec import Px4Peer
 from fdm.exchange.exchange import AircraftSpec, Exchange, default_port
 from fdm.exchange.settings import Coupling, Placement
 from fdm.model.airframe import load_airframe
@@ -131,8 +132,9 @@ def factor_with_physics(
     coupling: Coupling = "serial",
     placement: Placement = "auto",
     from_sim_s: float = 0.0,
+    px4: Px4Peer | None = None,
 ) -> tuple[float, float]:
-    """Real-time factor of the fleet that comes to the UDP `ports`, and the cores that the exchange takes for it.
+    """Real-time factor of the fleet that comes to the `ports`, UDP (`px4`: TCP), and the cores that the exchange takes.
 
     It is measured for `duration_s` of wall time, after `warm_up_s` of wall time and `from_sim_s` of sim time.
     """
@@ -151,7 +153,7 @@ def factor_with_physics(
             exchange.stop()
 
     exchange = open_exchange(
-        [AircraftSpec(index, airframe, HOME, port) for index, port in enumerate(ports)],
+        [AircraftSpec(index, airframe, HOME, port, px4=px4) for index, port in enumerate(ports)],
         workers=workers,
         coupling=coupling,
         placement=placement,

@@ -4,7 +4,7 @@ Each line is a scenario, flown once as the reference and then ``--repeats`` time
 under load, at another speed, with another split over processes, on other cores or ports. A line holds if every digest
 of every repeat is equal, and every run came to its end.
 
-    python -m benchmarks.repeat                       # the stand-in's lines; with ARDUPILOT_HOME also the real ones
+    python -m benchmarks.repeat                       # with ARDUPILOT_HOME and PX4_HOME also the real ones
     python -m benchmarks.repeat --short --repeats 1   # a few seconds of sim time each: what the test suite runs
     python -m benchmarks.repeat --only loaded --keep runs/repeat
 """
@@ -26,6 +26,7 @@ from typing import Any
 import yaml
 
 from bridge.record.ending import WHOLE
+from bridge.run.px4 import find_px4
 from bridge.scenario.file import SCENARIOS
 from lostlink.compare.compare import compare
 
@@ -52,6 +53,7 @@ class Line:
         moved: by how many slots the ports of the repeats are others.
         loaded: whether both cores are kept busy during the repeats.
         real: whether it needs real ArduPilot.
+        px4: whether it needs real PX4.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Line:
     moved: int = 0
     loaded: bool = False
     real: bool = False
+    px4: bool = False
 
 
 class BrokenRun(RuntimeError):
@@ -95,7 +98,14 @@ def lines() -> list[Line]:
         Line("plane and copter gusty", mixed, GUSTY, loaded=True, real=True),
         Line("wander copters", EXAMPLES / "wander.yaml", copters, {"hosts": 1}, loaded=True, real=True),
     ]
-    return standin + real
+    px4 = {"autopilot": "px4"}
+    fly_px4 = [
+        Line("px4 quiet", separation, px4, px4=True),
+        Line("px4 loaded", separation, px4, loaded=True, px4=True),
+        Line("px4 speed 1", separation, px4 | {"duration_s": 60}, {"speed": 1}, px4=True),
+        Line("px4 many processes", separation, px4, MANY, px4=True),
+    ]
+    return standin + real + fly_px4
 
 
 def fly(line: Line, changes: Mapping[str, Any], out: Path, slot: int) -> tuple[Path, dict[str, Any]]:
@@ -208,8 +218,12 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--keep", type=Path, help="keep the runs here")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args(arguments)
-    have_real = "ARDUPILOT_HOME" in os.environ
-    chosen = [line for line in lines() if options.only in line.name and (have_real or not line.real)]
+    have_real, have_px4 = "ARDUPILOT_HOME" in os.environ, find_px4(os.environ) is not None
+    chosen = [
+        line
+        for line in lines()
+        if options.only in line.name and (have_real or not line.real) and (have_px4 or not line.px4)
+    ]
     with tempfile.TemporaryDirectory() as scratch:
         out = options.keep or Path(scratch)
         rows = []
@@ -221,6 +235,8 @@ def main(arguments: Sequence[str]) -> int:
     print(json.dumps(rows) if options.json else table(rows))
     if not have_real:
         print("without real ArduPilot: ARDUPILOT_HOME is not set", file=sys.stderr)
+    if not have_px4:
+        print("without real PX4: neither PX4_HOME nor PATH leads to one", file=sys.stderr)
     return 0 if all(row["identical"] == row["repeats"] for row in rows) else 1
 
 

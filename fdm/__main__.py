@@ -15,10 +15,11 @@ from fdm.air.wind import load_wind
 from fdm.clock.events import UaEvent
 from fdm.clock.status import check_speed
 from fdm.errors import FdmError, PortInUseError, WorkerError
-from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
+from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, Px4Peer, default_port, px4_port
 from fdm.exchange.settings import Coupling, Placement, Workers
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
+from fdm.model.px4_sensors import Px4Sensors
 from fdm.model.sensor_noise import load_sensor_noise
 from fdm.wire.legacy import legacy_ports
 from fdm.workers.fleet_exchange import open_exchange
@@ -31,6 +32,10 @@ To fly an ArduPilot on it (index 3, ports 9032 and 5790):
   mavproxy.py --master tcp:127.0.0.1:5790
 f450.parm holds what the airframe's ardupilot_parameters say (FRAME_CLASS 1, FRAME_TYPE 1).
 Give --speedup 10 to ArduPilot too when running faster than real time.
+\b
+To fly a PX4 on it (index 3, port 4563):
+  python -m fdm --px4 --index 3 --airframe f450 --home 47.3977,8.5456,488,0
+  PX4_SYS_AUTOSTART=10016 px4 -i 3 -d BUILD/etc -w DIR -s etc/init.d-posix/rcS
 """
 
 
@@ -93,6 +98,8 @@ class Options:
     host: str
     port: int | None
     ports: str
+    px4: bool
+    imu_rate: int
     legacy_rate: int
     wind: str
     temperature_offset: float
@@ -118,7 +125,8 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     for ua_id in range(options.index, options.index + options.count):
         state_port, servo_port = legacy_ports(ua_id)
         legacy = LegacyPeer(state_port, options.legacy_rate) if options.ports == "legacy" else None
-        port = servo_port if legacy else default_port(ua_id)
+        px4 = Px4Peer(Px4Sensors(imu_rate_hz=options.imu_rate), options.seed) if options.px4 else None
+        port = px4_port(ua_id) if px4 else servo_port if legacy else default_port(ua_id)
         specs.append(
             AircraftSpec(
                 ua_id,
@@ -128,6 +136,7 @@ def specs_of(options: Options) -> list[AircraftSpec]:
                 wind.build(seed=options.seed, ua_id=ua_id),
                 noise.disturb(seed=options.seed, ua_id=ua_id) if noise else None,
                 legacy,
+                px4,
             )
         )
     return specs
@@ -150,8 +159,18 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     help="json: UDP 9002 + 10 I. legacy: servos to UDP 5502 + 3 I, state to 5501 + 3 I of their sender, binary.",
 )
 @click.option(
-    "--port", type=click.IntRange(0, 65535), help="UDP port instead of the scheme's; 0 = any free one."
+    "--px4",
+    is_flag=True,
+    help="Serve PX4 in place of ArduPilot: its simulator interface, MAVLink at TCP 4560 + I, to which PX4 connects.",
 )
+@click.option(
+    "--imu-rate",
+    type=click.IntRange(100, 1000),
+    default=250,
+    show_default=True,
+    help="Frames per second of sim time for PX4; a multiple of 50.",
+)
+@click.option("--port", type=click.IntRange(0, 65535), help="Port instead of the scheme's; 0 = any free one.")
 @click.option(
     "--legacy-rate",
     type=click.IntRange(10, 65535),
@@ -209,14 +228,16 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     "try both for a lone UA in serial coupling, and keep the faster one.",
 )
 def main(**arguments: Any) -> None:
-    """Serve the flight dynamics of one UA, or of several, to ArduPilots started by hand (UDP, JSON scheme)."""
+    """Serve the flight dynamics of one UA, or of several, to autopilots started by hand (ArduPilot, PX4)."""
     options = Options(**arguments)
     if options.count > 1 and options.port:
         raise click.BadOptionUsage(
             "port", "--port is for one UA; with --count it can only be 0 (any free ones)"
         )
-    if options.coupling == "parallel" and options.ports == "legacy":
-        raise click.BadOptionUsage("coupling", "--coupling parallel is for --ports json")
+    if options.coupling == "parallel" and (options.ports == "legacy" or options.px4):
+        raise click.BadOptionUsage("coupling", "--coupling parallel is for ArduPilot, with --ports json")
+    if options.px4 and options.imu_rate % 50:
+        raise click.BadOptionUsage("imu_rate", f"--imu-rate {options.imu_rate}: must be a multiple of 50")
     try:
         specs = specs_of(options)
         exchange = open_exchange(
@@ -233,9 +254,10 @@ def main(**arguments: Any) -> None:
         _fail(f"{error}{hint}")
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: exchange.stop())
+    wire = "TCP" if options.px4 else "UDP"
     for spec in specs:
         click.echo(
-            f"ready: UA {spec.ua_id}, {spec.airframe.name}, UDP {options.host}:{exchange.ports[spec.ua_id]}"
+            f"ready: UA {spec.ua_id}, {spec.airframe.name}, {wire} {options.host}:{exchange.ports[spec.ua_id]}"
         )
     sys.stdout.flush()
     try:

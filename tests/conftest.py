@@ -12,6 +12,7 @@ from hypothesis import settings
 
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
+from bridge.run.px4 import find_px4
 
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
@@ -36,6 +37,15 @@ def arduplane() -> Path:
     return _ardupilot_binary("arduplane")
 
 
+@pytest.fixture
+def px4() -> Path:
+    """A real PX4, or the test is skipped."""
+    found = find_px4(os.environ)
+    if found is None:
+        pytest.skip("no px4: neither PX4_HOME nor PATH leads to one")
+    return found
+
+
 def _is_free(kind: socket.SocketKind, port: int) -> bool:
     with socket.socket(type=kind) as probe:
         try:
@@ -52,7 +62,8 @@ def _slot_is_free(slot: int, count: int) -> bool:
         for base, extra in ((5760, 0), (5760, 2), (5760, 3))
     ]
     tcp += [base + 10 * (slot + i) for i in range(count) for base in (6760, 8760)]
-    udp = [base + 10 * (slot + i) for i in range(count) for base in (9002, 5501)]
+    tcp += [4560 + slot + i for i in range(count)]
+    udp = [base + 10 * (slot + i) for i in range(count) for base in (9002, 5501, 5760, 5761)]
     return all(_is_free(socket.SOCK_STREAM, p) for p in tcp) and all(
         _is_free(socket.SOCK_DGRAM, p) for p in udp
     )

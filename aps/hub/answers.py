@@ -46,6 +46,14 @@ class Answers:
         named = frame.target_system == self.sysid and frame.target_component == self.compid
         if not named and not (frame.msg_id == PING and not frame.target_system):
             return None
+        if (
+            frame.msg_id in _MISSION_REQUESTS
+            and frame.compid == AUTOPILOT_COMPID
+            and frame.sysid == self.sysid
+        ):
+            return (
+                None  # the list that we have asked for: PX4 would take a denial for the end of the transfer
+            )
         fields = message_fields(frame.raw)
         message = _answer(frame, fields) if fields else None
         if message is None:

@@ -28,7 +28,7 @@ __all__ = ["FOREIGN", "AckCounters", "AckLedger"]
 MAX_OWED: Final = 256
 """Bound on requests that are remembered: the oldest are forgotten first."""
 FOREIGN: Final = object()
-"""The request of a client, which waits for its answer itself."""
+"""The request of a client, which waits for its answer itself; or one of ours whose answer changes nothing."""
 
 
 @dataclass(slots=True)

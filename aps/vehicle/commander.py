@@ -6,7 +6,7 @@ import asyncio
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from aps.callbacks import Callbacks
 from aps.timeouts import SILENCE_TIMEOUT_S
@@ -222,7 +222,12 @@ class Commander:
             ValueError: no such verb, or an argument that is wrong or out of range.
         """
         _check_verb(verb)
-        execution = self._execution(verb, *arguments, **options)
+        return self.begin(self._execution(verb, *arguments, **options), on_progress, on_done)
+
+    def begin(
+        self, execution: Execution, on_progress: OnProgress | None = None, on_done: OnDone | None = None
+    ) -> CommandHandle:
+        """As ``start``, of what has been made already."""
         handle = CommandHandle(execution, self, on_progress, on_done)
         if execution.result is None:
             self._take_over(execution)
@@ -282,6 +287,7 @@ class Commander:
                 newer.refuse(f"{older.verb} is under way")
             elif _is_target(older) and _is_target(newer):
                 older.supersede(f"by {newer.verb}")
+                newer.leads_on(older)
             else:
                 older.interrupt(f"by {newer.verb}")
 
@@ -377,7 +383,7 @@ def argument_names(verb: str) -> tuple[str, ...]:
     return tuple(inspect.signature(VERBS[verb]).parameters)[1:]
 
 
-def _is_target(execution: Execution) -> bool:
+def _is_target(execution: Execution) -> TypeGuard[CommandExecution]:
     return isinstance(execution, CommandExecution) and execution.plan.target
 
 

@@ -25,13 +25,15 @@ from aps.timeouts import (
     SILENCE_TIMEOUT_S,
 )
 from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Outcome
+from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
-from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import enum_label, mavlink
 
 __all__ = ["CommandExecution", "CommandPlan", "CommandProgress", "CommandResult", "Outcome", "Step"]
 
 PARAMETER_TOLERANCE: Final = 1.0
+LEAD_PATIENCE: Final = 10.0
+"""Leads that are waited for by our clock, if the autopilot's is slower."""
 FLIGHT: Final = "flight"
 ARMING: Final = "arming"
 MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
@@ -55,6 +57,10 @@ class Step:
     """... if it reports this value (to 1, since some parameters are whole numbers), not the one of before."""
     optional: bool = False
     """A refusal is reported as feedback but does not end the command."""
+    done: Callable[[VehicleState], bool] | None = None
+    """Of a message that nothing acknowledges: whether the state shows that it was taken."""
+    explains: bool = False
+    """What the autopilot says to it are reasons for a refusal of the next step, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +75,8 @@ class CommandPlan:
     remaining_m: Callable[[VehicleState], float | None] = lambda _: None
     position: Callable[[VehicleState], tuple[int, int | None]] | None = None
     """Which item of how many it is at, for feedback."""
-    mode: str | None = None
-    """Flight mode that the command needs: leaving it interrupts the command."""
+    modes: tuple[str, ...] = ()
+    """Flight modes that the command needs: leaving them interrupts the command."""
     needs_armed: bool = False
     """Being disarmed on the way interrupts it."""
     refusal_hint: str = ""
@@ -83,12 +89,23 @@ class CommandPlan:
     """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
     setpoint_period_s: float = 0.0
     """By the autopilot's clock or the daemon's, whichever is faster."""
+    may_leave: Callable[[VehicleState], bool] = lambda _: False
+    """Whether having left them in this state is a part of it ..."""
+    leave_grace_ms: int = 0
+    """... and how long the rest of the state may take to show that, ms of the autopilot's clock."""
+    lead_s: float | None = None
+    """For how long setpoints are sent before the first step, by the autopilot's clock; ``None``: they begin with
+    acceptance."""
     duration_s: float | None = None
     """Reached when so much of the autopilot's time has passed since acceptance."""
     farewell: Callable[[VehicleState], list[Any]] | None = None
     """What is said once the goal is reached."""
     reboots: bool = False
     """Whether a reboot is its goal."""
+    objections: tuple[str, ...] = ()
+    """Beginnings of texts by which the autopilot refuses what it has acknowledged."""
+    remark: str = ""
+    """Said with the acceptance."""
     stick_mode: str = ""
     """Mode that it leaves the UA in, if that one climbs and sinks by the throttle stick."""
 
@@ -122,11 +139,17 @@ class CommandExecution(Execution):
         self._step = 0
         self._waiting = _Waiting()
         self._accepted_ms: int | None = None
+        self._lead: tuple[int, int] | None = None
+        """The autopilot's clock, ms, and ours, ns, since when it has had setpoints, ours or of those before us."""
+        self._begun_ms: int | None = None
+        """The autopilot's clock at our own first one, where that is before acceptance."""
         self._setpoint_ns = 0
         self._setpoint_ms = 0
         self._feedback_ms = 0
         self._mode_seen = False
         self._armed_seen = False
+        self._left_ms: int | None = None
+        self._objection = ""
         self._silence_ns = round(silence_s * NS_PER_S)
         self._clock_ms = 0
         self._clock_ns = 0
@@ -163,6 +186,8 @@ class CommandExecution(Execution):
         """STATUSTEXT of the autopilot: a refusal's reason."""
         if text.severity <= MAX_REASON_SEVERITY and text.text not in self._waiting.texts:
             self._waiting.texts.append(text.text)
+        if text.text.startswith(self.plan.objections):
+            self._objection = text.text
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
         """PARAM_VALUE of the autopilot."""
@@ -176,25 +201,47 @@ class CommandExecution(Execution):
         else:
             super().on_reboot()
 
+    def leads_on(self, older: CommandExecution) -> None:
+        """Take the place of another whose setpoints the autopilot has had until now."""
+        if self.plan.lead_s is not None and older.plan.lead_s is not None:
+            self._lead = older._lead
+
     def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
-        if self._accepted_ms is None:
-            messages = self._poll_steps(state, now_ns)
-            if self._accepted_ms is None:
-                return messages
-        else:
-            messages = self._poll_goal(state, now_ns)
-        return [*messages, *self._poll_setpoint(state, now_ns)]
+        if self._accepted_ms is not None:
+            return [*self._poll_goal(state, now_ns), *self._poll_setpoint(state, now_ns)]
+        if self.plan.lead_s is not None:
+            leads = self._leads(state, now_ns, self.plan.lead_s)
+            setpoints = self._poll_setpoint(state, now_ns)
+            return setpoints if leads else [*setpoints, *self._poll_steps(state, now_ns)]
+        messages = self._poll_steps(state, now_ns)
+        return messages if self._accepted_ms is None else [*messages, *self._poll_setpoint(state, now_ns)]
+
+    def _leads(self, state: VehicleState, now_ns: int, lead_s: float) -> bool:
+        """Whether it is too early for the first step; an autopilot whose clock stands still is not waited for."""
+        if self._begun_ms is None:
+            self._begun_ms = state.time_boot_ms
+        if self._lead is None:
+            self._lead = state.time_boot_ms, now_ns
+        from_ms, from_ns = self._lead
+        waits = now_ns - from_ns < LEAD_PATIENCE * lead_s * NS_PER_S
+        return waits and state.time_boot_ms - from_ms < lead_s * 1000.0
 
     def _due_ns(self) -> int | None:
         if self._accepted_ms is None:
             waiting = self._waiting
-            return waiting.deadline_ns if waiting.refused_ns is None else self._reason_due_ns()
+            due_ns = waiting.deadline_ns if waiting.refused_ns is None else self._reason_due_ns()
+            if self.plan.lead_s is None:
+                return due_ns
+            return min(due_ns, self._setpoint_ns) if waiting.tries else self._setpoint_ns
         due_ns = self._clock_ns + self._silence_ns
         return due_ns if self.plan.setpoint is None else min(due_ns, self._setpoint_ns)
 
     # Steps and their acknowledgements.
 
     def _poll_steps(self, state: VehicleState, now_ns: int) -> list[Any]:
+        done = None if not self.plan.steps else self.plan.steps[self._step].done
+        if done is not None and self._waiting.tries and done(state):
+            self._waiting.answer = _ACCEPTED
         while self._waiting.answer == _ACCEPTED or not self.plan.steps:
             if not self._next_step(state, now_ns):
                 return self._poll_goal(state, now_ns)
@@ -211,13 +258,14 @@ class CommandExecution(Execution):
 
     def _next_step(self, state: VehicleState, now_ns: int) -> bool:
         """Go on to the next step; False when there is none and the flight towards the goal begins."""
+        explained = self._step < len(self.plan.steps) and self.plan.steps[self._step].explains
         self._step += 1
-        self._waiting = _Waiting()
+        self._waiting = _Waiting(texts=self._waiting.texts if explained else [])
         if self._step < len(self.plan.steps):
             return True
         self._accepted_ms = self._feedback_ms = state.time_boot_ms
         self._setpoint_ns = now_ns
-        self.tell("accepted", "accepted by the autopilot")
+        self.tell("accepted", ": ".join(filter(None, ("accepted by the autopilot", self.plan.remark))))
         self._clock_ns = now_ns
         return False
 
@@ -259,15 +307,18 @@ class CommandExecution(Execution):
         if state.time_boot_ms != self._clock_ms:
             self._clock_ms, self._clock_ns = state.time_boot_ms, now_ns
         flown_ms = state.time_boot_ms - (self._accepted_ms or 0)
-        self._mode_seen |= state.mode == plan.mode
+        self._mode_seen |= state.mode in plan.modes
         self._armed_seen |= state.armed
         duration_s = plan.duration_s
+        if self._objection:
+            self.end(Outcome.REFUSED, self._objection)
+            return []
         if plan.reached(state) or (duration_s is not None and flown_ms >= duration_s * 1000.0):
             self.end(Outcome.REACHED)
             return [] if plan.farewell is None else plan.farewell(state)
         if plan.needs_armed and not state.armed and (self._armed_seen or flown_ms > ARMED_GRACE_MS):
             self.end(Outcome.INTERRUPTED, "the UA is not armed" + self._words())
-        elif self._mode_seen and plan.mode is not None and state.mode != plan.mode:
+        elif self._has_left(state):
             self.end(Outcome.INTERRUPTED, f"mode changed to {state.mode}" + self._words())
         elif flown_ms > plan.timeout_s * 1000.0:
             self.end(
@@ -279,6 +330,17 @@ class CommandExecution(Execution):
         elif state.time_boot_ms - self._feedback_ms >= FEEDBACK_PERIOD_MS:
             self._feedback(state)
         return []
+
+    def _has_left(self, state: VehicleState) -> bool:
+        """Whether it flies in another mode: in one that may be a part of the plan, after some time of it."""
+        plan = self.plan
+        outside = self._mode_seen and plan.modes and state.mode not in plan.modes
+        if not outside or plan.may_leave(state):
+            self._left_ms = None
+            return False
+        if self._left_ms is None:
+            self._left_ms = state.time_boot_ms
+        return state.time_boot_ms - self._left_ms >= plan.leave_grace_ms
 
     def _feedback(self, state: VehicleState) -> None:
         self._feedback_ms = state.time_boot_ms
@@ -299,7 +361,8 @@ class CommandExecution(Execution):
             return []
         self._setpoint_ns = now_ns + round(plan.setpoint_period_s * NS_PER_S)
         self._setpoint_ms = clock_ms + round(plan.setpoint_period_s * 1000.0)
-        return [plan.setpoint(state, (clock_ms - (self._accepted_ms or 0)) / 1000.0)]
+        from_ms = (self._accepted_ms or 0) if self._begun_ms is None else self._begun_ms
+        return [plan.setpoint(state, (clock_ms - from_ms) / 1000.0)]
 
     def _words(self) -> str:
         return f" ({self._waiting.texts[-1]})" if self._waiting.texts else ""

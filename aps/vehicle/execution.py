@@ -13,8 +13,8 @@ from enum import Enum
 from typing import Any, Final
 
 from aps.timeouts import LINK_LOSS_TIMEOUT_S
+from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
-from aps.vehicle.telemetry import VehicleState
 
 __all__ = ["NS_PER_S", "CommandProgress", "CommandResult", "Execution", "Outcome", "Refusal"]
 

@@ -60,7 +60,8 @@ class VehicleState:
     """The autopilot's own pre-arm verdict, for the mode it is in (ArduCopter asks for a position only in
     modes that need one). True while armed."""
     position_ok: bool = False
-    """The autopilot's estimator has an absolute horizontal position (EKF_STATUS_REPORT)."""
+    """The autopilot's estimator has an absolute horizontal position (EKF_STATUS_REPORT; PX4:
+    ESTIMATOR_STATUS)."""
     system_status: str = ""
     """MAV_STATE label: BOOT, STANDBY, ACTIVE, CRITICAL, ..."""
     landed_state: LandedState = "undefined"
@@ -78,7 +79,7 @@ class VehicleState:
     mission_current: int = -1
     """Number of the item that is flown to, as the autopilot counts (ArduPilot: item 0 is home)."""
     mission_total: int = -1
-    """Number of the last item; -1 where the autopilot does not say."""
+    """Number of the last item (PX4 counts from 0); -1 where the autopilot does not say."""
     mission_state: str = ""
     """MISSION_STATE label: NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE; empty where the autopilot does not
     say."""
@@ -160,11 +161,11 @@ _SOURCES: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {
         ("indicated_airspeed_mps", "groundspeed_mps", "climb_mps", "throttle_percent"),
         ((74,),),
     ),
-    "airspeed_mps": ((32, 33, 74), (168, 74)),  # the indicated one where there is no wind
+    "airspeed_mps": ((32, 33, 74), (168, 231, 74)),  # the indicated one where there is no wind
     "current_a": ((1, 147),),
-    "wind_ned_mps": ((168,),),
-    "wind_body_mps": ((30,), (168,)),
-    "position_ok": ((193,),),
+    "wind_ned_mps": ((168, 231),),
+    "wind_body_mps": ((30,), (168, 231)),
+    "position_ok": ((193, 230),),
     **dict.fromkeys(("home_lat_deg", "home_lon_deg", "home_alt_amsl_m"), ((242,),)),
     "landed_state": ((245,),),
     "time_boot_ms": ((2, 30, 32, 33),),

@@ -135,6 +135,8 @@ class StreamArbiter:
         self.refused: set[int] = set()
         """Message ids that this autopilot cannot send."""
         self._defaults_us = {msg_id: round(US_PER_S / rate_hz) for msg_id, rate_hz in defaults_hz.items()}
+        self.twins: Mapping[int, int | None] = {}
+        """Of our own defaults: messages that this autopilot has under another id, or sends unasked (``None``)."""
         self._wishes: dict[int, dict[int, int]] = {}
         """Client link -> message id -> interval, us."""
         self._asked: dict[int, int] = {}
@@ -148,12 +150,16 @@ class StreamArbiter:
     def interval_us(self, msg_id: int) -> int:
         """The interval that serves everybody, us; 0 leaves it to the autopilot, -1 switches it off."""
         wishes = [wish[msg_id] for wish in self._wishes.values() if msg_id in wish]
-        if msg_id in self._defaults_us:
-            wishes.append(self._defaults_us[msg_id])
+        wishes += [interval_us for own, interval_us in self._own() if own == msg_id]
         wanted = [interval_us for interval_us in wishes if interval_us > 0]
         if wanted:
             return min(wanted)
         return AUTOPILOT_DEFAULT_US if not wishes or AUTOPILOT_DEFAULT_US in wishes else DISABLED_US
+
+    def _own(self) -> list[tuple[int, int]]:
+        """Our own defaults for this autopilot: message id and interval, us."""
+        twins = ((self.twins.get(msg_id, msg_id), us) for msg_id, us in self._defaults_us.items())
+        return [(msg_id, us) for msg_id, us in twins if msg_id is not None]
 
     def client_left(self, link: int) -> None:
         """Forget a client's wishes; what only it wanted goes back to the autopilot's default."""
@@ -242,7 +248,8 @@ class StreamArbiter:
         self._outstanding = None
         self._queue.clear()
         wished = {msg_id for wishes in self._wishes.values() for msg_id in wishes}
-        for msg_id in [*self._defaults_us, *sorted(wished - self._defaults_us.keys())]:
+        own = [msg_id for msg_id, _ in self._own()]
+        for msg_id in [*own, *sorted(wished.difference(own))]:
             self._want(msg_id)
 
     def disconnected(self) -> None:

@@ -14,8 +14,9 @@ from functools import lru_cache
 from typing import Any, Final
 
 from aps.timeouts import REBOOT_STEP_MS
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.state import NAN, NO_VECTOR, NS_PER_S, LandedState, Vector3, VehicleState
-from aps.wire.dialect import enum_label, mavlink, mode_numbers
+from aps.wire.dialect import enum_label, mavlink
 from aps.wire.framer import Frame
 
 __all__ = ["LandedState", "Telemetry", "Vector3", "VehicleState"]
@@ -30,13 +31,12 @@ BOOT_SHIFT_MS: Final = 5000
 _LANDED: Final = ("undefined", "on_ground", "in_air", "takeoff", "landing")
 
 _ARMED: Final = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-_PREARM: Final = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
 _EKF_POSITION: Final = int(mavlink.ESTIMATOR_POS_HORIZ_ABS)
 
 
 @lru_cache(maxsize=256)
 def _mode_name(vehicle_type: int, autopilot: int, custom_mode: int) -> str:
-    names = {number: name for name, number in mode_numbers(vehicle_type, autopilot).items()}
+    names = {number: name for name, number in autopilot_of(autopilot).modes(vehicle_type).items()}
     return names.get(custom_mode, f"MODE_{custom_mode}")
 
 
@@ -52,6 +52,8 @@ class Telemetry:
         self.sysid = sysid
         self.reboots = 0
         """How often the autopilot's clock has gone back."""
+        self.custom_mode = 0
+        """Of the newest heartbeat: the mode as the autopilot numbers it."""
         self.decode_errors = 0
         """Frames of a known type whose values made no sense: a latitude of 300 degrees, an infinite number. NaN is
         no error: autopilots send it for what they do not know."""
@@ -73,6 +75,12 @@ class Telemetry:
         """The autopilot's clock, from its newest message."""
         clock_ms: int = self._values.get("time_boot_ms", 0)
         return clock_ms
+
+    @property
+    def autopilot(self) -> int:
+        """MAV_AUTOPILOT of its newest heartbeat."""
+        autopilot: int = self._values.get("autopilot", 0)
+        return autopilot
 
     @property
     def mode(self) -> str:
@@ -135,6 +143,7 @@ class Telemetry:
 
     def _heartbeat(self, fields: tuple[Any, ...]) -> None:
         custom_mode, vehicle_type, autopilot, base_mode, system_status = fields
+        self.custom_mode = custom_mode
         values = self._values
         values["vehicle_type"], values["autopilot"] = vehicle_type, autopilot
         values["mode"] = _mode_name(vehicle_type, autopilot, custom_mode)
@@ -149,7 +158,7 @@ class Telemetry:
     def _sys_status(self, fields: tuple[Any, ...]) -> None:
         _, enabled, health, _, voltage_mv, current_ca, _, _, _, _, _, _, remaining = fields
         values = self._values
-        values["ready_to_arm"] = not enabled & _PREARM or bool(health & _PREARM)
+        values["ready_to_arm"] = autopilot_of(self.autopilot).ready_to_arm(enabled, health)
         values["voltage_v"] = NAN if voltage_mv in (0, 0xFFFF) else voltage_mv / 1000.0
         values["current_a"] = NAN if current_ca < 0 else current_ca / 100.0
         values["battery_remaining_percent"] = NAN if remaining < 0 else float(remaining)
@@ -194,9 +203,8 @@ class Telemetry:
     def _mission_current(self, fields: tuple[Any, ...]) -> None:
         seq, total, state, _ = fields
         self._values["mission_current"] = seq
-        self._values["mission_total"] = (
-            total if state else -1
-        )  # both are extensions: 0 where they are not sent
+        known = autopilot_of(self.autopilot)
+        self._values["mission_total"] = known.last_item(total, state)
         self._values["mission_state"] = enum_label("MISSION_STATE", state) if state else ""
 
     def _mission_item_reached(self, fields: tuple[Any, ...]) -> None:
@@ -225,6 +233,12 @@ class Telemetry:
             -horizontal_mps * math.sin(direction_rad),
             down_mps,
         )
+
+    def _wind_cov(self, fields: tuple[Any, ...]) -> None:
+        self._values["wind_ned_mps"] = fields[1:4]
+
+    def _estimator_status(self, fields: tuple[Any, ...]) -> None:
+        self._values["position_ok"] = bool(fields[1] & _EKF_POSITION)
 
     def _ekf_status(self, fields: tuple[Any, ...]) -> None:
         self._values["position_ok"] = bool(fields[5] & _EKF_POSITION)
@@ -311,6 +325,8 @@ _DECODERS: Final[dict[int, tuple[struct.Struct, int, _Handler, bool]]] = {
         (147, "<iih10HhBBBb", Telemetry._battery_status),
         (168, "<fff", Telemetry._wind),
         (193, "<fffffH", Telemetry._ekf_status),
+        (230, "<Q32xH", Telemetry._estimator_status),
+        (231, "<Qfff", Telemetry._wind_cov),
         (242, "<iii", Telemetry._home_position),
         (245, "<BB", Telemetry._extended_sys_state),
     )

@@ -16,8 +16,12 @@ from typing import Any, Final
 from aps.callbacks import Callbacks
 from aps.timeouts import SILENCE_TIMEOUT_S, SILENT_HEARTBEATS
 from aps.vehicle.acks import FOREIGN, AckLedger
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commander import Commander
+from aps.vehicle.events import EVENT_ID, EventTexts
+from aps.vehicle.execution import CommandResult
 from aps.vehicle.messages import MessageBoard
+from aps.vehicle.parameters.ftp import ReadExecution
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
 from aps.vehicle.sticks import MiddleStick
 from aps.vehicle.streams import StreamArbiter, command_of
@@ -40,13 +44,24 @@ __all__ = ["Vehicle"]
 _HEARTBEAT: Final = 0
 _COMMANDS: Final = frozenset({75, 76})
 """COMMAND_INT and COMMAND_LONG: what is answered by a COMMAND_ACK."""
+_PARAM_VALUE: Final = 22
 _COMMAND_ACK: Final = 77
 _ACK: Final = struct.Struct("<HBBiBB")
+EVENT_MARK: Final = "\t"
+"""PX4 ends texts with it that are events as well."""
 _NO_STREAM: Final = re.compile(rb"No ap_message for mavlink id \((\d+)\)")
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
 
 _log = logging.getLogger(__name__)
+
+
+def _fields(frame: Frame) -> dict[str, Any]:
+    """The fields of a frame; of PARAM_VALUE with the bytes of its value, which may be those of a whole number."""
+    fields = message_fields(frame.raw)
+    if frame.msg_id == _PARAM_VALUE and fields:
+        fields["param_bytes"] = frame.payload[:4].ljust(4, b"\0")
+    return fields
 
 
 class Vehicle:
@@ -99,6 +114,9 @@ class Vehicle:
         """Called with the first heartbeat of each connection, if set."""
         self.heard = False
         """Whether the autopilot's heartbeat has been heard on this connection."""
+        self.events = EventTexts()
+        """What the autopilot's events mean."""
+        self._clock = clock
         self._name = name
         self._put = put
         self._encoder = Encoder(sysid, ONBOARD_COMPUTER_COMPID)
@@ -134,7 +152,7 @@ class Vehicle:
 
     def receive(self, frame: Frame, now_ns: int) -> bool:
         """A frame from the autopilot's link; returns whether the state may have changed (see ``state_changed``)."""
-        raw, msg_id, sysid, compid, _, _, _, _ = frame
+        _, msg_id, sysid, compid, _, _, _, _ = frame
         if compid != AUTOPILOT_COMPID:
             return False
         if sysid != self.sysid:
@@ -144,7 +162,7 @@ class Vehicle:
         changed = self._from_autopilot(frame, now_ns)
         commands = self.commands
         if commands.busy and commands.wants(msg_id) and self._is_for_us(frame):
-            commands.on_message(message_name(msg_id), message_fields(raw))
+            commands.on_message(message_name(msg_id), _fields(frame))
         if self.subscriptions.rated and self.subscriptions.due(self.telemetry.clock_ms):
             self.subscriptions.offer_due(self.telemetry.state(now_ns))
         return changed
@@ -215,6 +233,8 @@ class Vehicle:
             self._command_ack(frame, now_ns)
         elif frame.msg_id == STATUSTEXT_ID:
             self._status_text(frame)
+        elif frame.msg_id == EVENT_ID:
+            self._tell_text(self.events.take(frame, self.telemetry.custom_mode))
         return False
 
     def _is_for_us(self, frame: Frame) -> bool:
@@ -242,11 +262,13 @@ class Vehicle:
             self.heard = True
             _log.info("autopilot of system %d heard: %s", self.sysid, self.telemetry.state(now_ns).mode)
             self.callbacks.call("the callback for the first heartbeat", self.on_heard)
+            self._fetch_events()
         elif self._silent_heartbeats < SILENT_HEARTBEATS or not self.streams.idle:
             return
         else:
             _log.info("nothing but heartbeats from the autopilot: asking for its streams anew")
         self._silent_heartbeats = 0
+        self.streams.twins = autopilot_of(self.telemetry.autopilot).stream_twins
         self._ask_for_streams(now_ns)
 
     def _autopilot_rebooted(self, now_ns: int) -> None:
@@ -282,11 +304,31 @@ class Vehicle:
         if self.answers_us(frame):
             return
         text = self._assembler.take(frame)
+        if text is not None and text.text.endswith(EVENT_MARK):  # an event says the same
+            text = None if self.events.known else StatusText(text.severity, text.text.rstrip(EVENT_MARK))
+        self._tell_text(text)
+
+    def _tell_text(self, text: StatusText | None) -> None:
         if text is not None:
             _log.info("autopilot: %s", text.text)
             self.commands.on_text(text)
             for listener in (self.texts, *self.text_listeners):
                 self.callbacks.call("the callback for texts", listener, text)
+
+    def _fetch_events(self) -> None:
+        """Get what the autopilot's events mean from itself, where it has that and files may be read."""
+        path = autopilot_of(self.telemetry.autopilot).events_path
+        if path and self.commands.ftp and not self.events.known:
+            reading = ReadExecution(self.telemetry.state(self._clock()), path, "events")
+            self.commands.begin(reading, on_done=self._events_fetched)
+
+    def _events_fetched(self, result: CommandResult) -> None:
+        try:
+            if not result.reached:
+                raise ValueError(str(result))
+            self.events.learn(result.value)
+        except ValueError as error:
+            _log.info("the autopilot's events are told by number: %s", error)
 
     # Our own messages.
 
@@ -298,11 +340,12 @@ class Vehicle:
             self.acks.sent(command, frame.sysid, frame.compid, FOREIGN)
 
     def _send(self, messages: list[Any], request: object) -> None:
-        """Queue messages; ``request`` waits for the acknowledgement of those that are commands."""
+        """Queue messages; ``request`` waits for the acknowledgement of those that are commands, if anything does."""
         for message in messages:
             self._put(self._encoder.encode(message))
             if message.get_msgId() in _COMMANDS:
-                self.acks.sent(message.command, self.sysid, ONBOARD_COMPUTER_COMPID, request)
+                waits = FOREIGN if request is None else request
+                self.acks.sent(message.command, self.sysid, ONBOARD_COMPUTER_COMPID, waits)
 
     def _pump_streams(self, now_ns: int) -> None:
         request = self.streams.poll(now_ns)

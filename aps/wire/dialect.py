@@ -7,7 +7,6 @@ The tables are read once, at import, from pymavlink's generated ``ardupilotmega`
 from __future__ import annotations
 
 import struct
-from functools import cache
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -23,13 +22,13 @@ __all__ = [
     "enum_label",
     "enum_value",
     "has_location",
+    "is_copter",
     "is_ground",
     "is_plane",
     "mavlink",
     "message_class",
     "message_fields",
     "message_name",
-    "mode_numbers",
     "onboard_computer_heartbeat",
     "set_message_interval",
 ]
@@ -150,14 +149,6 @@ _COPTER_TYPES: Final = frozenset(
 _PLANE_TYPES: Final = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(mavlink.MAV_TYPE_VTOL_DUOROTOR, 26)})
 _GROUND_TYPES: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
 
-# The enum's spelling -> the one that ground stations and ArduPilot's own documentation use.
-_GROUND_STATION_SPELLING: Final = {
-    "FLY_BY_WIRE_A": "FBWA",
-    "FLY_BY_WIRE_B": "FBWB",
-    "INITIALIZING": "INITIALISING",
-    "LOITER_ALT_QLAND": "LOITERALTQLAND",
-}
-
 
 def is_ground(vehicle_type: int) -> bool:
     """Whether a MAV_TYPE drives or swims on the surface."""
@@ -169,59 +160,9 @@ def is_copter(vehicle_type: int) -> bool:
     return vehicle_type in _COPTER_TYPES
 
 
-def _px4_mode(main: int, sub: int = 0) -> int:
-    """PX4 keeps main mode and sub mode in the two high bytes of ``custom_mode`` (px4_custom_mode.h)."""
-    return main << 16 | sub << 24
-
-
-PX4_MODES: Final = {
-    "MANUAL": _px4_mode(1),
-    "ALTCTL": _px4_mode(2),
-    "POSCTL": _px4_mode(3),
-    "AUTO.READY": _px4_mode(4, 1),
-    "AUTO.TAKEOFF": _px4_mode(4, 2),
-    "AUTO.LOITER": _px4_mode(4, 3),
-    "AUTO.MISSION": _px4_mode(4, 4),
-    "AUTO.RTL": _px4_mode(4, 5),
-    "AUTO.LAND": _px4_mode(4, 6),
-    "AUTO.FOLLOW_TARGET": _px4_mode(4, 8),
-    "AUTO.PRECLAND": _px4_mode(4, 9),
-    "ACRO": _px4_mode(5),
-    "OFFBOARD": _px4_mode(6),
-    "STABILIZED": _px4_mode(7),
-    "ORBIT": _px4_mode(3, 1),
-}
-"""Names as MAVROS and pymavlink spell them."""
-
-
 def is_plane(vehicle_type: int) -> bool:
     """Whether a MAV_TYPE flies ArduPlane's modes (fixed wing and VTOL)."""
     return vehicle_type in _PLANE_TYPES
-
-
-@cache
-def mode_numbers(vehicle_type: int, autopilot: int = ARDUPILOT) -> dict[str, int]:
-    """Mode name -> ``custom_mode`` number for a MAV_TYPE and MAV_AUTOPILOT; empty where no modes are known."""
-    if autopilot == PX4:
-        return dict(PX4_MODES)
-    if autopilot != ARDUPILOT:
-        return {}
-    if vehicle_type in _COPTER_TYPES:
-        enum = "COPTER_MODE"
-    elif vehicle_type in _PLANE_TYPES:
-        enum = "PLANE_MODE"
-    elif vehicle_type in _GROUND_TYPES:
-        enum = "ROVER_MODE"
-    elif vehicle_type == mavlink.MAV_TYPE_SUBMARINE:
-        enum = "SUB_MODE"
-    else:
-        return {}
-    labels = {number: entry.name.removeprefix(enum + "_") for number, entry in mavlink.enums[enum].items()}
-    return {
-        _GROUND_STATION_SPELLING.get(label, label): int(number)
-        for number, label in labels.items()
-        if label != "ENUM_END"
-    }
 
 
 def onboard_computer_heartbeat() -> Any:

@@ -24,7 +24,8 @@ def host_groups(scenario: Scenario) -> dict[str, tuple[str, ...]]:
 
 def standin_groups(scenario: Scenario) -> tuple[tuple[str, ...], ...]:
     """The UA of each process of stand-ins; ``auto`` gives half as many processes as cores: physics needs the others."""
-    return _spread([ua.node for ua in scenario.ua], scenario.hosts, max(1, core_count() // 2))
+    flown = [ua.node for ua in scenario.ua if scenario.autopilot_of(ua) == "standin"]
+    return _spread(flown, scenario.hosts, max(1, core_count() // 2))
 
 
 def _spread(nodes: Sequence[str], hosts: str | int, auto: int) -> tuple[tuple[str, ...], ...]:

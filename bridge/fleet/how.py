@@ -31,4 +31,4 @@ def in_words(scenario: Scenario) -> str:
 
 def calls_standins(scenario: Scenario) -> bool:
     """Whether its autopilots are stand-ins in its own process, without ports."""
-    return how_joined(scenario) == "one" and scenario.autopilot == "standin"
+    return how_joined(scenario) == "one" and scenario.autopilots == {"standin"}

@@ -23,7 +23,7 @@ from bridge.fleet.how import How, calls_standins, has_bus, how_joined
 from bridge.fleet.many import ManyProcesses
 from bridge.fleet.one import OneProcess, OneTask
 from bridge.fleet.preflight.ports import HOST
-from bridge.fleet.preflight.preflight import launcher_of
+from bridge.fleet.preflight.preflight import launchers_of
 from bridge.record.events import DIED, KILLED, Report
 from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import SECRETS_FOLDER, RunDirectory
@@ -82,7 +82,7 @@ class Fleet:
     ) -> None:
         self._scenario, self._run, self._observer, self._replay = scenario, run, observer, replay
         self._how: How = how or how_joined(scenario)
-        self._launcher = launcher_of(scenario, ardupilot_dir)
+        self._launchers = launchers_of(scenario, ardupilot_dir)
         self._crew = Crew(self._child_ended)
         self._parts: Arrangement | None = None
         self._keyring: Keyring | None = None
@@ -117,7 +117,7 @@ class Fleet:
             await asyncio.shield(self._end())
 
     def _write_provenance(self) -> None:
-        origins = {ua.node: self._launcher.origin(ua) for ua in self._scenario.ua}
+        origins = {ua.node: self._launchers.of(ua).origin(ua) for ua in self._scenario.ua}
         write_provenance(collect(origins, named_files(self._scenario)), self._run.path)
 
     async def _fly(self) -> Ending:
@@ -128,15 +128,14 @@ class Fleet:
         self._write_run()
         parts = self._parts = ARRANGEMENTS[self._how](self._run, self._crew, self, self._observer.on_phase)
         starts_autopilots = not calls_standins(self._scenario)
-        at_once = self._launcher.waits_for_physics
         try:
             await parts.start()
-            if starts_autopilots and at_once:
-                self._start_autopilots()
+            if starts_autopilots:
+                self._start_autopilots(waits_for_physics=True)
             await self._unless_over(parts.ready())
             parts.go()
-            if starts_autopilots and not at_once:
-                self._start_autopilots()
+            if starts_autopilots:
+                self._start_autopilots(waits_for_physics=False)
             self._observer.on_phase("waits for the autopilots")
             return await self._unless_over(self._watch_clock())
         except _Over:
@@ -155,18 +154,19 @@ class Fleet:
         self._keyring = Keyring.create(self._run.path / SECRETS_FOLDER, identities)
         self._run.write(scenario, endpoint, self._replay, hosts, self._keyring)
 
-    def _start_autopilots(self) -> None:
+    def _start_autopilots(self, *, waits_for_physics: bool) -> None:
         scenario = self._scenario
-        self._observer.on_phase(f"starts autopilots ({scenario.autopilot})")
-        plans = [
-            LaunchPlan(self._run, scenario, ua, airframe_of(ua), home_of(ua, scenario.origin))
-            for ua in scenario.ua
-        ]
-        try:
-            for autopilot in self._launcher.processes(plans):
-                self._crew.start(autopilot)
-        except AutopilotError as error:
-            raise FleetError(str(error)) from error
+        for launcher, fleet in self._launchers.each(waits_for_physics=waits_for_physics):
+            self._observer.on_phase(f"starts autopilots ({scenario.autopilot_of(fleet[0])})")
+            plans = [
+                LaunchPlan(self._run, scenario, ua, airframe_of(ua), home_of(ua, scenario.origin))
+                for ua in fleet
+            ]
+            try:
+                for autopilot in launcher.processes(plans):
+                    self._crew.start(autopilot)
+            except AutopilotError as error:
+                raise FleetError(str(error)) from error
 
     def _child_ended(self, child: Child) -> None:
         what = f"{child.spec.name} {child.how_it_ended}"
@@ -278,6 +278,6 @@ class Fleet:
 
 def patience_of(scenario: Scenario) -> float:
     """How long, in wall time, sim time may stand still: longer than an autopilot may owe its packet."""
-    if scenario.autopilot == "external":
+    if "external" in scenario.autopilots:
         return float("inf")
     return max(SILENCE_S, 2 * scenario.fdm.stall_timeout_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from types import MappingProxyType
@@ -14,6 +15,7 @@ from aps.held import HeldDaemon
 from aps.links.address import parse_autopilot
 from aps.links.kinds.called import CalledClient, CalledLink
 from aps.links.kinds.held import HeldLink
+from aps.vehicle.streams import DEFAULT_RATES_HZ
 from bridge.agents.outlet import NodeOutlet
 from bridge.aircraft.aircraft_bridge import AircraftBridge
 from bridge.host.hosted_node import HostedNode
@@ -22,9 +24,13 @@ from bridge.host.modem_port import ModemPort
 from bridge.host.node_record import NodeRecord
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
-from bridge.scenario.model import START_TIME_UNIX_S
+from bridge.run.px4 import px4_events_file
+from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
 
+SYSTEM_TIME = 2
+PX4_RATES_HZ = {message: rate for message, rate in DEFAULT_RATES_HZ.items() if message != SYSTEM_TIME}
+"""PX4's SYSTEM_TIME has the time of the machine: no two records would be alike."""
 log = logging.getLogger("host")
 
 
@@ -48,16 +54,19 @@ class HostedAircraft(HostedNode):
         serials: Mapping[int, CalledClient] = MappingProxyType({}),
     ) -> None:
         scenario, record = run.scenario, NodeRecord(run, config.node)
+        kind = scenario.autopilot_of(config)
         self.daemon = HeldDaemon(
             DaemonConfig(
-                autopilot=f"tcp:127.0.0.1:{scenario.autopilot_port(config)}",
+                autopilot=mavlink_of(scenario, config),
                 sysid=config.sysid,
                 listen_port=scenario.aps_port(config),
                 links=tuple(f"udp-out:{place}" for place in scenario.udp_outputs(config)),
-                middle_stick=scenario.autopilot != "external",
+                middle_stick=kind != "external",
                 tlog_directory=run.path / TLOG_FOLDER if scenario.mavlink.tlog else None,
                 tlog_name=config.node,
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
+                stream_rates_hz=PX4_RATES_HZ if kind == "px4" else DEFAULT_RATES_HZ,
+                events_file=px4_events_file(os.environ) if kind == "px4" else None,
             ),
             autopilot=autopilot,
             ahead=bool(scenario.lookahead_ticks),
@@ -68,7 +77,7 @@ class HostedAircraft(HostedNode):
         self._api = AsyncExitStack()
         self.daemon.on_bytes = record.write_mavlink
         self.daemon.on_wall_time = record.may_not_repeat
-        if scenario.autopilot == "standin":
+        if kind == "standin":
             self.daemon.by_thread.clear()  # it has no threads, refuses files and has no logs
         self.daemon.on_link_down = self._link_down
         self.daemon.on_failure = self._cannot_go_on
@@ -167,3 +176,9 @@ class HostedAircraft(HostedNode):
         for device in self._devices.values():
             device.close()
         super().close()
+
+
+def mavlink_of(scenario: Scenario, ua: Aircraft) -> str:
+    """Where the daemon finds the autopilot: at a TCP port of ArduPilot or the stand-in; PX4 sends to one of ours."""
+    port = scenario.autopilot_port(ua)
+    return f"udp-in:127.0.0.1:{port + 1}" if scenario.autopilot_of(ua) == "px4" else f"tcp:127.0.0.1:{port}"

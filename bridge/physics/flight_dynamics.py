@@ -15,7 +15,15 @@ from bridge.run.every import Every
 from bridge.run.process import log_clock
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import EmitterNode, GroundNode
-from bridge.scenario.resolve.flight import airframe_of, disturb_of, home_of, legacy_of, origin_of, wind_of
+from bridge.scenario.resolve.flight import (
+    airframe_of,
+    disturb_of,
+    home_of,
+    legacy_of,
+    origin_of,
+    px4_of,
+    wind_of,
+)
 from bridge.scenario.resolve.ground_track import GroundTrack
 from bridge.timeouts import FLUSH_PERIOD_S, START_S
 from fdm.air.weather import in_weather
@@ -25,6 +33,7 @@ from fdm.clock.status import ClockStatus
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.called import CalledAutopilot
 from fdm.exchange.exchange import Exchange
+from fdm.exchange.px4.seat import WHY_NOT
 from fdm.model.truth import TrueState
 from fdm.workers.fleet_exchange import FleetExchange, open_exchange
 
@@ -122,6 +131,8 @@ class FlownDynamics:
         for ua_id in self.exchange.ports:
             counters = self.exchange.counters(ua_id)
             self._report.set_counters({f"ua {ua_id} {name}": n for name, n in counters.items()})
+            for name in WHY_NOT.keys() & counters.keys():
+                self._report.may_not_repeat(f"UA {ua_id}: {WHY_NOT[name]}")
         self.exchange.close()
         self._table.close()
         self._report.close()
@@ -176,4 +187,5 @@ def _spec(scenario: Scenario, index: int) -> AircraftSpec:
         wind_of(scenario).build(seed=scenario.seed, ua_id=ua.id),
         disturb_of(scenario, ua),
         legacy_of(scenario, ua),
+        px4_of(scenario, ua),
     )

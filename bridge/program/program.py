@@ -359,7 +359,7 @@ class _InTheLoop:
 def _standins(run: RunDirectory) -> dict[str, CalledStandIn]:
     """The stand-ins of a run by their nodes; none if others fly."""
     scenario = run.scenario
-    if scenario.autopilot != "standin":
+    if scenario.autopilots != {"standin"}:
         return {}
     return {
         ua.node: standin

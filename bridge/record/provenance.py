@@ -117,6 +117,15 @@ def ardupilot_origin(binary: Path, version: str = "") -> AutopilotOrigin:
     return AutopilotOrigin("ardupilot", version, file_digest(binary), str(binary))
 
 
+def px4_origin(binary: Path) -> AutopilotOrigin:
+    """Of a real PX4: the digest of its binary.
+
+    Raises:
+        OSError: the binary cannot be read.
+    """
+    return AutopilotOrigin("px4", "", file_digest(binary), str(binary))
+
+
 def standin_origin() -> AutopilotOrigin:
     """Of the stand-in, which has our version."""
     return AutopilotOrigin("standin", version_of("lostlink"))

@@ -18,7 +18,15 @@ from pydantic import (
 from bridge.scenario.expectations import Expectation
 from bridge.scenario.mcap import McapSettings
 from bridge.scenario.modems import GroundModem, UaModem
-from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, GroundNode, NodeConfig, Transceiver
+from bridge.scenario.nodes import (
+    MAIN,
+    Aircraft,
+    AutopilotName,
+    EmitterNode,
+    GroundNode,
+    NodeConfig,
+    Transceiver,
+)
 from bridge.scenario.parts import (
     Finite,
     Latitude,
@@ -34,7 +42,9 @@ from bridge.scenario.parts import (
 from bridge.timeouts import STALL_S
 from fdm.air.weather import WeatherConfig
 from fdm.clock.status import SPEED_RANGE
+from fdm.exchange.aircraft_spec import px4_port
 from fdm.exchange.settings import Coupling, Placement, Workers
+from fdm.model.px4_sensors import Px4Sensors
 from fdm.model.sensor_noise import SensorNoise
 from fdm.wire.legacy import legacy_ports
 
@@ -109,6 +119,7 @@ class FlightDynamics(Part):
         standin_rate_hz: frames per second of sim time that the stand-in asks for.
         sensor_noise: errors of the sensors beyond those of the autopilot's simulation.
         placement: whether autopilots and physics share a core at full speed; auto = measured at start.
+        px4: rates and errors of the sensors of UA that PX4 flies.
         stall_timeout_s: wall time after which a UA whose autopilot owes a packet is let go.
     """
 
@@ -120,6 +131,7 @@ class FlightDynamics(Part):
     sensor_noise: SensorNoise = SensorNoise()
     stall_timeout_s: Positive = STALL_S
     placement: Placement = "auto"
+    px4: Px4Sensors = Px4Sensors()
 
 
 class Transmit(Part):
@@ -180,7 +192,7 @@ class Scenario(Part):
         name: part of the run directory's name.
         description: for people.
         seed: of all random draws: channel, wind, sensor noise, agents, random places.
-        autopilot: who flies: the stand-in that ships, real ArduPilot, or one that you start.
+        autopilot: who flies: the stand-in that ships, real ArduPilot or PX4, or one that you start; UA may differ.
         speed: real-time factor, or max.
         duration_s: longest sim time; the run ends earlier when all tasks are done.
         take_off_at_s: sim time before which agents do not take off, so that what else has a time meets the same part of
@@ -200,7 +212,7 @@ class Scenario(Part):
         wind: a wind that ships, a file, or a mapping.
         weather: temperature and pressure.
         transmit: what agents give to the radio.
-        parameters: of real ArduPilot, for all UA.
+        parameters: of real autopilots, for all UA.
         ports: first port of each kind.
         mavlink: what the MAVLink daemons do unasked.
         fdm: how flight dynamics are served.
@@ -212,7 +224,7 @@ class Scenario(Part):
     name: Slug
     description: str = ""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
-    autopilot: Literal["standin", "ardupilot", "external"] = "standin"
+    autopilot: AutopilotName = "standin"
     speed: Annotated[float | str, BeforeValidator(_speed), WithJsonSchema(A_SPEED)] = 1.0
     duration_s: Positive
     take_off_at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
@@ -336,6 +348,18 @@ class Scenario(Part):
         return self
 
     @model_validator(mode="after")
+    def _autopilots_fit(self) -> Self:
+        for ua in self.ua:
+            kind = self.autopilot_of(ua)
+            if self.fdm.scheme == "legacy" and kind != "external":
+                raise ValueError("fdm.scheme legacy is for autopilot: external; the others speak json only")
+            if kind == "px4" and ua.modems:
+                raise ValueError(
+                    f"modems: UA {ua.node} is flown by PX4, which has no second serial port here"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _one_process_is_one(self) -> Self:
         if self.processes == "one" and self.asks_for_processes:
             raise ValueError(f"processes: one, and {self.asks_for_processes}: choose one of them")
@@ -448,14 +472,35 @@ class Scenario(Part):
         """The node with this id."""
         return next(node for node in self.nodes if node.node == node_id)
 
+    def autopilot_of(self, ua: Aircraft) -> AutopilotName:
+        """Who flies ``ua``."""
+        return ua.autopilot or self.autopilot
+
+    @property
+    def autopilots(self) -> frozenset[AutopilotName]:
+        """Who flies: all kinds of the fleet."""
+        return frozenset(self.autopilot_of(ua) for ua in self.ua)
+
+    @property
+    def has_parameters(self) -> bool:
+        """Whether it sets parameters of autopilots."""
+        return bool(self.parameters or any(ua.parameters for ua in self.ua))
+
+    @property
+    def autopilots_in_words(self) -> str:
+        """Who flies, for people: ``ardupilot, px4``."""
+        return ", ".join(sorted(self.autopilots))
+
     def fdm_port(self, ua: Aircraft) -> int:
-        """UDP port of the flight dynamics exchange of ``ua``."""
+        """UDP port of the flight dynamics exchange of ``ua``; of PX4, TCP."""
+        if self.autopilot_of(ua) == "px4":
+            return px4_port(self.instance(ua))
         if self.fdm.scheme == "legacy":
             return legacy_ports(self.instance(ua))[1]
         return self._port(self.ports.fdm, ua)
 
     def autopilot_port(self, ua: Aircraft) -> int:
-        """TCP port of the autopilot of ``ua``."""
+        """TCP port of the autopilot of ``ua``; of PX4, UDP, and what it says comes to the next one."""
         return self._port(self.ports.autopilot, ua)
 
     def serial_port(self, ua: Aircraft, serial: int) -> int:

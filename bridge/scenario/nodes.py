@@ -20,6 +20,8 @@ from bridge.scenario.sensor import RfSensor
 from channel.link.emitters.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
 
+AutopilotName = Literal["standin", "ardupilot", "px4", "external"]
+"""Who flies a UA."""
 GROUND_HEIGHT_M = 2.0
 MAIN = "main"
 """The radio network that all nodes are on (`bridge.bus.keys.MAIN`)."""
@@ -81,6 +83,7 @@ class Aircraft(Part):
 
     kind: Literal["ua"] = "ua"
     id: Annotated[int, Field(strict=True, ge=0, le=249)]
+    autopilot: AutopilotName | None = None
     airframe: str = "f450"
     home: HomePlace = HomePlace()
     sensor_noise: SensorNoise | None = None

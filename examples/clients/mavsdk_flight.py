@@ -2,6 +2,8 @@
 
     python mavsdk_flight.py tcpout://127.0.0.1:6760
 
+With PX4: --parameter MPC_XY_CRUISE.
+
 ArduPlane refuses MAVSDK's take-off and has no velocities: with --fixed-wing it takes off by a mission.
 """
 
@@ -82,14 +84,14 @@ async def fly_velocities(telemetry, offboard):
     say("offboard stopped, mode", (await telemetry.flight_mode()).name)
 
 
-async def main(url, fixed_wing):
+async def main(url, fixed_wing, parameter):
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     async with Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(url)
         system = await mavsdk.first_autopilot(timeout_s=30)
         say("system:", await system.get_system_id(), (await system.vehicle_type()).name)
         telemetry, action, param = TelemetryAsync(system), ActionAsync(system), ParamAsync(system)
-        name = "RTL_RADIUS" if fixed_wing else "WPNAV_RADIUS"
+        name = parameter or ("RTL_RADIUS" if fixed_wing else "WPNAV_RADIUS")
         everything = await param.get_all_params()
         say("parameters:", len(everything.int_params) + len(everything.float_params))
         say(f"{name} =", await (param.get_param_int if fixed_wing else param.get_param_float)(name))
@@ -118,5 +120,6 @@ async def main(url, fixed_wing):
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument("url", nargs="?", default="tcpout://127.0.0.1:6760")
 parser.add_argument("--fixed-wing", action="store_true")
+parser.add_argument("--parameter", help="one to read, a float (a whole number with --fixed-wing)")
 arguments = parser.parse_args()
-asyncio.run(main(arguments.url, arguments.fixed_wing))
+asyncio.run(main(arguments.url, arguments.fixed_wing, arguments.parameter))

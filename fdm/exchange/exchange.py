@@ -20,7 +20,9 @@ from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
 from fdm.exchange.placement.placement import Placer
 from fdm.exchange.poller import Poller
-from fdm.exchange.seat import BuildModel, Seat, bind
+from fdm.exchange.px4.seat import BuildModel, Px4Seat
+from fdm.exchange.px4.welcome import Px4Seats
+from fdm.exchange.seat import Seat, bind
 from fdm.exchange.service import DATAGRAM_MAX_BYTES, Service
 from fdm.exchange.settings import Coupling, Placement, check_coupling, check_placement
 from fdm.model.jsbsim_model import JsbsimModel
@@ -102,11 +104,8 @@ class Exchange:
         )
         check_coupling(coupling)
         check_placement(placement)
-        self._coupling, self._peers = coupling, peers
-        ids = [spec.ua_id for spec in aircraft]
-        if len(set(ids)) != len(ids):
-            raise ValueError(f"ua_id twice in {ids}")
-        self._clock = FleetClock(ids, settings, time.monotonic_ns(), peers)
+        self._coupling, self._peers, self._tick_period_ns = coupling, peers, tick_period_ns
+        self._clock = FleetClock(_ids_of(aircraft), settings, time.monotonic_ns(), peers)
         self._commands = CommandQueue()
         self._on_tick = on_tick
         self._placer = Placer(placement, alone=peers is None)
@@ -117,6 +116,7 @@ class Exchange:
         self._stopping = False
         self._poller = Poller()
         self._listeners: dict[int, Callable[[], object]] = {}
+        self._px4 = Px4Seats(self._service, self.listen, self._forget)
         self.listen(self._commands.fileno(), self._commands.drain)
         try:
             for index, spec in enumerate(aircraft):
@@ -224,7 +224,7 @@ class Exchange:
         """Wait for packets, wakes or the clock, and hear what has come."""
         clock = self._clock
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
-        ready = self._poller.wait(clock.wake_at_ns() - clock.wall_ns)
+        ready = self._poller.wait(self._px4.wake_at_ns(clock.wall_ns, clock.wake_at_ns()) - clock.wall_ns)
         clock.update(time.monotonic_ns())
         seats = self._seats
         for fd, _ in ready:
@@ -233,6 +233,7 @@ class Exchange:
                 self._service.hear(seat)
             else:
                 self._listeners[fd]()
+        self._px4.look()
         self._service.start_without_the_absent()
 
     def stop(self) -> None:
@@ -299,7 +300,15 @@ class Exchange:
 
     # Inner workings
 
+    def _forget(self, fd: int) -> None:
+        """Wait for `fd` no longer."""
+        del self._listeners[fd]
+        self._poller.unregister(fd)
+
     def _add(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
+        if spec.px4 is not None:
+            self._add_px4(spec, sock, build_model)
+            return
         try:
             seat = Seat(spec, sock, self._clock.members[spec.ua_id], build_model, self._coupling)
         except BaseException:
@@ -308,6 +317,15 @@ class Exchange:
         self._seats[sock.fileno()] = seat
         self._poller.register(sock.fileno())
 
+    def _add_px4(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
+        try:
+            seat = Px4Seat(spec, sock, self._clock.members[spec.ua_id], build_model, self._tick_period_ns)
+        except BaseException:
+            sock.close()
+            raise
+        self._seats[sock.fileno()] = seat
+        self._px4.add(seat)
+
     def _add_called(self, spec: AircraftSpec, autopilot: CalledAutopilot, build_model: BuildModel) -> None:
         member = self._clock.members[spec.ua_id]
         seat = CalledSeat(
@@ -315,3 +333,15 @@ class Exchange:
         )
         self._called.append(seat)
         self._seats[-len(self._called)] = seat
+
+
+def _ids_of(aircraft: Sequence[AircraftSpec]) -> list[int]:
+    """The UA's ids.
+
+    Raises:
+        ValueError: an id twice.
+    """
+    ids = [spec.ua_id for spec in aircraft]
+    if len(set(ids)) != len(ids):
+        raise ValueError(f"ua_id twice in {ids}")
+    return ids

@@ -134,8 +134,12 @@ class ExchangedAircraft:
         if fields.__class__ is str:
             self._counters[fields] += 1
             return None
+        return self.asked(fields, sender, wall_ns)  # type: ignore[arg-type]
+
+    def asked(self, fields: Fields, sender: object, wall_ns: int) -> ServoVerdict:
+        """Judge a servo packet that was taken apart. Never raises."""
         queued = self.parallel and self.lockstep.waiting and sender == self.lockstep.sender
-        verdict = self.lockstep.receive(fields[2], sender, wall_ns)  # type: ignore[arg-type]
+        verdict = self.lockstep.receive(fields[2], sender, wall_ns)
         if verdict is ServoVerdict.ADVANCE:
             self.frames += 1
         else:
@@ -145,9 +149,9 @@ class ExchangedAircraft:
         if queued and verdict is ServoVerdict.ADVANCE:
             if self.early:
                 self._counters[OVERRUNS] += 1
-            self.early = fields  # type: ignore[assignment]
+            self.early = fields
         else:
-            self.fields, self.early = fields, ()  # type: ignore[assignment]
+            self.fields, self.early = fields, ()
         return verdict
 
     def take_early(self) -> None:

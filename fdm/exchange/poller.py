@@ -23,6 +23,10 @@ class Poller:
         """Wait for `fd` too."""
         self._poll.register(fd, self._readable)
 
+    def unregister(self, fd: int) -> None:
+        """Wait for `fd` no longer; it is still open."""
+        self._poll.unregister(fd)
+
     def wait(self, timeout_ns: int) -> Sequence[tuple[int, int]]:
         """What can be read after at most `timeout_ns`, rounded up to a millisecond: pairs of fd and event mask.
 

@@ -6,20 +6,16 @@ import logging
 import socket
 import struct
 import sys
-from collections.abc import Callable
 
 from fdm.clock.member import Member
 from fdm.errors import PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec
-from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
+from fdm.exchange.hosted_aircraft import ExchangedAircraft
+from fdm.exchange.px4.seat import BuildModel, listen
 from fdm.exchange.settings import Coupling
-from fdm.model.airframe import Airframe
-from fdm.model.geodesy import Home
 from fdm.wire.legacy import make_legacy_encoder, make_legacy_unpacker
 from fdm.wire.sensor_frame import make_encoder
 from fdm.wire.servo_packet import unpack_servo_packet
-
-BuildModel = Callable[[Airframe, Home], FlightModel]
 
 DROPPED_BY_SYSTEM = "dropped_by_system"
 """Counter of the datagrams that the system dropped because the socket's buffer was full."""
@@ -103,11 +99,13 @@ class Seat:
 
 
 def bind(spec: AircraftSpec, host: str) -> socket.socket:
-    """A socket on the UA's port. Its calls wait, for READ_TIMEOUT_US at most, unless a flag forbids it.
+    """A socket on the UA's port. Its calls wait, for READ_TIMEOUT_US at most, unless a flag forbids it; PX4's listens.
 
     Raises:
         PortInUseError: the port cannot be had.
     """
+    if spec.px4 is not None:
+        return listen(spec, host)
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)

@@ -14,6 +14,7 @@ from fdm.clock.status import ClockStatus
 from fdm.errors import ModelDivergedError
 from fdm.exchange.called import CalledSeat
 from fdm.exchange.command_queue import CommandQueue
+from fdm.exchange.px4.seat import Px4Seat
 from fdm.exchange.seat import Seat as SocketSeat
 from fdm.model.truth import TrueState
 from fdm.wire.lockstep import STEPPING, ServoVerdict
@@ -26,7 +27,7 @@ DRAIN_MAX = 16
 BATCH = 8
 """UA that are stepped one after the other before they are answered: that keeps JSBSim in the processor's caches."""
 
-Seat = SocketSeat | CalledSeat
+Seat = SocketSeat | CalledSeat | Px4Seat
 _log = logging.getLogger(__name__)
 
 
@@ -106,6 +107,17 @@ class Service:
             self._act(seat, verdict)
             if verdict in STEPPING:
                 return
+
+    def welcome_px4(self, seat: Px4Seat) -> None:
+        """PX4 has connected: it boots."""
+        hello = seat.accept()
+        self._act(seat, seat.aircraft.asked(hello, seat.connection, self._clock.wall_ns))
+
+    def hear_px4(self, seat: Px4Seat) -> None:
+        """Take the frame that PX4 is done with, if it is."""
+        fields = seat.take(self._clock.wall_ns)
+        if fields is not None:
+            self._act(seat, seat.aircraft.asked(fields, seat.connection, self._clock.wall_ns))
 
     def _act(self, seat: Seat, verdict: ServoVerdict | None) -> None:
         """Do what the verdict on a datagram asks for, short of stepping."""

@@ -19,6 +19,13 @@ class AirPoint(NamedTuple):
     airspeed_mps: float
 
 
+class StaticAir(NamedTuple):
+    """What barometer and thermometer measure, without errors."""
+
+    pressure_pa: float
+    temperature_k: float
+
+
 class Wind(Protocol):
     """The wind of one UA."""
 

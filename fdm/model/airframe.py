@@ -87,6 +87,27 @@ class InitialConditions(_Strict):
     settle_s: Annotated[float, Field(ge=0, le=60)] = 3.0
 
 
+class Px4Airframe(_Strict):
+    """What PX4 needs to know to fly an airframe.
+
+    Attributes:
+        autostart: PX4's own airframe (SYS_AUTOSTART) whose defaults it begins with.
+        parameters: what differs; those that are whole numbers in PX4 are written as such.
+    """
+
+    autostart: Annotated[int, Field(ge=1)]
+    parameters: dict[str, int | float] = {}
+
+    @property
+    def motors(self) -> frozenset[int]:
+        """Outputs that are motors (PX4's functions 101 to 112), counted from 1."""
+        return frozenset(
+            output
+            for output in range(1, 17)
+            if 101 <= self.parameters.get(f"PWM_MAIN_FUNC{output}", 0) <= 112
+        )
+
+
 class Airframe(_Strict):
     """One airframe; see docs/reference/fdm-airframes.md for a worked example.
 
@@ -98,7 +119,8 @@ class Airframe(_Strict):
         initial: its start.
         channels: what the servo channels drive; several may share a channel.
         sensors: optional sensors that are sent to the autopilot.
-        ardupilot_parameters: parameters that the autopilot needs for this airframe.
+        ardupilot_parameters: parameters that ArduPilot needs for this airframe.
+        px4: what PX4 needs; None: it is not known to fly it.
     """
 
     name: str
@@ -109,6 +131,7 @@ class Airframe(_Strict):
     channels: Annotated[tuple[ServoChannel, ...], Field(min_length=1)]
     sensors: tuple[Sensor, ...] = ()
     ardupilot_parameters: dict[str, float] = {}
+    px4: Px4Airframe | None = None
 
     @field_validator("channels")
     @classmethod

@@ -16,7 +16,7 @@ from pathlib import Path
 import jsbsim
 
 from fdm.errors import AirframeError, ModelDivergedError
-from fdm.model.air_point import AirPoint
+from fdm.model.air_point import AirPoint, StaticAir
 from fdm.model.airframe import Airframe, ServoChannel
 from fdm.model.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
 from fdm.model.ground_contact import slowest_stable_rate_hz
@@ -25,6 +25,8 @@ from fdm.wire.servo_packet import PWM_OFFSET, Fields
 
 FOOT_M = 0.3048
 SLUG_KG = 14.59390294
+PSF_PA = 47.88025898
+RANKINE_K = 5.0 / 9.0
 SETTLE_RATE_HZ = 400.0
 
 _log = logging.getLogger(__name__)
@@ -180,6 +182,10 @@ class JsbsimModel:
             alt_amsl_m - self._home.position.alt_amsl_m,
             self._truth_only[0]() * FOOT_M,
         )
+
+    def air(self) -> StaticAir:
+        """Pressure and temperature where it is: those of the standard atmosphere, as the weather has shifted them."""
+        return StaticAir(self._exec["atmosphere/P-psf"] * PSF_PA, self._exec["atmosphere/T-R"] * RANKINE_K)
 
     def truth(self, ua_id: int, sim_time_ns: int) -> TrueState:
         """The true state, stamped `sim_time_ns`."""

@@ -18,12 +18,13 @@ from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario, with_changes
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import AutopilotName
 from lostlink.flight.exits import WELL, RunOutcome, status_of
 from lostlink.flight.flight import Flight, Silent, Watcher
 from lostlink.flight.progress import Progress
 from lostlink.reading.run import Run, load_run
 
-Autopilot = Literal["standin", "ardupilot", "external"]
+Autopilot = AutopilotName
 ScenarioLike = str | Path | Mapping[str, Any] | Scenario
 """A shipped scenario's name, a YAML file, its content as a mapping, or one that was read already."""
 

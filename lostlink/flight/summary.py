@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from bridge.radio.ledger_file import LEDGER
+from bridge.record.autopilot_logs import autopilot_logs
 from bridge.record.digests import digest_line, digests
 from bridge.record.events import read_reports
 from bridge.record.tables.deliveries import DELIVERIES
@@ -73,7 +74,7 @@ def summarise(
         "schema": SCHEMA,
         "scenario": scenario.name,
         "seed": scenario.seed,
-        "autopilot": scenario.autopilot,
+        "autopilot": scenario.autopilots_in_words,
         "radio": scenario.radio,
         "speed": scenario.speed,
         "ending": ending,
@@ -92,10 +93,10 @@ def summarise(
         "may_not_repeat": list(reports.may_not_repeat),
         "events": [asdict(event) for event in reports.events],
         "counters": reports.counters,
+        "autopilot_logs": autopilot_logs(run.path),
         "bins_judged": len(judged),
         "bins_within": within,
-        "checks": ledger["checks"],
-        "unjudged": ledger["unjudged"],
+        **{key: ledger[key] for key in ("checks", "unjudged")},
         "expectations": [asdict(judgement) for judgement in judgements],
         "outcome": verdict.outcome,
         "verdict": verdict.text,

@@ -116,7 +116,7 @@ def _of_others(scenario: Scenario, radio: Radio) -> Iterator[str]:
 def _of_flight(scenario: Scenario, wind: WindConfig) -> Iterator[str]:
     if wind.model_dump(exclude_defaults=True, exclude={"description"}) == {}:
         yield "wind: the air is still"
-    if scenario.autopilot == "standin":
+    if "standin" in scenario.autopilots:
         yield "ArduPilot: a stand-in flies (docs/reference/standin.md); --autopilot ardupilot flies the real one"
     noisy = any(ua.sensor_noise for ua in scenario.ua) or scenario.fdm.sensor_noise != SensorNoise()
     if not noisy:

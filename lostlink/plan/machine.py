@@ -10,6 +10,7 @@ from typing import Any
 
 from bridge.fleet.autopilots.ardupilot import BINARIES, ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
+from bridge.fleet.autopilots.px4 import Px4
 from bridge.fleet.how import in_words
 from bridge.fleet.preflight.ports import conflicts, ports_of
 from bridge.scenario.model import Scenario
@@ -65,4 +66,8 @@ def _binaries(ardupilot_dir: Path | None) -> dict[str, str | None]:
             found[name] = str(launcher.binary(name))
         except AutopilotError:
             found[name] = None
+    try:
+        found["px4"] = str(Px4(os.environ).binary())
+    except AutopilotError:
+        found["px4"] = None
     return found

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bridge.fleet.hosts import host_groups, standin_groups
-from bridge.fleet.how import how_joined, in_words
+from bridge.fleet.how import calls_standins, how_joined, in_words
 from bridge.fleet.preflight.ports import ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
@@ -107,7 +107,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
         scenario.name,
         scenario.description,
         scenario.seed,
-        scenario.autopilot,
+        scenario.autopilots_in_words,
         scenario.speed,
         scenario.duration_s,
         scenario.tick_rate_hz,
@@ -162,11 +162,10 @@ def _processes(scenario: Scenario) -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {"fleet": ()}
     if how_joined(scenario) == "many":
         found = {"router": (), "physics": (), **host_groups(scenario)}
-        if scenario.autopilot == "standin":
-            found |= {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
-    if scenario.autopilot == "ardupilot":
-        found |= {f"autopilot-{ua.node}": (ua.node,) for ua in scenario.ua}
-    return found
+    if not calls_standins(scenario):
+        found |= {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
+    real = [ua.node for ua in scenario.ua if scenario.autopilot_of(ua) in ("ardupilot", "px4")]
+    return found | {f"autopilot-{node}": (node,) for node in real}
 
 
 def _late_outages(scenario: Scenario) -> Iterator[str]:

@@ -92,7 +92,7 @@ def _run(run: Run) -> Content:
         "scenario": scenario.name,
         "description": scenario.description,
         "seed": scenario.seed,
-        "autopilot": scenario.autopilot,
+        "autopilot": scenario.autopilots_in_words,
         "radio": radio_name(scenario),
         "medium": Capacity.of(scenario).medium,
         "speed": scenario.speed,

@@ -14,7 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from aps.wire.dialect import mavlink, mode_numbers
+from aps.vehicle.autopilots.choice import autopilot_of
+from aps.wire.dialect import ARDUPILOT, mavlink
 from bridge.agents import Agent, CommandFailed
 from bridge.bus.messages import AircraftState
 from lostlink import fly
@@ -230,7 +231,7 @@ class SideBySide(Agent):
             await self.ua.send("SET_MODE", target_system=1, base_mode=1, custom_mode=5)
             await self.ua.wait_for(lambda state: state.mode == "LOITER", timeout_s=10.0)
             self.row("LOITER by a client that holds no sticks", await self.what_it_does())
-        for mode in mode_numbers(self.type):
+        for mode in autopilot_of(ARDUPILOT).modes(self.type):
             if mode in ("INITIALISING", "GUIDED"):
                 continue
             await self.back()

@@ -43,6 +43,8 @@ class HeldLink(Link):
         self.connections = 0
         self.receive_buffer_bytes = 0
         """What the kernel granted, its own overhead included."""
+        self.lost_datagrams = 0
+        """Of a link by UDP: what the kernel had no room for."""
         self._socket: socket.socket | None = None
         self._unsent = b""
 

@@ -1,4 +1,4 @@
-"""Circling a point: a copter by setpoints on the circle, a plane by its own way of waiting at a point."""
+"""Circling a point: ArduCopter by setpoints on the circle, planes and PX4 by their own way."""
 
 from __future__ import annotations
 
@@ -7,20 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
+from aps.vehicle.autopilots.autopilot import Circle
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands import CommandPlan
-from aps.vehicle.flight.plans import EARTH_RADIUS_M, ardupilot_only, checked, horizontal_distance_m, mode_step
-from aps.vehicle.flight.setpoints import (
-    Yaw,
-    global_setpoint,
-    guided,
-    leg_s,
-    offset_deg,
-    place_of,
-    reposition_step,
-    stop,
-)
-from aps.vehicle.telemetry import VehicleState
-from aps.wire.dialect import is_plane, mavlink
+from aps.vehicle.flight.setpoints import Yaw, leg_s, offset_deg, place_of
+from aps.vehicle.flight.steps import EARTH_RADIUS_M, checked, horizontal_distance_m
+from aps.vehicle.state import VehicleState
+from aps.wire.dialect import is_plane
 
 __all__ = ["orbit"]
 
@@ -31,7 +24,7 @@ ORBIT_RATE_HZ: Final = 10.0
 
 
 @dataclass
-class _Circle:
+class _Flown:
     """A circle, and how much of it has been flown."""
 
     lat_deg: float
@@ -82,8 +75,8 @@ def orbit(
 ) -> CommandPlan:
     """Circle a point, and go on at the end (a copter stops; a plane circles until it gets another command).
 
-    A copter flies setpoints on the circle with its nose to the centre; a plane's own GUIDED circle is used, at its own
-    speed.
+    A copter flies with its nose to the centre: ArduCopter by setpoints on the circle, PX4 by its ORBIT. A plane's own
+    circle is used, at its own speed.
 
     Args:
         state: the UA now.
@@ -95,11 +88,10 @@ def orbit(
         turns: how often around, from where the UA meets the circle.
         clockwise: seen from above.
     """
-    ardupilot_only(state, "orbit")
     lat, lon, height_m = place_of(lat_deg, lon_deg, alt_rel_m)
     radius = checked("radius_m", radius_m, 2.0, 10_000.0)
     speed = checked("speed_mps", speed_mps, 0.1, 50.0)
-    circle = _Circle(lat, lon, height_m, radius, bool(clockwise))
+    circle = _Flown(lat, lon, height_m, radius, bool(clockwise))
     full_rad = checked("turns", turns, 0.01, 10_000.0) * math.tau
     plane = is_plane(state.vehicle_type)
     within_m = max(5.0, radius * (0.5 if plane else 0.2))
@@ -108,34 +100,34 @@ def orbit(
         circle.look(now, within_m)
         return circle.turned_rad >= full_rad
 
-    steps = guided(state)
-    if plane:
-        signed_m = radius if clockwise else -radius
-        frame = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
-        steps = (mode_step(state, "GUIDED"), reposition_step(state, frame, (lat, lon, height_m), signed_m))
+    centre = (lat, lon, height_m)
+    way = autopilot_of(state.autopilot).orbit(state, Circle(centre, radius, speed, bool(clockwise)))
     way_m = horizontal_distance_m(state, lat, lon) + full_rad * radius
     return CommandPlan(
         "orbit",
-        steps,
+        way.steps,
         reached,
         timeout_s=leg_s(way_m),
         remaining_m=lambda _: max(0.0, (full_rad - circle.turned_rad) * radius),
-        mode="GUIDED",
+        modes=way.modes,
         needs_armed=True,
         target=True,
-        setpoint=None if plane else _orbit_setpoint(circle, speed),
+        setpoint=_orbit_setpoint(circle, speed) if way.by_setpoints else None,
         setpoint_period_s=1.0 / ORBIT_RATE_HZ,
-        farewell=None if plane else stop,
+        lead_s=way.lead_s,
+        farewell=way.farewell,
+        objections=way.objections,
     )
 
 
-def _orbit_setpoint(circle: _Circle, speed_mps: float) -> Callable[[VehicleState, float], Any]:
+def _orbit_setpoint(circle: _Flown, speed_mps: float) -> Callable[[VehicleState, float], Any]:
     def setpoint(now: VehicleState, _: float) -> Any:
         north, east, bearing = circle.lead(now, speed_mps)
         sense = speed_mps if circle.clockwise else -speed_mps
         along = (-math.sin(bearing) * sense, math.cos(bearing) * sense, 0.0)
         place = offset_deg(circle.lat_deg, circle.lon_deg, north, east)
         inward = Yaw(math.degrees(bearing + math.pi) % 360.0)
-        return global_setpoint(now, *place, circle.alt_rel_m, along, inward)
+        there = (*place, circle.alt_rel_m)
+        return autopilot_of(now.autopilot).global_setpoint(now, there, along, inward)
 
     return setpoint

@@ -1,4 +1,4 @@
-"""Setpoints and other messages that say where to fly to in GUIDED."""
+"""Setpoints: messages without an acknowledgement that say where to fly to, and what they are made of."""
 
 from __future__ import annotations
 
@@ -7,25 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from aps.timeouts import LANDING_TIMEOUT_S
-from aps.vehicle.commands import Step
-from aps.vehicle.execution import Refusal
-from aps.vehicle.flight.plans import EARTH_RADIUS_M, SLOWEST_MPS, ardupilot_only, checked, mode_step
-from aps.vehicle.telemetry import Vector3, VehicleState
-from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
+from aps.vehicle.flight.steps import EARTH_RADIUS_M, checked
+from aps.vehicle.state import Vector3, VehicleState
+from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 
-__all__ = [
-    "ZERO",
-    "Yaw",
-    "global_setpoint",
-    "guided",
-    "leg_s",
-    "local_setpoint",
-    "offset_deg",
-    "place_of",
-    "reposition_step",
-    "setpoints_only",
-    "stop",
-]
+__all__ = ["ZERO", "Place", "Yaw", "global_setpoint", "leg_s", "local_setpoint", "offset_deg", "place_of"]
 
 # POSITION_TARGET_TYPEMASK: bits of what is to be ignored.
 _NO_POSITION: Final = 0x007
@@ -34,6 +20,10 @@ _NO_ACCELERATION: Final = 0x1C0
 _NO_YAW: Final = 0x400
 _NO_YAW_RATE: Final = 0x800
 ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
+SLOWEST_MPS: Final = 0.5
+"""For time-outs: a leg that is flown slower than this has failed."""
+Place = tuple[float, float, float]
+"""Latitude, longitude, degrees, and height, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,39 +72,22 @@ def local_setpoint(
     )
 
 
-def global_setpoint(
-    state: VehicleState, lat_deg: float, lon_deg: float, alt_rel_m: float, velocity_mps: Vector3, yaw: Yaw
-) -> Any:
-    """SET_POSITION_TARGET_GLOBAL_INT with height above home."""
+def global_setpoint(state: VehicleState, frame: int, place: Place, velocity_mps: Vector3, yaw: Yaw) -> Any:
+    """SET_POSITION_TARGET_GLOBAL_INT; what the height counts from is said by the MAV_FRAME."""
+    lat_deg, lon_deg, height_m = place
     return mavlink.MAVLink_set_position_target_global_int_message(
         state.time_boot_ms & 0xFFFFFFFF,
         state.sysid,
         AUTOPILOT_COMPID,
-        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        frame,
         _NO_ACCELERATION | yaw.mask,
         round(lat_deg * 1e7),
         round(lon_deg * 1e7),
-        alt_rel_m,
+        height_m,
         *velocity_mps,
         *ZERO,
         *yaw.fields,
     )
-
-
-def guided(state: VehicleState) -> tuple[Step, ...]:
-    """The step into GUIDED, unless it flies in it."""
-    return () if state.mode == "GUIDED" else (mode_step(state, "GUIDED"),)
-
-
-def setpoints_only(state: VehicleState, verb: str) -> None:
-    """Refuse to send setpoints to what takes none.
-
-    Raises:
-        Refusal: a plane, or another autopilot than ArduPilot.
-    """
-    ardupilot_only(state, verb)
-    if is_plane(state.vehicle_type):
-        raise Refusal(f"ArduPlane takes no setpoints of this kind: {verb} is for copters, rovers and boats")
 
 
 def offset_deg(lat_deg: float, lon_deg: float, north_m: float, east_m: float) -> tuple[float, float]:
@@ -124,9 +97,7 @@ def offset_deg(lat_deg: float, lon_deg: float, north_m: float, east_m: float) ->
     return lat_deg + math.degrees(north_m / EARTH_RADIUS_M), (lon + 180.0) % 360.0 - 180.0
 
 
-def place_of(
-    lat_deg: float, lon_deg: float, height_m: float, name: str = "alt_rel_m"
-) -> tuple[float, float, float]:
+def place_of(lat_deg: float, lon_deg: float, height_m: float, name: str = "alt_rel_m") -> Place:
     """Latitude, longitude and height, checked.
 
     Raises:
@@ -140,35 +111,3 @@ def place_of(
 def leg_s(distance_m: float) -> float:
     """Time to allow for a leg, s."""
     return 60.0 + (distance_m / SLOWEST_MPS if math.isfinite(distance_m) else LANDING_TIMEOUT_S)
-
-
-def reposition_step(
-    state: VehicleState, frame: int, place: tuple[float, float, float], radius_m: float = 0.0
-) -> Step:
-    """DO_REPOSITION; a plane circles with ``radius_m``, negative to the left, 0 as it is set."""
-    command = int(mavlink.MAV_CMD_DO_REPOSITION)
-    lat_deg, lon_deg, height_m = place
-
-    def message(_: int) -> Any:
-        return mavlink.MAVLink_command_int_message(
-            state.sysid,
-            AUTOPILOT_COMPID,
-            frame,
-            command,
-            0,
-            0,
-            -1.0,
-            float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE),
-            radius_m,
-            math.nan,
-            round(lat_deg * 1e7),
-            round(lon_deg * 1e7),
-            height_m,
-        )
-
-    return Step(message, command=command)
-
-
-def stop(state: VehicleState) -> list[Any]:
-    """Have a copter stop where it is."""
-    return [local_setpoint(state, mavlink.MAV_FRAME_LOCAL_NED, None, ZERO, Yaw())]

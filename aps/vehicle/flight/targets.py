@@ -1,42 +1,26 @@
-"""Where to fly to in GUIDED: points, velocities, moving targets. Frames are in the names of the arguments.
+"""Where to fly to: points, velocities, moving targets. Frames are in the names of the arguments.
 
-A newer one of these supersedes the one before. Setpoints (velocities, moving targets, circles, local points) have no
-acknowledgement: the daemon repeats them, as autopilots want it (ArduCopter stops 3 s after the last velocity).
+ArduPilot flies there in GUIDED, PX4 in AUTO.LOITER (points) and OFFBOARD (setpoints). A newer one of these supersedes
+the one before. Setpoints (velocities, moving targets, circles, local points) have no acknowledgement: the daemon
+repeats them, as autopilots want it (ArduCopter stops 3 s after the last velocity, PX4 leaves OFFBOARD after 1 s).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any, Final
 
 from aps.timeouts import MODE_TIMEOUT_S
-from aps.vehicle.commands import CommandPlan, Step
+from aps.vehicle.autopilots.autopilot import Target
+from aps.vehicle.autopilots.choice import autopilot_of
+from aps.vehicle.commands import CommandPlan
 from aps.vehicle.execution import Refusal
-from aps.vehicle.flight.plans import (
-    PLANE_RADIUS_M,
-    ardupilot_only,
-    checked,
-    command_long,
-    finite_or_none,
-    horizontal_distance_m,
-    mode_step,
-    speed_step,
-)
-from aps.vehicle.flight.setpoints import (
-    ZERO,
-    Yaw,
-    global_setpoint,
-    guided,
-    leg_s,
-    local_setpoint,
-    offset_deg,
-    place_of,
-    reposition_step,
-    setpoints_only,
-    stop,
-)
-from aps.vehicle.telemetry import Vector3, VehicleState
-from aps.wire.dialect import PX4, is_ground, is_plane, mavlink
+from aps.vehicle.flight.plans import PLANE_RADIUS_M
+from aps.vehicle.flight.setpoints import ZERO, Yaw, leg_s, local_setpoint, offset_deg, place_of
+from aps.vehicle.flight.steps import checked, finite_or_none, horizontal_distance_m
+from aps.vehicle.state import Vector3, VehicleState
+from aps.wire.dialect import is_ground, is_plane, mavlink
 
 __all__ = ["follow", "goto", "goto_ned", "hold", "velocity"]
 
@@ -50,24 +34,23 @@ MOST_RATE_HZ: Final = 50.0
 POINT_PERIOD_S: Final = 1.0
 """Between two repetitions of a point."""
 
-FRAMES: Final = {
-    "relative": mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    "amsl": mavlink.MAV_FRAME_GLOBAL,
-    "terrain": mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
-}
-"""What a height counts from -> MAV_FRAME: home, mean sea level, the ground below."""
+FRAMES: Final = ("relative", "amsl", "terrain")
+"""What a height counts from: home, mean sea level, the ground below."""
 LOCAL_FRAMES: Final = {
-    "origin": mavlink.MAV_FRAME_LOCAL_NED,
+    "origin": int(mavlink.MAV_FRAME_LOCAL_NED),
     "offset": mavlink.MAV_FRAME_LOCAL_OFFSET_NED,
     "body": mavlink.MAV_FRAME_BODY_OFFSET_NED,
 }
-VELOCITY_FRAMES: Final = {"ned": mavlink.MAV_FRAME_LOCAL_NED, "body": mavlink.MAV_FRAME_BODY_NED}
+VELOCITY_FRAMES: Final = {
+    "ned": int(mavlink.MAV_FRAME_LOCAL_NED),
+    "body": int(mavlink.MAV_FRAME_BODY_NED),
+}
 
 
-def _choice(name: str, value: str, among: dict[str, int]) -> int:
+def _choice(name: str, value: str, among: Collection[str]) -> str:
     if value not in among:
         raise ValueError(f"{name} {value!r} is none of {', '.join(among)}")
-    return int(among[value])
+    return value
 
 
 def goto(
@@ -80,7 +63,7 @@ def goto(
     frame: str = "relative",
     within_m: float | None = None,
 ) -> CommandPlan:
-    """Fly to a point in GUIDED and hold (a fixed wing: circle) there.
+    """Fly to a point and hold (a fixed wing: circle) there.
 
     Args:
         state: the UA now.
@@ -93,9 +76,8 @@ def goto(
         within_m: how near to the point, over ground, counts as there; ``None``: 2, of a plane 200. (The height
             has to be right within 1 m, of a plane 15.)
     """
-    ardupilot_only(state, "goto")
     lat, lon, height_m = place_of(lat_deg, lon_deg, alt_rel_m)
-    mav_frame = _choice("frame", frame, FRAMES)
+    _choice("frame", frame, FRAMES)
     plane = is_plane(state.vehicle_type)
     if yaw_deg is not None and plane:
         raise ValueError("yaw_deg: a plane points where it flies")
@@ -113,21 +95,22 @@ def goto(
     def reached(now: VehicleState) -> bool:
         return abs(climb_m(now)) <= tolerance_m and horizontal_distance_m(now, lat, lon) <= radius_m
 
-    steps = [mode_step(state, "GUIDED"), reposition_step(state, mav_frame, (lat, lon, height_m))]
     if speed_mps is not None:
-        step = speed_step(state, speed_mps, "air" if plane else "ground")
-        steps.append(Step(step.message, command=step.command, optional=True))
+        checked("speed_mps", speed_mps, 0.1, 200.0)
     if yaw_deg is not None:
-        steps.append(_yaw_step(state, checked("yaw_deg", yaw_deg, -360.0, 360.0)))
+        checked("yaw_deg", yaw_deg, -360.0, 360.0)
+    target = Target((lat, lon, height_m), frame, speed_mps, yaw_deg)
+    way = autopilot_of(state.autopilot).goto(state, target)
     return CommandPlan(
         "goto",
-        tuple(steps),
+        way.steps,
         reached,
         timeout_s=leg_s(remaining_m(state)),
         remaining_m=lambda now: finite_or_none(remaining_m(now)),
-        mode="GUIDED",
+        modes=way.modes,
         needs_armed=True,
-        refusal_hint="no position yet, a point beyond its fence, or a height over terrain that it has no data of",
+        refusal_hint=way.refusal_hint,
+        objections=way.objections,
         target=True,
     )
 
@@ -136,42 +119,33 @@ def _near_m(within_m: float) -> float:
     return checked("within_m", within_m, 0.1, 10_000.0)
 
 
-def _yaw_step(state: VehicleState, yaw_deg: float) -> Step:
-    step = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), yaw_deg % 360.0)
-    return Step(step.message, command=step.command, optional=True)
-
-
 def hold(state: VehicleState) -> CommandPlan:
-    """Stay here: a copter stops in GUIDED and keeps its place and height without a pilot, a plane circles (LOITER).
+    """Stay here: a copter stops and keeps its place and height without a pilot, a plane circles.
 
-    Done when a copter stands still, a plane flies in LOITER.
+    Done when a copter stands still, a plane is in its mode for that.
     """
-    if state.autopilot == PX4 or is_plane(state.vehicle_type):
-        mode = "AUTO.LOITER" if state.autopilot == PX4 else "LOITER"
-        return CommandPlan(
-            "hold",
-            (mode_step(state, mode),),
-            lambda now: now.mode == mode,
-            MODE_TIMEOUT_S,
-            needs_armed=True,
-            target=True,
-        )
+    way = autopilot_of(state.autopilot).hold(state)
+    plane = is_plane(state.vehicle_type)
 
     def reached(now: VehicleState) -> bool:
-        return now.mode == "GUIDED" and math.dist(now.velocity_ned_mps, ZERO) <= STILL_MPS
+        return now.mode in way.modes and (plane or math.dist(now.velocity_ned_mps, ZERO) <= STILL_MPS)
 
     return CommandPlan(
         "hold",
-        guided(state),
+        way.steps,
         reached,
-        timeout_s=leg_s(0.0),
-        mode="GUIDED",
+        timeout_s=MODE_TIMEOUT_S if plane else leg_s(0.0),
+        modes=way.modes,
         needs_armed=True,
         target=True,
-        setpoint=lambda now, _: stop(now)[0],
+        setpoint=_stand_still if way.by_setpoints else None,
         setpoint_period_s=POINT_PERIOD_S,
-        farewell=stop,
+        farewell=way.farewell,
     )
+
+
+def _stand_still(now: VehicleState, _: float) -> Any:
+    return local_setpoint(now, int(mavlink.MAV_FRAME_LOCAL_NED), None, ZERO, Yaw())
 
 
 def goto_ned(
@@ -184,7 +158,7 @@ def goto_ned(
     yaw_rate_dps: float | None = None,
     within_m: float | None = None,
 ) -> CommandPlan:
-    """Fly to a point in local metres in GUIDED, and hold there. Not for planes.
+    """Fly to a point in local metres, and hold there. Not for planes.
 
     Args:
         state: the UA now.
@@ -200,7 +174,8 @@ def goto_ned(
     Raises:
         Refusal: ``offset`` and ``body`` without a position yet; a plane.
     """
-    setpoints_only(state, "goto_ned")
+    autopilot = autopilot_of(state.autopilot)
+    way = autopilot.setpoints(state, "goto_ned")
     _choice("frame", frame, LOCAL_FRAMES)
     yaw = Yaw(yaw_deg, yaw_rate_dps)
     asked = [
@@ -215,15 +190,17 @@ def goto_ned(
 
     return CommandPlan(
         "goto_ned",
-        guided(state),
+        way.steps,
         lambda now: remaining_m(now) <= radius_m,
         timeout_s=leg_s(remaining_m(state)),
         remaining_m=lambda now: finite_or_none(remaining_m(now)),
-        mode="GUIDED",
+        modes=way.modes,
         needs_armed=True,
         target=True,
         setpoint=lambda now, _: local_setpoint(now, LOCAL_FRAMES["origin"], goal, None, yaw),
-        setpoint_period_s=POINT_PERIOD_S,
+        setpoint_period_s=min(POINT_PERIOD_S, way.longest_period_s),
+        lead_s=way.lead_s,
+        farewell=lambda now: autopilot.stay_at(now, goal, yaw),
     )
 
 
@@ -253,7 +230,7 @@ def velocity(
     duration_s: float = 3.0,
     rate_hz: float = 5.0,
 ) -> CommandPlan:
-    """Fly at a velocity in GUIDED for a time, then stop. A newer target before that takes over without a stop.
+    """Fly at a velocity for a time, then stop. A newer target before that takes over without a stop.
 
     Args:
         state: the UA now.
@@ -266,8 +243,8 @@ def velocity(
         duration_s: for how long, by the autopilot's clock.
         rate_hz: how often the setpoint is repeated.
     """
-    setpoints_only(state, "velocity")
-    mav_frame = _choice("frame", frame, VELOCITY_FRAMES)
+    way = autopilot_of(state.autopilot).setpoints(state, "velocity")
+    mav_frame = VELOCITY_FRAMES[_choice("frame", frame, VELOCITY_FRAMES)]
     yaw = Yaw(yaw_deg, yaw_rate_dps)
     speeds = [
         checked(name, value, -100.0, 100.0)
@@ -276,16 +253,19 @@ def velocity(
     wanted = (speeds[0], speeds[1], speeds[2])
     return CommandPlan(
         "velocity",
-        guided(state),
+        way.steps,
         lambda _: False,
         timeout_s=math.inf,
-        mode="GUIDED",
+        modes=way.modes,
         needs_armed=True,
         target=True,
         setpoint=lambda now, _: local_setpoint(now, mav_frame, None, wanted, yaw),
-        setpoint_period_s=1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ),
+        setpoint_period_s=min(
+            1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ), way.longest_period_s
+        ),
+        lead_s=way.lead_s,
         duration_s=checked("duration_s", duration_s, 0.0, 86_400.0),
-        farewell=stop,
+        farewell=way.farewell,
     )
 
 
@@ -315,7 +295,8 @@ def follow(
         duration_s: for how long to go on without a newer call, by the autopilot's clock.
         rate_hz: how often the setpoint is sent.
     """
-    setpoints_only(state, "follow")
+    autopilot = autopilot_of(state.autopilot)
+    way = autopilot.setpoints(state, "follow")
     lat, lon, height_m = place_of(lat_deg, lon_deg, alt_rel_m)
     yaw = Yaw(yaw_deg)
     north = checked("north_mps", north_mps, -100.0, 100.0)
@@ -324,18 +305,22 @@ def follow(
 
     def setpoint(now: VehicleState, elapsed_s: float) -> Any:
         place = offset_deg(lat, lon, north * elapsed_s, east * elapsed_s)
-        return global_setpoint(now, *place, height_m - down * elapsed_s, (north, east, down), yaw)
+        there = (*place, height_m - down * elapsed_s)
+        return autopilot.global_setpoint(now, there, (north, east, down), yaw)
 
     return CommandPlan(
         "follow",
-        guided(state),
+        way.steps,
         lambda _: False,
         timeout_s=math.inf,
-        mode="GUIDED",
+        modes=way.modes,
         needs_armed=True,
         target=True,
         setpoint=setpoint,
-        setpoint_period_s=1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ),
+        setpoint_period_s=min(
+            1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ), way.longest_period_s
+        ),
+        lead_s=way.lead_s,
         duration_s=checked("duration_s", duration_s, 0.0, 86_400.0),
-        farewell=stop,
+        farewell=way.farewell,
     )

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from aps.timeouts import MODE_TIMEOUT_S
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands import CommandPlan, Step
-from aps.vehicle.flight.plans import checked, command_long, finite_or_none, mode_step
-from aps.vehicle.telemetry import VehicleState
-from aps.wire.dialect import PX4, mavlink
+from aps.vehicle.flight.steps import checked, finite_or_none
+from aps.vehicle.missions.items import KINDS, first_seq
+from aps.vehicle.state import VehicleState
 
 __all__ = ["fly", "set_current"]
 
@@ -17,6 +18,8 @@ MISSION_TIMEOUT_S: Final = 24 * 3600.0
 STALE_S: Final = 5.0
 """A mission that still says COMPLETE so long after its start, by the autopilot's clock, is complete (it was short), not
 the one before."""
+LAST_ITEM_GRACE_MS: Final = 1500
+"""Between a heartbeat that shows the mode to which the last item leads, and the MISSION_CURRENT of that item (1 Hz)."""
 _ITEM_REACHED: Final = 46
 
 
@@ -30,16 +33,22 @@ class _End:
     start_ms: int
     reached_ns: int
     """When an item was last reached, before the start."""
+    modes: tuple[str, ...]
+    lowest: int
+    """Number of the first item."""
+    is_stale: bool
+    """Whether it still says that it has reached the last item, of the flight before."""
     started: bool = False
 
     def is_there(self, now: VehicleState) -> bool:
-        self.started |= now.mission_state == "ACTIVE"
+        self.started |= now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
         if now.mission_state == "COMPLETE":
             return self.started or now.time_boot_ms - self.start_ms > STALE_S * 1000.0
-        if not self.started or now.mission_total < 1:
+        if not self.started or now.mission_total < self.lowest:
             return False
+        self.is_stale &= now.mission_current >= now.mission_total
         landed = not now.armed and now.mission_total <= now.mission_current
-        newly_reached = now.heard_ns.get(_ITEM_REACHED, -1) > self.reached_ns
+        newly_reached = now.heard_ns.get(_ITEM_REACHED, -1) > self.reached_ns and not self.is_stale
         return landed or (newly_reached and now.mission_reached == now.mission_total)
 
 
@@ -48,23 +57,27 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
 
     Args:
         state: the UA now.
-        first: number of the item to begin with, as the autopilot counts (ArduPilot: the first after home is 1);
+        first: number of the item to begin with, as the autopilot counts (ArduPilot: the first after home is 1, PX4: 0);
             ``None`` where it stopped before, or at the beginning.
     """
-    mode = "AUTO.MISSION" if state.autopilot == PX4 else "AUTO"
-    steps = [mode_step(state, mode)]
-    if first is not None:
-        steps.insert(0, _current_step(state, first))
-    start = command_long(state, int(mavlink.MAV_CMD_MISSION_START))
-    steps.append(Step(start.message, command=start.command, optional=True))
-    end = _End(state.time_boot_ms, state.heard_ns.get(_ITEM_REACHED, -1))
+    way = autopilot_of(state.autopilot).mission(state)
+    before = () if first is None else (_current_step(state, first),)
+    end = _End(
+        state.time_boot_ms,
+        state.heard_ns.get(_ITEM_REACHED, -1),
+        way.modes,
+        first_seq(KINDS["mission"], state.autopilot),
+        state.mission_reached >= 0 and state.mission_reached == state.mission_total,
+    )
     return CommandPlan(
         "mission",
-        tuple(steps),
+        (*before, *way.steps),
         end.is_there,
         MISSION_TIMEOUT_S,
         remaining_m=lambda now: finite_or_none(now.waypoint_distance_m),
-        mode=mode,
+        modes=way.modes,
+        may_leave=lambda now: now.mode in way.last_modes and now.mission_current >= now.mission_total,
+        leave_grace_ms=LAST_ITEM_GRACE_MS if way.last_modes else 0,
         needs_armed=True,
         refusal_hint="" if state.mission_total else "the autopilot has no mission",
         position=lambda now: (
@@ -78,7 +91,7 @@ def _current_step(state: VehicleState, seq: int) -> Step:
     if isinstance(seq, bool) or not isinstance(seq, int):
         raise ValueError(f"the number of an item is a whole number, not {seq!r}")
     number = checked("the number of an item", seq, 0, 0xFFFE)
-    return command_long(state, int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), number, 0.0)
+    return autopilot_of(state.autopilot).current_item_step(state, int(number))
 
 
 def set_current(state: VehicleState, seq: int) -> CommandPlan:
@@ -86,7 +99,7 @@ def set_current(state: VehicleState, seq: int) -> CommandPlan:
 
     Args:
         state: the UA now.
-        seq: number of the item, as the autopilot counts (ArduPilot: the first after home is 1).
+        seq: number of the item, as the autopilot counts (ArduPilot: the first after home is 1, PX4: 0).
     """
     return CommandPlan(
         "mission_set_current",

@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from aps.wire.dialect import ARDUPILOT, AUTOPILOT_COMPID, enum_value, has_location, mavlink
+from aps.vehicle.autopilots.choice import autopilot_of
+from aps.wire.dialect import AUTOPILOT_COMPID, enum_value, has_location, mavlink
 
 __all__ = ["KINDS", "MissionItem", "first_seq", "items_of"]
 
@@ -196,5 +197,5 @@ def items_of(items: Any) -> list[MissionItem]:
 
 
 def first_seq(kind: int, autopilot: int) -> int:
-    """The number that an autopilot gives to the first item: ArduPilot's missions begin with home, as item 0."""
-    return int(kind == KINDS["mission"] and autopilot == ARDUPILOT)
+    """The number that a MAV_AUTOPILOT gives to the first item: ArduPilot's missions begin with home, as item 0."""
+    return int(kind == KINDS["mission"] and autopilot_of(autopilot).home_is_an_item)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.execution import CommandResult, Execution, Outcome
 from aps.vehicle.parameters.ftp import PackedExecution
 from aps.vehicle.parameters.transfer import ListExecution
@@ -21,7 +22,7 @@ class AllExecution(Execution):
 
     Args:
         state: the UA now.
-        ftp: whether to try the packed file first.
+        ftp: whether to try the packed file first, if the autopilot is of those that have one.
     """
 
     wanted = PackedExecution.wanted | ListExecution.wanted
@@ -29,7 +30,8 @@ class AllExecution(Execution):
     def __init__(self, state: VehicleState, *, ftp: bool) -> None:
         super().__init__("parameters", "parameters")
         self._state = state
-        self._inner: Execution = PackedExecution(state, OPEN_TRIES) if ftp else ListExecution(state)
+        packed = ftp and autopilot_of(state.autopilot).packed_parameters
+        self._inner: Execution = PackedExecution(state, OPEN_TRIES) if packed else ListExecution(state)
 
     def poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         """As of every execution."""

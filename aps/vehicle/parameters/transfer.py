@@ -1,7 +1,7 @@
 """Parameters over MAVLink's parameter protocol: read one, set some, get all. No I/O, no clock.
 
-Values are what people write: ArduPilot sends every type as a float, PX4 sends integers as the bits of one; ``decoded``
-and ``encoded`` know both. (https://mavlink.io/en/services/parameter.html)
+Values are what people write: ArduPilot sends every type as a float, PX4 sends integers as the bytes of one; ``decoded``
+and ``set_message`` know both. (https://mavlink.io/en/services/parameter.html)
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from aps.timeouts import PARAMETER_GAP_S, TRANSFER_TIMEOUTS_S
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
 from aps.vehicle.telemetry import VehicleState
-from aps.wire.dialect import AUTOPILOT_COMPID, PX4, enum_label, mavlink
+from aps.wire.dialect import AUTOPILOT_COMPID, enum_label, mavlink
 
 __all__ = ["GetExecution", "ListExecution", "SetExecution", "get", "set_all", "set_one"]
 
@@ -23,9 +24,8 @@ GAPS_AT_ONCE: Final = 10
 """Missing parameters that are asked for together."""
 
 FEEDBACK_PARAMETERS: Final = 100
-_REAL32: Final = int(mavlink.MAV_PARAM_TYPE_REAL32)
-_LAYOUTS: Final = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i", 9: "f"}
-"""MAV_PARAM_TYPE -> its layout in the four bytes of a value."""
+_LAYOUTS: Final = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i"}
+"""MAV_PARAM_TYPE of whole numbers -> its layout in the four bytes of a value."""
 _LIMITS: Final = {
     1: (0, 255),
     2: (-128, 127),
@@ -47,21 +47,32 @@ def checked_name(name: Any) -> str:
     return name.upper()
 
 
-def decoded(value: float, kind: int, autopilot: int) -> float:
-    """What a PARAM_VALUE means."""
-    layout = _LAYOUTS.get(kind)
-    if autopilot == PX4 and layout is not None and kind != _REAL32:
-        return float(struct.unpack_from("<" + layout, struct.pack("<f", value))[0])
-    return value
+class _BytewiseParamSet(mavlink.MAVLink_param_set_message):  # type: ignore[misc]
+    """PARAM_SET whose value is four bytes: on its way through a float a signalling NaN would lose a bit."""
+
+    unpacker = struct.Struct("<4sBB16sB")
 
 
-def encoded(value: float, kind: int, autopilot: int) -> float:
-    """What PARAM_SET carries for a value."""
-    layout = _LAYOUTS.get(kind)
-    if autopilot == PX4 and layout is not None and kind != _REAL32:
-        raw = struct.pack("<" + layout, round(value)).ljust(4, b"\0")
-        return float(struct.unpack("<f", raw)[0])
-    return value
+def _is_bytewise(kind: int, autopilot: int) -> bool:
+    return kind in _LIMITS and autopilot_of(autopilot).bytewise_parameters
+
+
+def decoded(fields: Mapping[str, Any], autopilot: int) -> float:
+    """What a PARAM_VALUE means: its fields, and ``param_bytes``, those of its value."""
+    kind = int(fields["param_type"])
+    if _is_bytewise(kind, autopilot):
+        return float(struct.unpack_from("<" + _LAYOUTS[kind], fields["param_bytes"])[0])
+    return float(fields["param_value"])
+
+
+def set_message(sysid: int, name: str, value: float, kind: int, autopilot: int) -> Any:
+    """PARAM_SET as the autopilot reads it."""
+    target = (sysid, AUTOPILOT_COMPID, name.encode("ascii"))
+    if _is_bytewise(kind, autopilot):
+        return _BytewiseParamSet(
+            *target, struct.pack("<" + _LAYOUTS[kind], round(value)).ljust(4, b"\0"), kind
+        )
+    return mavlink.MAVLink_param_set_message(*target, value, kind)
 
 
 def as_float32(value: float) -> float:
@@ -124,7 +135,7 @@ class GetExecution(_Asking):
         if fields.get("param_id") != self._name:
             return
         if name == "PARAM_VALUE":
-            value = decoded(fields["param_value"], fields["param_type"], self._autopilot)
+            value = decoded(fields, self._autopilot)
             self.end(Outcome.REACHED, value=value)
         elif name == "PARAM_ERROR":
             self.refuse(enum_label("MAV_PARAM_ERROR", int(fields["error"])))
@@ -160,15 +171,7 @@ class SetExecution(_Asking):
             return []
         if self._kind is None:
             return [self._read_message(name)]
-        return [
-            mavlink.MAVLink_param_set_message(
-                self._sysid,
-                AUTOPILOT_COMPID,
-                name.encode("ascii"),
-                encoded(value, self._kind, self._autopilot),
-                self._kind,
-            )
-        ]
+        return [set_message(self._sysid, name, value, self._kind, self._autopilot)]
 
     def _give_up(self, name: str, value: float) -> None:
         after = f" ({self._at} of {len(self._wanted)} are set)" if len(self._wanted) > 1 else ""
@@ -184,7 +187,7 @@ class SetExecution(_Asking):
         if name == "PARAM_ERROR":
             self.refuse(f"{self._wanted[self._at][0]}: {enum_label('MAV_PARAM_ERROR', int(fields['error']))}")
         elif name == "PARAM_VALUE":
-            self._take(decoded(fields["param_value"], fields["param_type"], self._autopilot), fields)
+            self._take(decoded(fields, self._autopilot), fields)
 
     def _take(self, value: float, fields: Mapping[str, Any]) -> None:
         name, wanted = self._wanted[self._at]
@@ -192,7 +195,7 @@ class SetExecution(_Asking):
         low, high = _LIMITS.get(kind, (-math.inf, math.inf))
         if not low <= wanted <= high or (kind in _LIMITS and wanted != round(wanted)):
             self.refuse(f"{name} is a whole number in {low:g}..{high:g}: {wanted!r} is none")
-        elif value == as_float32(wanted) or (kind in _LIMITS and value == wanted):
+        elif value == (wanted if _is_bytewise(kind, self._autopilot) else as_float32(wanted)):
             self._next(name)
         elif self._kind is None:
             self._kind, self._tries, self._due_at_ns = kind, 0, 0
@@ -243,7 +246,7 @@ class ListExecution(_Asking):
             return  # of a question by name: ArduPilot numbers that -1
         self._count = count
         fresh = index not in self._found
-        value = decoded(fields["param_value"], fields["param_type"], self._autopilot)
+        value = decoded(fields, self._autopilot)
         self._found[index] = (str(fields["param_id"]), value)
         if fresh:
             last_asked = self._asked == {index}

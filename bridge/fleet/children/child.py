@@ -8,10 +8,11 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO
 
 from bridge.fleet.children.environment import environment_of
@@ -30,6 +31,7 @@ class ProcessSpec:
         cwd: its working directory; None for ours.
         stop_signal: how it is asked to end.
         pass_fds: file descriptors that it inherits.
+        environment: variables that it has besides those of a run.
     """
 
     name: str
@@ -38,6 +40,7 @@ class ProcessSpec:
     cwd: Path | None = None
     stop_signal: signal.Signals = signal.SIGTERM
     pass_fds: tuple[int, ...] = ()
+    environment: Mapping[str, str] = field(default_factory=dict)
 
 
 def start_process(
@@ -45,6 +48,7 @@ def start_process(
     log: BinaryIO | None = None,
     cwd: Path | None = None,
     pass_fds: Sequence[int] = (),
+    environment: Mapping[str, str] = MappingProxyType({}),
 ) -> subprocess.Popen[bytes]:
     """Start a process of ours or an autopilot, in the environment of a run.
 
@@ -56,6 +60,7 @@ def start_process(
         log: where its output goes; None: it is spoken to and heard through pipes.
         cwd: its working directory; None for ours.
         pass_fds: file descriptors that it inherits.
+        environment: variables that it has besides those of a run.
 
     Raises:
         OSError: its working directory is not there.
@@ -66,7 +71,7 @@ def start_process(
         stdout=subprocess.PIPE if log is None else log,
         stderr=None if log is None else subprocess.STDOUT,
         cwd=cwd,
-        env=environment_of(os.environ),
+        env={**environment_of(os.environ), **environment},
         pass_fds=pass_fds,
         start_new_session=True,
     )
@@ -90,7 +95,7 @@ class Child:
         self._loop = asyncio.get_running_loop()
         self.ended: asyncio.Future[None] = self._loop.create_future()
         with spec.log_path.open("wb") as log:
-            self._process = start_process(spec.command, log, spec.cwd, spec.pass_fds)
+            self._process = start_process(spec.command, log, spec.cwd, spec.pass_fds, spec.environment)
         threading.Thread(target=self._wait, name=f"wait for {spec.name}", daemon=True).start()
 
     def _wait(self) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from bridge.fleet.how import calls_standins, has_bus
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import Aircraft
 
 HOST = "127.0.0.1"
 
@@ -52,21 +53,32 @@ def ports_of(scenario: Scenario, *, repeats: bool = False) -> Iterator[PortUse]:
         yield from _served(scenario)
     fdm_setting = "ports.fdm" if scenario.fdm.scheme == "json" else "ports.first_slot"
     for ua in scenario.ua:
-        if not called:
+        kind = scenario.autopilot_of(ua)
+        if kind == "px4":
+            yield from _of_px4(scenario, ua)
+        elif not called:
             yield PortUse(scenario.fdm_port(ua), "UDP", f"flight dynamics of UA {ua.id}", fdm_setting)
         yield PortUse(scenario.aps_port(ua), "TCP", f"MAVLink server of UA {ua.id}", "ports.aps")
         if scenario.api:
             yield PortUse(scenario.api_port(ua), "TCP", f"HTTP API of UA {ua.id}", "ports.api")
-        if scenario.autopilot != "external" and not called:
+        if kind not in ("external", "px4") and not called:
             yield PortUse(scenario.autopilot_port(ua), "TCP", f"autopilot of UA {ua.id}", "ports.autopilot")
-        if scenario.autopilot == "standin" and not called:
+        if kind == "standin" and not called:
             for modem in ua.modems.values():
                 port = scenario.serial_port(ua, modem.serial)
                 yield PortUse(port, "TCP", f"serial port {modem.serial} of UA {ua.id}", "ports.autopilot")
-        if scenario.autopilot == "ardupilot":
+        if kind == "ardupilot":
             for serial, offset in ((1, 2), (2, 3)):
                 port = scenario.autopilot_port(ua) + offset
                 yield PortUse(port, "TCP", f"SERIAL{serial} of UA {ua.id}'s ArduPilot", "ports.first_slot")
+
+
+def _of_px4(scenario: Scenario, ua: Aircraft) -> Iterator[PortUse]:
+    """Ports of PX4: its simulator's, its own, and where its MAVLink goes to."""
+    port = scenario.autopilot_port(ua)
+    yield PortUse(scenario.fdm_port(ua), "TCP", f"flight dynamics of UA {ua.id}'s PX4", "ports.first_slot")
+    yield PortUse(port, "UDP", f"MAVLink of UA {ua.id}'s PX4", "ports.autopilot")
+    yield PortUse(port + 1, "UDP", f"MAVLink from UA {ua.id}'s PX4", "ports.autopilot")
 
 
 def _served(scenario: Scenario) -> Iterator[PortUse]:

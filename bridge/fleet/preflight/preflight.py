@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from bridge.fleet.autopilots.launcher import AutopilotError, Launcher
-from bridge.fleet.autopilots.launchers import LAUNCHERS
+from bridge.fleet.autopilots.launcher import AutopilotError
+from bridge.fleet.autopilots.launchers import Launchers
 from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.ports import conflicts, ports_of
 from bridge.scenario.model import Scenario
@@ -14,9 +14,9 @@ from bridge.scenario.resolve.flight import wind_of
 from fdm.errors import WindError
 
 
-def launcher_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launcher:
-    """The source of autopilots that the scenario names."""
-    return LAUNCHERS[scenario.autopilot](os.environ, ardupilot_dir)
+def launchers_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launchers:
+    """The sources of the autopilots that the scenario names."""
+    return Launchers(scenario, os.environ, ardupilot_dir)
 
 
 def preflight(scenario: Scenario, ardupilot_dir: Path | None = None, *, repeats: bool = False) -> None:
@@ -34,10 +34,10 @@ def preflight(scenario: Scenario, ardupilot_dir: Path | None = None, *, repeats:
         wind_of(scenario).build(seed=scenario.seed, ua_id=0)
     except WindError as error:
         raise FleetError(f"wind: {error}") from error
-    launcher = launcher_of(scenario, ardupilot_dir)
+    launchers = launchers_of(scenario, ardupilot_dir)
     try:
         for ua in scenario.ua:
-            launcher.check(scenario, ua)
+            launchers.of(ua).check(scenario, ua)
     except AutopilotError as error:
         raise FleetError(str(error)) from error
     taken = conflicts(ports_of(scenario, repeats=repeats))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from bridge.scenario.model import Origin, Scenario
+from bridge.scenario.model import START_TIME_UNIX_S, Origin, Scenario
 from bridge.scenario.nodes import Aircraft
 from fdm.air.wind import WindConfig, load_wind, wind_from_mapping
-from fdm.exchange.aircraft_spec import LegacyPeer
+from fdm.exchange.aircraft_spec import LegacyPeer, Px4Peer
 from fdm.exchange.hosted_aircraft import Disturb
 from fdm.model.airframe import Airframe, load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home, geodetic_from_ned
@@ -44,6 +44,13 @@ def legacy_of(scenario: Scenario, ua: Aircraft) -> LegacyPeer | None:
     if scenario.fdm.scheme != "legacy":
         return None
     return LegacyPeer(legacy_ports(scenario.instance(ua))[0], scenario.fdm.legacy_rate_hz)
+
+
+def px4_of(scenario: Scenario, ua: Aircraft) -> Px4Peer | None:
+    """How a UA that PX4 flies is served; None if another flies it."""
+    if scenario.autopilot_of(ua) != "px4":
+        return None
+    return Px4Peer(scenario.fdm.px4, scenario.seed, START_TIME_UNIX_S, (scenario.autopilot_port(ua),))
 
 
 def origin_of(origin: Origin) -> GeodeticPosition:

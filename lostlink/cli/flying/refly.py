@@ -14,6 +14,7 @@ from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.flying.run import SpeedOption
+from lostlink.cli.scenario_options import px4_option
 from lostlink.compare.told import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
 
@@ -31,6 +32,7 @@ EXIT_INTERRUPTED = 130
     default=Path("runs"),
     help="Where runs are kept.",
 )
+@px4_option
 @click.option(
     "--ardupilot-dir",
     type=click.Path(path_type=Path, exists=True, file_okay=False),

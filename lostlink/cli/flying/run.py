@@ -15,9 +15,10 @@ from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
+from bridge.scenario.nodes import AutopilotName
 from fdm.exchange.settings import Coupling
 from lostlink.cli.exits import fail, tell
-from lostlink.cli.scenario_options import OPTIONS, scenario_with, setting_options
+from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
 from lostlink.flight.summary import expectation_lines
@@ -39,12 +40,13 @@ class SpeedOption(click.ParamType[float | str]):
 
 @click.command(short_help="Fly a scenario and record what its radio delivered.")
 @click.argument("scenario", default=DEFAULT_SCENARIO)
-@click.option("--autopilot", type=click.Choice(["standin", "ardupilot", "external"]), help="Who flies.")
+@click.option("--autopilot", type=click.Choice(get_args(AutopilotName)), help="Who flies.")
 @click.option(
     "--ardupilot-dir",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
     help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
 )
+@px4_option
 @click.option("--speed", type=SpeedOption(), help="Real-time factor, or max: as fast as this machine can.")
 @click.option(
     "--coupling",
@@ -154,7 +156,7 @@ def run(
         fail(error)
     except OSError as error:
         fail(f"{out}: cannot make a directory for the run there: {error}")
-    if resolved.autopilot == "standin" and (resolved.parameters or any(ua.parameters for ua in resolved.ua)):
+    if resolved.autopilots == {"standin"} and resolved.has_parameters:
         tell("the stand-in autopilot does not take the scenario's parameters")
     with ExitStack() as beside:
         if viewing is not None:

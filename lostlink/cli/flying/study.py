@@ -19,6 +19,7 @@ from bridge.fleet.preflight.slots import NoSlot
 from bridge.run.every import Every
 from bridge.timeouts import LOG_PERIOD_S
 from lostlink.cli.exits import tell
+from lostlink.cli.scenario_options import px4_option
 from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
 from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
@@ -39,6 +40,7 @@ EXIT_FAILED, EXIT_USAGE = 1, 2
     help="Runs at a time on this machine. [default: one per core, at most 8]",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Fly on the workers of this Dask scheduler instead.")
+@px4_option
 @click.option("--ardupilot-dir", type=click.Path(path_type=Path, exists=True, file_okay=False))
 @click.option("--dry-run", is_flag=True, help="Only say which runs there are, and which are done.")
 @click.option(

@@ -11,8 +11,13 @@ import click
 
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from lostlink.cli.exits import fail
-from lostlink.cli.scenario_options import scenario_with
+from lostlink.cli.scenario_options import px4_option, scenario_with
 from lostlink.plan.machine import examine
+
+MISSING = (
+    "not found (--ardupilot-dir DIR, ARDUPILOT_HOME or PATH)",
+    "not found (--px4-dir DIR, PX4_HOME or PATH)",
+)
 
 
 @click.command(short_help="Show what is installed, found and free.")
@@ -20,6 +25,7 @@ from lostlink.plan.machine import examine
 @click.option(
     "--ardupilot-dir", type=click.Path(path_type=Path), help="Where to look for ArduPilot binaries first."
 )
+@px4_option
 @click.option(
     "--first-slot", type=int, help="Move the ports of all UA by ten times this, as `lostlink run` does."
 )
@@ -52,8 +58,9 @@ def _as_text(report: dict[str, Any]) -> str:
         f"  {name:<14} {version or 'MISSING: run make demo'}" for name, version in report["packages"].items()
     ]
     lines += ["", "Autopilots"]
-    missing = "not found (--ardupilot-dir DIR, ARDUPILOT_HOME or PATH)"
-    lines += [f"  {name:<14} {place or missing}" for name, place in report["autopilots"].items()]
+    lines += [
+        f"  {name:<14} {place or MISSING[name == 'px4']}" for name, place in report["autopilots"].items()
+    ]
     lines += ["", f"Ports ({report['joined']})"]
     lines += [f"  taken: {line}" for line in report["ports_taken"]] or [
         f"  all {len(report['ports'])} are free",

@@ -377,7 +377,10 @@ async def test_udp_output_is_no_input_until_its_peer_speaks(fly, make_udp_peer):
 
 
 async def test_a_tcp_link_of_wall_time_is_refused_for_a_held_autopilot():
-    with pytest.raises(ValueError, match="a held autopilot has one link, tcp:HOST:PORT, not 'serial:/dev/x'"):
+    with pytest.raises(
+        ValueError,
+        match="a held autopilot has one link, tcp:HOST:PORT or udp-in:HOST:PORT, not 'serial:/dev/x'",
+    ):
         HeldDaemon(DaemonConfig(autopilot="serial:/dev/x", sysid=2))
 
 

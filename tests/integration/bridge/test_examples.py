@@ -29,6 +29,7 @@ MISSIONS = ("consensus", "localise", "relay_placement")
 FILES = [
     *sorted(EXAMPLES.glob("*.yaml")),
     *(EXAMPLES / name / f"{name}.yaml" for name in MISSIONS),
+    EXAMPLES / "two_autopilots" / "two_autopilots.yaml",
     SHIPPED / "separation.yaml",
     SHIPPED / "mixed.yaml",
 ]
@@ -48,13 +49,15 @@ SHORT_S = {
 }
 """Sim time that each is flown for with the stand-in: the first packets, and most of a climb."""
 WHOLE, REAL, BESIDE = {"acceptance"}, {"fixed_wing", "mixed"}, {"beside"}
+BOTH = {"two_autopilots"}
+"""Of PX4 and ArduPilot: flown in tests/interop/test_run_px4.py."""
 Fly = Callable[..., Path]
 
 
 def test_there_are_a_dozen_and_each_has_a_test() -> None:
     names = {file.stem for file in FILES}
     assert len(names) >= 12
-    assert names == {*SHORT_S, *WHOLE, *REAL, *BESIDE, *MISSIONS}
+    assert names == {*SHORT_S, *WHOLE, *REAL, *BESIDE, *BOTH, *MISSIONS}
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

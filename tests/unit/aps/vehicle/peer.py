@@ -196,6 +196,22 @@ class KeepingAutopilot:
         self.say(mavlink.MAVLink_file_transfer_protocol_message(0, SYSID, OURS, payload))
 
 
+class _Int32Value(mavlink.MAVLink_param_value_message):
+    unpacker = struct.Struct("<iHH16sB")
+
+
+class WholeNumbers(KeepingAutopilot):
+    """Parameters that are all int32 and are sent as PX4 does: their four bytes in the place of the float's."""
+
+    def _param_value_out(self, index, name):
+        value, count = self.parameters[name], len(self.parameters)
+        self.say(_Int32Value(name.encode(), value, 6, count, index))
+
+    def _param_set(self, message):
+        (self.parameters[message.param_id],) = struct.unpack_from("<i", message.get_msgbuf(), 10)
+        self._param_value_out(65535, message.param_id)
+
+
 def packed(parameters):
     """ArduPilot's param.pck, all as floats, with every name whole but for what it shares with the one before."""
     content = struct.pack("<HHH", 0x671B, len(parameters), len(parameters))

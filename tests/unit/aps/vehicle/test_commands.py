@@ -248,7 +248,7 @@ def test_goal_that_is_not_reached_times_out_in_autopilot_time():
 def test_return_and_landing_are_reached_on_the_ground(plan):
     execution = CommandExecution(plan)
     accepted(execution, FLYING)
-    down = replace(FLYING, mode=plan.mode, alt_rel_m=0.2)
+    down = replace(FLYING, mode=plan.modes[0], alt_rel_m=0.2)
     execution.poll(down, 1)
     assert execution.result is None
     execution.poll(replace(down, landed_state="on_ground"), 2)

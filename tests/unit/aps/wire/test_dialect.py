@@ -2,19 +2,20 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.wire.dialect import Encoder, enum_label, message_fields, message_name, mode_numbers
+from aps.vehicle.autopilots.choice import autopilot_of
+from aps.wire.dialect import Encoder, enum_label, message_fields, message_name
 
 
 @pytest.mark.parametrize("vehicle", [mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_TYPE_FIXED_WING])
 def test_modes_are_spelled_as_ground_stations_do(vehicle):
     theirs = {name: number for number, name in mavutil.mode_mapping_bynumber(vehicle).items()}
-    ours = mode_numbers(vehicle)
+    ours = autopilot_of(3).modes(vehicle)
     assert len(ours) > 20
     assert {name: theirs.get(name) for name in ours} == ours
 
 
 def test_type_without_modes():
-    assert mode_numbers(mavlink.MAV_TYPE_GCS) == {}
+    assert autopilot_of(3).modes(mavlink.MAV_TYPE_GCS) == {}
 
 
 def test_labels():

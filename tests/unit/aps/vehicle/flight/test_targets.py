@@ -223,9 +223,9 @@ def test_what_this_vehicle_cannot_do_is_refused_not_raised():
     ends = []
     bench.commands.start("velocity", 1.0, 0.0, on_done=ends.append)
     assert ends[0].outcome is Outcome.REFUSED
-    px4 = Bench(mav_autopilot=12)
-    px4.commands.start("takeoff", 20.0, on_done=ends.append)
-    assert ends[1].reason == "takeoff is known of ArduPilot alone, and MAV_AUTOPILOT is 12"
+    generic = Bench(mav_autopilot=0)
+    generic.commands.start("takeoff", 20.0, on_done=ends.append)
+    assert ends[1].reason == "takeoff is known of ArduPilot and PX4 alone, and MAV_AUTOPILOT is 0"
 
 
 def test_a_reboot_is_the_goal_of_one_and_the_end_of_others():

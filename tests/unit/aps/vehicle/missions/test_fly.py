@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.vehicle.commands import CommandExecution
-from aps.vehicle.execution import Outcome
+from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.missions import fly
 from aps.vehicle.state import VehicleState
 from tests.unit.aps.vehicle.flight.test_targets import COPTER
@@ -81,5 +81,5 @@ def test_set_current_is_done_when_the_autopilot_is_there():
     assert plan.reached(replace(AUTO, mission_current=2))
     with pytest.raises(ValueError, match="whole number"):
         fly.set_current(AUTO, 1.5)
-    with pytest.raises(ValueError, match="no modes are known"):
+    with pytest.raises(Refusal, match="mission is known of ArduPilot and PX4 alone"):
         fly.fly(VehicleState(sysid=1))

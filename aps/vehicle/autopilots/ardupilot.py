@@ -1,0 +1,196 @@
+"""ArduPilot: targets, setpoints and take-off in GUIDED, heights above home, home as item 0 of a mission."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, Final
+
+from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
+from aps.vehicle.commands import Step
+from aps.vehicle.execution import Refusal
+from aps.vehicle.flight.setpoints import ZERO, Place, Yaw, global_setpoint, local_setpoint
+from aps.vehicle.flight.steps import (
+    PREARM_CHECK,
+    arm_step,
+    command_int,
+    command_long,
+    is_fixed_wing,
+    optional,
+    parameter_step,
+    set_mode,
+)
+from aps.vehicle.state import Vector3, VehicleState
+from aps.wire.dialect import is_copter, is_ground, is_plane, mavlink
+
+__all__ = ["ArduPilotWays"]
+
+STICK_MODES: Final = frozenset({"ALT_HOLD", "CIRCLE", "FLOWHOLD", "LOITER", "POSHOLD", "SPORT", "ZIGZAG"})
+"""ArduCopter's modes in which the throttle stick gives the climb rate: none in the middle, full sinking at zero."""
+FRAMES: Final = {
+    "relative": int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT),
+    "amsl": int(mavlink.MAV_FRAME_GLOBAL),
+    "terrain": int(mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT),
+}
+SPEED_TYPES: Final = {"air": 0.0, "ground": 1.0, "climb": 2.0, "descent": 3.0}
+_SPELLING: Final = {
+    "FLY_BY_WIRE_A": "FBWA",
+    "FLY_BY_WIRE_B": "FBWB",
+    "INITIALIZING": "INITIALISING",
+    "LOITER_ALT_QLAND": "LOITERALTQLAND",
+}
+"""The enum's spelling -> the one that ground stations and ArduPilot's own documentation use."""
+
+
+def _mode_enum(vehicle_type: int) -> str:
+    if is_copter(vehicle_type):
+        return "COPTER_MODE"
+    if is_plane(vehicle_type):
+        return "PLANE_MODE"
+    if is_ground(vehicle_type):
+        return "ROVER_MODE"
+    return "SUB_MODE" if vehicle_type == mavlink.MAV_TYPE_SUBMARINE else ""
+
+
+@cache
+def _modes(vehicle_type: int) -> dict[str, int]:
+    enum = _mode_enum(vehicle_type)
+    entries = mavlink.enums[enum].items() if enum else ()
+    labels = {entry.name.removeprefix(enum + "_"): int(number) for number, entry in entries}
+    return {_SPELLING.get(label, label): number for label, number in labels.items() if label != "ENUM_END"}
+
+
+def stop(state: VehicleState) -> list[Any]:
+    """Have a copter stop where it is."""
+    return [local_setpoint(state, mavlink.MAV_FRAME_LOCAL_NED, None, ZERO, Yaw())]
+
+
+class ArduPilotWays:
+    """ArduCopter, ArduPlane, Rover and Sub."""
+
+    name = "ArduPilot"
+    home_is_an_item = True
+    bytewise_parameters = False
+    packed_parameters = True
+    events_path: str | None = None
+    stream_twins: Mapping[int, int | None] = {}
+    mode_aliases: Mapping[str, str] = {}
+
+    def modes(self, vehicle_type: int) -> Mapping[str, int]:
+        """By vehicle."""
+        return _modes(vehicle_type)
+
+    def mode_step(self, state: VehicleState, mode: str) -> Step:
+        """DO_SET_MODE with ``custom_mode``."""
+        return set_mode(state, _modes(state.vehicle_type)[mode])
+
+    def stick_mode(self, state: VehicleState, mode: str) -> str:
+        """Some of ArduCopter's."""
+        return mode if mode in STICK_MODES and is_copter(state.vehicle_type) else ""
+
+    def last_item(self, total: int, mission_state: int) -> int:
+        """Home is item 0 and not counted. Both fields are extensions: 0 where they are not sent."""
+        return total if mission_state else -1
+
+    def ready_to_arm(self, enabled: int, health: int) -> bool:
+        """Its checks may be switched off."""
+        return not enabled & PREARM_CHECK or bool(health & PREARM_CHECK)
+
+    def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
+        """Copters and VTOL: GUIDED and NAV_TAKEOFF. Fixed wing: the TAKEOFF mode with TKOFF_ALT set."""
+        if is_fixed_wing(state):
+            steps = (parameter_step(state, "TKOFF_ALT", height_m), self.mode_step(state, "TAKEOFF"))
+            return Manoeuvre(steps, ("TAKEOFF",), refusal_hint=_why_no_takeoff(state))
+        climb = command_long(state, int(mavlink.MAV_CMD_NAV_TAKEOFF), *[0.0] * 6, height_m)
+        steps = (self.mode_step(state, "GUIDED"), climb)
+        return Manoeuvre(steps, ("GUIDED",), refusal_hint=_why_no_takeoff(state))
+
+    def hold(self, state: VehicleState) -> Manoeuvre:
+        """A copter stops in GUIDED, where it needs no pilot; a plane circles in LOITER."""
+        if is_plane(state.vehicle_type):
+            return Manoeuvre((self.mode_step(state, "LOITER"),), ("LOITER",))
+        return self._in_guided(state)
+
+    def _in_guided(self, state: VehicleState) -> Manoeuvre:
+        steps = () if state.mode == "GUIDED" else (self.mode_step(state, "GUIDED"),)
+        return Manoeuvre(steps, ("GUIDED",), by_setpoints=True, farewell=stop)
+
+    def goto(self, state: VehicleState, target: Target) -> Manoeuvre:
+        """DO_REPOSITION in GUIDED, then speed and heading."""
+        steps = [self.mode_step(state, "GUIDED"), _reposition(state, FRAMES[target.frame], target.place)]
+        if target.speed_mps is not None:
+            kind = "air" if is_plane(state.vehicle_type) else "ground"
+            steps.append(optional(self.speed_step(state, target.speed_mps, kind)))
+        if target.yaw_deg is not None:
+            yaw = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), target.yaw_deg % 360.0)
+            steps.append(optional(yaw))
+        hint = "no position yet, a point beyond its fence, or a height over terrain that it has no data of"
+        return Manoeuvre(tuple(steps), ("GUIDED",), refusal_hint=hint)
+
+    def setpoints(self, state: VehicleState, verb: str) -> Manoeuvre:
+        """In GUIDED."""
+        if is_plane(state.vehicle_type):
+            raise Refusal(
+                f"ArduPlane takes no setpoints of this kind: {verb} is for copters, rovers and boats"
+            )
+        return self._in_guided(state)
+
+    def stay_at(self, state: VehicleState, goal_ned_m: Vector3, yaw: Yaw) -> list[Any]:  # noqa: ARG002
+        """It keeps the last point in GUIDED."""
+        return []
+
+    def global_setpoint(self, state: VehicleState, place: Place, velocity_mps: Vector3, yaw: Yaw) -> Any:
+        """With its height above home."""
+        frame = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+        return global_setpoint(state, frame, place, velocity_mps, yaw)
+
+    def orbit(self, state: VehicleState, circle: Circle) -> Manoeuvre:
+        """A copter by setpoints on the circle; a plane by DO_REPOSITION with a radius."""
+        if not is_plane(state.vehicle_type):
+            return self._in_guided(state)
+        signed_m = circle.radius_m if circle.clockwise else -circle.radius_m
+        reposition = _reposition(state, FRAMES["relative"], circle.centre, signed_m)
+        return Manoeuvre((self.mode_step(state, "GUIDED"), reposition), ("GUIDED",))
+
+    def rtl(self, state: VehicleState) -> Manoeuvre:
+        """RTL."""
+        return Manoeuvre((self.mode_step(state, "RTL"),), ("RTL",))
+
+    def land(self, state: VehicleState) -> Manoeuvre:
+        """A copter where it is (LAND), VTOL likewise (QLAND), a fixed wing by AUTOLAND."""
+        mode = "LAND"
+        if is_plane(state.vehicle_type):
+            mode = "AUTOLAND" if is_fixed_wing(state) else "QLAND"
+        return Manoeuvre((self.mode_step(state, mode),), (mode,))
+
+    def mission(self, state: VehicleState) -> Manoeuvre:
+        """AUTO, and MISSION_START."""
+        start = optional(command_long(state, int(mavlink.MAV_CMD_MISSION_START)))
+        return Manoeuvre((self.mode_step(state, "AUTO"), start), ("AUTO",))
+
+    def current_item_step(self, state: VehicleState, seq: int) -> Step:
+        """DO_SET_MISSION_CURRENT."""
+        return command_long(state, int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), float(seq), 0.0)
+
+    def arm(self, state: VehicleState) -> Manoeuvre:
+        """It says why not by itself."""
+        return Manoeuvre((arm_step(state),))
+
+    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
+        """DO_CHANGE_SPEED."""
+        command = int(mavlink.MAV_CMD_DO_CHANGE_SPEED)
+        return command_long(state, command, SPEED_TYPES[kind], speed_mps, -1.0)
+
+
+def _reposition(state: VehicleState, frame: int, place: Place, radius_m: float = 0.0) -> Step:
+    """DO_REPOSITION; a plane circles with ``radius_m``, negative to the left, 0 as it is set."""
+    flags = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
+    params = (-1.0, flags, radius_m, math.nan)
+    return command_int(state, int(mavlink.MAV_CMD_DO_REPOSITION), frame, params, place)
+
+
+def _why_no_takeoff(state: VehicleState) -> str:
+    if not state.armed:
+        return "the UA is not armed"
+    return "it flies already" if state.landed_state in ("takeoff", "in_air", "landing") else ""

@@ -1,0 +1,133 @@
+"""What every autopilot is asked, and what it answers with: how it is brought to fly something."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from aps.vehicle.commands import Step
+from aps.vehicle.flight.setpoints import Place, Yaw
+from aps.vehicle.state import Vector3, VehicleState
+
+__all__ = ["AutopilotWays", "Circle", "Manoeuvre", "Target"]
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """How an autopilot is brought to fly something."""
+
+    steps: tuple[Step, ...] = ()
+    modes: tuple[str, ...] = ()
+    """The modes that it flies it in."""
+    last_modes: tuple[str, ...] = ()
+    """Of a mission: the modes that its last item may lead to."""
+    by_setpoints: bool = False
+    """Whether we fly it, by setpoints that are repeated."""
+    lead_s: float | None = None
+    """For how long setpoints are sent before the first step; ``None``: they begin with acceptance."""
+    longest_period_s: float = math.inf
+    """Between two setpoints."""
+    farewell: Callable[[VehicleState], list[Any]] | None = None
+    """What is said at the end, so that it stays where it is."""
+    refusal_hint: str = ""
+    """What a refusal without words may mean."""
+    objections: tuple[str, ...] = ()
+    """Beginnings of texts by which it refuses what it has acknowledged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A point to fly to and stay at."""
+
+    place: Place
+    frame: str = "relative"
+    """What its height counts from: ``relative`` home, ``amsl`` mean sea level, ``terrain`` the ground below."""
+    speed_mps: float | None = None
+    yaw_deg: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A circle to fly, its centre's height above home."""
+
+    centre: Place
+    radius_m: float
+    speed_mps: float
+    clockwise: bool
+
+
+class AutopilotWays(Protocol):
+    """One kind of autopilot. It keeps nothing: what it answers follows from the state.
+
+    Where it cannot do what is asked it raises ``Refusal``, with the reason in words.
+    """
+
+    name: str
+    home_is_an_item: bool
+    """Whether home is item 0 of its missions."""
+    bytewise_parameters: bool
+    """Whether whole numbers are the four bytes of a PARAM_VALUE's float."""
+    packed_parameters: bool
+    """Whether it has a file of all parameters."""
+    events_path: str | None
+    """Where it keeps what its events mean, if it has that."""
+    stream_twins: Mapping[int, int | None]
+    """Messages that ArduPilot has -> the one of the same use here; ``None`` where there is none to ask for."""
+    mode_aliases: Mapping[str, str]
+    """Names that are taken for modes of its own."""
+
+    def modes(self, vehicle_type: int) -> Mapping[str, int]:
+        """Mode name -> ``custom_mode`` of a MAV_TYPE; empty where none are known."""
+
+    def mode_step(self, state: VehicleState, mode: str) -> Step:
+        """Into a mode of ``modes``."""
+
+    def stick_mode(self, state: VehicleState, mode: str) -> str:
+        """The mode, if it climbs and sinks by a throttle stick that is at zero where there is no receiver."""
+
+    def last_item(self, total: int, mission_state: int) -> int:
+        """Number of a mission's last item by MISSION_CURRENT; -1 where that does not say."""
+
+    def ready_to_arm(self, enabled: int, health: int) -> bool:
+        """By SYS_STATUS's sensors that are enabled and healthy (MAV_SYS_STATUS_SENSOR)."""
+
+    def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
+        """To a height above home."""
+
+    def hold(self, state: VehicleState) -> Manoeuvre:
+        """Stay here."""
+
+    def goto(self, state: VehicleState, target: Target) -> Manoeuvre:
+        """To a point."""
+
+    def setpoints(self, state: VehicleState, verb: str) -> Manoeuvre:
+        """Follow setpoints, for a command of this name."""
+
+    def stay_at(self, state: VehicleState, goal_ned_m: Vector3, yaw: Yaw) -> list[Any]:
+        """What is said when a point in local metres is reached, so that it stays there."""
+
+    def global_setpoint(self, state: VehicleState, place: Place, velocity_mps: Vector3, yaw: Yaw) -> Any:
+        """A place, its height above home, and a velocity to have there."""
+
+    def orbit(self, state: VehicleState, circle: Circle) -> Manoeuvre:
+        """Circle a point."""
+
+    def rtl(self, state: VehicleState) -> Manoeuvre:
+        """Return to launch."""
+
+    def land(self, state: VehicleState) -> Manoeuvre:
+        """Land."""
+
+    def mission(self, state: VehicleState) -> Manoeuvre:
+        """Fly the mission."""
+
+    def current_item_step(self, state: VehicleState, seq: int) -> Step:
+        """Go on with another item of the mission."""
+
+    def arm(self, state: VehicleState) -> Manoeuvre:
+        """Arm the motors."""
+
+    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
+        """Change the speed; ``kind`` is one of ``air``, ``ground``, ``climb``, ``descent``."""

@@ -1,0 +1,38 @@
+"""Where a real PX4 lies on this machine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+HOME_VARIABLE = "PX4_HOME"
+BUILD = Path("build") / "px4_sitl_default"
+
+
+def px4_places(environment: Mapping[str, str]) -> list[Path]:
+    """Where ``px4`` is looked for besides PATH: PX4_HOME is PX4's checkout, or the folder of its build."""
+    root = environment.get(HOME_VARIABLE)
+    return [Path(root) / "bin" / "px4", Path(root) / BUILD / "bin" / "px4"] if root else []
+
+
+def find_px4(environment: Mapping[str, str]) -> Path | None:
+    """Path of ``px4``, beside whose folder lies ``etc`` with PX4's start scripts; None: it is nowhere."""
+    on_path = shutil.which("px4", path=environment.get("PATH"))
+    for place in (*px4_places(environment), *([Path(on_path)] if on_path else [])):
+        if os.access(place, os.X_OK) and (etc_of(place.resolve()) / "init.d-posix").is_dir():
+            return place.resolve()
+    return None
+
+
+def etc_of(binary: Path) -> Path:
+    """The folder with PX4's start scripts and what describes its build."""
+    return binary.parents[1] / "etc"
+
+
+def px4_events_file(environment: Mapping[str, str]) -> Path | None:
+    """What PX4's events mean, as its build describes them; None: it does not."""
+    binary = find_px4(environment)
+    file = None if binary is None else etc_of(binary) / "extras" / "all_events.json.xz"
+    return file if file is not None and file.is_file() else None

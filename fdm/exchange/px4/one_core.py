@@ -1,0 +1,49 @@
+"""Keeps an autopilot with many threads on one core, where they run one after the other.
+
+PX4's threads that one frame wakes run at the same time on different cores, and which one is first is the machine's
+choice: no two flights are alike. On one core their order is that of their priorities and of their waking, if PX4 may
+have real-time threads (it asks for them, which takes root, CAP_SYS_NICE or `ulimit -r 99`); otherwise the kernel shares
+the core out between them, by wall time.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+
+from fdm.exchange.px4.quiet import thread_ids
+
+_IN_ORDER = ("SCHED_FIFO", "SCHED_RR")
+
+
+def keep_on_one_core(pid: int, which: int) -> bool:
+    """Have a process and its descendants, and what they will start, run on one core of those that we may use.
+
+    Args:
+        pid: the process.
+        which: counts through the cores, so that several processes are spread over them.
+
+    Returns:
+        Whether that could be done. Not where the system has no such call, nor for processes of others.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        return False
+    cores = sorted(os.sched_getaffinity(0))
+    core = {cores[which % len(cores)]}
+    try:
+        for tid in thread_ids(pid):
+            with suppress(ProcessLookupError):  # it has just ended
+                os.sched_setaffinity(tid, core)
+    except OSError:
+        return False
+    return True
+
+
+def runs_in_order(pid: int) -> bool:
+    """Whether some thread of the process is a real-time one, as PX4's are where it may have them."""
+    if not hasattr(os, "sched_getscheduler"):
+        return False
+    policies = {getattr(os, name) for name in _IN_ORDER}
+    with suppress(OSError):
+        return any(os.sched_getscheduler(tid) in policies for tid in thread_ids(pid))
+    return False

@@ -1,0 +1,209 @@
+"""Whether a program on this machine has come to rest: each of its threads sleeps, and nothing but us can wake it.
+
+PX4 answers no frame before its modules run, and which module starts in which frame would be the machine's choice if
+frames went by wall time. So a frame is done when PX4 has answered it, or when it cannot answer it any more: all its
+threads, and those of its start script, sleep.
+
+Proof: a thread that sleeps at two instants, and was given no processor from before the first until after the second,
+slept all the while. If this holds for all threads, and each first instant is before each second one, then there was an
+instant at which all of them slept, and no thread was there to wake another. What may still wake one is a timer of wall
+time: whether one naps so is seen between the two instants.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+
+PROC = "/proc"
+_AT_REST = (b"S", b"Z", b"X")
+"""States of proc(5): sleeps, has ended."""
+_NAPS = (b"hrtimer_nanosleep", b"do_nanosleep")
+"""Where threads that sleep for a time wait in the kernel (proc(5): wchan)."""
+_NUM_THREADS = 17
+"""Place of the number of threads in /proc/PID/stat, counted after the name (proc(5): field 20)."""
+_READ_BYTES = 1024
+
+
+class Rest:
+    """Looks at a process and its descendants; Linux only.
+
+    Args:
+        pid: the process.
+        reader: name of the thread that has to have run since `sent` was called, if one is to: it reads what we send.
+    """
+
+    def __init__(self, pid: int, reader: str = "") -> None:
+        self.pid = pid
+        self._reader_name = reader
+        self._reader: _Thread | None = None
+        self._reads_at_send = -1
+        self._main = f"{PROC}/{pid}/task/{pid}"
+        self._threads: dict[str, _Thread] = {}
+        self._is_known = False
+        self._own = 0
+        self._nappers: set[str] = set()
+        self._since_ns = 0
+
+    def sent(self) -> None:
+        """Something is about to be sent to it: it is at rest only when its reader has run since."""
+        self._reads_at_send = self._reads()
+        self._nappers = set()
+
+    def has_children(self) -> bool:
+        """Whether it has started processes that have not ended: PX4's start script goes on."""
+        return any(True for _ in _children(self.pid))
+
+    def is_at_rest(self, nap_ns: int = 0) -> bool:
+        """Whether there was an instant since the call at which all its threads slept. False if it has ended.
+
+        Args:
+            nap_ns: threads that nap count as at rest only when the same ones have for so long (wall time) since
+                `sent`; 0: at once.
+        """
+        if self._reads_at_send >= 0 and self._reads() == self._reads_at_send:
+            return False
+        try:
+            threads = self._all()
+            before = [thread.runs() for thread in threads]
+            if not threads or not all(thread.sleeps() for thread in threads):
+                return False
+            nappers = {
+                path for path, each in self._threads.items() if nap_ns and path != self._main and each.naps()
+            }
+            slept = all(thread.sleeps() for thread in threads) and [t.runs() for t in threads] == before
+            return slept and self._are_all(threads) and self._have_waited(nappers, nap_ns)
+        except OSError:  # a thread has ended meanwhile: look again
+            self._is_known = False
+            return False
+
+    def _have_waited(self, nappers: set[str], nap_ns: int) -> bool:
+        """Whether no thread naps, or the same ones have for `nap_ns`."""
+        now_ns = time.monotonic_ns()
+        if nappers != self._nappers:
+            self._nappers, self._since_ns = nappers, now_ns
+        return not nappers or now_ns - self._since_ns >= nap_ns
+
+    @property
+    def naps(self) -> bool:
+        """Whether a thread, not its main one, slept for a time when it was last found at rest."""
+        return bool(self._nappers)
+
+    def close(self) -> None:
+        """Look no more."""
+        for thread in self._threads.values():
+            thread.close()
+        self._threads.clear()
+        self._reader = None
+
+    def _are_all(self, threads: Sequence[_Thread]) -> bool:
+        """Whether there were no others when these slept."""
+        if self.has_children():
+            self._is_known = False
+            return set(_tasks(self.pid)) == set(self._threads)
+        self._is_known = threads[0].count() == len(threads) == self._own
+        return self._is_known
+
+    def _all(self) -> list[_Thread]:
+        """All threads that there are now; those that have ended are forgotten."""
+        if self._is_known:
+            return list(self._threads.values())
+        known, own = self._threads, f"{PROC}/{self.pid}/task/"
+        self._threads = {}
+        paths = list(_tasks(self.pid))
+        self._own = sum(path.startswith(own) for path in paths)
+        for path in paths:
+            self._threads[path] = known.pop(path) if path in known else _Thread(path)
+        for thread in known.values():
+            thread.close()
+        return list(self._threads.values())
+
+    def _reads(self) -> int:
+        """How often the reader was given a processor; -1 if there is no such thread."""
+        if not self._reader_name:
+            return -1
+        try:
+            if self._reader is None:
+                self._reader = next((each for each in self._all() if each.name() == self._reader_name), None)
+            return -1 if self._reader is None else self._reader.runs()
+        except OSError:
+            return -1
+
+
+class _Thread:
+    """One thread: its files stay open, as they are read again and again."""
+
+    __slots__ = ("_path", "_schedstat", "_stat")
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._stat = os.open(f"{path}/stat", os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            self._schedstat = os.open(f"{path}/schedstat", os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:
+            os.close(self._stat)
+            raise
+
+    def runs(self) -> int:
+        """How often it was given a processor."""
+        return int(os.pread(self._schedstat, _READ_BYTES, 0).split()[2])
+
+    def sleeps(self) -> bool:
+        """Whether it sleeps, or has ended."""
+        text = os.pread(self._stat, _READ_BYTES, 0)
+        at = text.rindex(b")") + 2  # the name before it may hold anything
+        return text[at : at + 1] in _AT_REST
+
+    def count(self) -> int:
+        """How many threads its process has."""
+        text = os.pread(self._stat, _READ_BYTES, 0)
+        return int(text[text.rindex(b")") + 2 :].split()[_NUM_THREADS])
+
+    def naps(self) -> bool:
+        """Whether it sleeps for a time, as far as the system tells."""
+        return _read(f"{self._path}/wchan").rstrip(b"\0") in _NAPS
+
+    def name(self) -> str:
+        """Its name."""
+        return _read(f"{self._path}/comm").decode().strip()
+
+    def close(self) -> None:
+        """Close its files."""
+        os.close(self._stat)
+        os.close(self._schedstat)
+
+
+def thread_ids(pid: int) -> list[int]:
+    """Ids of all threads of a process and its descendants.
+
+    Raises:
+        OSError: there is no such process, or no /proc.
+    """
+    return [int(path.rpartition("/")[2]) for path in _tasks(pid)]
+
+
+def _tasks(pid: int) -> Iterator[str]:
+    """Paths of all threads of a process and its descendants."""
+    folder = f"{PROC}/{pid}/task"
+    for tid in os.listdir(folder):  # noqa: PTH208 (the hot path: names are enough)
+        yield f"{folder}/{tid}"
+    for child in _children(pid):
+        yield from _tasks(child)
+
+
+def _children(pid: int) -> Iterator[int]:
+    """Processes that its main thread has started (PX4 runs its script from there)."""
+    try:
+        text = _read(f"{PROC}/{pid}/task/{pid}/children")
+    except OSError:
+        return
+    yield from map(int, text.split())
+
+
+def _read(path: str) -> bytes:
+    fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        return os.read(fd, 4096)
+    finally:
+        os.close(fd)

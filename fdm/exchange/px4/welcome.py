@@ -1,0 +1,80 @@
+"""The UA of an exchange that PX4 flies: their ports and connections in the exchange's loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+from fdm.exchange.px4.seat import Px4Seat
+
+LOOK_PERIOD_NS = 1_000_000
+"""Wall time between two looks whether PX4 is at rest."""
+
+
+class Hears(Protocol):
+    """What acts on what PX4 does: the service of an exchange."""
+
+    def welcome_px4(self, seat: Px4Seat) -> None:
+        """PX4 has connected."""
+
+    def hear_px4(self, seat: Px4Seat) -> None:
+        """PX4 has sent something, or may be at rest."""
+
+
+class Px4Seats:
+    """All seats of PX4.
+
+    Args:
+        service: acts.
+        listen: has the loop call something when a file descriptor can be read.
+        forget: takes that back.
+    """
+
+    def __init__(
+        self,
+        service: Hears,
+        listen: Callable[[int, Callable[[], object]], object],
+        forget: Callable[[int], object],
+    ) -> None:
+        self._service, self._listen, self._forget = service, listen, forget
+        self._seats: list[Px4Seat] = []
+
+    def add(self, seat: Px4Seat) -> None:
+        """Serve it."""
+        self._seats.append(seat)
+        self._listen(seat.sock.fileno(), partial(self._connects, seat))
+
+    def wake_at_ns(self, wall_ns: int, otherwise_ns: int) -> int:
+        """Wall instant of the next look, or `otherwise_ns` if that is earlier."""
+        if any(seat.wants_look() for seat in self._seats):
+            return min(otherwise_ns, wall_ns + LOOK_PERIOD_NS)
+        return otherwise_ns
+
+    def look(self) -> None:
+        """See who is at rest by now."""
+        for seat in self._seats:
+            if seat.wants_look():
+                self._service.hear_px4(seat)
+
+    def _connects(self, seat: Px4Seat) -> None:
+        self._let_go(seat)
+        self._service.welcome_px4(seat)
+        if seat.connection is not None:
+            self._listen(seat.connection.fileno(), partial(self._says, seat))
+
+    def _says(self, seat: Px4Seat) -> None:
+        connection = seat.connection
+        if connection is None:
+            return
+        fd = connection.fileno()
+        if not seat.receive():
+            self._forget(fd)
+            seat.drop()
+            return
+        self._service.hear_px4(seat)
+
+    def _let_go(self, seat: Px4Seat) -> None:
+        """Wait no longer for a connection that gives way to another."""
+        if seat.connection is not None:
+            self._forget(seat.connection.fileno())

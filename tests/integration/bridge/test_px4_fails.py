@@ -1,0 +1,58 @@
+"""Runs whose PX4 ends or cannot be had: told, and no process stays. A script takes the place of a real PX4."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+
+from tests.integration.bridge.conftest import StartRun
+
+
+def build(folder: Path, script: str) -> Path:
+    """What is taken for PX4's build."""
+    binary = folder / "bin" / "px4"
+    binary.parent.mkdir(parents=True)
+    (folder / "etc" / "init.d-posix").mkdir(parents=True)
+    binary.write_text(f"#!/bin/sh\n{script}\n")
+    binary.chmod(0o755)
+    return folder
+
+
+def test_a_px4_that_ends_at_once_ends_the_run_with_its_last_words(
+    tmp_path: Path, start_run: StartRun
+) -> None:
+    place = build(tmp_path / "px4", 'echo "ERROR [init] no such airframe"; exit 3')
+    run = start_run("--autopilot", "px4", "--px4-dir", str(place))
+    assert run.finish() == 1
+    told = run.output.decode()
+    assert "ended with status 3" in told
+    assert "ERROR [init] no such airframe" in told
+
+
+def test_a_px4_that_never_connects_leaves_nothing_when_the_run_is_ended(
+    tmp_path: Path, start_run: StartRun
+) -> None:
+    tells = tmp_path / "tells"
+    os.mkfifo(tells)
+    run = start_run(
+        "--autopilot", "px4", "--px4-dir", str(build(tmp_path / "px4", f"echo $$ > {tells}; exec sleep 1000"))
+    )
+    px4 = psutil.Process(int(tells.read_text().split()[0]))
+    run.stop(signal.SIGINT)
+    assert not px4.is_running()
+
+
+def test_a_port_of_its_simulator_that_is_taken_is_told(
+    tmp_path: Path, start_run: StartRun, free_slot: Callable[[int], int]
+) -> None:
+    slot = free_slot(2)
+    place = build(tmp_path / "px4", "exit 1")
+    with socket.create_server(("127.0.0.1", 4560 + slot)):
+        run = start_run("--autopilot", "px4", "--px4-dir", str(place), "--first-slot", str(slot))
+        assert run.finish() == 2
+    assert f"TCP port {4560 + slot} (flight dynamics of UA 0's PX4) is in use" in run.output.decode()

@@ -1,0 +1,64 @@
+"""A real PX4 on its own simulation (simulator_sih), in a directory of its own: no physics of ours."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import shutil
+import socket
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+INSTANCES = range(3, 10)
+"""PX4 gives those up to 9 MAVLink ports of their own."""
+QUADROTOR = "10040"
+
+
+def px4_build() -> Path:
+    """The build directory of a real PX4 with simulator_sih, or the test is skipped."""
+    home, on_path = os.environ.get("PX4_HOME"), shutil.which("px4")
+    places = [Path(home) / "build" / "px4_sitl_default"] if home else []
+    places += [Path(on_path).resolve().parent.parent] if on_path else []
+    for place in places:
+        if (place / "bin" / "px4").is_file() and (place / "bin" / "px4-simulator_sih").exists():
+            return place
+    pytest.skip("no px4 with simulator_sih: neither PX4_HOME nor PATH leads to one")
+
+
+def free_instance() -> int:
+    """A value for ``-i`` whose UDP ports are free."""
+    for instance in INSTANCES:
+        with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
+            for base in (14540, 14580, 18570, 14280, 13030, 19450):
+                probe = stack.enter_context(socket.socket(type=socket.SOCK_DGRAM))
+                probe.bind(("127.0.0.1", base + instance))
+            return instance
+    raise AssertionError("no free instance")
+
+
+@contextlib.asynccontextmanager
+async def sih(
+    build: Path, directory: Path, airframe: str = QUADROTOR, speed: float = 1.0
+) -> AsyncIterator[int]:
+    """PX4 on its own simulation; gives its instance I: system I + 1, MAVLink to UDP port 14540 + I."""
+    instance = free_instance()
+    log = (directory / "px4.log").open("wb")
+    own = {"PX4_SYS_AUTOSTART": airframe, "PX4_SIMULATOR": "sihsim", "PX4_SIM_SPEED_FACTOR": f"{speed:g}"}
+    process = await asyncio.create_subprocess_exec(
+        str(build / "bin" / "px4"),
+        *("-i", str(instance), "-d", str(build / "etc"), "-w", str(directory), "-s", "etc/init.d-posix/rcS"),
+        cwd=directory,
+        env=os.environ | own,
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=log,
+        stderr=log,
+    )
+    try:
+        yield instance
+    finally:
+        process.kill()
+        await process.wait()
+        log.close()

@@ -1,0 +1,237 @@
+"""How PX4 is flown: messages by hand, modes by pymavlink's own table and px4_custom_mode.h."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from aps.vehicle.autopilots.choice import autopilot_of
+from aps.vehicle.commands import CommandExecution
+from aps.vehicle.execution import Outcome, Refusal
+from aps.vehicle.flight import orbit, plans, targets
+from aps.vehicle.missions import fly
+from aps.vehicle.parameters.transfer import decoded, set_message
+from aps.vehicle.state import VehicleState
+from aps.vehicle.status_text import StatusText
+from aps.vehicle.telemetry import Telemetry
+from aps.wire.framer import Framer
+
+S = 1_000_000_000
+ACCEPTED, REJECTED = 0, 1
+HOVERS = VehicleState(
+    sysid=3,
+    vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
+    autopilot=12,
+    time_boot_ms=60_000,
+    mode="AUTO.LOITER",
+    armed=True,
+    landed_state="in_air",
+    lat_deg=47.0,
+    lon_deg=8.0,
+    alt_amsl_m=508.0,
+    alt_rel_m=20.0,
+    position_ned_m=(1.0, 2.0, -20.0),
+    velocity_ned_mps=(0.0, 0.0, 0.0),
+    home_lat_deg=47.0,
+    home_lon_deg=8.0,
+    home_alt_amsl_m=488.0,
+)
+STANDS = replace(HOVERS, landed_state="on_ground", alt_rel_m=0.0)
+
+
+def test_modes_are_those_of_pymavlink():
+    """pymavlink has names for most: main mode, sub mode of AUTO."""
+    ours = autopilot_of(12).modes(2)
+    for name, (_, main, sub) in mavutil.px4_map.items():
+        spelled = {"LOITER": "AUTO.LOITER", "MISSION": "AUTO.MISSION", "RTL": "AUTO.RTL", "LAND": "AUTO.LAND"}
+        spelled |= {"READY": "AUTO.READY", "TAKEOFF": "AUTO.TAKEOFF", "FOLLOWME": "AUTO.FOLLOW_TARGET"}
+        if name not in ("RTGS", "RATTITUDE"):  # left out of PX4
+            assert ours[spelled.get(name, name)] == main << 16 | sub << 24
+    assert len(set(ours.values())) == len(ours)
+
+
+def test_names_of_ardupilot_and_of_qgroundcontrol_are_taken_and_said():
+    plan = plans.set_mode(HOVERS, "guided")
+    assert plan.reached(HOVERS)
+    assert plan.remark == "GUIDED is AUTO.LOITER of PX4"
+    assert plans.set_mode(HOVERS, "Return").reached(replace(HOVERS, mode="AUTO.RTL"))
+    assert plans.set_mode(HOVERS, "OFFBOARD").remark == ""
+    with pytest.raises(ValueError, match=r"mode 'SMART_RTL' is none of MANUAL, ALTCTL"):
+        plans.set_mode(HOVERS, "SMART_RTL")
+
+
+def test_heights_are_above_mean_sea_level():
+    climb = plans.takeoff(STANDS, 15.0).steps[0].message(0)
+    assert (climb.command, climb.param7) == (22, 503.0)
+    assert all(map(math.isnan, (climb.param4, climb.param5, climb.param6)))
+    goto = targets.goto(HOVERS, 47.001, 8.001, 30.0, speed_mps=4.0, yaw_deg=90.0).steps[0].message(0)
+    assert (goto.command, goto.frame, goto.x, goto.y, goto.z) == (192, 0, 470010000, 80010000, 518.0)
+    assert (goto.param1, goto.param2, goto.param4) == (4.0, 1.0, pytest.approx(math.pi / 2))
+    amsl = targets.goto(HOVERS, 47.001, 8.001, 530.0, frame="amsl").steps[0].message(0)
+    assert (amsl.z, amsl.param1) == (530.0, -1.0)
+    assert math.isnan(amsl.param4)
+    circle = orbit.orbit(HOVERS, 47.0, 8.0, 20.0, 15.0, 3.0, clockwise=False).steps[0].message(0)
+    assert (circle.command, circle.param1, circle.param2, circle.z) == (34, -15.0, 3.0, 508.0)
+    unknown = replace(HOVERS, home_alt_amsl_m=math.nan)
+    assert targets.goto(unknown, 47.0, 8.0, 30.0).steps[0].message(0).z == 518.0, "by where it is itself"
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: plans.takeoff(replace(STANDS, armed=False), 10.0), "not armed"),
+        (lambda: plans.takeoff(HOVERS, 30.0), "flies already"),
+        (lambda: targets.goto(replace(HOVERS, armed=False), 47.0, 8.0, 30.0), "not armed"),
+        (lambda: targets.goto(HOVERS, 47.0, 8.0, 30.0, frame="terrain"), "no frame 'terrain'"),
+        (lambda: targets.velocity(replace(HOVERS, vehicle_type=1), 1.0, 0.0), "for copters"),
+        (lambda: plans.change_speed(HOVERS, 3.0, "climb"), "MPC_Z_VEL_MAX_UP"),
+        (
+            lambda: plans.takeoff(replace(STANDS, home_alt_amsl_m=math.nan, alt_amsl_m=math.nan), 10.0),
+            "where home is, is not known",
+        ),
+    ],
+)
+def test_what_px4_does_not_do_is_refused_in_words(make, reason):
+    with pytest.raises(Refusal, match=reason):
+        make()
+
+
+class Flight:
+    """An execution, and the clocks."""
+
+    def __init__(self, plan, state=HOVERS):
+        self.execution, self.state, self.now_ns = CommandExecution(plan), state, 0
+        self.sent = []
+
+    def run(self, seconds, **changes):
+        self.state = replace(self.state, **changes)
+        for _ in range(round(seconds / 0.05)):
+            self.now_ns += S // 20
+            self.state = replace(self.state, time_boot_ms=self.state.time_boot_ms + 50)
+            self.sent += [(self.now_ns / S, m) for m in self.execution.poll(self.state, self.now_ns)]
+
+    def of(self, kind):
+        return [at for at, message in self.sent if message.get_type() == kind]
+
+
+def test_setpoints_lead_offboard_and_hold_follows_it():
+    flight = Flight(targets.velocity(HOVERS, 1.0, 0.0, duration_s=2.0, rate_hz=1.0))
+    flight.run(1.0)
+    (asked,) = flight.of("COMMAND_LONG")
+    assert asked == pytest.approx(0.55, abs=0.051)
+    assert flight.execution.deadline_ns() > flight.now_ns
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.2, mode="OFFBOARD")
+    assert flight.execution.result.reached
+    setpoints = flight.of("SET_POSITION_TARGET_LOCAL_NED")
+    assert max(b - a for a, b in pairwise(setpoints)) < 0.5, "2 Hz at least"
+    last = flight.sent[-1][1]
+    assert (last.command, last.param2, last.param3) == (176, 4.0, 3.0)
+
+
+def test_a_newer_velocity_does_not_wait_for_setpoints_anew():
+    flight = Flight(targets.velocity(HOVERS, 1.0, 0.0))
+    flight.run(0.4)
+    newer = Flight(targets.velocity(HOVERS, 2.0, 0.0), flight.state)
+    newer.now_ns = flight.now_ns
+    newer.execution.leads_on(flight.execution)
+    newer.run(0.25)
+    assert len(newer.of("COMMAND_LONG")) == 1
+    fresh = Flight(targets.velocity(HOVERS, 2.0, 0.0))
+    fresh.run(0.25)
+    assert fresh.of("COMMAND_LONG") == []
+
+
+def test_a_moving_target_is_where_it_was_told_to_be_when_offboard_is_there():
+    """2 m/s north for 1 s since the call; height above mean sea level."""
+    flight = Flight(targets.follow(HOVERS, 47.0, 8.0, 22.0, north_mps=2.0))
+    flight.run(1.05)
+    first = flight.sent[0][1]
+    last = [m for _, m in flight.sent if m.get_type().startswith("SET_")][-1]
+    metres = (last.lat_int - first.lat_int) * 1e-7 * math.radians(6_378_137.0)
+    assert metres == pytest.approx(2.0 * flight.of(last.get_type())[-1], abs=0.2)
+    assert (first.coordinate_frame, first.alt) == (mavlink.MAV_FRAME_GLOBAL_INT, 510.0)
+
+
+def test_what_the_navigator_objects_to_is_a_refusal():
+    flight = Flight(targets.goto(HOVERS, 47.1, 8.0, 20.0))
+    flight.run(0.1)
+    flight.execution.on_ack(192, ACCEPTED)
+    flight.run(0.1)
+    flight.execution.on_text(StatusText(3, "Reposition is outside geofence"))
+    flight.run(0.1)
+    result = flight.execution.result
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "Reposition is outside geofence")
+
+
+def test_a_mission_goes_on_in_the_mode_of_its_last_item():
+    start = replace(HOVERS, mission_current=0, mission_total=2)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.0, mode="AUTO.MISSION")
+    flight.run(1.0, mode="AUTO.RTL", mission_current=1)  # MISSION_CURRENT comes later than the heartbeat
+    assert flight.execution.result is None
+    flight.run(20.0, mission_current=2)
+    assert flight.execution.result is None
+    flight.run(0.1, armed=False)
+    assert flight.execution.result.reached
+
+
+def test_a_return_amid_a_mission_interrupts_it():
+    start = replace(HOVERS, mission_current=0, mission_total=2)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.0, mode="AUTO.MISSION")
+    flight.run(2.0, mode="AUTO.RTL")
+    assert str(flight.execution.result) == "mission interrupted: mode changed to AUTO.RTL"
+
+
+def test_another_item_is_set_by_a_message_that_the_state_answers():
+    flight = Flight(fly.set_current(HOVERS, 2))
+    flight.run(0.1)
+    ((_, message),) = flight.sent
+    assert (message.get_type(), message.seq) == ("MISSION_SET_CURRENT", 2)
+    flight.run(0.1, mission_current=2)
+    assert flight.execution.result.reached
+
+
+RANGES = {
+    1: (0, 255),
+    2: (-128, 127),
+    3: (0, 65535),
+    4: (-32768, 32767),
+    5: (0, 2**32 - 1),
+    6: (-(2**31), 2**31 - 1),
+}
+
+
+@given(
+    st.sampled_from(sorted(RANGES)).flatmap(lambda kind: st.tuples(st.just(kind), st.integers(*RANGES[kind])))
+)
+def test_whole_numbers_go_to_px4_and_back(number):
+    """Two's complement, least byte first, the rest zeros: what Python's own conversion gives."""
+    kind, value = number
+    raw = bytes(set_message(7, "A", value, kind, 12).pack(mavlink.MAVLink(None)))[10:14]
+    size = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4}[kind]
+    assert raw == value.to_bytes(size, "little", signed=RANGES[kind][0] < 0).ljust(4, b"\0")
+    fields = {"param_type": kind, "param_value": 0.0, "param_bytes": raw}
+    assert decoded(fields, 12) == value
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_any_custom_mode_has_a_name(custom_mode):
+    telemetry = Telemetry(1)
+    heartbeat = mavlink.MAVLink_heartbeat_message(2, 12, 0x51, custom_mode, 3, 3)
+    (frame,) = Framer().receive(bytes(heartbeat.pack(mavlink.MAVLink(None, 1, 1))))
+    telemetry.update(frame, 0)
+    name = telemetry.mode
+    known = autopilot_of(12).modes(2)
+    assert known.get(name, custom_mode) == custom_mode
+    assert name in known or name == f"MODE_{custom_mode}"
