@@ -18,11 +18,11 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="whether PX4 is 
 FLOOD = """
 import socket, sys
 client = socket.create_connection(("127.0.0.1", int(sys.argv[1])))
-data, sent = bytes(1 << 16), 0
+data, sent = (b"\xfe" + bytes(7)) * (1 << 13), 0
 while True:
     client.sendall(data)
     sent += 1
-    if sent == 200: print("12 MB", flush=True)
+    if sent == 100: print("6 MB", flush=True)
 """
 RELAY = """
 import select, socket, sys
@@ -77,6 +77,7 @@ def test_a_connection_that_ends_in_the_turn_in_which_another_one_comes_ends_noth
 
 
 def test_one_that_never_stops_writing_holds_nobody():
+    """It writes frames of eight bytes, faster than anybody can take them apart."""
     flight = Flight([spec(0), spec(1)], until_s=math.inf)
     ports = flight.exchange.ports
     command = [sys.executable, "-c", FLOOD, str(ports[0])]
@@ -92,7 +93,6 @@ def test_one_that_never_stops_writing_holds_nobody():
             thread.join()
     assert is_stopped
     assert flight.error is None
-    assert flight.exchange.counters(0)["noise_bytes"] > 10_000_000
     flight.exchange.close()
 
 
