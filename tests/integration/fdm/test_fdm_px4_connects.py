@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="whether PX4 is 
 FLOOD = """
 import socket, sys
 client = socket.create_connection(("127.0.0.1", int(sys.argv[1])))
-data, sent = (b"\xfe" + bytes(7)) * (1 << 13), 0
+data, sent = bytes((254, *bytes(7))) * (1 << 13), 0
 while True:
     client.sendall(data)
     sent += 1
@@ -84,7 +84,7 @@ def test_one_that_never_stops_writing_holds_nobody():
     thread = flight.start()
     with played(ports[1], 3, 10**6), subprocess.Popen(command, stdout=subprocess.PIPE) as flood:
         try:
-            flood.stdout.readline()
+            assert flood.stdout.readline() == b"6 MB\n"
             flight.exchange.stop()
             thread.join(10.0)
             is_stopped = not thread.is_alive()
