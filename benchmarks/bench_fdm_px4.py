@@ -21,7 +21,7 @@ from benchmarks.bench_fdm import load
 from benchmarks.bench_fdm_ardupilot import factor_with_physics, running
 from bridge.run.px4 import etc_of, find_px4
 from fdm.exchange.aircraft_spec import Px4Peer, px4_port
-from fdm.exchange.px4.one_core import keep_on_one_core
+from fdm.exchange.px4.one_core import keep_on_one_core, our_cores
 from fdm.exchange.px4.peer import process_at_end
 from fdm.model.airframe import load_airframe
 from fdm.model.px4_sensors import Px4Sensors
@@ -89,7 +89,7 @@ def factor_without_physics(port: int, warm_up_s: float, duration_s: float) -> fl
             connection.settimeout(UNANSWERED_S)
             pid = process_at_end(connection)
             if pid is not None:
-                keep_on_one_core(pid, 0)
+                keep_on_one_core(pid, 0, our_cores())
             responder = Responder(connection)
             _run(responder, warm_up_s)
             begun = responder.frames

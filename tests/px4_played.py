@@ -1,35 +1,68 @@
-"""Plays PX4's side of its simulator interface, by pymavlink: ``python -m tests.px4_played PORT SILENT ANSWERS``.
+"""Plays PX4's side of its simulator interface, by pymavlink: ``python -m tests.px4_played PORT SILENT ANSWERS [HOW]``.
 
 It connects, reads SILENT frames without a word, as PX4 does before its modules run, and answers the next ANSWERS with
-motors at 0.01 of their number; then it reads on in silence.
+motors at 0.01 of their number; then it reads on in silence. As in PX4, a thread named sim_rcv connects and reads, and
+another one waits. HOW, words with commas between:
+
+    relayed     its reader has no name: it is no PX4
+    unlocked    its flags lack the bit that says lockstep
+    naps        the first answer is given by a thread that sleeps 10 ms before, as when PX4 boots
 """
 
 from __future__ import annotations
 
 import socket
 import sys
+import threading
+import time
+from pathlib import Path
 
 from pymavlink.dialects.v20 import common
 
+NAP_S = 0.01
 
-def main(port: int, silent: int, answers: int) -> None:
-    """Play."""
-    mav = common.MAVLink(None, srcSystem=1, srcComponent=1)
-    with socket.create_connection(("127.0.0.1", port)) as connection:
-        connection.sendall(common.MAVLink_heartbeat_message(0, 12, 0, 0, 0, 3).pack(mav))
+
+class Player:
+    """One PX4."""
+
+    def __init__(self, port: int, silent: int, answers: int, how: str) -> None:
+        self._port, self._silent, self._answers = port, silent, answers
+        self._how = how.split(",")
+        self._mav = common.MAVLink(None, srcSystem=1, srcComponent=1)
+
+    def read(self) -> None:
+        """The reader: until the simulator closes."""
+        if "relayed" not in self._how:
+            Path("/proc/thread-self/comm").write_text("sim_rcv", encoding="ascii")
         frames = 0
-        while data := connection.recv(65536):
-            for message in mav.parse_buffer(data) or ():
-                if message.get_type() != "HIL_SENSOR":
-                    continue
-                frames += 1
-                if silent < frames <= silent + answers:
-                    controls = [0.01 * ((frames - silent) % 10)] * 4 + [0.0] * 12
-                    answer = common.MAVLink_hil_actuator_controls_message(
-                        message.time_usec, controls, 0x81, 1
-                    )
-                    connection.sendall(answer.pack(mav))
+        with socket.create_connection(("127.0.0.1", self._port)) as connection:
+            connection.sendall(common.MAVLink_heartbeat_message(0, 12, 0, 0, 0, 3).pack(self._mav))
+            while data := connection.recv(65536):
+                for message in self._mav.parse_buffer(data) or ():
+                    if message.get_type() == "HIL_SENSOR":
+                        frames += 1
+                        self._read_frame(connection, frames - self._silent, message.time_usec)
+
+    def _read_frame(self, connection: socket.socket, number: int, time_us: int) -> None:
+        if not 0 < number <= self._answers:
+            return
+        controls = [0.01 * (number % 10)] * 4 + [0.0] * 12
+        flags = 0 if "unlocked" in self._how else 1
+        answer = common.MAVLink_hil_actuator_controls_message(time_us, controls, 0x81, flags).pack(self._mav)
+        if number == 1 and "naps" in self._how:
+            threading.Thread(target=send_later, args=(connection, answer)).start()
+        else:
+            connection.sendall(answer)
+
+
+def send_later(connection: socket.socket, data: bytes) -> None:
+    """Send after a nap."""
+    time.sleep(NAP_S)
+    connection.sendall(data)
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:4]))
+    player = Player(*map(int, sys.argv[1:4]), *sys.argv[4:] or [""])
+    reader = threading.Thread(target=player.read)
+    reader.start()
+    reader.join()

@@ -33,13 +33,15 @@ from fdm.clock.status import ClockStatus
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.called import CalledAutopilot
 from fdm.exchange.exchange import Exchange
-from fdm.exchange.px4.seat import WHY_NOT
+from fdm.exchange.px4.watched import WHY_NOT
 from fdm.model.truth import TrueState
 from fdm.workers.fleet_exchange import FleetExchange, open_exchange
 
-_BY_WALL_TIME = {
+_WHY_NOT = {
     EventKind.ABSENT: "was not waited for any longer: its autopilot sent no packet in time",
     EventKind.STALLED: "was let go: its autopilot did not answer in time",
+    EventKind.SILENT: "was flown without answers: its autopilot gave none for long",
+    EventKind.REFUSED: "was refused: its autopilot is not in lockstep",
     EventKind.RESTARTED: "booted anew: when its autopilot was there again is a matter of wall time",
     EventKind.RETURNED: "was taken back: when its autopilot answered again is a matter of wall time",
 }
@@ -169,7 +171,7 @@ class FlownDynamics:
     def _on_event(self, event: UaEvent) -> None:
         node = str(event.ua_id)
         self._report.event(event.sim_time_ns, node, event.kind.value, event.detail)
-        why = _BY_WALL_TIME.get(event.kind)
+        why = _WHY_NOT.get(event.kind)
         if event.kind is EventKind.JOINED and event.sim_time_ns > 0:
             why = "came late: when its autopilot was there is a matter of wall time"
         if why is not None:

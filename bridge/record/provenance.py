@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
@@ -118,12 +119,23 @@ def ardupilot_origin(binary: Path, version: str = "") -> AutopilotOrigin:
 
 
 def px4_origin(binary: Path) -> AutopilotOrigin:
-    """Of a real PX4: the digest of its binary.
+    """Of a real PX4: the digest of its binary, and its version if its build is there to tell.
 
     Raises:
         OSError: the binary cannot be read.
     """
-    return AutopilotOrigin("px4", "", file_digest(binary), str(binary))
+    return AutopilotOrigin("px4", _px4_version(binary), file_digest(binary), str(binary))
+
+
+def _px4_version(binary: Path) -> str:
+    """Tag and commit by the header that PX4's build makes; empty: only the binary is there."""
+    header = binary.parents[1] / "src" / "lib" / "version" / "build_git_version.h"
+    try:
+        text = header.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    found = dict(re.findall(r'#define PX4_GIT_(TAG|VERSION)_STR +"([^"]*)"', text))
+    return " ".join(value for value in (found.get("TAG", ""), found.get("VERSION", "")[:10]) if value)
 
 
 def standin_origin() -> AutopilotOrigin:

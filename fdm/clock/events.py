@@ -22,6 +22,10 @@ class EventKind(Enum):
     """The autopilot stopped answering; nobody waits for it any more."""
     RETURNED = "returned"
     """A stalled autopilot answers again; it goes on where it was, at the fleet's present time."""
+    SILENT = "silent"
+    """The autopilot takes frames and answers none; it is served on."""
+    REFUSED = "refused"
+    """The autopilot cannot be flown in lockstep; its connection was closed."""
     DIVERGED = "diverged"
     """The flight model left the plausible range; the UA is out until its autopilot boots anew."""
 

@@ -10,7 +10,7 @@ from fdm.clock.member import Member
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
 from fdm.exchange.settings import Coupling
-from fdm.wire.sensor_frame import make_encoder
+from fdm.wire.sensor_frame import SensorFrame, decode_sensor_frame, make_encoder
 
 
 class CalledAutopilot(Protocol):
@@ -69,6 +69,10 @@ class CalledSeat:
         packet = self._autopilot.frame(reply)
         if packet is not None:
             self.packets.append(packet)
+
+    def last_frame(self) -> SensorFrame | None:
+        """The last sensor frame that was sent."""
+        return decode_sensor_frame(self.aircraft.lockstep.reply)
 
     def counters(self) -> dict[str, int]:
         """What the aircraft counted."""

@@ -18,11 +18,13 @@ from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer, default_port
 from fdm.exchange.called import CalledAutopilot, CalledSeat
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.eager_reader import reader_of
+from fdm.exchange.hosted_aircraft import BuildModel
 from fdm.exchange.placement.placement import Placer
 from fdm.exchange.poller import Poller
-from fdm.exchange.px4.seat import BuildModel, Px4Seat
+from fdm.exchange.ports import bind
+from fdm.exchange.px4.seat import Px4Seat
 from fdm.exchange.px4.welcome import Px4Seats
-from fdm.exchange.seat import Seat, bind
+from fdm.exchange.seat import Seat
 from fdm.exchange.service import DATAGRAM_MAX_BYTES, Service
 from fdm.exchange.settings import Coupling, Placement, check_coupling, check_placement
 from fdm.model.jsbsim_model import JsbsimModel
@@ -194,7 +196,11 @@ class Exchange:
     def _at_tick(self, status: ClockStatus) -> None:
         if not self._called:
             seats = [seat for seat in self._seats.values() if isinstance(seat, Seat)]
-            self._placer.at_tick(seats, self._clock.pace.speed, status.sim_time_ns, time.monotonic_ns())
+            others = sum(seat.member.live for seat in self._seats.values()) - sum(
+                s.member.live for s in seats
+            )
+            speed, wall_ns = self._clock.pace.speed, time.monotonic_ns()
+            self._placer.at_tick(seats, speed, status.sim_time_ns, wall_ns, others)
         if self._on_tick is not None:
             self._on_tick(status)
 
@@ -232,7 +238,9 @@ class Exchange:
             if isinstance(seat, Seat):
                 self._service.hear(seat)
             else:
-                self._listeners[fd]()
+                callback = self._listeners.get(fd)
+                if callback is not None:  # else one before it in `ready` has forgotten it
+                    callback()
         self._px4.look()
         self._service.start_without_the_absent()
 

@@ -9,7 +9,9 @@ from typing import Protocol
 from fdm.clock.member import Member
 from fdm.clock.pace import NEVER_NS
 from fdm.errors import ModelDivergedError, WindError
-from fdm.model.air_point import AirPoint, Wind
+from fdm.model.air_point import AirPoint, StaticAir, Wind
+from fdm.model.airframe import Airframe
+from fdm.model.geodesy import Home
 from fdm.model.truth import TrueState, Vector
 from fdm.wire.lockstep import STEPPING, FrameTimer, Lockstep, ServoVerdict
 from fdm.wire.sensor_frame import Encoder
@@ -43,6 +45,15 @@ class FlightModel(Protocol):
         """Set the velocity of the air around it, from the next step on."""
 
 
+class FlightModelInAir(FlightModel, Protocol):
+    """A flight model with what a barometer needs."""
+
+    def air(self) -> StaticAir:
+        """The air where it is."""
+
+
+BuildModel = Callable[[Airframe, Home], FlightModelInAir]
+"""Makes a flight model."""
 Sense = Callable[[], tuple[float, ...]]
 Disturb = Callable[[Sense], Sense]
 

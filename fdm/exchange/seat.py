@@ -8,22 +8,15 @@ import struct
 import sys
 
 from fdm.clock.member import Member
-from fdm.errors import PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec
-from fdm.exchange.hosted_aircraft import ExchangedAircraft
-from fdm.exchange.px4.seat import BuildModel, listen
+from fdm.exchange.hosted_aircraft import BuildModel, ExchangedAircraft
 from fdm.exchange.settings import Coupling
 from fdm.wire.legacy import make_legacy_encoder, make_legacy_unpacker
-from fdm.wire.sensor_frame import make_encoder
+from fdm.wire.sensor_frame import SensorFrame, decode_sensor_frame, make_encoder
 from fdm.wire.servo_packet import unpack_servo_packet
 
 DROPPED_BY_SYSTEM = "dropped_by_system"
 """Counter of the datagrams that the system dropped because the socket's buffer was full."""
-RECEIVE_BUFFER_BYTES = 4 << 20
-"""Asked of the system, which may give less: a full buffer loses the autopilot's packets among garbage."""
-READ_TIMEOUT_US = 10_000
-"""Longest wait in a socket: for so long a lone UA's exchange may overlook commands."""
-_TIMEVAL = struct.Struct("@ll")
 _SO_MEMINFO = 55
 _MEMINFO = struct.Struct("9I")
 _MEMINFO_DROPS = 8
@@ -36,7 +29,7 @@ class Seat:
 
     Args:
         spec: the UA.
-        sock: its socket, of `bind`; the seat's from now on.
+        sock: its socket, of `fdm.exchange.ports.bind`; the seat's from now on.
         member: its place in the fleet clock.
         build_model: makes its flight model.
         coupling: of the exchange; a legacy peer is served serially.
@@ -82,6 +75,10 @@ class Seat:
             self.aircraft.count("send_failed")
             _log.debug("UA %d: reply not sent: %s", self.aircraft.ua_id, error)
 
+    def last_frame(self) -> SensorFrame | None:
+        """The last sensor frame that was sent."""
+        return decode_sensor_frame(self.aircraft.lockstep.reply)
+
     @property
     def port(self) -> int:
         """Its UDP port."""
@@ -96,29 +93,6 @@ class Seat:
         counters = self.aircraft.counters()
         dropped = dropped_by_system(self.sock)
         return {**counters, DROPPED_BY_SYSTEM: dropped} if dropped else counters
-
-
-def bind(spec: AircraftSpec, host: str) -> socket.socket:
-    """A socket on the UA's port. Its calls wait, for READ_TIMEOUT_US at most, unless a flag forbids it; PX4's listens.
-
-    Raises:
-        PortInUseError: the port cannot be had.
-    """
-    if spec.px4 is not None:
-        return listen(spec, host)
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIMEVAL.pack(0, READ_TIMEOUT_US))
-        sock.bind((host, spec.port))
-    except OSError as error:
-        sock.close()
-        raise PortInUseError(
-            f"UDP port {spec.port} on {host} (flight dynamics of UA {spec.ua_id}) cannot be used: "
-            f"{error.strerror}",
-            spec.port,
-        ) from None
-    return sock
 
 
 def dropped_by_system(sock: socket.socket) -> int:

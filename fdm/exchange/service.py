@@ -14,11 +14,10 @@ from fdm.clock.status import ClockStatus
 from fdm.errors import ModelDivergedError
 from fdm.exchange.called import CalledSeat
 from fdm.exchange.command_queue import CommandQueue
-from fdm.exchange.px4.seat import Px4Seat
+from fdm.exchange.px4.seat import Newcomer, Px4Seat
 from fdm.exchange.seat import Seat as SocketSeat
 from fdm.model.truth import TrueState
 from fdm.wire.lockstep import STEPPING, ServoVerdict
-from fdm.wire.sensor_frame import decode_sensor_frame
 
 DATAGRAM_MAX_BYTES = 128
 """Longer datagrams arrive cut to this length, which is the length of no servo packet either."""
@@ -28,6 +27,12 @@ BATCH = 8
 """UA that are stepped one after the other before they are answered: that keeps JSBSim in the processor's caches."""
 
 Seat = SocketSeat | CalledSeat | Px4Seat
+_PX4_TROUBLE = {
+    EventKind.SILENT: "its PX4 has answered no frame for 4 s of sim time: it did not start, is of another version, or "
+    "has a start script of its own",
+    EventKind.REFUSED: "its PX4 is not in lockstep (built without it, or for hardware in the loop): its connection was "
+    "closed",
+}
 _log = logging.getLogger(__name__)
 
 
@@ -108,9 +113,9 @@ class Service:
             if verdict in STEPPING:
                 return
 
-    def welcome_px4(self, seat: Px4Seat) -> None:
+    def welcome_px4(self, seat: Px4Seat, newcomer: Newcomer) -> None:
         """PX4 has connected: it boots."""
-        hello = seat.accept()
+        hello = seat.welcome(newcomer)
         self._act(seat, seat.aircraft.asked(hello, seat.connection, self._clock.wall_ns))
 
     def hear_px4(self, seat: Px4Seat) -> None:
@@ -118,6 +123,10 @@ class Service:
         fields = seat.take(self._clock.wall_ns)
         if fields is not None:
             self._act(seat, seat.aircraft.asked(fields, seat.connection, self._clock.wall_ns))
+
+    def tell_px4(self, seat: Px4Seat, kind: EventKind) -> None:
+        """PX4 says nothing, or cannot be flown."""
+        self._tell(kind, seat.member, _PX4_TROUBLE[kind])
 
     def _act(self, seat: Seat, verdict: ServoVerdict | None) -> None:
         """Do what the verdict on a datagram asks for, short of stepping."""
@@ -240,7 +249,7 @@ class Service:
 
     def _tell(self, kind: EventKind, member: Member, detail: str) -> None:
         seat = next(seat for seat in self.seats.values() if seat.member is member)
-        last = decode_sensor_frame(seat.aircraft.lockstep.reply)
+        last = seat.last_frame()
         event = UaEvent(kind, member.ua_id, member.sim_time_ns, detail, last)
         _log.info("UA %d %s: %s", event.ua_id, kind.value, detail)
         if self._on_event is not None:

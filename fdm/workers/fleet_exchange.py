@@ -28,7 +28,7 @@ from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.called import CalledAutopilot
 from fdm.exchange.command_queue import CommandQueue
 from fdm.exchange.exchange import Exchange
-from fdm.exchange.seat import bind
+from fdm.exchange.ports import bind
 from fdm.exchange.settings import DEFAULTS, FOR_WORKERS, ExchangeSettings, Workers, check_settings, core_count
 from fdm.workers.worker_messages import RUN, Ended, Happened, Reached, WorkerPlan
 from fdm.workers.worker_process import WorkerProcess, end_all

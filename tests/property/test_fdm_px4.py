@@ -12,6 +12,7 @@ ANSWERS = st.builds(
     st.integers(0, 2**64 - 1),
     st.tuples(*[st.floats(-2, 2, width=32)] * 16),
     st.booleans(),
+    st.booleans(),
 )
 
 

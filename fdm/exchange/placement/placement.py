@@ -38,12 +38,17 @@ class Placer:
         self._shared: SharedCore | None = None
         self._pids: dict[tuple[str, int], int] = {}
 
-    def at_tick(self, seats: Iterable[Seat], speed: float, sim_time_ns: int, wall_ns: int) -> None:
-        """A tick of sim time was emitted at `wall_ns` (monotonic): put everybody where they are to be."""
+    def at_tick(
+        self, seats: Iterable[Seat], speed: float, sim_time_ns: int, wall_ns: int, others: int = 0
+    ) -> None:
+        """A tick of sim time was emitted at `wall_ns` (monotonic): put everybody where they are to be.
+
+        `others` fly beside them, on cores that are not ours to choose.
+        """
         if not self._wanted:
             return
         live = [seat.aircraft for seat in seats if seat.member.live]
-        if speed != inf or not self._fits(len(live), any(aircraft.parallel for aircraft in live)):
+        if speed != inf or not self._fits(len(live), others, any(aircraft.parallel for aircraft in live)):
             self.give_back()
             return
         pids = self._processes(aircraft.lockstep.sender for aircraft in live)
@@ -60,9 +65,9 @@ class Placer:
         if self._trial is not None:
             self._trial.restart()
 
-    def _fits(self, live: int, parallel: bool) -> bool:
+    def _fits(self, live: int, others: int, parallel: bool) -> bool:
         """Whether sharing is to be thought of; unasked only for two who can only work by turns."""
-        return live > 0 and (self._trial is None or (self._alone and live == 1 and not parallel))
+        return live > 0 and (self._trial is None or (self._alone and live + others == 1 and not parallel))
 
     def _processes(self, senders: Iterable[tuple[str, int]]) -> list[int] | None:
         """The autopilots' processes; None if one of them cannot be found. Each is looked for once."""

@@ -4,8 +4,8 @@ A frame is done when PX4 is at rest: what the frame has set going is over, all t
 answered by then it will not, and keeps its outputs (so it is while it boots). What a frame comes to is thus a matter of
 the frames before it alone, and of no wall time.
 
-Where nobody can see whether PX4 is at rest (it is on another machine), a frame is done when it is answered, or when
-patience has run out.
+Where nobody can see whether PX4 is at rest (it is on another machine), a frame is done when it is answered; before the
+first answer also when patience has run out.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from fdm.wire.px4.mavlink import FrameReader
 from fdm.wire.servo_packet import Fields
 
 PATIENCE_NS = 20_000_000
-"""Wall time after which a frame is done that nobody answers, where rest cannot be seen."""
+"""Wall time after which a frame is done that nobody answers, where rest cannot be seen and none was answered yet."""
+SILENCE_S = 4
+"""Sim time without an answer that is told; while it boots, PX4 is silent for less than half a second of it."""
 _IDLE = (0.0,) * CONTROLS
 
 
@@ -31,6 +33,8 @@ class FramesOfPx4:
 
     Attributes:
         counters: what was dropped, and frames without an answer.
+        has_answered: whether any frame was answered.
+        is_lockstep: whether PX4's clock is ours, as far as it has said; else it cannot be flown.
     """
 
     def __init__(self, rate_hz: int, motors: frozenset[int], *, sees_rest: bool = True) -> None:
@@ -40,6 +44,8 @@ class FramesOfPx4:
         self._sent_ns = 0
         self._answer: ActuatorControls | None = None
         self._controls: tuple[float, ...] = _IDLE
+        self._silent_frames = 0
+        self.has_answered, self.is_lockstep = False, True
         self.counters: Counter[str] = Counter()
 
     @property
@@ -51,6 +57,11 @@ class FramesOfPx4:
     def answered(self) -> bool:
         """Whether the frame that is under way is answered."""
         return self._answer is not None
+
+    @property
+    def falls_silent(self) -> bool:
+        """Whether the frame that was done last is the one with which PX4 has said nothing for SILENCE_S."""
+        return self._silent_frames == SILENCE_S * self._rate_hz
 
     def hello(self) -> Fields:
         """PX4 has connected: it wants the first frame."""
@@ -66,6 +77,9 @@ class FramesOfPx4:
             answer = read_actuators(payload)
             if answer is None:
                 self.counters["bad_controls"] += 1
+            elif not answer.is_lockstep:
+                self.counters["answers_not_in_lockstep"] += 1
+                self.is_lockstep = False
             elif self._number(answer) != self._awaited or self._answer is not None:
                 self.counters["answers_not_asked_for"] += 1
             else:
@@ -73,7 +87,7 @@ class FramesOfPx4:
 
     def is_done(self, wall_ns: int) -> bool:
         """Where rest cannot be seen: whether the frame is done."""
-        late = wall_ns - self._sent_ns >= PATIENCE_NS
+        late = not self.has_answered and wall_ns - self._sent_ns >= PATIENCE_NS
         return not self._sees_rest and self.awaits and (self.answered or late)
 
     def done(self) -> Fields:
@@ -81,9 +95,16 @@ class FramesOfPx4:
         frame, self._awaited = self._awaited, -1
         if self._answer is None:
             self.counters["frames_unanswered"] += 1
+            self._silent_frames += 1
         else:
+            self.has_answered, self._silent_frames = True, 0
             self._controls = self._answer.controls
         return self._fields(frame)
+
+    def totals(self) -> Counter[str]:
+        """What was dropped of the stream and of its messages, and frames without an answer."""
+        dropped = {name: count for name, count in self._reader.counters.items() if name != "other_messages"}
+        return self.counters + Counter(dropped)
 
     def _fields(self, frame: int) -> Fields:
         return (0, self._rate_hz, frame, *pulse_widths(self._controls, self._motors))

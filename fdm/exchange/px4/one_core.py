@@ -9,6 +9,7 @@ the core out between them, by wall time.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 
 from fdm.exchange.px4.quiet import thread_ids
@@ -16,19 +17,24 @@ from fdm.exchange.px4.quiet import thread_ids
 _IN_ORDER = ("SCHED_FIFO", "SCHED_RR")
 
 
-def keep_on_one_core(pid: int, which: int) -> bool:
-    """Have a process and its descendants, and what they will start, run on one core of those that we may use.
+def our_cores() -> tuple[int, ...]:
+    """The cores that this thread may use, sorted; none where the system has no such call."""
+    return tuple(sorted(os.sched_getaffinity(0))) if hasattr(os, "sched_getaffinity") else ()
+
+
+def keep_on_one_core(pid: int, which: int, cores: Sequence[int]) -> bool:
+    """Have a process and its descendants, and what they will start, run on one core.
 
     Args:
         pid: the process.
         which: counts through the cores, so that several processes are spread over them.
+        cores: to choose from, as of `our_cores`.
 
     Returns:
         Whether that could be done. Not where the system has no such call, nor for processes of others.
     """
-    if not hasattr(os, "sched_setaffinity"):
+    if not cores:
         return False
-    cores = sorted(os.sched_getaffinity(0))
     core = {cores[which % len(cores)]}
     try:
         for tid in thread_ids(pid):

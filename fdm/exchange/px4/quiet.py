@@ -13,8 +13,10 @@ time: whether one naps so is seen between the two instants.
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 PROC = "/proc"
 _AT_REST = (b"S", b"Z", b"X")
@@ -24,6 +26,22 @@ _NAPS = (b"hrtimer_nanosleep", b"do_nanosleep")
 _NUM_THREADS = 17
 """Place of the number of threads in /proc/PID/stat, counted after the name (proc(5): field 20)."""
 _READ_BYTES = 1024
+_MOMENT_S = 0.001
+
+
+def shows_rest() -> bool:
+    """Whether this system's /proc has what rest is seen by: children, and counts that go up when a thread runs.
+
+    Some kernels are built without one or the other, or show zeros. Sleeps for a moment.
+    """
+    own = f"{PROC}/self/task/{threading.get_native_id()}"
+    try:
+        _read(f"{own}/children")
+        before = _read(f"{own}/schedstat").split()
+        time.sleep(_MOMENT_S)
+        return _read(f"{own}/schedstat").split()[2] != before[2]
+    except (OSError, IndexError):
+        return False
 
 
 class Rest:
@@ -32,6 +50,7 @@ class Rest:
     Args:
         pid: the process.
         reader: name of the thread that has to have run since `sent` was called, if one is to: it reads what we send.
+            Without it the process is not at rest.
     """
 
     def __init__(self, pid: int, reader: str = "") -> None:
@@ -62,7 +81,7 @@ class Rest:
             nap_ns: threads that nap count as at rest only when the same ones have for so long (wall time) since
                 `sent`; 0: at once.
         """
-        if self._reads_at_send >= 0 and self._reads() == self._reads_at_send:
+        if self._reader_name and self._reads() in (-1, self._reads_at_send):
             return False
         try:
             threads = self._all()
@@ -75,7 +94,7 @@ class Rest:
             slept = all(thread.sleeps() for thread in threads) and [t.runs() for t in threads] == before
             return slept and self._are_all(threads) and self._have_waited(nappers, nap_ns)
         except OSError:  # a thread has ended meanwhile: look again
-            self._is_known = False
+            self.close()
             return False
 
     def _have_waited(self, nappers: set[str], nap_ns: int) -> bool:
@@ -91,11 +110,11 @@ class Rest:
         return bool(self._nappers)
 
     def close(self) -> None:
-        """Look no more."""
+        """Close all files; another look opens them anew."""
         for thread in self._threads.values():
             thread.close()
         self._threads.clear()
-        self._reader = None
+        self._reader, self._is_known = None, False
 
     def _are_all(self, threads: Sequence[_Thread]) -> bool:
         """Whether there were no others when these slept."""
@@ -109,14 +128,16 @@ class Rest:
         """All threads that there are now; those that have ended are forgotten."""
         if self._is_known:
             return list(self._threads.values())
-        known, own = self._threads, f"{PROC}/{self.pid}/task/"
-        self._threads = {}
-        paths = list(_tasks(self.pid))
+        own, paths = f"{PROC}/{self.pid}/task/", list(_tasks(self.pid))
         self._own = sum(path.startswith(own) for path in paths)
-        for path in paths:
-            self._threads[path] = known.pop(path) if path in known else _Thread(path)
-        for thread in known.values():
-            thread.close()
+        known, self._threads = self._threads, {}
+        try:
+            for path in paths:
+                self._threads[path] = known.pop(path) if path in known else _Thread(path)
+        finally:
+            for thread in known.values():
+                thread.close()
+                self._reader = None if thread is self._reader else self._reader
         return list(self._threads.values())
 
     def _reads(self) -> int:
@@ -127,7 +148,8 @@ class Rest:
             if self._reader is None:
                 self._reader = next((each for each in self._all() if each.name() == self._reader_name), None)
             return -1 if self._reader is None else self._reader.runs()
-        except OSError:
+        except OSError:  # it has ended, or another thread has just now
+            self.close()
             return -1
 
 
@@ -162,11 +184,14 @@ class _Thread:
 
     def naps(self) -> bool:
         """Whether it sleeps for a time, as far as the system tells."""
-        return _read(f"{self._path}/wchan").rstrip(b"\0") in _NAPS
+        try:
+            return _read(f"{self._path}/wchan").rstrip(b"\0") in _NAPS
+        except OSError:  # not shown; or it has ended, which `runs` will say
+            return False
 
     def name(self) -> str:
         """Its name."""
-        return _read(f"{self._path}/comm").decode().strip()
+        return _read(f"{self._path}/comm").decode(errors="replace").strip()
 
     def close(self) -> None:
         """Close its files."""
@@ -181,6 +206,16 @@ def thread_ids(pid: int) -> list[int]:
         OSError: there is no such process, or no /proc.
     """
     return [int(path.rpartition("/")[2]) for path in _tasks(pid)]
+
+
+def names_of_threads(pid: int) -> set[str]:
+    """Names of the process's own threads, as far as they can be read."""
+    names = set()
+    with suppress(OSError):
+        for tid in os.listdir(f"{PROC}/{pid}/task"):  # noqa: PTH208 (as below)
+            with suppress(OSError):
+                names.add(_read(f"{PROC}/{pid}/task/{tid}/comm").decode(errors="replace").strip())
+    return names
 
 
 def _tasks(pid: int) -> Iterator[str]:

@@ -5,21 +5,20 @@ from __future__ import annotations
 import logging
 import socket
 import time
-from collections.abc import Callable
-from typing import Protocol
+from collections import Counter
+from typing import NamedTuple
 
 from fdm.clock.member import Member
-from fdm.errors import AirframeError, PortInUseError
+from fdm.errors import AirframeError
 from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
-from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
+from fdm.exchange.hosted_aircraft import BuildModel, ExchangedAircraft, FlightModel
 from fdm.exchange.px4.frames import FramesOfPx4
-from fdm.exchange.px4.one_core import keep_on_one_core, runs_in_order
-from fdm.exchange.px4.peer import process_at_end
+from fdm.exchange.px4.one_core import our_cores
+from fdm.exchange.px4.peer import Peer, peer_of
 from fdm.exchange.px4.quiet import Rest
-from fdm.model.air_point import StaticAir
-from fdm.model.airframe import Airframe
-from fdm.model.geodesy import Home
+from fdm.exchange.px4.watched import watch
 from fdm.model.px4_sensors import Px4Encoder, Px4Sensors
+from fdm.wire.sensor_frame import SensorFrame, decode_sensor_frame, make_encoder
 from fdm.wire.servo_packet import Fields
 
 LOOKS = 8
@@ -30,34 +29,21 @@ wake by themselves 10 ms later."""
 LONGEST_NAP_NS = 20_000_000
 """Wall time after which a thread of PX4 that still naps waits for the next frame. While it boots some nap for 5 ms,
 again and again, until another one is ready."""
-READER = "sim_rcv"
-"""PX4's thread that reads what we send."""
-BY_WALL_TIME = "starts_by_wall_time"
-"""Counter of the connections of a PX4 that we cannot see the threads of."""
-ON_MANY_CORES = "starts_on_many_cores"
-"""Counter of the connections of a PX4 that we cannot keep on one core."""
-OUT_OF_ORDER = "starts_without_real_time_threads"
-"""Counter of the connections of a PX4 that may not have real-time threads."""
-WHY_NOT = {
-    BY_WALL_TIME: "its PX4 runs on another machine, or as another user: when it is done with a frame cannot be seen",
-    ON_MANY_CORES: "its PX4 could not be kept on one core: the order of its threads is the machine's",
-    OUT_OF_ORDER: "its PX4 may not have real-time threads (root, CAP_SYS_NICE or `ulimit -r 99`): their order is the "
-    "machine's",
-}
-"""Why a flight may not repeat, by counter."""
-_READ_BYTES = 1 << 16
+NOT_CONNECTED = "connections_failed"
+"""Counter of the connections that had ended before they were taken, or could not be."""
+NOT_TAKEN = "connections_refused"
+"""Counter of the connections that were closed as another one is flown."""
+READ_BYTES, READS = 4096, 4
+"""What is read at most before others get their turn: a frame's answer has a hundred bytes."""
 
 _log = logging.getLogger(__name__)
 
 
-class FlightModelInAir(FlightModel, Protocol):
-    """A flight model with what a barometer needs."""
+class Newcomer(NamedTuple):
+    """Who has connected, and is to be served."""
 
-    def air(self) -> StaticAir:
-        """The air where it is."""
-
-
-BuildModel = Callable[[Airframe, Home], FlightModelInAir]
+    connection: socket.socket
+    peer: Peer
 
 
 class Px4Seat:
@@ -65,7 +51,7 @@ class Px4Seat:
 
     Args:
         spec: the UA; its ``px4`` is set.
-        sock: its port, of `listen`; the seat's from now on.
+        sock: its port, of `fdm.exchange.ports.bind`; the seat's from now on.
         member: its place in the fleet clock.
         build_model: makes its flight model.
         tick_period_ns: sim time between ticks, at which others speak to PX4.
@@ -92,10 +78,14 @@ class Px4Seat:
         self.connection: socket.socket | None = None
         self._rate_hz, self._motors = peer.sensors.imu_rate_hz, spec.airframe.px4.motors
         self._frames = FramesOfPx4(self._rate_hz, self._motors)
+        self._past: Counter[str] = Counter()
+        self._peer = Peer()
         self._rest: Rest | None = None
         self._wake_ports, self._has_woken = peer.wake_ports, False
         self._woken_ns = self._sent_ns = 0
-        self._has_booted = False
+        self._as_text = make_encoder(spec.airframe.sensors)
+        self._has_booted, self._is_silent, self._unsent = False, False, b""
+        self._cores = our_cores()
         self._tick_period_ns, self._tick = tick_period_ns, -1
         self._waker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._encode = Px4Encoder(
@@ -112,30 +102,67 @@ class Px4Seat:
             self._encode.reset()
             return model
 
-        self.aircraft = ExchangedAircraft(member, build, self._encode, spec.wind, spec.disturb)
+        self._last: tuple[float, ...] = ()
+
+        def encode(values: tuple[float, ...]) -> bytes:
+            messages = self._encode(values)
+            self._last = values
+            return messages
+
+        self.aircraft = ExchangedAircraft(member, build, encode, spec.wind, spec.disturb)
 
     @property
     def port(self) -> int:
         """Its TCP port."""
         return int(self.sock.getsockname()[1])
 
-    def accept(self) -> Fields:
-        """PX4 connects (anew): take its connection; returns the packet that asks for the first frame."""
-        connection, address = self.sock.accept()
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setblocking(False)
+    def accept(self) -> Newcomer | None:
+        """Who has connected, if that is who is to be served from now on; `welcome` is to follow. Never raises."""
+        connection = None
+        try:
+            connection, address = self.sock.accept()
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.setblocking(False)
+            newcomer = Newcomer(connection, peer_of(connection))
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            self._turn_away(connection, NOT_CONNECTED, error)
+            return None
+        if self._keeps_from(newcomer.peer):
+            self._turn_away(connection, NOT_TAKEN, f"{address} (process {newcomer.peer.pid})")
+            return None
+        return newcomer
+
+    def _keeps_from(self, newcomer: Peer) -> bool:
+        """Whether who is connected stays, and the newcomer has to go.
+
+        A PX4 of this machine stays until it closes. Another one may have gone without a word: it stays while it is not
+        let go. One that has not answered yet may be anything, and gives way to a PX4.
+        """
+        if not self.receive():
+            return False
+        if self._peer.is_px4:
+            return True
+        return self.member.live and (self._frames.has_answered or not newcomer.is_px4)
+
+    def _turn_away(self, connection: socket.socket | None, counter: str, why: object) -> None:
+        self.aircraft.count(counter)
+        _log.debug("UA %d: %s: %s", self.aircraft.ua_id, counter, why)
+        if connection is not None:
+            connection.close()
+
+    def welcome(self, newcomer: Newcomer) -> Fields:
+        """Serve who has connected; returns the packet that asks for the first frame. It boots."""
         self.drop()
-        self.connection, self._has_booted = connection, False
-        pid = process_at_end(connection)
-        self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=pid is not None)
-        self._rest = None if pid is None else Rest(pid, READER)
-        if pid is None:
-            self.aircraft.count(BY_WALL_TIME)
-        elif not keep_on_one_core(pid, self.aircraft.ua_id):
-            self.aircraft.count(ON_MANY_CORES)
-        elif not runs_in_order(pid):
-            self.aircraft.count(OUT_OF_ORDER)
-        _log.info("UA %d: PX4 has connected from %s (process %s)", self.aircraft.ua_id, address, pid)
+        self.connection, self._peer = newcomer
+        self._has_booted, self._unsent = False, b""
+        self._rest, why_not = watch(self._peer, self.aircraft.ua_id, self._cores)
+        self._past += self._frames.totals()
+        self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=self._rest is not None)
+        if why_not:
+            self.aircraft.count(why_not)
+        _log.info("UA %d: PX4 has connected (process %s)", self.aircraft.ua_id, self._peer.pid)
         return self._frames.hello()
 
     def drop(self) -> None:
@@ -155,27 +182,38 @@ class Px4Seat:
             self._settle(self._rest)
             self._rest.sent()
         self._has_woken = False
-        try:
-            self.connection.send(reply)
-        except OSError as error:
-            self.aircraft.count("send_failed")
-            _log.debug("UA %d: frame not sent: %s", self.aircraft.ua_id, error)
+        self._write(self.connection, reply)
         self._sent_ns = time.monotonic_ns()
         self._frames.sent(self.aircraft.fields[2] + 1, self._sent_ns)
 
+    def _write(self, connection: socket.socket, reply: bytes) -> None:
+        """Send a frame whole, or not at all; what the system does not take yet goes with the next one."""
+        try:
+            if self._unsent:
+                self._unsent = self._unsent[connection.send(self._unsent) :]
+            if self._unsent:
+                self.aircraft.count("send_failed")
+                return
+            self._unsent = reply[connection.send(reply) :]
+        except OSError as error:
+            self.aircraft.count("send_failed")
+            _log.debug("UA %d: frame not sent: %s", self.aircraft.ua_id, error)
+
     def receive(self) -> bool:
-        """Read what PX4 has sent; False: it has closed the connection, which `drop` is for."""
-        while self.connection is not None:
+        """Read what PX4 has sent, or the beginning of it; False: it has closed the connection, which `drop` is for."""
+        if self.connection is None:
+            return False
+        for _ in range(READS):
             try:
-                data = self.connection.recv(_READ_BYTES)
+                data = self.connection.recv(READ_BYTES)
             except BlockingIOError:
                 return True
             except OSError:
-                data = b""
+                return False
             if not data:
                 return False
             self._frames.receive(data)
-        return False
+        return True
 
     def take(self, wall_ns: int) -> Fields | None:
         """The frame that is done now, as a packet that asks for the next one."""
@@ -183,7 +221,7 @@ class Px4Seat:
         if not self.wants_look():
             return None
         if rest is None:
-            return frames.done() if frames.is_done(wall_ns) else None
+            return self._done() if frames.is_done(wall_ns) else None
         for _ in range(LOOKS):
             if rest.is_at_rest(0 if self._has_booted else LONGEST_NAP_NS):
                 if self._wake_ports and not self._has_woken:
@@ -191,8 +229,23 @@ class Px4Seat:
                     continue
                 self.receive()  # it may have answered since the last look
                 self._has_booted = self._has_booted or self._boot_is_over(rest)
-                return frames.done()
+                return self._done()
         return None
+
+    @property
+    def is_lockstep(self) -> bool:
+        """Whether PX4 can be flown in lockstep, as far as it has said."""
+        return self._frames.is_lockstep
+
+    def take_silence(self) -> bool:
+        """Whether PX4 has fallen silent; once."""
+        is_silent, self._is_silent = self._is_silent, False
+        return is_silent
+
+    def _done(self) -> Fields:
+        fields = self._frames.done()
+        self._is_silent = self._frames.falls_silent
+        return fields
 
     def _boot_is_over(self, rest: Rest) -> bool:
         """Whether it answers, its start script has ended, and so has the thread that ran the script's last command."""
@@ -236,6 +289,10 @@ class Px4Seat:
         """Whether `take` is to be called soon though PX4 has sent nothing."""
         return self.connection is not None and self._frames.awaits
 
+    def last_frame(self) -> SensorFrame | None:
+        """What the last frame that was sent is made of, before the errors that this adapter adds."""
+        return decode_sensor_frame(self._as_text(self._last)) if self._last else None
+
     def close(self) -> None:
         """Close port and connection."""
         self.drop()
@@ -244,25 +301,4 @@ class Px4Seat:
 
     def counters(self) -> dict[str, int]:
         """What the aircraft and its frames counted."""
-        return {**self.aircraft.counters(), **self._frames.counters}
-
-
-def listen(spec: AircraftSpec, host: str) -> socket.socket:
-    """A TCP port at which PX4 finds its simulator.
-
-    Raises:
-        PortInUseError: the port cannot be had.
-    """
-    sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        sock.bind((host, spec.port))
-        sock.listen(1)
-    except OSError as error:
-        sock.close()
-        raise PortInUseError(
-            f"TCP port {spec.port} on {host} (flight dynamics of UA {spec.ua_id}) cannot be used: "
-            f"{error.strerror}",
-            spec.port,
-        ) from None
-    return sock
+        return {**self.aircraft.counters(), **(self._past + self._frames.totals())}

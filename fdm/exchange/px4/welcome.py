@@ -6,7 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
-from fdm.exchange.px4.seat import Px4Seat
+from fdm.clock.events import EventKind
+from fdm.exchange.px4.seat import Newcomer, Px4Seat
 
 LOOK_PERIOD_NS = 1_000_000
 """Wall time between two looks whether PX4 is at rest."""
@@ -15,11 +16,14 @@ LOOK_PERIOD_NS = 1_000_000
 class Hears(Protocol):
     """What acts on what PX4 does: the service of an exchange."""
 
-    def welcome_px4(self, seat: Px4Seat) -> None:
+    def welcome_px4(self, seat: Px4Seat, newcomer: Newcomer) -> None:
         """PX4 has connected."""
 
     def hear_px4(self, seat: Px4Seat) -> None:
         """PX4 has sent something, or may be at rest."""
+
+    def tell_px4(self, seat: Px4Seat, kind: EventKind) -> None:
+        """Something about PX4 is to be told."""
 
 
 class Px4Seats:
@@ -55,26 +59,33 @@ class Px4Seats:
         """See who is at rest by now."""
         for seat in self._seats:
             if seat.wants_look():
-                self._service.hear_px4(seat)
+                self._hear(seat)
 
     def _connects(self, seat: Px4Seat) -> None:
+        newcomer = seat.accept()
+        if newcomer is None:
+            return
         self._let_go(seat)
-        self._service.welcome_px4(seat)
-        if seat.connection is not None:
-            self._listen(seat.connection.fileno(), partial(self._says, seat))
+        self._service.welcome_px4(seat, newcomer)
+        self._listen(newcomer.connection.fileno(), partial(self._says, seat))
 
     def _says(self, seat: Px4Seat) -> None:
-        connection = seat.connection
-        if connection is None:
-            return
-        fd = connection.fileno()
-        if not seat.receive():
-            self._forget(fd)
-            seat.drop()
-            return
-        self._service.hear_px4(seat)
+        if seat.receive():
+            self._hear(seat)
+        else:
+            self._let_go(seat)
+
+    def _hear(self, seat: Px4Seat) -> None:
+        if seat.is_lockstep:
+            self._service.hear_px4(seat)
+            if seat.take_silence():
+                self._service.tell_px4(seat, EventKind.SILENT)
+        else:
+            self._service.tell_px4(seat, EventKind.REFUSED)
+            self._let_go(seat)
 
     def _let_go(self, seat: Px4Seat) -> None:
-        """Wait no longer for a connection that gives way to another."""
+        """Close a connection that has ended, or gives way to another."""
         if seat.connection is not None:
             self._forget(seat.connection.fileno())
+            seat.drop()

@@ -31,6 +31,8 @@ ACCEL, GYRO, MAG, BARO, DIFFERENTIAL = 0x007, 0x038, 0x1C0, 0x1A00, 0x400
 """Bits of `HilSensor.fields_updated`, each for all fields of a sensor."""
 ARMED = 0x80
 """Bit of `ActuatorControls.mode`."""
+LOCKSTEP = 1
+"""Bit of HIL_ACTUATOR_CONTROLS' flags."""
 CONTROLS = 16
 
 _SENSOR = struct.Struct("<Q13fIB")
@@ -92,11 +94,13 @@ class ActuatorControls(NamedTuple):
         time_us: of the HIL_SENSOR that this answers.
         controls: 0 to 1 for motors, -1 to 1 for others; 0 while it is disarmed.
         is_armed: whether it is armed.
+        is_lockstep: whether its clock is that of HIL_SENSOR, as it was built.
     """
 
     time_us: int
     controls: tuple[float, ...]
     is_armed: bool
+    is_lockstep: bool = True
 
 
 def sensor_frame(writer: FrameWriter, sensor: HilSensor) -> bytes:
@@ -155,14 +159,15 @@ def state_frame(writer: FrameWriter, state: HilState) -> bytes:
 
 
 def actuators_frame(writer: FrameWriter, answer: ActuatorControls) -> bytes:
-    """The frame of HIL_ACTUATOR_CONTROLS, as PX4 in lockstep would send it.
+    """The frame of HIL_ACTUATOR_CONTROLS, as PX4 would send it.
 
     Raises:
         ValueError: not 16 controls.
     """
     if len(answer.controls) != CONTROLS:
         raise ValueError(f"{len(answer.controls)} controls: there are {CONTROLS}")
-    payload = _ACTUATORS.pack(answer.time_us, 1, *answer.controls, ARMED * answer.is_armed | 1)
+    flags, mode = LOCKSTEP * answer.is_lockstep, ARMED * answer.is_armed | 1
+    payload = _ACTUATORS.pack(answer.time_us, flags, *answer.controls, mode)
     return writer.frame(HIL_ACTUATOR_CONTROLS, CRC_EXTRA[HIL_ACTUATOR_CONTROLS], payload)
 
 
@@ -170,10 +175,10 @@ def read_actuators(payload: bytes) -> ActuatorControls | None:
     """What a payload of HIL_ACTUATOR_CONTROLS holds; None: it is too long, or holds a number that is not finite."""
     if len(payload) > _ACTUATORS.size:
         return None
-    time_us, _, *controls, mode = _ACTUATORS.unpack(payload.ljust(_ACTUATORS.size, b"\0"))
+    time_us, flags, *controls, mode = _ACTUATORS.unpack(payload.ljust(_ACTUATORS.size, b"\0"))
     if not isfinite(sum(controls)):
         return None
-    return ActuatorControls(time_us, tuple(controls), bool(mode & ARMED))
+    return ActuatorControls(time_us, tuple(controls), bool(mode & ARMED), bool(flags & LOCKSTEP))
 
 
 def pulse_widths(controls: Sequence[float], motors: frozenset[int]) -> tuple[int, ...]:

@@ -12,12 +12,14 @@ definition (CRC_EXTRA).
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 
 from fastcrc.crc16 import mcrf4xx
 
 MAGIC_2, MAGIC_1 = 0xFD, 0xFE
+_MAGIC = re.compile(rb"[\xfd\xfe]")
 _HEADER_2, _HEADER_1, _CHECKSUM, _SIGNATURE = 10, 6, 2, 13
 _SIGNED = 0x01
 PAYLOAD_MAX_BYTES = 255
@@ -76,9 +78,11 @@ class FrameReader:
         found: list[tuple[int, bytes]] = []
         at = 0
         while at < len(data):
-            if data[at] not in (MAGIC_2, MAGIC_1):
-                at += 1
-                self.counters["noise_bytes"] += 1
+            begin = _MAGIC.search(data, at)
+            if begin is None or begin.start() > at:
+                end = len(data) if begin is None else begin.start()
+                self.counters["noise_bytes"] += end - at
+                at = end
                 continue
             size = _frame_size(data, at)
             if not size or at + size > len(data):

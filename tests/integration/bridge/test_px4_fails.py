@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import psutil
 
-from tests.integration.bridge.conftest import StartRun
+from tests.integration.bridge.conftest import STILL, StartRun
+
+ROOT = Path(__file__).parents[3]
 
 
 def build(folder: Path, script: str) -> Path:
@@ -56,3 +59,21 @@ def test_a_port_of_its_simulator_that_is_taken_is_told(
         run = start_run("--autopilot", "px4", "--px4-dir", str(place), "--first-slot", str(slot))
         assert run.finish() == 2
     assert f"TCP port {4560 + slot} (flight dynamics of UA 0's PX4) is in use" in run.output.decode()
+
+
+def test_a_px4_out_of_lockstep_is_told_and_why_the_run_may_not_repeat(
+    tmp_path: Path, start_run: StartRun
+) -> None:
+    """UA 1's is, as one built for hardware in the loop; it runs on. UA 0's flies, and has no real-time threads."""
+    play = f"{sys.executable} -m tests.px4_played $((4560 + $2)) 3 1000000"
+    which = f'case "$OLDPWD" in *autopilot-1) {play} unlocked; exec sleep 1000;; *) exec {play};; esac'
+    place = build(tmp_path / "px4", f"cd {ROOT}; {which}")
+    scenario = STILL.replace("radio:", "fdm: {{stall_timeout_s: 1}}\nradio:")
+    run = start_run("--autopilot", "px4", "--px4-dir", str(place), scenario=scenario, duration_s=1.0)
+    assert run.finish() == 0, run.output.decode()
+    summary = run.summary
+    kinds = [event["kind"] for event in summary["events"] if event["node"] == "1"]
+    assert kinds[:3] == ["joined", "refused", "stalled"]
+    reasons = summary["may_not_repeat"]
+    assert any("UA 1 was refused: its autopilot is not in lockstep" in reason for reason in reasons)
+    assert any("UA 0: its PX4 may not have real-time threads" in reason for reason in reasons)

@@ -1,13 +1,10 @@
-"""An exchange with a program that plays PX4's side (tests.px4_played): real TCP, real threads at rest."""
+"""An exchange with a program that plays PX4's side (tests.px4_played): frames, ends and boots."""
 
 import hashlib
 import os
 import signal
-import subprocess
+import socket
 import sys
-import threading
-from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
@@ -15,60 +12,12 @@ from fdm.clock.events import EventKind
 from fdm.errors import AirframeError, PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
 from fdm.exchange.exchange import Exchange
+from fdm.exchange.px4 import watched
 from fdm.model.airframe import load_airframe
-from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.px4_sensors import Px4Sensors
-from tests.stepping import SteppingModel
+from tests.px4_exchange import HOME, Flight, play, played, spec
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="whether PX4 is at rest is seen in /proc")
-ROOT = Path(__file__).parents[3]
-HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0))
-
-
-def spec(ua_id=0, port=0, airframe="f450"):
-    return AircraftSpec(ua_id, load_airframe(airframe), HOME, port, px4=Px4Peer(Px4Sensors(), seed=1))
-
-
-@contextmanager
-def played(port, silent, answers):
-    command = [sys.executable, "-m", "tests.px4_played", *map(str, (port, silent, answers))]
-    with subprocess.Popen(command, cwd=ROOT) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-class Flight:
-    """Runs an exchange in a thread up to a tick; `at_tick` may do something on the way."""
-
-    def __init__(self, specs, until_s, at_tick=lambda sim_s: None, **settings):
-        self.events, self.ticks, self.driven = [], [], []
-        self.until_s, self.at_tick = until_s, at_tick
-        self.exchange = Exchange(
-            specs,
-            speed=float("inf"),
-            on_tick=self._tick,
-            on_event=self.events.append,
-            build_model=lambda airframe, home: SteppingModel(self.driven),
-            **settings,
-        )
-
-    def _tick(self, status):
-        self.ticks.append(status)
-        self.at_tick(status.sim_time_ns / 1e9)
-        if status.sim_time_ns >= self.until_s * 1e9:
-            self.exchange.stop()
-
-    def run(self, timeout_s=60.0):
-        thread = threading.Thread(target=self.exchange.run)
-        thread.start()
-        thread.join(timeout_s)
-        self.exchange.stop()
-        thread.join()
-        counters = {ua_id: self.exchange.counters(ua_id) for ua_id in self.exchange.ports}
-        self.exchange.close()
-        return counters
 
 
 def test_frames_go_on_where_nobody_answers_and_how_many_is_no_matter_of_wall_time():
@@ -79,6 +28,7 @@ def test_frames_go_on_where_nobody_answers_and_how_many_is_no_matter_of_wall_tim
             counters = flight.run()
         assert counters[0]["frames_unanswered"] == 7
         assert flight.events[0].kind is EventKind.JOINED
+        assert not counters[0].keys() & {watched.BY_WALL_TIME, watched.THROUGH_ANOTHER, watched.NOT_SHOWN}
         digests.add(hashlib.sha256(repr(flight.driven[:50]).encode()).hexdigest())
     assert len(digests) == 1
     assert [fields[3] for fields in flight.driven[:11]] == [1000] * 8 + [1010, 1020, 1030]
@@ -100,7 +50,11 @@ def test_a_px4_that_is_killed_is_let_go_and_its_neighbour_flies_on():
     assert flight.ticks[-1].stalled_ua == (0,)
 
 
-def test_a_px4_that_is_stopped_for_a_while_is_let_go_and_taken_back():
+@pytest.mark.parametrize("shows_rest", [True, False])
+def test_a_px4_that_is_stopped_for_a_while_is_let_go_and_taken_back(shows_rest, monkeypatch):
+    if not shows_rest:
+        monkeypatch.setattr(watched, "shows_rest", lambda: False)
+
     def at_tick(sim_s):
         if sim_s == 0.1:
             os.kill(first.pid, signal.SIGSTOP)
@@ -123,12 +77,11 @@ def test_a_px4_that_connects_anew_boots_anew():
         if sim_s == 0.1:
             first.kill()
             first.wait()
-            others.append(subprocess.Popen(command, cwd=ROOT))
+            others.append(play(port, 3, 10_000))
 
     others = []
     flight = Flight([spec()], until_s=0.4, at_tick=at_tick, stall_timeout_s=30.0)
     port = flight.exchange.ports[0]
-    command = [sys.executable, "-m", "tests.px4_played", str(port), "3", "10000"]
     try:
         with played(port, 3, 10_000) as first:
             counters = flight.run()
@@ -138,6 +91,7 @@ def test_a_px4_that_connects_anew_boots_anew():
             other.wait()
     assert [event.kind for event in flight.events] == [EventKind.JOINED, EventKind.RESTARTED]
     assert (counters[0]["boots"], counters[0]["restarts"]) == (1, 1)
+    assert counters[0]["frames_unanswered"] == 3 + 3, "of both connections"
 
 
 def test_a_port_that_is_taken_is_told():
@@ -153,3 +107,38 @@ def test_an_airframe_without_parameters_for_px4_is_refused():
     airframe = load_airframe("f450").model_copy(update={"px4": None})
     with pytest.raises(AirframeError, match="no section px4"):
         Exchange([AircraftSpec(0, airframe, HOME, 0, px4=Px4Peer(Px4Sensors(), seed=1))])
+
+
+def test_a_frame_waits_for_a_thread_that_naps_while_px4_boots():
+    flight = Flight([spec()], until_s=0.1)
+    with played(flight.exchange.ports[0], 5, 10_000, "naps"):
+        counters = flight.run()
+    assert counters[0]["frames_unanswered"] == 5
+    assert [fields[3] for fields in flight.driven[:8]] == [1000] * 6 + [1010, 1020]
+
+
+def test_its_mavlink_is_woken_in_each_frame():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mavlink:
+        mavlink.bind(("127.0.0.1", 0))
+        flight = Flight([spec(wakes=(mavlink.getsockname()[1],))], until_s=0.2)
+        with played(flight.exchange.ports[0], 3, 10_000):
+            flight.run()
+        mavlink.setblocking(False)
+        for _ in range(50):  # 250 Hz for 0.2 s
+            assert mavlink.recv(1) == b""
+
+
+def test_its_threads_are_kept_on_one_core(monkeypatch):
+    """What the system is told, not what it does: that is no matter where there is one core only."""
+    placed, place = {}, os.sched_setaffinity
+    monkeypatch.setattr(
+        os, "sched_setaffinity", lambda tid, core: (placed.update({tid: core}), place(tid, core))
+    )
+    cores = sorted(os.sched_getaffinity(0))
+    flight = Flight([spec(ua_id=1)], until_s=0.1)
+    with played(flight.exchange.ports[1], 3, 10_000) as px4:
+        counters = flight.run()
+        assert placed.keys() >= {px4.pid}
+    assert set(map(tuple, placed.values())) == {(cores[1 % len(cores)],)}
+    assert len(placed) == 2, "the reader, and the one that waits for it"
+    assert watched.ON_MANY_CORES not in counters[1]

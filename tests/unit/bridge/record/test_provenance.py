@@ -18,6 +18,7 @@ from bridge.record.provenance import (
     ardupilot_origin,
     collect,
     differences,
+    px4_origin,
     read_provenance,
     standin_origin,
     write_provenance,
@@ -141,3 +142,22 @@ def test_commit_of_a_checkout_and_none_elsewhere(tmp_path: Path, monkeypatch: py
         provenance, "_git", lambda _, what, *__: f"{commit}-dirty".encode() * (what != "diff")
     )
     assert _git_commit(tmp_path) == f"{commit}-dirty"  # slow
+
+
+def test_the_version_of_a_px4_is_what_its_build_says(tmp_path: Path) -> None:
+    binary = tmp_path / "bin" / "px4"
+    binary.parent.mkdir()
+    binary.write_bytes(b"px4")
+    assert px4_origin(binary) == AutopilotOrigin("px4", "", hashlib.sha256(b"px4").hexdigest(), str(binary))
+    header = tmp_path / "src" / "lib" / "version" / "build_git_version.h"
+    header.parent.mkdir(parents=True)
+    header.write_text(
+        """/* as PX4 1.16 makes it */
+#define PX4_GIT_VERSION_STR "ea191a37766d374483ca7bd5a8aa428cd515c75f"
+#define PX4_GIT_VERSION_BINARY 0xea191a37766d3744
+#define PX4_GIT_TAG_STR "v1.16.0-alpha1"
+#define PX4_GIT_OEM_VERSION_STR  ""
+""",
+        encoding="utf-8",
+    )
+    assert px4_origin(binary).version == "v1.16.0-alpha1 ea191a3776"

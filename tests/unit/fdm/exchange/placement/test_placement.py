@@ -86,11 +86,11 @@ def test_the_process_behind_a_loopback_address_is_found_and_no_other(autopilot):
     assert process_at(("127.0.0.1", port)) is None
 
 
-def fly(placer, seats, speed=math.inf, ticks=4000, begin=0, rate=5.0):
+def fly(placer, seats, speed=math.inf, ticks=4000, begin=0, rate=5.0, others=0):
     """Ticks of a run at `rate` of real time; gives on how many cores this thread was at them."""
     seen = []
     for tick in range(begin, begin + ticks):
-        placer.at_tick(seats, speed, tick * 50_000_000, int(tick * 50_000_000 / rate))
+        placer.at_tick(seats, speed, tick * 50_000_000, int(tick * 50_000_000 / rate), others)
         seen.append(len(os.sched_getaffinity(0)))
     return seen
 
@@ -116,6 +116,11 @@ def test_unasked_both_are_tried_and_what_does_not_pay_is_given_up(autopilot):
     assert {1, every} == set(seen)
     assert seen[-1] == every
     assert seen.count(1) < 100 * 2
+
+
+def test_unasked_nothing_is_tried_beside_a_ua_of_another_kind(autopilot):
+    every = len(os.sched_getaffinity(0))
+    assert set(fly(Placer("auto", alone=True), [seat(autopilot.port)], others=1)) == {every}
 
 
 @pytest.mark.parametrize("case", ["two UA", "parallel", "workers", "real time", "spread", "unknown"])

@@ -13,9 +13,9 @@ def frames():
     return FramesOfPx4(250, MOTORS)
 
 
-def answer(frame, *controls):
+def answer(frame, *controls, is_lockstep=True):
     padded = controls + (0.0,) * (16 - len(controls))
-    return actuators_frame(FrameWriter(1, 1), ActuatorControls(frame * 4000, padded, True))
+    return actuators_frame(FrameWriter(1, 1), ActuatorControls(frame * 4000, padded, True, is_lockstep))
 
 
 def test_the_first_packet_asks_for_the_first_frame_with_idle_motors(frames):
@@ -55,6 +55,47 @@ def test_where_rest_cannot_be_seen_an_answer_or_patience_ends_a_frame():
     assert frames.is_done(1000 + PATIENCE_NS)
     frames.receive(answer(1))
     assert frames.is_done(1001)
+
+
+def test_where_rest_cannot_be_seen_there_is_no_patience_after_the_first_answer():
+    frames = FramesOfPx4(250, MOTORS, sees_rest=False)
+    frames.sent(1, 0)
+    frames.receive(answer(1))
+    frames.done()
+    frames.sent(2, 0)
+    assert not frames.is_done(1000 * PATIENCE_NS)
+    frames.receive(answer(2))
+    assert frames.is_done(1000 * PATIENCE_NS)
+
+
+def test_answers_out_of_lockstep_are_not_taken(frames):
+    assert frames.is_lockstep
+    frames.sent(1, 0)
+    frames.receive(answer(1, 0.9, is_lockstep=False))
+    assert not frames.answered
+    assert not frames.is_lockstep
+    assert frames.counters == {"answers_not_in_lockstep": 1}
+
+
+def test_silence_is_told_once_for_each_time_it_lasts_four_seconds(frames):
+    told = []
+    for frame in range(1, 3001):
+        frames.sent(frame, 0)
+        if frame == 1500:
+            frames.receive(answer(frame))
+        frames.done()
+        if frames.falls_silent:
+            told.append(frame)
+    assert told == [1000, 2500]  # 250 Hz
+
+
+def test_what_was_dropped_of_the_stream_is_in_the_totals(frames):
+    frames.sent(1, 0)
+    frames.receive(b"noise" + answer(1)[:-1] + b"?" + answer(2))
+    frames.done()
+    totals = frames.totals()
+    assert (totals["bad_checksum"], totals["answers_not_asked_for"], totals["frames_unanswered"]) == (1, 1, 1)
+    assert totals["noise_bytes"] >= 5
 
 
 def test_what_a_real_px4_answered_drives_the_motors_frame_by_frame(frames):

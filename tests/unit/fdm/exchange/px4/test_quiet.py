@@ -4,14 +4,16 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from fdm.exchange.px4 import quiet
 from fdm.exchange.px4.one_core import keep_on_one_core
-from fdm.exchange.px4.quiet import Rest, thread_ids
+from fdm.exchange.px4.quiet import Rest, shows_rest, thread_ids
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="/proc is Linux's")
 
@@ -107,12 +109,86 @@ def test_what_was_sent_has_to_be_read_first(program):
     rest.close()
 
 
-def test_all_its_threads_are_kept_on_one_core(program):
-    assert keep_on_one_core(program.pid, 3)
-    cores = [os.sched_getaffinity(tid) for tid in thread_ids(program.pid)]
-    assert len(cores) == 2
-    assert cores[0] == cores[1]
-    assert len(cores[0]) == 1
+def test_without_its_reader_it_is_never_at_rest(program):
+    assert not comes_to_rest(Rest(program.pid, reader="sim_rcv"), 0.2)
+
+
+def open_files():
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def test_a_thread_that_ends_while_it_is_looked_at_leaves_no_file_open(program, monkeypatch):
+    """Whatever its place in the list: here the ended one is the first, so that all others come after it."""
+    list_tasks, is_ended = quiet._tasks, [False]
+
+    def tasks(pid):
+        if is_ended[0]:
+            yield f"/proc/{pid}/task/0"
+        yield from list_tasks(pid)
+
+    monkeypatch.setattr(quiet, "_tasks", tasks)
+    rest, before = Rest(program.pid), open_files()
+    for _ in range(20):
+        is_ended[0] = False
+        assert comes_to_rest(rest)
+        rest._is_known, is_ended[0] = False, True
+        assert not rest.is_at_rest()
+    assert open_files() <= before + 2 * 2, "two threads, two files of each"
+    rest.close()
+    assert open_files() == before
+
+
+@pytest.fixture
+def shown(tmp_path, monkeypatch):
+    """What the system shows of this thread; gives its folder."""
+    monkeypatch.setattr(quiet, "PROC", str(tmp_path))
+    own = tmp_path / "self" / "task" / str(threading.get_native_id())
+    own.mkdir(parents=True)
+    (own / "children").touch()
+    (own / "schedstat").write_text("0 0 0\n", encoding="ascii")
+    return own
+
+
+def test_this_system_shows_rest():
+    assert shows_rest() == Path("/proc/thread-self/schedstat").exists()
+
+
+def test_counts_that_stay_at_zero_show_no_rest(shown):
+    assert not shows_rest()
+
+
+@pytest.mark.parametrize("name", ["schedstat", "children"])
+def test_a_system_without_counts_or_children_shows_no_rest(name, shown, monkeypatch):
+    """All is there but `name`: the counts go up."""
+    counts = iter(range(9))
+    read = quiet._read
+
+    def counting(path):
+        return read(path) if path.endswith(name) else b"0 0 %d" % next(counts)
+
+    monkeypatch.setattr(quiet, "_read", counting)
+    assert shows_rest() == (name == "children")
+    (shown / name).unlink()
+    assert not shows_rest()
+
+
+def test_all_its_threads_are_kept_on_one_core(program, monkeypatch):
+    """What the system is told, not what it does: that is no matter where there is one core only."""
+    placed = {}
+    monkeypatch.setattr(os, "sched_setaffinity", placed.__setitem__)
+    assert keep_on_one_core(program.pid, 3, (5, 7))
+    assert placed == {tid: {7} for tid in thread_ids(program.pid)}
+    assert len(placed) == 2
+
+
+def test_where_the_system_cannot_place_it_says_so(program, monkeypatch):
+    assert not keep_on_one_core(program.pid, 0, ())
+
+    def refuse(tid, cores):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    assert not keep_on_one_core(program.pid, 0, (0,))
 
 
 def test_a_thread_that_naps_is_at_rest_only_when_it_has_for_long(program):
