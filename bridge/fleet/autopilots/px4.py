@@ -108,7 +108,12 @@ def _own_parameters(plan: LaunchPlan) -> str:
     values: dict[str, float] = {"MAV_SYS_ID": plan.ua.sysid, **PARAMETERS}
     values |= plan.airframe.px4.parameters if plan.airframe.px4 else {}
     values |= plan.scenario.parameters | plan.ua.parameters
-    return "".join(f"param set {name} {value:.9g}\n" for name, value in values.items())
+    return "".join(f"param set {name} {_number(value)}\n" for name, value in values.items())
+
+
+def _number(value: float) -> str:
+    """As PX4's shell reads it: of a whole number it takes digits alone, up to the first other character."""
+    return str(int(value)) if value == int(value) else f"{value:.9g}"
 
 
 def _own_mavlink(plan: LaunchPlan) -> str:
