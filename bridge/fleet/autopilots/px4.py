@@ -58,10 +58,10 @@ class Px4(Launcher):
         Raises:
             AutopilotError: if it is nowhere.
         """
-        found = find_px4(self.environment)
+        found = find_px4(self.environment, self.dirs.px4)
         if found is not None:
             return found
-        looked = "".join(f"\n  {place}" for place in px4_places(self.environment))
+        looked = "".join(f"\n  {place}" for place in px4_places(self.environment, self.dirs.px4))
         raise AutopilotError(
             f"no PX4 was found. Looked at:{looked}\n  px4 on PATH\n"
             "Build it by PX4's documentation (make px4_sitl_default), then point to it with --px4-dir DIR or "
