@@ -71,6 +71,7 @@ class HostedAircraft(HostedNode):
             ),
             autopilot=autopilot,
             ahead=bool(scenario.lookahead_ticks),
+            peer=("127.0.0.1", scenario.autopilot_port(config)) if kind == "px4" else None,
         )
         self._aircraft = AircraftBridge(self.daemon, config.node)
         super().__init__(run, config, record, self._aircraft, outlet)

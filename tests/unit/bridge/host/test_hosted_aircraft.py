@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from aps.links.kinds.held_udp import HeldUdpLink
 from bridge.bus.messages import AgentStatus
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.record.provenance import collect, px4_origin, standin_origin, write_provenance
@@ -45,5 +46,7 @@ async def test_its_daemon_knows_the_events_of_the_px4_that_was_started(
     assert [each.daemon.vehicle.events.known for each in (first, second)] == [False, True]
     assert str(first.daemon.link.address) == "tcp:127.0.0.1:5760"
     assert str(second.daemon.link.address) == "udp-in:127.0.0.1:5771", "the next after its own, 5760 + 10"
+    assert isinstance(second.daemon.link, HeldUdpLink)
+    assert second.daemon.link.known_peer == ("127.0.0.1", 5770)
     for each in (first, second):
         each.close()
