@@ -94,20 +94,91 @@ def test_any_payload_is_taken(payload):
     texts.take(Frame(b"\xfd" + bytes(9) + payload + bytes(2), 410, 1, 1, 0, 0, 10, len(payload)), HOLD)
 
 
-@given(
-    st.binary(max_size=80)
-    | st.recursive(
-        st.none() | st.integers() | st.text(),
-        lambda x: (
-            st.lists(x)
-            | st.dictionaries(st.sampled_from(["components", "1", "enums", "event_groups", "events"]), x)
-        ),
-    ).map(lambda x: json.dumps(x).encode())
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text("0159", max_size=3), inner, max_size=3)
+    ),
+    max_leaves=6,
 )
-def test_what_is_no_metadata_is_an_error(content):
+some_text = st.text("{}\\:.0159m_v<>a\ud800\u0665", max_size=20)
+
+
+def one_of(**expected):
+    """A mapping with some of the keys, each with what belongs there, or with anything."""
+    return st.fixed_dictionaries({}, optional={key: one | anything for key, one in expected.items()})
+
+
+types = st.sampled_from(["uint8_t", "int64_t", "float", "why_t", "px4::why_t", "none"])
+numbers = st.sampled_from(["1", "2", "-1", "255", "1" * 5000, "x"])
+entries = st.dictionaries(numbers, one_of(name=some_text, description=some_text) | anything, max_size=3)
+enums = one_of(type=types, is_bitfield=st.booleans(), entries=entries)
+events = one_of(
+    message=some_text,
+    name=some_text,
+    type=st.just("summary"),
+    arguments=st.lists(one_of(type=types), max_size=3),
+)
+groups = st.dictionaries(
+    st.sampled_from(["default", "health"]),
+    one_of(events=st.dictionaries(numbers, events, max_size=2)),
+    max_size=2,
+)
+components = one_of(
+    namespace=st.just("px4"),
+    enums=st.dictionaries(st.just("why_t"), enums),
+    event_groups=groups,
+    navigation_mode_groups=one_of(groups=st.dictionaries(numbers, st.lists(st.integers()), max_size=2)),
+)
+metadata = one_of(components=st.dictionaries(st.sampled_from(["1", "x"]), components | anything, max_size=2))
+
+
+@given(
+    st.binary(max_size=80) | (metadata | anything).map(lambda tree: json.dumps(tree).encode()),
+    st.lists(st.tuples(st.sampled_from([1, 2, 255]), st.integers(0, 7), st.binary(max_size=40)), max_size=4),
+)
+def test_whatever_the_metadata_is_an_event_is_told_in_a_line_or_by_its_number(content, said):
     texts = EventTexts()
     with contextlib.suppress(ValueError):
         texts.learn(content)
         assert texts.known
-        return
-    assert not texts.known
+    for sub_id, level, arguments in said:
+        found = texts.take(event(sub_id, level, arguments), MANUAL)
+        assert found is None or len(found.text.encode()) <= 4000
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        "hello",
+        {"message": 5},
+        {"message": "{1}", "arguments": 5},
+        {"message": "{1}", "arguments": ["a"]},
+        {"message": "{1}", "arguments": [{"type": []}]},
+    ],
+)
+def test_an_event_that_is_not_well_formed_is_told_by_its_number_and_others_by_their_texts(broken):
+    tree = json.loads(json.dumps(METADATA))
+    tree["components"]["1"]["event_groups"]["default"]["events"]["10"] = broken
+    texts = EventTexts()
+    texts.learn(json.dumps(tree).encode())
+    assert texts.take(event(10, 6, b"\1\2"), HOLD).text == "event 0x0100000a, whose text is not known"
+    assert texts.take(event(7, 6, bytes([5, 0])), HOLD).text == "gyro|mag of <all>"
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [("{1:.5000000000}", "7.000000000"), ("{99999999999999999999}", "?"), ("a" * 5000, "a" * 1000)],
+)
+def test_lengths_have_bounds(message, text):
+    one = {"message": message, "arguments": [{"type": "uint8_t"}]}
+    tree = {"components": {"1": {"event_groups": {"g": {"events": {"1": one}}}}}}
+    texts = EventTexts()
+    texts.learn(json.dumps(tree).encode())
+    assert texts.take(event(1, 6, b"\7"), HOLD).text == text
+
+
+def test_what_is_no_metadata_changes_nothing(texts):
+    with pytest.raises(ValueError, match="no metadata of events"):
+        texts.learn(b'{"components": {"1": {"event_groups": {"g": {"events": {"5": {}}}}, "enums": 5}}}')
+    assert texts.take(event(5, 6, bytes([6])), HOLD).text == "Disarmed by landing"
