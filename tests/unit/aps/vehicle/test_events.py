@@ -101,7 +101,20 @@ anything = st.recursive(
     ),
     max_leaves=6,
 )
-some_text = st.text("{}\\:.0159m_v<>a\ud800\u0665", max_size=20)
+pieces = [
+    "{1}",
+    "{2:.1m_v}",
+    "{1:.5000000000}",
+    "{9" + "9" * 5000 + "}",
+    "{",
+    "}",
+    "\\",
+    "a",
+    "\ud800",
+    "\u0665",
+]
+some_text = st.lists(st.sampled_from(pieces), max_size=4).map("".join)
+numbers = st.sampled_from(["1", "2", "-1", "255", "1" * 5000, "x"])
 
 
 def one_of(**expected):
@@ -109,33 +122,32 @@ def one_of(**expected):
     return st.fixed_dictionaries({}, optional={key: one | anything for key, one in expected.items()})
 
 
+def all_of(**expected):
+    """A mapping with all keys, and what belongs there."""
+    return st.fixed_dictionaries(expected)
+
+
 types = st.sampled_from(["uint8_t", "int64_t", "float", "why_t", "px4::why_t", "none"])
-numbers = st.sampled_from(["1", "2", "-1", "255", "1" * 5000, "x"])
 entries = st.dictionaries(numbers, one_of(name=some_text, description=some_text) | anything, max_size=3)
-enums = one_of(type=types, is_bitfield=st.booleans(), entries=entries)
-events = one_of(
-    message=some_text,
-    name=some_text,
-    type=st.just("summary"),
-    arguments=st.lists(one_of(type=types), max_size=3),
+enums = one_of(type=types, is_bitfield=st.booleans(), entries=entries) | anything
+arguments = st.lists(one_of(type=types) | anything, max_size=3)
+events = one_of(message=some_text, name=some_text, type=st.just("summary"), arguments=arguments) | anything
+groups = all_of(arming_check=all_of(events=st.dictionaries(st.sampled_from(["1", "2"]), events, min_size=2)))
+bits = one_of(groups=st.dictionaries(numbers, st.lists(st.integers()), max_size=2))
+components = all_of(
+    namespace=st.just("px4"), enums=all_of(why_t=enums), event_groups=groups, navigation_mode_groups=bits
 )
-groups = st.dictionaries(
-    st.sampled_from(["default", "health"]),
-    one_of(events=st.dictionaries(numbers, events, max_size=2)),
-    max_size=2,
-)
-components = one_of(
-    namespace=st.just("px4"),
-    enums=st.dictionaries(st.just("why_t"), enums),
-    event_groups=groups,
-    navigation_mode_groups=one_of(groups=st.dictionaries(numbers, st.lists(st.integers()), max_size=2)),
-)
-metadata = one_of(components=st.dictionaries(st.sampled_from(["1", "x"]), components | anything, max_size=2))
+metadata = all_of(components=st.fixed_dictionaries({"1": components}))
 
 
 @given(
-    st.binary(max_size=80) | (metadata | anything).map(lambda tree: json.dumps(tree).encode()),
-    st.lists(st.tuples(st.sampled_from([1, 2, 255]), st.integers(0, 7), st.binary(max_size=40)), max_size=4),
+    st.binary(max_size=80)
+    | (metadata | one_of(components=one_of(**{"1": anything})) | anything).map(
+        lambda tree: json.dumps(tree).encode()
+    ),
+    st.lists(
+        st.tuples(st.sampled_from([1, 2]), st.integers(0, 7), st.binary(max_size=40)), min_size=2, max_size=4
+    ),
 )
 def test_whatever_the_metadata_is_an_event_is_told_in_a_line_or_by_its_number(content, said):
     texts = EventTexts()
