@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from bridge.fleet.autopilots.dirs import AutopilotDirs
+from bridge.fleet.autopilots.launch_standin import StandIn
 from bridge.fleet.autopilots.launcher import AutopilotError, LaunchPlan
+from bridge.fleet.autopilots.launchers import Launchers
 from bridge.fleet.autopilots.px4 import Px4
 from bridge.fleet.children.child import ProcessSpec
 from bridge.run.directory import RunDirectory
@@ -101,3 +104,14 @@ def test_an_airframe_that_px4_does_not_know_is_refused(tmp_path: Path, px4_home:
 def test_without_a_px4_the_places_are_told() -> None:
     with pytest.raises(AutopilotError, match=r"/nowhere/else/bin/px4\n(.|\n)*--px4-dir DIR"):
         Px4({"PX4_HOME": "/nowhere/else", "PATH": "/nowhere"}).binary()
+
+
+def test_the_ua_of_a_mixed_fleet_have_the_sources_of_their_autopilots(px4_home: Path) -> None:
+    text = STANDIN.replace("airframe: f450", "airframe: f450\n    autopilot: px4", 1)
+    scenario = parse_scenario(text, "my.yaml")
+    launchers = Launchers(scenario, {}, AutopilotDirs(px4=px4_home))
+    assert [type(launchers.of(ua)) for ua in scenario.ua] == [Px4, StandIn]
+    assert launchers.of(scenario.ua[0]).origin(scenario.ua[0]).path.endswith("px4_sitl_default/bin/px4")
+    started = [launchers.each(waits_for_physics=waits) for waits in (True, False)]
+    found = {type(launcher): [ua.node for ua in fleet] for each in started for launcher, fleet in each}
+    assert found == {Px4: ["0"], StandIn: ["1"]}
