@@ -50,6 +50,23 @@ class LazyCommands(click.Group):
         command = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
         return command if isinstance(command, click.Command) else None
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does it; what is no command is told with the nearest one.
+
+        Raises:
+            click.UsageError: there is no such command.
+        """
+        name = args[0]
+        if name in COMMANDS or name.startswith("-"):
+            return super().resolve_command(ctx, args)
+        from bridge.scenario.mistakes.near import near_miss
+
+        raise click.UsageError(
+            f"there is no command {name!r}{near_miss(name, COMMANDS)} (lostlink --help lists them)", ctx
+        )
+
 
 @click.group(
     cls=LazyCommands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}

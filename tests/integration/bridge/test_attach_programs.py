@@ -166,9 +166,10 @@ def test_a_socket_program_between_two_ua_is_recorded_and_repeated_without_it(
     lengths = [len(bytes.fromhex(text)) for text in inputs[inputs.node == "0"].hex]
     assert lengths == [1196, 1196, 176] * 10
     assert set(inputs[inputs.node == "0"].to) == {"1"}
-    asked, answered = (inputs[inputs.node == node].tick_ns.unique() for node in ("0", "1"))
+    asked, answered = (inputs[inputs.node == node].tick_ns.to_numpy() for node in ("0", "1"))
     assert set(asked % TICK_NS) == set(answered % TICK_NS) == {0}
-    assert (answered > asked).all()
+    # An answer's first fragment enters after the last one of what it answers; those of one datagram may be ticks apart.
+    assert (answered[::3] > asked[2::3]).all()
     packets = recorded.packets[recorded.packets.channel == "ip"]
     assert len(packets) == len(inputs) == 60
     assert set(packets.fate) == {"delivered"}

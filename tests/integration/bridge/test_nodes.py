@@ -68,7 +68,7 @@ def test_a_ground_station_hears_and_sends_to_one(start_run: StartRun, tmp_path: 
 @pytest.mark.slow
 def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
     more = "  - {{id: probe, kind: ground, place: {{north_m: 50}}, agent: {{type: free}}}}\n"
-    run = start_run(scenario=STILL.replace("moon2020", "perfect") + more, duration_s=8.0, speed="2")
+    run = start_run(scenario=STILL.replace("moon2020", "perfect") + more, duration_s=16.0, speed="2")
     run.wait_for("sim time")
 
     async def talk() -> int:
@@ -79,11 +79,6 @@ def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
             for n in range(5):
                 probe.transmit("chatter", bytes(n + 1))
             probe.transmit("chatter", b"one", to="0")
-            for _ in range(
-                20
-            ):  # half a second, in which the radio has taken them: the next one is a session of its own
-                heard.clear()
-                await asyncio.wait_for(heard.wait(), 30.0)
             return probe.sent
 
     async def talk_again() -> list[int]:
@@ -95,12 +90,21 @@ def test_a_free_program_transmits_beside_the_clock(start_run: StartRun) -> None:
         async with connect_ua(run.directory, "1", is_sender=True):
             pass
 
+    def wait_for_packets(count: int) -> None:
+        """The radio has taken them: the next program begins where this one ended."""
+        for _ in range(count):
+            came.get(timeout=30.0)
+
     logged: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    came: queue.SimpleQueue[object] = queue.SimpleQueue()
     with run.join("observer") as observer:
         key = Keys(run.directory.name).logged("probe", "sent")
         observer.subscribe(key, lambda sample: logged.put(sample.payload.to_bytes()))
+        observer.subscribe(Keys(run.directory.name).rx("0", "probe", "chatter"), came.put)
         assert asyncio.run(talk()) == 6
+        wait_for_packets(6)
         assert asyncio.run(talk_again()) == [6, 7, 8]
+        wait_for_packets(3)
         assert asyncio.run(talk_again()) == [9, 10, 11]
         assert [logged.get(timeout=10.0) for _ in range(2)] == [b"6", b"9"]
     with pytest.raises(PermissionError, match="node 1 has an agent that is not free, which alone transmits"):

@@ -13,7 +13,7 @@ from lostlink.cli.main import main
     ("arguments", "says"),
     [
         (["run", "--sett", "x=1"], "lostlink: No such option"),
-        (["runn"], "lostlink: No such command 'runn'"),
+        (["runn"], "lostlink: there is no command 'runn'; did you mean run? (lostlink --help lists them)"),
         (["export", "/nowhere"], "lostlink: Invalid value for 'RUN'"),
         (
             ["check", "seperation"],
