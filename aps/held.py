@@ -39,7 +39,7 @@ __all__ = ["ExchangeCounters", "HeldDaemon"]
 
 AUTOPILOT_ID: Final = 0
 """Id of the autopilot's link; an input's is 1 or higher."""
-_LINKS: Final[dict[str, Callable[[LinkAddress, int], HeldLink]]] = {"tcp": HeldLink, "udp-in": HeldUdpLink}
+_KINDS: Final = ("tcp", "udp-in")
 _EXCHANGE: Final = "exchange"
 _BY_THREAD: Final = {
     110: "a client used MAVLink FTP, which ArduPilot answers from a thread of its own",
@@ -88,6 +88,7 @@ class HeldDaemon(DaemonBase):
         autopilot: one in this process, to be called in place of connecting to the address of ``config``.
         ahead: the autopilot flies on as soon as `swap` was called, while its owner decides: what that comes to is
             written at the next `swap`.
+        peer: host and port from which an autopilot by UDP sends, if that is known; else it is who first sends MAVLink.
 
     Raises:
         ValueError: a setting is out of range.
@@ -101,9 +102,10 @@ class HeldDaemon(DaemonBase):
         takes_input: bool = True,
         autopilot: CalledClient | None = None,
         ahead: bool = False,
+        peer: tuple[str, int] | None = None,
     ) -> None:
         address = parse_autopilot(config.autopilot)
-        if address.kind not in _LINKS or config.more_autopilots:
+        if address.kind not in _KINDS or config.more_autopilots:
             raise ValueError(
                 f"a held autopilot has one link, tcp:HOST:PORT or udp-in:HOST:PORT, not {config.autopilot!r} and more"
             )
@@ -111,12 +113,7 @@ class HeldDaemon(DaemonBase):
             raise ValueError(
                 "a held autopilot's link cannot be signed: signatures have the time of the machine"
             )
-        limit_bytes = config.queue_limit_bytes
-        self.link = (
-            _LINKS[address.kind](address, limit_bytes)
-            if autopilot is None
-            else CalledLink(autopilot, address, limit_bytes)
-        )
+        self.link = _link_to(address, config.queue_limit_bytes, autopilot, peer)
         self._now_ns = 0
         super().__init__(config, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
         self.commands.ftp = False
@@ -343,6 +340,16 @@ class HeldDaemon(DaemonBase):
             },
             "inputs_pending": len(self._inputs),
         }
+
+
+def _link_to(
+    address: LinkAddress, limit_bytes: int, autopilot: CalledClient | None, peer: tuple[str, int] | None
+) -> HeldLink:
+    if autopilot is not None:
+        return CalledLink(autopilot, address, limit_bytes)
+    if address.kind == "udp-in":
+        return HeldUdpLink(address, limit_bytes, peer)
+    return HeldLink(address, limit_bytes)
 
 
 def _nobody(link_id: int) -> Link:

@@ -39,6 +39,9 @@ To fly a PX4 on it (index 3, port 4563):
 """
 
 
+COMMANDLINE = click.core.ParameterSource.COMMANDLINE
+
+
 class SpeedType(click.ParamType[float]):
     """A real-time factor, or ``max``."""
 
@@ -142,6 +145,30 @@ def specs_of(options: Options) -> list[AircraftSpec]:
     return specs
 
 
+def _check_together(options: Options) -> None:
+    """See that the options fit each other.
+
+    Raises:
+        click.BadOptionUsage: they do not.
+    """
+    if options.count > 1 and options.port:
+        raise click.BadOptionUsage(
+            "port", "--port is for one UA; with --count it can only be 0 (any free ones)"
+        )
+    if options.coupling == "parallel" and (options.ports == "legacy" or options.px4):
+        raise click.BadOptionUsage("coupling", "--coupling parallel is for ArduPilot, with --ports json")
+    given = click.get_current_context().get_parameter_source
+    for_ardupilot = {"ports": options.ports == "legacy", "legacy_rate": given("legacy_rate") is COMMANDLINE}
+    for name, is_asked in for_ardupilot.items():
+        if options.px4 and is_asked:
+            text = f"--{name.replace('_', '-')} is for ArduPilot: PX4 has one scheme, see --imu-rate"
+            raise click.BadOptionUsage(name, text)
+    if options.px4 and options.imu_rate % 50:
+        raise click.BadOptionUsage("imu_rate", f"--imu-rate {options.imu_rate}: must be a multiple of 50")
+    if not options.px4 and given("imu_rate") is COMMANDLINE:
+        raise click.BadOptionUsage("imu_rate", "--imu-rate is for --px4: ArduPilot says its own rate")
+
+
 @click.command(epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--index", type=click.IntRange(0, 5000), default=0, show_default=True, help="First UA's index I."
@@ -230,14 +257,7 @@ def specs_of(options: Options) -> list[AircraftSpec]:
 def main(**arguments: Any) -> None:
     """Serve the flight dynamics of one UA, or of several, to autopilots started by hand (ArduPilot, PX4)."""
     options = Options(**arguments)
-    if options.count > 1 and options.port:
-        raise click.BadOptionUsage(
-            "port", "--port is for one UA; with --count it can only be 0 (any free ones)"
-        )
-    if options.coupling == "parallel" and (options.ports == "legacy" or options.px4):
-        raise click.BadOptionUsage("coupling", "--coupling parallel is for ArduPilot, with --ports json")
-    if options.px4 and options.imu_rate % 50:
-        raise click.BadOptionUsage("imu_rate", f"--imu-rate {options.imu_rate}: must be a multiple of 50")
+    _check_together(options)
     try:
         specs = specs_of(options)
         exchange = open_exchange(

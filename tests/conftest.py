@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import lzma
 import os
 import socket
 from collections.abc import Callable
@@ -44,6 +45,19 @@ def px4() -> Path:
     if found is None:
         pytest.skip("no px4: neither PX4_HOME nor PATH leads to one")
     return found
+
+
+@pytest.fixture
+def px4_home(tmp_path: Path) -> Path:
+    """A checkout with the files of PX4's build that are looked at; its binary ends at once."""
+    home = tmp_path / "PX4-Autopilot"
+    build = home / "build" / "px4_sitl_default"
+    for folder in ("bin", "etc/init.d-posix", "etc/extras"):
+        (build / folder).mkdir(parents=True)
+    (build / "bin" / "px4").write_text("#!/bin/sh\n")
+    (build / "bin" / "px4").chmod(0o755)
+    (build / "etc" / "extras" / "all_events.json.xz").write_bytes(lzma.compress(b'{"components": {}}'))
+    return home
 
 
 def _is_free(kind: socket.SocketKind, port: int) -> bool:

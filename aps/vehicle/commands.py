@@ -98,11 +98,11 @@ class CommandPlan:
     acceptance."""
     duration_s: float | None = None
     """Reached when so much of the autopilot's time has passed since acceptance."""
-    farewell: Callable[[VehicleState], list[Any]] | None = None
+    stop_messages: Callable[[VehicleState], list[Any]] | None = None
     """What is said once the goal is reached."""
     reboots: bool = False
     """Whether a reboot is its goal."""
-    objections: tuple[str, ...] = ()
+    rejection_texts: tuple[str, ...] = ()
     """Beginnings of texts by which the autopilot refuses what it has acknowledged."""
     remark: str = ""
     """Said with the acceptance."""
@@ -149,7 +149,7 @@ class CommandExecution(Execution):
         self._mode_seen = False
         self._armed_seen = False
         self._left_ms: int | None = None
-        self._objection = ""
+        self._rejection = ""
         self._silence_ns = round(silence_s * NS_PER_S)
         self._clock_ms = 0
         self._clock_ns = 0
@@ -186,8 +186,8 @@ class CommandExecution(Execution):
         """STATUSTEXT of the autopilot: a refusal's reason."""
         if text.severity <= MAX_REASON_SEVERITY and text.text not in self._waiting.texts:
             self._waiting.texts.append(text.text)
-        if text.text.startswith(self.plan.objections):
-            self._objection = text.text
+        if text.text.startswith(self.plan.rejection_texts):
+            self._rejection = text.text
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
         """PARAM_VALUE of the autopilot."""
@@ -310,12 +310,12 @@ class CommandExecution(Execution):
         self._mode_seen |= state.mode in plan.modes
         self._armed_seen |= state.armed
         duration_s = plan.duration_s
-        if self._objection:
-            self.end(Outcome.REFUSED, self._objection)
+        if self._rejection:
+            self.end(Outcome.REFUSED, self._rejection)
             return []
         if plan.reached(state) or (duration_s is not None and flown_ms >= duration_s * 1000.0):
             self.end(Outcome.REACHED)
-            return [] if plan.farewell is None else plan.farewell(state)
+            return [] if plan.stop_messages is None else plan.stop_messages(state)
         if plan.needs_armed and not state.armed and (self._armed_seen or flown_ms > ARMED_GRACE_MS):
             self.end(Outcome.INTERRUPTED, "the UA is not armed" + self._words())
         elif self._has_left(state):

@@ -13,6 +13,7 @@ from bridge.bus.identity.roster import roster
 from bridge.bus.messages import AgentStatus, Clock, Header, Message
 from bridge.bus.session import free_port
 from bridge.fleet.arrangement import Arrangement
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.autopilots.launcher import AutopilotError, LaunchPlan
 from bridge.fleet.children.child import Child
 from bridge.fleet.children.crew import Crew
@@ -62,7 +63,7 @@ class Fleet:
         scenario: what to fly.
         run: its directory, already there.
         observer: called with phases and messages.
-        ardupilot_dir: where real binaries are, if that was said.
+        dirs: where real autopilots are, as far as that was said.
         replay: directory of the run whose inputs from outside are repeated.
         how: how the parts are joined; None: as the scenario says.
 
@@ -76,13 +77,13 @@ class Fleet:
         scenario: Scenario,
         run: RunDirectory,
         observer: Observer,
-        ardupilot_dir: Path | None = None,
+        dirs: AutopilotDirs = NOT_SAID,
         replay: Path | None = None,
         how: How | None = None,
     ) -> None:
         self._scenario, self._run, self._observer, self._replay = scenario, run, observer, replay
         self._how: How = how or how_joined(scenario)
-        self._launchers = launchers_of(scenario, ardupilot_dir)
+        self._launchers = launchers_of(scenario, dirs)
         self._crew = Crew(self._child_ended)
         self._parts: Arrangement | None = None
         self._keyring: Keyring | None = None

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 from collections.abc import Mapping
 from contextlib import AsyncExitStack
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -22,6 +22,7 @@ from bridge.host.hosted_node import HostedNode
 from bridge.host.modem_devices import AutopilotPort
 from bridge.host.modem_port import ModemPort
 from bridge.host.node_record import NodeRecord
+from bridge.record.provenance import read_provenance
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
 from bridge.run.px4 import px4_events_file
@@ -66,10 +67,11 @@ class HostedAircraft(HostedNode):
                 tlog_name=config.node,
                 tlog_epoch_us=START_TIME_UNIX_S * 1_000_000,
                 stream_rates_hz=PX4_RATES_HZ if kind == "px4" else DEFAULT_RATES_HZ,
-                events_file=px4_events_file(os.environ) if kind == "px4" else None,
+                events_file=_events_file(run, config) if kind == "px4" else None,
             ),
             autopilot=autopilot,
             ahead=bool(scenario.lookahead_ticks),
+            peer=("127.0.0.1", scenario.autopilot_port(config)) if kind == "px4" else None,
         )
         self._aircraft = AircraftBridge(self.daemon, config.node)
         super().__init__(run, config, record, self._aircraft, outlet)
@@ -176,6 +178,13 @@ class HostedAircraft(HostedNode):
         for device in self._devices.values():
             device.close()
         super().close()
+
+
+def _events_file(run: RunDirectory, ua: Aircraft) -> Path | None:
+    """What the events of the PX4 mean that flies ``ua``; None: it is not known."""
+    made = read_provenance(run.path)
+    binary = "" if made is None or ua.node not in made.autopilots else made.autopilots[ua.node].path
+    return px4_events_file(Path(binary)) if binary else None
 
 
 def mavlink_of(scenario: Scenario, ua: Aircraft) -> str:

@@ -11,16 +11,21 @@ HOME_VARIABLE = "PX4_HOME"
 BUILD = Path("build") / "px4_sitl_default"
 
 
-def px4_places(environment: Mapping[str, str]) -> list[Path]:
-    """Where ``px4`` is looked for besides PATH: PX4_HOME is PX4's checkout, or the folder of its build."""
-    root = environment.get(HOME_VARIABLE)
-    return [Path(root) / "bin" / "px4", Path(root) / BUILD / "bin" / "px4"] if root else []
+def px4_places(environment: Mapping[str, str], directory: Path | None = None) -> list[Path]:
+    """Where ``px4`` is looked for besides PATH.
+
+    Args:
+        environment: its PX4_HOME is PX4's checkout, or the folder of its build.
+        directory: another such, looked at first.
+    """
+    roots = [Path(root) for root in (directory, environment.get(HOME_VARIABLE)) if root]
+    return [root / folder / "bin" / "px4" for root in roots for folder in (".", BUILD)]
 
 
-def find_px4(environment: Mapping[str, str]) -> Path | None:
+def find_px4(environment: Mapping[str, str], directory: Path | None = None) -> Path | None:
     """Path of ``px4``, beside whose folder lies ``etc`` with PX4's start scripts; None: it is nowhere."""
     on_path = shutil.which("px4", path=environment.get("PATH"))
-    for place in (*px4_places(environment), *([Path(on_path)] if on_path else [])):
+    for place in (*px4_places(environment, directory), *([Path(on_path)] if on_path else [])):
         if os.access(place, os.X_OK) and (etc_of(place.resolve()) / "init.d-posix").is_dir():
             return place.resolve()
     return None
@@ -31,8 +36,7 @@ def etc_of(binary: Path) -> Path:
     return binary.parents[1] / "etc"
 
 
-def px4_events_file(environment: Mapping[str, str]) -> Path | None:
+def px4_events_file(binary: Path) -> Path | None:
     """What PX4's events mean, as its build describes them; None: it does not."""
-    binary = find_px4(environment)
-    file = None if binary is None else etc_of(binary) / "extras" / "all_events.json.xz"
-    return file if file is not None and file.is_file() else None
+    file = etc_of(binary) / "extras" / "all_events.json.xz"
+    return file if file.is_file() else None

@@ -107,6 +107,10 @@ class Origin(Part):
     alt_amsl_m: Finite
 
 
+PX4_OUTPUTS = "PWM_MAIN_FUNC"
+"""With a number, PX4's parameters that say what an output is."""
+
+
 class FlightDynamics(Part):
     """How the flight dynamics are served.
 
@@ -353,6 +357,12 @@ class Scenario(Part):
             kind = self.autopilot_of(ua)
             if self.fdm.scheme == "legacy" and kind != "external":
                 raise ValueError("fdm.scheme legacy is for autopilot: external; the others speak json only")
+            outputs = [name for name in self.parameters | ua.parameters if name.startswith(PX4_OUTPUTS)]
+            if kind == "px4" and outputs:
+                raise ValueError(
+                    f"parameters: UA {ua.node} is flown by PX4: {outputs[0]} is the airframe's, in its section px4, as "
+                    "the flight dynamics read there which outputs are motors"
+                )
             if kind == "px4" and ua.modems:
                 raise ValueError(
                     f"modems: UA {ua.node} is flown by PX4, which has no second serial port here"

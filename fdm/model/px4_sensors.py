@@ -7,7 +7,7 @@ sensors without noise. Draws are keyed by seed and UA; each boot of the autopilo
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import Annotated, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -16,18 +16,27 @@ from fdm.errors import ModelDivergedError
 from fdm.model.air_point import StaticAir
 from fdm.model.geodesy import Home, geodetic_from_ned
 from fdm.model.magnetic_field import magnetic_field_ned_gauss
-from fdm.model.truth import Vector, quaternion_from_euler
+from fdm.model.truth import TrueState, Vector
 from fdm.wire.px4 import hil
 from fdm.wire.px4.mavlink import FrameWriter
 from fdm.wire.sensor_frame import PLAUSIBLE_MAX
 
 SEA_LEVEL_DENSITY_KG_PER_M3 = 1.225
 """Of the International Standard Atmosphere, to which equivalent airspeed refers."""
+GAS_CONSTANT_J_PER_KG_K = 287.05287
+"""Of dry air (ISO 2533)."""
 SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K, LAPSE_K_PER_M, EXPONENT = 101325.0, 288.15, 0.0065, 5.2558797
 ZERO_CELSIUS_K = 273.15
 EPOCH_UNIX_S = 1_700_000_000
 """The time of day at sim time 0 unless said otherwise: no flight depends on the host's."""
 SIMULATOR_SYSTEM, SIMULATOR_COMPONENT = 0, 200
+GYRO, ACCEL, POSITION = slice(1, 4), slice(4, 7), slice(7, 10)
+ATTITUDE, VELOCITY, AIRSPEED = slice(10, 13), slice(13, 16), 16
+"""Where a frame's numbers have them (fdm.wire.sensor_frame)."""
+GYRO_DRAWS, ACCEL_DRAWS, MAGNETOMETER_DRAWS = slice(0, 3), slice(3, 6), slice(6, 9)
+PRESSURE_DRAW, AIRSPEED_DRAW = 9, 10
+GPS_POSITION_DRAWS, GPS_VELOCITY_DRAWS = slice(11, 14), slice(14, 17)
+"""Where a frame's draws have those for a sensor's errors."""
 _BLOCK = 1024
 _DRAWS = 18
 _STREAM = 0x9754
@@ -78,6 +87,9 @@ class InAir(Protocol):
     def air(self) -> StaticAir:
         """The air where it is."""
 
+    def truth(self, ua_id: int, sim_time_ns: int) -> TrueState:
+        """Its true state."""
+
 
 class Px4Encoder:
     """Makes the messages of a frame from its numbers (in the order of fdm.wire.sensor_frame).
@@ -90,7 +102,7 @@ class Px4Encoder:
         epoch_unix_s: time of day at the autopilot's boot.
 
     Attributes:
-        model: the flight model, whose air is asked for.
+        model: the flight model, whose air and truth are asked for.
     """
 
     def __init__(
@@ -131,7 +143,7 @@ class Px4Encoder:
         if self._is_due(self._sensors.gps_rate_hz):
             parts.append(hil.gps_frame(self._writer, self._gps(time_us, values, errors)))
         if self._is_due(self._sensors.truth_rate_hz):
-            parts.append(hil.state_frame(self._writer, self._truth(time_us, values)))
+            parts.append(hil.state_frame(self._writer, self._truth(time_us)))
         parts.append(hil.sensor_frame(self._writer, self._measured(time_us, values, errors)))
         self._frame += 1
         return b"".join(parts)
@@ -144,19 +156,19 @@ class Px4Encoder:
         magnetic: Vector = (0.0, 0.0, 0.0)
         if self._is_due(s.magnetometer_rate_hz):
             updated |= hil.MAG
-            field = to_body(self._field_ned, values[10], values[11], values[12])
-            magnetic = _add(field, errors[6:9], s.magnetometer_sigma_gauss)
+            field = to_body(self._field_ned, *values[ATTITUDE])
+            magnetic = _add(field, errors[MAGNETOMETER_DRAWS], s.magnetometer_sigma_gauss)
         pressure_pa = differential_pa = 0.0
         if self._is_due(s.pressure_rate_hz):
             updated |= hil.BARO | (hil.DIFFERENTIAL if self._has_airspeed else 0)
             self._air = self.model.air()
-            pressure_pa = self._air.pressure_pa + errors[9] * s.pressure_sigma_pa
-            differential_pa = 0.5 * SEA_LEVEL_DENSITY_KG_PER_M3 * values[16] ** 2
-            differential_pa += errors[10] * s.airspeed_pressure_sigma_pa
+            pressure_pa = self._air.pressure_pa + errors[PRESSURE_DRAW] * s.pressure_sigma_pa
+            differential_pa = 0.5 * SEA_LEVEL_DENSITY_KG_PER_M3 * values[AIRSPEED] ** 2
+            differential_pa += errors[AIRSPEED_DRAW] * s.airspeed_pressure_sigma_pa
         return hil.HilSensor(
             time_us,
-            _add(values[4:7], errors[3:6], s.accel_sigma_mps2),
-            _add(values[1:4], errors[0:3], s.gyro_sigma_radps),
+            _add(values[ACCEL], errors[ACCEL_DRAWS], s.accel_sigma_mps2),
+            _add(values[GYRO], errors[GYRO_DRAWS], s.gyro_sigma_radps),
             magnetic,
             pressure_pa / 100.0,
             differential_pa / 100.0,
@@ -167,27 +179,30 @@ class Px4Encoder:
 
     def _gps(self, time_us: int, values: tuple[float, ...], errors: list[float]) -> hil.HilGps:
         s = self._sensors
-        north, east = (values[7 + axis] + errors[11 + axis] * s.gps_horizontal_sigma_m for axis in (0, 1))
-        down = values[9] + errors[13] * s.gps_vertical_sigma_m
+        sigmas = (s.gps_horizontal_sigma_m, s.gps_horizontal_sigma_m, s.gps_vertical_sigma_m)
+        drawn = zip(values[POSITION], errors[GPS_POSITION_DRAWS], sigmas, strict=True)
+        north, east, down = (value + draw * sigma for value, draw, sigma in drawn)
         place = geodetic_from_ned(self._home.position, (north, east, down))
-        velocity = _add(values[13:16], errors[14:17], s.gps_velocity_sigma_mps)
+        velocity = _add(values[VELOCITY], errors[GPS_VELOCITY_DRAWS], s.gps_velocity_sigma_mps)
         return hil.HilGps(
             self._epoch_us + time_us, place.lat_deg, place.lon_deg, place.alt_amsl_m, 0.9, 1.5, velocity
         )
 
-    def _truth(self, time_us: int, values: tuple[float, ...]) -> hil.HilState:
-        place = geodetic_from_ned(self._home.position, (values[7], values[8], values[9]))
+    def _truth(self, time_us: int) -> hil.HilState:
+        """What PX4 logs as the truth: the model's, without the errors of sensors (also fdm.model.sensor_noise)."""
+        true, air = self.model.truth(self._key[1], time_us * 1000), self.model.air()
+        density = air.pressure_pa / (GAS_CONSTANT_J_PER_KG_K * air.temperature_k)
         return hil.HilState(
             time_us,
-            quaternion_from_euler(values[10], values[11], values[12]),
-            (values[1], values[2], values[3]),
-            place.lat_deg,
-            place.lon_deg,
-            place.alt_amsl_m,
-            (values[13], values[14], values[15]),
-            values[16],
-            values[16],
-            (values[4], values[5], values[6]),
+            true.attitude_wxyz,
+            true.body_rates_frd_radps,
+            true.lat_deg,
+            true.lon_deg,
+            true.alt_amsl_m,
+            true.velocity_ned_mps,
+            true.airspeed_mps * sqrt(density / SEA_LEVEL_DENSITY_KG_PER_M3),
+            true.airspeed_mps,
+            true.specific_force_frd_mps2,
         )
 
 

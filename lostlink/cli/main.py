@@ -73,7 +73,7 @@ class LazyCommands(click.Group):
 )
 @click.version_option(metadata.version("lostlink"), prog_name="lostlink")
 def lostlink() -> None:
-    """Fly real ArduPilot stacks on JSBSim airframes; drop packets between them as a channel model predicts.
+    """Fly real ArduPilot and PX4 stacks on JSBSim airframes; drop packets between them as a channel model predicts.
 
     \b
     Examples:

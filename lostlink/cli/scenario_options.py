@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from bridge.run.px4 import HOME_VARIABLE
 from bridge.scenario.document.settings import Setting, parse_setting
 from bridge.scenario.file import read_scenario
 from bridge.scenario.model import Scenario
@@ -35,19 +33,12 @@ OPTIONS = {
 
 
 def px4_option(command: F) -> F:
-    """Add ``--px4-dir`` to a command: it stands for the variable PX4_HOME, which the processes of a run inherit."""
+    """Add ``--px4-dir`` to a command, as ``px4_dir``."""
     return click.option(
         "--px4-dir",
         type=click.Path(path_type=Path, exists=True, file_okay=False, resolve_path=True),
-        expose_value=False,
-        callback=_set_px4_home,
         help="Where a real PX4 is (its checkout or build folder); else PX4_HOME, else PATH.",
     )(command)
-
-
-def _set_px4_home(_: click.Context, __: click.Parameter, value: Path | None) -> None:
-    if value is not None:
-        os.environ[HOME_VARIABLE] = str(value)
 
 
 def setting_options(command: F) -> F:

@@ -8,6 +8,7 @@ from typing import Any
 import click
 from rich.console import Console
 
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.flight.flight import Flight
@@ -26,13 +27,13 @@ class ShownFlight(Flight):
         self.quiet = quiet
 
     def fly_and_tell(
-        self, ardupilot_dir: Path | None = None, replay: Path | None = None
+        self, dirs: AutopilotDirs = NOT_SAID, replay: Path | None = None
     ) -> dict[str, Any] | None:
         """As `Flight.fly`; None if not even a summary could be written (the error was reported)."""
         if not self.quiet:
             self.console.print(f"run {self.directory.path}", highlight=False, soft_wrap=True)
         try:
-            return self.fly(ardupilot_dir, replay)
+            return self.fly(dirs, replay)
         except (OSError, ValueError) as error:
             click.echo(f"lostlink: {error}", err=True)
             return None
@@ -42,7 +43,7 @@ def fly(
     scenario: Scenario,
     directory: RunDirectory,
     *,
-    ardupilot_dir: Path | None,
+    dirs: AutopilotDirs,
     replay: Path | None,
     stop_ns: int | None,
     quiet: bool,
@@ -54,9 +55,7 @@ def fly(
     """
     if stop_ns is not None:
         scenario = scenario.model_copy(update={"duration_s": stop_ns / 1e9})
-    summary = ShownFlight(scenario, directory, Console(stderr=quiet), quiet=quiet).fly_and_tell(
-        ardupilot_dir, replay
-    )
+    summary = ShownFlight(scenario, directory, Console(stderr=quiet), quiet=quiet).fly_and_tell(dirs, replay)
     if summary is None:
         raise ValueError(f"{directory.path}: the run left no summary")
     return summary

@@ -11,6 +11,7 @@ from time import monotonic
 from typing import Any, Protocol, Self
 
 from bridge.bus.messages import Clock, Message
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.glance import Glance
 from bridge.fleet.how import How
@@ -109,12 +110,12 @@ class Flight:
         """What is done once all processes are gone."""
 
     def fly(
-        self, ardupilot_dir: Path | None = None, replay: Path | None = None, *, takes_signals: bool = True
+        self, dirs: AutopilotDirs = NOT_SAID, replay: Path | None = None, *, takes_signals: bool = True
     ) -> dict[str, Any]:
         """Fly, and return the summary.
 
         Args:
-            ardupilot_dir: where real binaries are, if that was said.
+            dirs: where real autopilots are, as far as that was said.
             replay: directory of a run whose inputs from outside are repeated.
             takes_signals: SIGINT, SIGTERM and SIGHUP end the flight in order, and the first two then the process; for
                 the main thread of a program of ours. Otherwise `interrupt` does it.
@@ -123,7 +124,7 @@ class Flight:
             OSError, ValueError: the record cannot be read or written.
         """
         with self._watcher, self.directory.going_on():
-            ending, sim_time_ns = asyncio.run(self._fly(ardupilot_dir, replay, takes_signals=takes_signals))
+            ending, sim_time_ns = asyncio.run(self._fly(dirs, replay, takes_signals=takes_signals))
             if takes_signals:
                 for number in ending_signals():
                     signal.signal(number, _interrupted_late)
@@ -160,7 +161,7 @@ class Flight:
         return status_of(summary)
 
     async def _fly(
-        self, ardupilot_dir: Path | None, replay: Path | None, *, takes_signals: bool
+        self, dirs: AutopilotDirs, replay: Path | None, *, takes_signals: bool
     ) -> tuple[Ending, int]:
         def on_message(message: Message) -> None:
             if isinstance(message, Clock):
@@ -169,7 +170,7 @@ class Flight:
             self._watcher.on_message(message)
 
         observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance)
-        fleet = Fleet(self.scenario, self.directory, observer, ardupilot_dir, replay, self._how)
+        fleet = Fleet(self.scenario, self.directory, observer, dirs, replay, self._how)
         if takes_signals:
             self._pass_signals_to(fleet)
         self._take_charge(fleet)

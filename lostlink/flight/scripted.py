@@ -13,6 +13,7 @@ from typing import Any, Literal
 import yaml
 from rich.console import Console
 
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.preflight.preflight import preflight
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory
@@ -82,6 +83,7 @@ def fly(
     changes: Mapping[str, Any] | None = None,
     directory: str | Path | None = None,
     ardupilot_dir: str | Path | None = None,
+    px4_dir: str | Path | None = None,
     quiet: bool = True,
 ) -> RunResult:
     """Fly a scenario to its end, as `lostlink run` does, and return what came of it.
@@ -96,10 +98,11 @@ def fly(
         seed: in place of the scenario's, as are the next four; None: as the scenario has it.
         speed: real-time factor, or ``max``: as fast as this machine can.
         duration_s: longest sim time.
-        autopilot: ``standin``, ``ardupilot`` or ``external``.
+        autopilot: ``standin``, ``ardupilot``, ``px4`` or ``external``.
         changes: further keys of the scenario, dotted: ``{"ports.first_slot": 3, "fdm.coupling": "parallel"}``.
         directory: where runs are kept; the run makes its own in there. ``runs/`` unless given.
         ardupilot_dir: where real binaries are; else ARDUPILOT_HOME, else PATH.
+        px4_dir: PX4's checkout, or the folder of its build; else PX4_HOME, else PATH.
         quiet: show no progress.
 
     Raises:
@@ -110,11 +113,11 @@ def fly(
     given = {"seed": seed, "speed": speed, "duration_s": duration_s, "autopilot": autopilot}
     asked = {key: value for key, value in given.items() if value is not None} | dict(changes or {})
     resolved = read_like(scenario, asked)
-    binaries = None if ardupilot_dir is None else Path(ardupilot_dir)
-    preflight(resolved, binaries)
+    dirs = AutopilotDirs(*(Path(said) if said else None for said in (ardupilot_dir, px4_dir)))
+    preflight(resolved, dirs)
     run = RunDirectory.create(RUNS if directory is None else Path(directory), resolved.name)
     watcher: Watcher = Silent() if quiet else Progress(Console())
-    return RunResult(run.path, _in_a_thread(Flight(resolved, run, watcher), binaries))
+    return RunResult(run.path, _in_a_thread(Flight(resolved, run, watcher), dirs))
 
 
 def read_like(scenario: ScenarioLike, overrides: Mapping[str, Any]) -> Scenario:
@@ -131,13 +134,13 @@ def read_like(scenario: ScenarioLike, overrides: Mapping[str, Any]) -> Scenario:
     return read_scenario(scenario, overrides)
 
 
-def _in_a_thread(flight: Flight, ardupilot_dir: Path | None) -> dict[str, Any]:
+def _in_a_thread(flight: Flight, dirs: AutopilotDirs) -> dict[str, Any]:
     """Fly in a thread, which has no event loop yet and no signals; whatever ends the wait ends the flight first."""
     outcome: Future[dict[str, Any]] = Future()
 
     def work() -> None:
         try:
-            outcome.set_result(flight.fly(ardupilot_dir, takes_signals=False))
+            outcome.set_result(flight.fly(dirs, takes_signals=False))
         except BaseException as error:
             outcome.set_exception(error)
 

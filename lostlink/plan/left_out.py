@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from bridge.scenario.agents import FreeAgent
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import MAIN
+from bridge.scenario.nodes import MAIN, AutopilotName
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.settings import Ideal, name_of
@@ -113,13 +113,26 @@ def _of_others(scenario: Scenario, radio: Radio) -> Iterator[str]:
         yield "interference by others"
 
 
+_REAL = "autopilot: ardupilot or px4 flies real ones"
+
+
+def _flown_by(scenario: Scenario, *kinds: AutopilotName) -> str:
+    """Of which UA a line is, where it is not of all; "" if it is."""
+    found = [ua.node for ua in scenario.ua if scenario.autopilot_of(ua) in kinds]
+    return "" if len(found) == len(scenario.ua) else f"of UA {', '.join(found)}: "
+
+
 def _of_flight(scenario: Scenario, wind: WindConfig) -> Iterator[str]:
     if wind.model_dump(exclude_defaults=True, exclude={"description"}) == {}:
         yield "wind: the air is still"
     if "standin" in scenario.autopilots:
-        yield "ArduPilot: a stand-in flies (docs/reference/standin.md); --autopilot ardupilot flies the real one"
+        yield f"{_flown_by(scenario, 'standin')}real autopilots: a stand-in flies (docs/reference/standin.md); {_REAL}"
     noisy = any(ua.sensor_noise for ua in scenario.ua) or scenario.fdm.sensor_noise != SensorNoise()
-    if not noisy:
-        yield "errors of sensors beyond those of the autopilot's simulation"
+    others = scenario.autopilots - {"px4"}
+    if others and not noisy:
+        yield f"{_flown_by(scenario, *others)}errors of sensors beyond those of the autopilot's simulation"
+    if "px4" in scenario.autopilots:
+        biases = "" if noisy else "biases, "
+        yield f"{_flown_by(scenario, 'px4')}errors of sensors beyond white noise (fdm.px4): {biases}drifts, delays"
     if any(isinstance(node.agent, FreeAgent) for node in scenario.transceivers):
         yield "the time that programs beside the run take: the clock does not wait for them"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import platform
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 from bridge.fleet.autopilots.ardupilot import BINARIES, ArduPilot
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.fleet.autopilots.px4 import Px4
 from bridge.fleet.how import in_words
@@ -28,12 +28,12 @@ PACKAGES = (
 )
 
 
-def examine(scenario: Scenario, ardupilot_dir: Path | None) -> dict[str, Any]:
+def examine(scenario: Scenario, dirs: AutopilotDirs) -> dict[str, Any]:
     """What `doctor` reports, in plain types.
 
     Args:
         scenario: whose ports to look at.
-        ardupilot_dir: where to look for binaries first.
+        dirs: where to look for real autopilots first.
     """
     packages = {name: _version(name) for name in PACKAGES}
     uses = list(ports_of(scenario))
@@ -43,7 +43,7 @@ def examine(scenario: Scenario, ardupilot_dir: Path | None) -> dict[str, Any]:
         "platform": platform.platform(),
         "cpu_count": os.cpu_count(),
         "packages": packages,
-        "autopilots": {"standin": "ships with lostlink", **_binaries(ardupilot_dir)},
+        "autopilots": {"standin": "ships with lostlink", **_binaries(dirs)},
         "joined": in_words(scenario),
         "ports": [f"{use}" for use in uses],
         "ports_taken": taken,
@@ -58,8 +58,8 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _binaries(ardupilot_dir: Path | None) -> dict[str, str | None]:
-    launcher = ArduPilot(os.environ, ardupilot_dir)
+def _binaries(dirs: AutopilotDirs) -> dict[str, str | None]:
+    launcher = ArduPilot(os.environ, dirs)
     found: dict[str, str | None] = {}
     for name in BINARIES.values():
         try:
@@ -67,7 +67,7 @@ def _binaries(ardupilot_dir: Path | None) -> dict[str, str | None]:
         except AutopilotError:
             found[name] = None
     try:
-        found["px4"] = str(Px4(os.environ).binary())
+        found["px4"] = str(Px4(os.environ, dirs).binary())
     except AutopilotError:
         found["px4"] = None
     return found

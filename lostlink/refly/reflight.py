@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.record.ending import Extent, extent_of
 from bridge.record.events import read_reports
 from bridge.record.inputs import all_inputs
@@ -31,7 +32,7 @@ class Fly(Protocol):
         scenario: Scenario,
         directory: RunDirectory,
         *,
-        ardupilot_dir: Path | None,
+        dirs: AutopilotDirs,
         replay: Path | None,
         stop_ns: int | None,
         quiet: bool,
@@ -41,7 +42,7 @@ class Fly(Protocol):
         Args:
             scenario: what to fly.
             directory: where the run goes.
-            ardupilot_dir: where real ArduPilot binaries are.
+            dirs: where real autopilots are.
             replay: a run directory whose inputs take the place of all from outside.
             stop_ns: the run ends when the tick at this sim time is closed; None: as the scenario says.
             quiet: show nothing.
@@ -57,14 +58,14 @@ class ReflightPlan:
         scenario: what to fly.
         extent: how much of it there is.
         remarks: why it may come out differently, as far as that is known before.
-        ardupilot_dir: where the real binaries were that flew the record; None: none did.
+        dirs: where the real autopilots were that flew the record.
     """
 
     run: Path
     scenario: Scenario
     extent: Extent
     remarks: tuple[str, ...]
-    ardupilot_dir: Path | None
+    dirs: AutopilotDirs
 
     @property
     def extent_told(self) -> str:
@@ -126,13 +127,15 @@ def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
-    return ReflightPlan(run, scenario, extent_of(run), tuple(remarks), _binaries_of(run))
+    return ReflightPlan(run, scenario, extent_of(run), tuple(remarks), _dirs_of(run))
 
 
-def _binaries_of(run: Path) -> Path | None:
+def _dirs_of(run: Path) -> AutopilotDirs:
     made = read_provenance(run)
-    places = [origin.path for origin in made.autopilots.values() if origin.path] if made is not None else []
-    return Path(places[0]).parent if places else None
+    origins = [] if made is None else [origin for origin in made.autopilots.values() if origin.path]
+    places = {origin.source: Path(origin.path).parent for origin in origins}
+    px4 = places.get("px4")
+    return AutopilotDirs(places.get("ardupilot"), None if px4 is None else px4.parent)
 
 
 def fly_again(
@@ -140,13 +143,13 @@ def fly_again(
     directory: RunDirectory,
     fly: Fly,
     *,
-    ardupilot_dir: Path | None = None,
+    dirs: AutopilotDirs = NOT_SAID,
     quiet: bool = True,
     on_progress: OnProgress | None = None,
 ) -> Reflight:
     """Fly the plan into ``directory`` and compare the two runs.
 
-    Real binaries are those that flew the record, unless ``ardupilot_dir`` has others.
+    Real binaries are those that flew the record, unless ``dirs`` says others.
 
     Raises:
         Interrupted: the new flight was.
@@ -155,7 +158,7 @@ def fly_again(
     summary = fly(
         planned.scenario,
         directory,
-        ardupilot_dir=ardupilot_dir or planned.ardupilot_dir,
+        dirs=dirs.or_else(planned.dirs),
         replay=planned.run,
         stop_ns=planned.extent.stop_ns,
         quiet=quiet,

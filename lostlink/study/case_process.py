@@ -21,13 +21,14 @@ import signal
 import sys
 import traceback
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.children.leash import end_with_parent
 from bridge.fleet.course import Ending
 from bridge.fleet.how import How, how_joined
@@ -66,26 +67,28 @@ class CasePlan:
         scenario: as resolved, YAML.
         metrics: functions of the user's own.
         keep: which runs' directories stay: ``all``, ``failed`` or ``none``.
-        ardupilot_dir: where real binaries are, if that was said.
+        dirs: where real autopilots are, as far as that was said.
     """
 
     scenario: str
     metrics: tuple[Function, ...]
     keep: str
-    ardupilot_dir: str | None = None
+    dirs: AutopilotDirs = NOT_SAID
 
     def write(self, directory: Path) -> None:
         """Put it where the process looks for it."""
         functions = [[str(one.file), one.name] for one in self.metrics]
-        content = {"scenario": self.scenario, "metrics": functions, "keep": self.keep}
-        write_whole(directory / PLAN_FILE, {**content, "ardupilot_dir": self.ardupilot_dir})
+        dirs = {name: str(said) for name, said in asdict(self.dirs).items() if said is not None}
+        content = {"scenario": self.scenario, "metrics": functions, "keep": self.keep, "dirs": dirs}
+        write_whole(directory / PLAN_FILE, content)
 
     @classmethod
     def read(cls, directory: Path) -> CasePlan:
         """What was put there."""
         content = json.loads((directory / PLAN_FILE).read_text(encoding="utf-8"))
         functions = tuple(Function(file=Path(file), name=name) for file, name in content["metrics"])
-        return cls(content["scenario"], functions, content["keep"], content["ardupilot_dir"])
+        dirs = AutopilotDirs(**{name: Path(said) for name, said in content["dirs"].items()})
+        return cls(content["scenario"], functions, content["keep"], dirs)
 
     @property
     def measures(self) -> str:
@@ -187,12 +190,11 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
     for old in directory.glob("*/"):
         shutil.rmtree(old, ignore_errors=True)
     with at_free_ports(Scenario.from_yaml(plan.scenario)) as placed:
-        binaries = Path(plan.ardupilot_dir) if plan.ardupilot_dir else None
-        preflight(placed, binaries)
+        preflight(placed, plan.dirs)
         run = RunDirectory.create(directory, placed.name)
         how: How = how_joined(placed)
         flight = Flight(placed, run, Silent(), "task" if how == "one" else how)
-        summary = flight.fly(binaries)
+        summary = flight.fly(plan.dirs)
     if flight.signal is not None:
         return None
     if summary["ending"] != Ending.FAILED:

@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, read_result
 from lostlink.study.cases import Case, cases_of
 from lostlink.study.lanes import Lanes
@@ -43,7 +44,7 @@ class Study:
     Args:
         file: the study's file.
         out: where directories of studies are kept; this one's has the study's name.
-        ardupilot_dir: where real binaries are, if that was said.
+        dirs: where real autopilots are, as far as that was said.
 
     Attributes:
         cases: all of its runs.
@@ -53,11 +54,11 @@ class Study:
         StudyError: the study cannot be flown.
     """
 
-    def __init__(self, file: Path, out: Path, ardupilot_dir: Path | None = None) -> None:
+    def __init__(self, file: Path, out: Path, dirs: AutopilotDirs = NOT_SAID) -> None:
         self.content: StudyFile = read_study(file)
         self.cases = cases_of(self.content, file.parent.resolve())
         self.directory = (out / self.content.name).resolve()
-        self._ardupilot_dir = str(ardupilot_dir.resolve()) if ardupilot_dir else None
+        self._dirs = AutopilotDirs(*(said.resolve() if said else None for said in (dirs.ardupilot, dirs.px4)))
         if self.content.figures and find_spec("pandas") is None:
             raise StudyError(f"{file}: figures: needs pandas: pip install 'lostlink[pandas]'")
         for function in (*self.content.metrics, *self.content.figures):
@@ -136,4 +137,4 @@ class Study:
         )
 
     def _plan(self, case: Case) -> CasePlan:
-        return CasePlan(case.scenario.to_yaml(), self.content.metrics, self.content.keep, self._ardupilot_dir)
+        return CasePlan(case.scenario.to_yaml(), self.content.metrics, self.content.keep, self._dirs)

@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import at_free_ports
 from bridge.record.tables.deliveries import DELIVERIES
@@ -78,17 +79,17 @@ class FleetFlight:
         path: its run directory.
     """
 
-    def __init__(self, flight: Flight, ardupilot_dir: Path | None, held: ExitStack) -> None:
+    def __init__(self, flight: Flight, dirs: AutopilotDirs, held: ExitStack) -> None:
         self.path = flight.directory.path
         self._flight, self._held = flight, held
         self._summary: dict[str, Any] | None = None
         self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._fly, args=(ardupilot_dir,), name=f"fly {self.path.name}")
+        self._thread = threading.Thread(target=self._fly, args=(dirs,), name=f"fly {self.path.name}")
         self._thread.start()
 
-    def _fly(self, ardupilot_dir: Path | None) -> None:
+    def _fly(self, dirs: AutopilotDirs) -> None:
         try:
-            self._summary = self._flight.fly(ardupilot_dir, takes_signals=False)
+            self._summary = self._flight.fly(dirs, takes_signals=False)
         except BaseException as error:
             self._error = error
         finally:
@@ -189,11 +190,11 @@ class Flights:
 
     Args:
         directory: where their runs are kept.
-        ardupilot_dir: where real binaries are, if that was said.
+        dirs: where real autopilots are, as far as that was said.
     """
 
-    def __init__(self, directory: Path, ardupilot_dir: Path | None = None) -> None:
-        self._directory, self._ardupilot_dir = directory, ardupilot_dir
+    def __init__(self, directory: Path, dirs: AutopilotDirs = NOT_SAID) -> None:
+        self._directory, self._dirs = directory, dirs
         self._flights: list[FleetFlight] = []
 
     async def __call__(
@@ -246,9 +247,9 @@ class Flights:
         resolved = read_like(scenario, {"figure": False} | asked)
         with ExitStack() as held:
             placed = held.enter_context(at_free_ports(resolved))
-            preflight(placed, self._ardupilot_dir)
+            preflight(placed, self._dirs)
             run = RunDirectory.create(self._directory, placed.name)
-            flight = FleetFlight(Flight(placed, run, Silent()), self._ardupilot_dir, held.pop_all())
+            flight = FleetFlight(Flight(placed, run, Silent()), self._dirs, held.pop_all())
         self._flights.append(flight)
         return flight
 

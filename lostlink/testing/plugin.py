@@ -14,10 +14,15 @@ if TYPE_CHECKING:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Adds the option for real autopilots."""
+    """Adds the options for real autopilots."""
     group = parser.getgroup("lostlink")
     group.addoption(
         "--ardupilot-dir", default=None, help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, PATH."
+    )
+    group.addoption(
+        "--px4-dir",
+        default=None,
+        help="Where a real PX4 is (its checkout or build folder); else PX4_HOME, PATH.",
     )
 
 
@@ -27,10 +32,11 @@ def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Flights]:
 
     Each has ports of its own, also under pytest-xdist, and its run below ``tmp_path``. They end with the test.
     """
+    from bridge.fleet.autopilots.dirs import AutopilotDirs
     from lostlink.testing.flight import Flights
 
-    ardupilot_dir = request.config.getoption("--ardupilot-dir")
-    flights = Flights(tmp_path, Path(ardupilot_dir) if ardupilot_dir else None)
+    said = (request.config.getoption(name) for name in ("--ardupilot-dir", "--px4-dir"))
+    flights = Flights(tmp_path, AutopilotDirs(*(Path(place) if place else None for place in said)))
     yield flights
     flights.stop()
 

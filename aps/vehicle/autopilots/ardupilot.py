@@ -24,7 +24,7 @@ from aps.vehicle.flight.steps import (
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import is_copter, is_ground, is_plane, mavlink
 
-__all__ = ["ArduPilotWays"]
+__all__ = ["ArduPilotStack"]
 
 STICK_MODES: Final = frozenset({"ALT_HOLD", "CIRCLE", "FLOWHOLD", "LOITER", "POSHOLD", "SPORT", "ZIGZAG"})
 """ArduCopter's modes in which the throttle stick gives the climb rate: none in the middle, full sinking at zero."""
@@ -66,7 +66,7 @@ def stop(state: VehicleState) -> list[Any]:
     return [local_setpoint(state, mavlink.MAV_FRAME_LOCAL_NED, None, ZERO, Yaw())]
 
 
-class ArduPilotWays:
+class ArduPilotStack:
     """ArduCopter, ArduPlane, Rover and Sub."""
 
     name = "ArduPilot"
@@ -114,7 +114,7 @@ class ArduPilotWays:
 
     def _in_guided(self, state: VehicleState) -> Manoeuvre:
         steps = () if state.mode == "GUIDED" else (self.mode_step(state, "GUIDED"),)
-        return Manoeuvre(steps, ("GUIDED",), by_setpoints=True, farewell=stop)
+        return Manoeuvre(steps, ("GUIDED",), by_setpoints=True, stop_messages=stop)
 
     def goto(self, state: VehicleState, target: Target) -> Manoeuvre:
         """DO_REPOSITION in GUIDED, then speed and heading."""

@@ -11,7 +11,7 @@ from aps.vehicle.commands import Step
 from aps.vehicle.flight.setpoints import Place, Yaw
 from aps.vehicle.state import Vector3, VehicleState
 
-__all__ = ["AutopilotWays", "Circle", "Manoeuvre", "Target"]
+__all__ = ["Circle", "FlightStack", "Manoeuvre", "Target"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +29,11 @@ class Manoeuvre:
     """For how long setpoints are sent before the first step; ``None``: they begin with acceptance."""
     longest_period_s: float = math.inf
     """Between two setpoints."""
-    farewell: Callable[[VehicleState], list[Any]] | None = None
+    stop_messages: Callable[[VehicleState], list[Any]] | None = None
     """What is said at the end, so that it stays where it is."""
     refusal_hint: str = ""
     """What a refusal without words may mean."""
-    objections: tuple[str, ...] = ()
+    rejection_texts: tuple[str, ...] = ()
     """Beginnings of texts by which it refuses what it has acknowledged."""
 
 
@@ -58,8 +58,8 @@ class Circle:
     clockwise: bool
 
 
-class AutopilotWays(Protocol):
-    """One kind of autopilot. It keeps nothing: what it answers follows from the state.
+class FlightStack(Protocol):
+    """One kind of flight stack. It keeps nothing: what it answers follows from the state.
 
     Where it cannot do what is asked it raises ``Refusal``, with the reason in words.
     """

@@ -13,10 +13,10 @@ from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_long
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import mavlink
 
-__all__ = ["OtherAutopilot"]
+__all__ = ["OtherStack"]
 
 
-class OtherAutopilot:
+class OtherStack:
     """It is listened to, armed and given missions and parameters; what takes a mode of its own is refused."""
 
     name = "another autopilot"

@@ -19,7 +19,7 @@ from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_int, comman
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
 
-__all__ = ["MODES", "Px4Ways"]
+__all__ = ["MODES", "Px4Stack"]
 
 OFFBOARD_LEAD_S: Final = 0.5
 """Setpoints have to come before OFFBOARD is entered: its checks look for one at 10 Hz."""
@@ -59,7 +59,7 @@ MODES: Final = {
 """Names as MAVROS and pymavlink spell them."""
 
 
-class Px4Ways:
+class Px4Stack:
     """PX4 copters, fixed wings and VTOL."""
 
     name = "PX4"
@@ -134,7 +134,7 @@ class Px4Ways:
         speed_mps = -1.0 if target.speed_mps is None else target.speed_mps
         yaw_rad = math.nan if target.yaw_deg is None else math.radians(target.yaw_deg)
         step = _reposition(state, (lat_deg, lon_deg, amsl_m), speed_mps, yaw_rad)
-        return Manoeuvre((step,), (HOLD,), objections=("Reposition is outside geofence",))
+        return Manoeuvre((step,), (HOLD,), rejection_texts=("Reposition is outside geofence",))
 
     def setpoints(self, state: VehicleState, verb: str) -> Manoeuvre:
         """In OFFBOARD, which it enters while setpoints come, and leaves when they do not come."""
@@ -146,7 +146,7 @@ class Px4Ways:
             by_setpoints=True,
             lead_s=0.0 if state.mode == "OFFBOARD" else OFFBOARD_LEAD_S,
             longest_period_s=SETPOINT_PERIOD_S,
-            farewell=self._stop,
+            stop_messages=self._stop,
         )
 
     def _stop(self, state: VehicleState) -> list[Any]:
@@ -181,8 +181,12 @@ class Px4Ways:
         return Manoeuvre(
             (step,),
             (HOLD if plane else "ORBIT",),
-            farewell=None if plane else self._stop,
-            objections=("Orbit is outside geofence", "Orbit radius limit exceeded", "Orbit command rejected"),
+            stop_messages=None if plane else self._stop,
+            rejection_texts=(
+                "Orbit is outside geofence",
+                "Orbit radius limit exceeded",
+                "Orbit command rejected",
+            ),
         )
 
     def rtl(self, state: VehicleState) -> Manoeuvre:

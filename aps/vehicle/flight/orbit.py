@@ -115,8 +115,8 @@ def orbit(
         setpoint=_orbit_setpoint(circle, speed) if way.by_setpoints else None,
         setpoint_period_s=1.0 / ORBIT_RATE_HZ,
         lead_s=way.lead_s,
-        farewell=way.farewell,
-        objections=way.objections,
+        stop_messages=way.stop_messages,
+        rejection_texts=way.rejection_texts,
     )
 
 

@@ -113,7 +113,7 @@ def takeoff(state: VehicleState, alt_rel_m: float) -> CommandPlan:
         modes=way.modes,
         needs_armed=True,
         refusal_hint=way.refusal_hint,
-        objections=way.objections,
+        rejection_texts=way.rejection_texts,
     )
 
 

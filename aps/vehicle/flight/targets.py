@@ -110,7 +110,7 @@ def goto(
         modes=way.modes,
         needs_armed=True,
         refusal_hint=way.refusal_hint,
-        objections=way.objections,
+        rejection_texts=way.rejection_texts,
         target=True,
     )
 
@@ -140,7 +140,7 @@ def hold(state: VehicleState) -> CommandPlan:
         target=True,
         setpoint=_stand_still if way.by_setpoints else None,
         setpoint_period_s=POINT_PERIOD_S,
-        farewell=way.farewell,
+        stop_messages=way.stop_messages,
     )
 
 
@@ -200,7 +200,7 @@ def goto_ned(
         setpoint=lambda now, _: local_setpoint(now, LOCAL_FRAMES["origin"], goal, None, yaw),
         setpoint_period_s=min(POINT_PERIOD_S, way.longest_period_s),
         lead_s=way.lead_s,
-        farewell=lambda now: autopilot.stay_at(now, goal, yaw),
+        stop_messages=lambda now: autopilot.stay_at(now, goal, yaw),
     )
 
 
@@ -265,7 +265,7 @@ def velocity(
         ),
         lead_s=way.lead_s,
         duration_s=checked("duration_s", duration_s, 0.0, 86_400.0),
-        farewell=way.farewell,
+        stop_messages=way.stop_messages,
     )
 
 
@@ -322,5 +322,5 @@ def follow(
         ),
         lead_s=way.lead_s,
         duration_s=checked("duration_s", duration_s, 0.0, 86_400.0),
-        farewell=way.farewell,
+        stop_messages=way.stop_messages,
     )

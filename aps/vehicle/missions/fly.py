@@ -37,18 +37,24 @@ class _End:
     lowest: int
     """Number of the first item."""
     is_stale: bool
-    """Whether it still says that it has reached the last item, of the flight before."""
+    """Whether it still says that it has reached the last item, of the flight before: PX4 says so ten times, at 1 Hz,
+    until it begins anew."""
     started: bool = False
+    started_reached_ns: int = -1
+    """When an item was last reached, as known when the mission was first seen to be flown."""
 
     def is_there(self, now: VehicleState) -> bool:
-        self.started |= now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
+        reached_ns = now.heard_ns.get(_ITEM_REACHED, -1)
+        if not self.started:
+            self.started = now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
+            self.started_reached_ns = reached_ns
         if now.mission_state == "COMPLETE":
             return self.started or now.time_boot_ms - self.start_ms > STALE_S * 1000.0
         if not self.started or now.mission_total < self.lowest:
             return False
-        self.is_stale &= now.mission_current >= now.mission_total
+        self.is_stale &= now.mission_current >= now.mission_total and reached_ns == self.started_reached_ns
         landed = not now.armed and now.mission_total <= now.mission_current
-        newly_reached = now.heard_ns.get(_ITEM_REACHED, -1) > self.reached_ns and not self.is_stale
+        newly_reached = reached_ns > self.reached_ns and not self.is_stale
         return landed or (newly_reached and now.mission_reached == now.mission_total)
 
 

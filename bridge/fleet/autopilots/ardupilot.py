@@ -73,7 +73,7 @@ class ArduPilot(Launcher):
         )
 
     def _places(self, name: str) -> Iterator[Path]:
-        roots = [self.ardupilot_dir, self.environment.get(HOME_VARIABLE)]
+        roots = [self.dirs.ardupilot, self.environment.get(HOME_VARIABLE)]
         for root in (Path(r) for r in roots if r):
             yield root / name
             yield root / "bin" / name

@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.children.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin
 from bridge.run.directory import RunDirectory
@@ -47,7 +47,7 @@ class Launcher(ABC):
 
     Args:
         environment: environment variables, for finding programs.
-        ardupilot_dir: where real binaries were said to be, if anywhere.
+        dirs: where real autopilots were said to be.
 
     Attributes:
         waits_for_physics: whether its autopilots may be started before there is physics.
@@ -55,9 +55,9 @@ class Launcher(ABC):
 
     waits_for_physics = False
 
-    def __init__(self, environment: Mapping[str, str], ardupilot_dir: Path | None = None) -> None:
+    def __init__(self, environment: Mapping[str, str], dirs: AutopilotDirs = NOT_SAID) -> None:
         self.environment = environment
-        self.ardupilot_dir = ardupilot_dir
+        self.dirs = dirs
 
     def check(self, scenario: Scenario, ua: Aircraft) -> None:  # noqa: B027 (most have nothing to check)
         """See that an autopilot for this UA can be started.

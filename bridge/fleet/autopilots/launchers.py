@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 from bridge.fleet.autopilots.ardupilot import ArduPilot
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.autopilots.external import External
 from bridge.fleet.autopilots.launch_standin import StandIn
 from bridge.fleet.autopilots.launcher import Launcher
@@ -27,16 +27,14 @@ class Launchers:
     Args:
         scenario: the fleet.
         environment: environment variables, for finding programs.
-        ardupilot_dir: where real binaries of ArduPilot were said to be, if anywhere.
+        dirs: where real autopilots were said to be.
     """
 
     def __init__(
-        self, scenario: Scenario, environment: Mapping[str, str], ardupilot_dir: Path | None = None
+        self, scenario: Scenario, environment: Mapping[str, str], dirs: AutopilotDirs = NOT_SAID
     ) -> None:
         self._scenario = scenario
-        self._by_name = {
-            name: LAUNCHERS[name](environment, ardupilot_dir) for name in sorted(scenario.autopilots)
-        }
+        self._by_name = {name: LAUNCHERS[name](environment, dirs) for name in sorted(scenario.autopilots)}
 
     def of(self, ua: Aircraft) -> Launcher:
         """That of a UA."""

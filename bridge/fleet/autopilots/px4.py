@@ -58,10 +58,10 @@ class Px4(Launcher):
         Raises:
             AutopilotError: if it is nowhere.
         """
-        found = find_px4(self.environment)
+        found = find_px4(self.environment, self.dirs.px4)
         if found is not None:
             return found
-        looked = "".join(f"\n  {place}" for place in px4_places(self.environment))
+        looked = "".join(f"\n  {place}" for place in px4_places(self.environment, self.dirs.px4))
         raise AutopilotError(
             f"no PX4 was found. Looked at:{looked}\n  px4 on PATH\n"
             "Build it by PX4's documentation (make px4_sitl_default), then point to it with --px4-dir DIR or "
@@ -108,7 +108,12 @@ def _own_parameters(plan: LaunchPlan) -> str:
     values: dict[str, float] = {"MAV_SYS_ID": plan.ua.sysid, **PARAMETERS}
     values |= plan.airframe.px4.parameters if plan.airframe.px4 else {}
     values |= plan.scenario.parameters | plan.ua.parameters
-    return "".join(f"param set {name} {value:.9g}\n" for name, value in values.items())
+    return "".join(f"param set {name} {_number(value)}\n" for name, value in values.items())
+
+
+def _number(value: float) -> str:
+    """As PX4's shell reads it: of a whole number it takes digits alone, up to the first other character."""
+    return str(int(value)) if value == int(value) else f"{value:.9g}"
 
 
 def _own_mavlink(plan: LaunchPlan) -> str:

@@ -12,6 +12,9 @@ NO_FUSED_MATHS = ",".join(
 flights part from there within seconds. Without these features they are the plain ones, which every x86-64 CPU has. (The
 names that end in _Usable are those of C libraries before 2.33; a library passes over names that it does not know.)"""
 
+OF_PX4 = frozenset({"replay", "replay_mode", "ROS_DOMAIN_ID", "RUN_MINIMAL_SHELL"})
+"""What PX4 and its start script take from the environment besides ``PX4_*``."""
+
 
 def environment_of(ours: Mapping[str, str]) -> dict[str, str]:
     """The environment of our own processes and of the autopilots, from that of the supervisor.
@@ -19,9 +22,11 @@ def environment_of(ours: Mapping[str, str]) -> dict[str, str]:
     - ``PYTHONHASHSEED``: sets of texts have one order in every run.
     - ``OPENBLAS_NUM_THREADS``: no sum depends on the number of cores.
     - ``GLIBC_TUNABLES``: no number depends on the CPU's vector instructions; what else it tunes is kept.
+    - ``PX4_*`` and the like are left out: another host for the simulation, another model, other timeouts.
     """
+    kept = {name: value for name, value in ours.items() if not name.startswith("PX4_") and name not in OF_PX4}
     return {
-        **ours,
+        **kept,
         "PYTHONHASHSEED": "0",
         "OPENBLAS_NUM_THREADS": "1",
         "GLIBC_TUNABLES": _tunables(ours.get("GLIBC_TUNABLES", "")),

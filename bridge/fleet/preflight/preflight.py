@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
+from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.fleet.autopilots.launchers import Launchers
 from bridge.fleet.course import FleetError
@@ -14,17 +14,17 @@ from bridge.scenario.resolve.flight import wind_of
 from fdm.errors import WindError
 
 
-def launchers_of(scenario: Scenario, ardupilot_dir: Path | None = None) -> Launchers:
+def launchers_of(scenario: Scenario, dirs: AutopilotDirs = NOT_SAID) -> Launchers:
     """The sources of the autopilots that the scenario names."""
-    return Launchers(scenario, os.environ, ardupilot_dir)
+    return Launchers(scenario, os.environ, dirs)
 
 
-def preflight(scenario: Scenario, ardupilot_dir: Path | None = None, *, repeats: bool = False) -> None:
+def preflight(scenario: Scenario, dirs: AutopilotDirs = NOT_SAID, *, repeats: bool = False) -> None:
     """See, before anything is started, that the run can start.
 
     Args:
         scenario: of the run.
-        ardupilot_dir: where real binaries are, if that was said.
+        dirs: where real autopilots are, as far as that was said.
         repeats: it repeats a record.
 
     Raises:
@@ -34,7 +34,7 @@ def preflight(scenario: Scenario, ardupilot_dir: Path | None = None, *, repeats:
         wind_of(scenario).build(seed=scenario.seed, ua_id=0)
     except WindError as error:
         raise FleetError(f"wind: {error}") from error
-    launchers = launchers_of(scenario, ardupilot_dir)
+    launchers = launchers_of(scenario, dirs)
     try:
         for ua in scenario.ua:
             launchers.of(ua).check(scenario, ua)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
@@ -58,6 +59,7 @@ def refly(
     run: Path,
     out: Path,
     ardupilot_dir: Path | None,
+    px4_dir: Path | None,
     speed: float | str,
     processes: str | None,
     first_slot: int | None,
@@ -86,10 +88,10 @@ def refly(
         "ports.first_slot": first_slot,
         "ports.zenoh": zenoh_port,
     }
-    silent = quiet or as_json
+    silent, dirs = quiet or as_json, AutopilotDirs(ardupilot_dir, px4_dir)
     try:
         planned = plan(run, {k: v for k, v in changes.items() if v is not None})
-        preflight(planned.scenario, ardupilot_dir or planned.ardupilot_dir, repeats=True)
+        preflight(planned.scenario, dirs.or_else(planned.dirs), repeats=True)
         directory = RunDirectory.create(out, planned.scenario.name)
     except (ValueError, OSError, FleetError) as error:
         fail(error)
@@ -99,7 +101,7 @@ def refly(
             planned,
             directory,
             _flight(),
-            ardupilot_dir=ardupilot_dir,
+            dirs=dirs,
             quiet=silent,
             on_progress=None if silent else CompareProgress(),
         )

@@ -11,6 +11,7 @@ from typing import Any, get_args
 import click
 from rich.console import Console
 
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
@@ -110,6 +111,7 @@ class SpeedOption(click.ParamType[float | str]):
 def run(
     scenario: str,
     ardupilot_dir: Path | None,
+    px4_dir: Path | None,
     settings: tuple[str, ...],
     out: Path,
     view: bool,
@@ -144,10 +146,11 @@ def run(
       lostlink run --speed 1 --view
       lostlink run --quiet --digest                  run it twice: the digest is the same
     """
+    dirs = AutopilotDirs(ardupilot_dir, px4_dir)
     _check(as_json=as_json, digest=digest, control=control, view=view, zenoh=asked["zenoh"])
     try:
         resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
-        preflight(resolved, ardupilot_dir)
+        preflight(resolved, dirs)
         viewing = ViewProcess(view_port, control=control) if view else None
         console = Console(stderr=as_json or quiet)
         directory = RunDirectory.create(out, resolved.name)
@@ -162,7 +165,7 @@ def run(
         if viewing is not None:
             beside.enter_context(viewing).start(directory)
             click.echo(f"view: {viewing.address}", err=as_json or quiet)
-        summary = flight.fly_and_tell(ardupilot_dir)
+        summary = flight.fly_and_tell(dirs)
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
         if viewing is not None and flight.signal is None:
             _keep(viewing, directory)

@@ -15,6 +15,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.preflight.slots import NoSlot
 from bridge.run.every import Every
 from bridge.timeouts import LOG_PERIOD_S
@@ -55,6 +56,7 @@ def study(
     lanes: int | None,
     scheduler: str | None,
     ardupilot_dir: Path | None,
+    px4_dir: Path | None,
     dry_run: bool,
     as_json: bool,
 ) -> None:
@@ -76,7 +78,7 @@ def study(
         signal.signal(number, _interrupt)
     try:
         console.print(f"{file}: reads the scenario of each run", highlight=False, soft_wrap=True)
-        ours = Study(file, out, ardupilot_dir)
+        ours = Study(file, out, AutopilotDirs(ardupilot_dir, px4_dir))
         left = ours.left()
         console.print(
             f"{ours.directory}: runs: {len(ours.cases)}, to fly: {len(left)}", highlight=False, soft_wrap=True

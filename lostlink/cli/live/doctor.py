@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import px4_option, scenario_with
@@ -30,7 +31,9 @@ MISSING = (
     "--first-slot", type=int, help="Move the ports of all UA by ten times this, as `lostlink run` does."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def doctor(scenario: str, ardupilot_dir: Path | None, first_slot: int | None, as_json: bool) -> None:
+def doctor(
+    scenario: str, ardupilot_dir: Path | None, px4_dir: Path | None, first_slot: int | None, as_json: bool
+) -> None:
     """Show what is installed, which autopilots were found, and whether the ports of SCENARIO are free.
 
     Ends with status 1 if SCENARIO could not run here with the stand-in autopilot.
@@ -41,7 +44,8 @@ def doctor(scenario: str, ardupilot_dir: Path | None, first_slot: int | None, as
       lostlink doctor my.yaml --first-slot 20 --json
     """
     try:
-        report = examine(scenario_with(scenario, {"ports.first_slot": first_slot}), ardupilot_dir)
+        chosen = scenario_with(scenario, {"ports.first_slot": first_slot})
+        report = examine(chosen, AutopilotDirs(ardupilot_dir, px4_dir))
     except ScenarioError as error:
         fail(error)
     click.echo(json.dumps(report, indent=1) if as_json else _as_text(report))

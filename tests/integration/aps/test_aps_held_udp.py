@@ -1,14 +1,19 @@
 """The held daemon and an autopilot that speaks by UDP, as PX4 does: on loopback what is sent is there at once."""
 
 import contextlib
+import select
 import socket
+import subprocess
+import sys
+import threading
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
-from aps.links.kinds.held_udp import datagrams_of
+from aps.links.address import parse_autopilot
+from aps.links.kinds.held_udp import HeldUdpLink, datagrams_of
 
 TICK_NS = 50_000_000
 SYSID = 3
@@ -87,8 +92,88 @@ async def test_only_the_autopilot_is_heard(held):
     with stranger.socket:
         stranger.heartbeat(armed=True)
         exchange(daemon, 2)
-    assert not daemon.state.armed
-    assert daemon.link.foreign_datagrams == 1
+        assert not daemon.state.armed
+        readable, _, _ = select.select([daemon.link._socket], [], [], 0)
+        assert readable == [], "the kernel keeps it away"
+
+
+async def test_where_the_autopilots_port_is_known_nobody_else_can_take_its_place():
+    autopilot = Px4ByUdp(0)
+    config = DaemonConfig(autopilot="udp-in:127.0.0.1:0", sysid=SYSID)
+    with autopilot.socket:
+        async with HeldDaemon(config, peer=autopilot.socket.getsockname()) as daemon:
+            await daemon.connect()
+            stranger = Px4ByUdp(daemon.link.port)
+            with stranger.socket:
+                stranger.heartbeat(armed=True)
+                exchange(daemon, 1)
+            assert daemon.state.mode == ""
+            autopilot.daemon = ("127.0.0.1", daemon.link.port)
+            exchange(daemon, 30)
+            assert autopilot.hear() == [], "it has not spoken yet"
+            autopilot.heartbeat()
+            exchange(daemon, 31)
+            assert daemon.state.mode == "AUTO.LOITER"
+            assert not daemon.state.armed
+            assert autopilot.hear() != []
+
+
+async def test_an_autopilot_that_begins_anew_from_another_port_is_heard(held):
+    daemon, autopilot = held
+    autopilot.heartbeat()
+    exchange(daemon, 1)
+    autopilot.socket.close()
+    exchange(daemon, 30)  # what the daemon says is refused: nobody listens there
+    exchange(daemon, 60)
+    again = Px4ByUdp(daemon.link.port)
+    with again.socket:
+        again.heartbeat(armed=True)
+        exchange(daemon, 61)
+        assert daemon.state.armed
+        exchange(daemon, 90)
+        assert "HEARTBEAT" in [message.get_type() for message in again.hear()]
+
+
+FLOOD = """
+import socket, sys
+sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+while True:
+    sender.sendto(b"x", ("127.0.0.1", int(sys.argv[1])))
+"""
+
+
+def test_whoever_goes_on_sending_does_not_hold_the_exchange():
+    link = HeldUdpLink(parse_autopilot("udp-in:127.0.0.1:0"), 1 << 20)
+    assert link.connect_now()
+    command = [sys.executable, "-I", "-c", FLOOD, str(link.port)]
+    floods = [subprocess.Popen(command) for _ in range(3)]
+    try:
+        for _ in range(20):  # they send as fast as is read, or faster
+            readable, _, _ = select.select([link._socket], [], [], 20.0)
+            assert readable
+            reading = threading.Thread(target=link.read, daemon=True)
+            reading.start()
+            reading.join(20.0)
+            assert not reading.is_alive()
+    finally:
+        for flood in floods:
+            flood.kill()
+            flood.wait()
+        link.close()
+
+
+async def test_a_datagram_that_cannot_be_sent_is_a_link_lost(held):
+    daemon, autopilot = held
+    autopilot.heartbeat()
+    exchange(daemon, 1)
+    downs = []
+    daemon.on_link_down = lambda: downs.append(daemon.link_up)
+    assert daemon.link.write(bytes(70_000)), "longer than a datagram: EMSGSIZE"
+    exchange(daemon, 2)
+    assert (downs, daemon.counters.link_losses) == ([False], 1)
+    await daemon.connect()
+    exchange(daemon, 3)
+    assert daemon.link_up
 
 
 async def test_datagrams_that_the_kernel_drops_are_told(held):

@@ -9,6 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.record.names import Kind, Stream, inputs_path
 from bridge.record.streams import read_stream
 from bridge.run.directory import RunDirectory
@@ -40,7 +41,7 @@ def flown(
     ]
     _write(inputs_path(script, "gcs"), radio, [*beats, *said])
     run = RunDirectory.create(folder / "runs", parsed.name)
-    summary = Flight(parsed, run, Silent()).fly(ardupilot, script, takes_signals=False)
+    summary = Flight(parsed, run, Silent()).fly(AutopilotDirs(ardupilot), script, takes_signals=False)
     assert summary["ending"] == "duration", summary["error"]
     assert summary["may_not_repeat"] == []
     return run.path, summary

@@ -159,3 +159,19 @@ def test_one_port_is_for_one_ua():
     )
     assert done.returncode == 2
     assert "--port is for one UA" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--px4", "--ports", "legacy"), "--ports is for ArduPilot"),
+        (("--px4", "--legacy-rate", "400"), "--legacy-rate is for ArduPilot"),
+        (("--px4", "--coupling", "parallel"), "--coupling parallel is for ArduPilot"),
+        (("--px4", "--imu-rate", "110"), "--imu-rate 110: must be a multiple of 50"),
+        (("--imu-rate", "250"), "--imu-rate is for --px4"),
+    ],
+)
+def test_options_that_do_not_fit_each_other_are_refused_in_a_line(options, text):
+    done = CliRunner().invoke(main, ["--home", "47,8,400,0", *options])
+    assert done.exit_code == 2
+    assert text in done.stderr.splitlines()[-1]

@@ -94,20 +94,103 @@ def test_any_payload_is_taken(payload):
     texts.take(Frame(b"\xfd" + bytes(9) + payload + bytes(2), 410, 1, 1, 0, 0, 10, len(payload)), HOLD)
 
 
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text("0159", max_size=3), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+pieces = [
+    "{1}",
+    "{2:.1m_v}",
+    "{1:.5000000000}",
+    "{9" + "9" * 5000 + "}",
+    "{",
+    "}",
+    "\\",
+    "a",
+    "\ud800",
+    "\u0665",
+]
+some_text = st.lists(st.sampled_from(pieces), max_size=4).map("".join)
+numbers = st.sampled_from(["1", "2", "-1", "255", "1" * 5000, "x"])
+
+
+def one_of(**expected):
+    """A mapping with some of the keys, each with what belongs there, or with anything."""
+    return st.fixed_dictionaries({}, optional={key: one | anything for key, one in expected.items()})
+
+
+def all_of(**expected):
+    """A mapping with all keys, and what belongs there."""
+    return st.fixed_dictionaries(expected)
+
+
+types = st.sampled_from(["uint8_t", "int64_t", "float", "why_t", "px4::why_t", "none"])
+entries = st.dictionaries(numbers, one_of(name=some_text, description=some_text) | anything, max_size=3)
+enums = one_of(type=types, is_bitfield=st.booleans(), entries=entries) | anything
+arguments = st.lists(one_of(type=types) | anything, max_size=3)
+events = one_of(message=some_text, name=some_text, type=st.just("summary"), arguments=arguments) | anything
+groups = all_of(arming_check=all_of(events=st.dictionaries(st.sampled_from(["1", "2"]), events, min_size=2)))
+bits = one_of(groups=st.dictionaries(numbers, st.lists(st.integers()), max_size=2))
+components = all_of(
+    namespace=st.just("px4"), enums=all_of(why_t=enums), event_groups=groups, navigation_mode_groups=bits
+)
+metadata = all_of(components=st.fixed_dictionaries({"1": components}))
+
+
 @given(
     st.binary(max_size=80)
-    | st.recursive(
-        st.none() | st.integers() | st.text(),
-        lambda x: (
-            st.lists(x)
-            | st.dictionaries(st.sampled_from(["components", "1", "enums", "event_groups", "events"]), x)
-        ),
-    ).map(lambda x: json.dumps(x).encode())
+    | (metadata | one_of(components=one_of(**{"1": anything})) | anything).map(
+        lambda tree: json.dumps(tree).encode()
+    ),
+    st.lists(
+        st.tuples(st.sampled_from([1, 2]), st.integers(0, 7), st.binary(max_size=40)), min_size=2, max_size=4
+    ),
 )
-def test_what_is_no_metadata_is_an_error(content):
+def test_whatever_the_metadata_is_an_event_is_told_in_a_line_or_by_its_number(content, said):
     texts = EventTexts()
     with contextlib.suppress(ValueError):
         texts.learn(content)
         assert texts.known
-        return
-    assert not texts.known
+    for sub_id, level, arguments in said:
+        found = texts.take(event(sub_id, level, arguments), MANUAL)
+        assert found is None or len(found.text.encode()) <= 4000
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        "hello",
+        {"message": 5},
+        {"message": "{1}", "arguments": 5},
+        {"message": "{1}", "arguments": ["a"]},
+        {"message": "{1}", "arguments": [{"type": []}]},
+    ],
+)
+def test_an_event_that_is_not_well_formed_is_told_by_its_number_and_others_by_their_texts(broken):
+    tree = json.loads(json.dumps(METADATA))
+    tree["components"]["1"]["event_groups"]["default"]["events"]["10"] = broken
+    texts = EventTexts()
+    texts.learn(json.dumps(tree).encode())
+    assert texts.take(event(10, 6, b"\1\2"), HOLD).text == "event 0x0100000a, whose text is not known"
+    assert texts.take(event(7, 6, bytes([5, 0])), HOLD).text == "gyro|mag of <all>"
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [("{1:.5000000000}", "7.000000000"), ("{99999999999999999999}", "?"), ("a" * 5000, "a" * 1000)],
+)
+def test_lengths_have_bounds(message, text):
+    one = {"message": message, "arguments": [{"type": "uint8_t"}]}
+    tree = {"components": {"1": {"event_groups": {"g": {"events": {"1": one}}}}}}
+    texts = EventTexts()
+    texts.learn(json.dumps(tree).encode())
+    assert texts.take(event(1, 6, b"\7"), HOLD).text == text
+
+
+def test_what_is_no_metadata_changes_nothing(texts):
+    with pytest.raises(ValueError, match="no metadata of events"):
+        texts.learn(b'{"components": {"1": {"event_groups": {"g": {"events": {"5": {}}}}, "enums": 5}}}')
+    assert texts.take(event(5, 6, bytes([6])), HOLD).text == "Disarmed by landing"

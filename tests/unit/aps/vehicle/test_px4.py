@@ -183,6 +183,23 @@ def test_a_mission_goes_on_in_the_mode_of_its_last_item():
     assert flight.execution.result.reached
 
 
+@pytest.mark.parametrize(("last", "first"), [(0, None), (3, 3)])
+def test_a_mission_from_its_last_item_flown_again_ends_with_it(last, first):
+    """PX4 says neither a state of the mission nor, with one item, another number of it than after the flight before."""
+    start = replace(
+        HOVERS, mission_current=last, mission_total=last, mission_reached=last, heard_ns={46: 1 * S}
+    )
+    flight = Flight(fly.fly(start, first), start)
+    for _ in range(2):
+        flight.run(0.2)
+        flight.execution.on_ack(176, ACCEPTED)
+    flight.run(0.2, heard_ns={46: 2 * S})
+    flight.run(1.0, mode="AUTO.MISSION", heard_ns={46: 3 * S})
+    assert flight.execution.result is None, "what PX4 repeats until it begins is of the flight before"
+    flight.run(0.1, heard_ns={46: 9 * S})
+    assert flight.execution.result.reached
+
+
 def test_a_return_amid_a_mission_interrupts_it():
     start = replace(HOVERS, mission_current=0, mission_total=2)
     flight = Flight(fly.fly(start), start)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bridge.fleet.autopilots.ardupilot import ArduPilot
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.autopilots.launcher import LaunchPlan
 from bridge.fleet.children.child import ProcessSpec
 from bridge.run.directory import RunDirectory
@@ -31,7 +32,7 @@ def launched(tmp_path: Path, text: str, node: str) -> ProcessSpec:
     run = RunDirectory.create(tmp_path / "runs", scenario.name)
     ua = scenario.node(node)
     plan = LaunchPlan(run, scenario, ua, airframe_of(ua), home_of(ua, scenario.origin))
-    (spec,) = ArduPilot({}, tmp_path).processes([plan])
+    (spec,) = ArduPilot({}, AutopilotDirs(ardupilot=tmp_path)).processes([plan])
     assert spec is not None
     return spec
 

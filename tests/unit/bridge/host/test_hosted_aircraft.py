@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from aps.links.kinds.held_udp import HeldUdpLink
 from bridge.bus.messages import AgentStatus
 from bridge.host.hosted_aircraft import HostedAircraft
+from bridge.record.provenance import collect, px4_origin, standin_origin, write_provenance
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 
@@ -30,3 +32,21 @@ async def test_the_death_of_its_daemon_is_reported_as_a_failure(tmp_path: Path) 
     assert said.failed
     assert said.activity == "its aircraft bridge cannot go on: a defect"
     aircraft.close()
+
+
+async def test_its_daemon_knows_the_events_of_the_px4_that_was_started(
+    tmp_path: Path, px4_home: Path
+) -> None:
+    scenario = read_scenario("separation", {"nodes.1.autopilot": "px4"})
+    run = RunDirectory.create(tmp_path, scenario.name)
+    run.write(scenario, "tcp/127.0.0.1:1")
+    binary = px4_home / "build" / "px4_sitl_default" / "bin" / "px4"
+    write_provenance(collect({"0": standin_origin(), "1": px4_origin(binary)}), run.path)
+    first, second = (HostedAircraft(run, ua, Said()) for ua in scenario.ua)  # type: ignore[arg-type]
+    assert [each.daemon.vehicle.events.known for each in (first, second)] == [False, True]
+    assert str(first.daemon.link.address) == "tcp:127.0.0.1:5760"
+    assert str(second.daemon.link.address) == "udp-in:127.0.0.1:5771", "the next after its own, 5760 + 10"
+    assert isinstance(second.daemon.link, HeldUdpLink)
+    assert second.daemon.link.known_peer == ("127.0.0.1", 5770)
+    for each in (first, second):
+        each.close()

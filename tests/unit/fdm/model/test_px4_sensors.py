@@ -12,6 +12,8 @@ from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.jsbsim_model import JsbsimModel
 from fdm.model.magnetic_field import magnetic_field_ned_gauss
 from fdm.model.px4_sensors import Px4Encoder, Px4Sensors, pressure_altitude_m, to_body
+from fdm.model.sensor_noise import SensorNoise
+from fdm.model.truth import TrueState
 
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 30.0)
 EXACT = Px4Sensors(
@@ -21,8 +23,16 @@ STANDS = (0.0, 0.0, 0.0, 0.0, 0.0, -9.8, 3.0, 4.0, -5.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 class StandardAir:
+    """It flies north-east at 3000 m in the air of ISO 2533, nose up by 0.1 rad."""
+
     def air(self):
         return StaticAir(95_000.0, 285.15)
+
+    def truth(self, ua_id, sim_time_ns):
+        ahead, attitude = (16.0, 12.0, -1.0), (math.cos(0.05), 0.0, math.sin(0.05), 0.0)
+        gyro, force, place = (0.1, 0.2, 0.3), (0.0, 1.0, -9.0), (47.5, 8.5, 3000.0)
+        still = (0.0, 0.0, 0.0)
+        return TrueState(ua_id, sim_time_ns, *place, still, ahead, attitude, gyro, force, 23.2, still)
 
 
 def encoder(sensors=EXACT, *, seed=1, ua_id=0, has_airspeed=False):
@@ -98,6 +108,34 @@ def test_what_exact_sensors_measure():
     assert sensor.diff_pressure == pytest.approx(0.5 * 1.225 * 20.0**2 / 100.0)
     assert gps.time_usec == 1_700_000_000_004_000
     assert (gps.lat - 473977000, gps.alt) == (pytest.approx(3.0 / 0.0111319, abs=1), 493_000)
+
+
+def test_the_truth_is_the_models():
+    """Scales of HIL_STATE_QUATERNION: degrees 1e-7, mm, cm/s, mg. Density at 950 hPa and 12 C is 1.1606 kg/m^3."""
+    noise = SensorNoise(position_sigma_m=5.0, gyro_sigma_radps=1.0, airspeed_sigma_mps=3.0)
+    measured = noise.disturb(seed=1, ua_id=0)(lambda: STANDS)
+    made = encoder(Px4Sensors(), has_airspeed=True)
+    data = b"".join(made((number / 250, *measured())) for number in range(1, 251))
+    found = of_type(common.MAVLink(None).parse_buffer(data), "HIL_STATE_QUATERNION")
+    assert len(found) == 50
+    for truth in found:
+        assert (truth.lat, truth.lon, truth.alt) == (475_000_000, 85_000_000, 3_000_000)
+        assert (truth.vx, truth.vy, truth.vz) == (1600, 1200, -100)
+        assert truth.attitude_quaternion == pytest.approx([math.cos(0.05), 0.0, math.sin(0.05), 0.0])
+        assert (truth.rollspeed, truth.pitchspeed, truth.yawspeed) == pytest.approx((0.1, 0.2, 0.3))
+        assert (truth.xacc, truth.yacc, truth.zacc) == (0, 102, -918)
+        assert (truth.true_airspeed, truth.ind_airspeed) == (2320, round(2320 * math.sqrt(1.1606 / 1.225)))
+
+
+def test_the_truth_of_a_model_is_where_its_sensors_are():
+    model = JsbsimModel(load_airframe("f450"), HOME)
+    made = encoder(EXACT)
+    made.model = model
+    found = common.MAVLink(None).parse_buffer(made((0.004, *model.sense())))
+    (truth,), (gps,) = (of_type(found, name) for name in ("HIL_STATE_QUATERNION", "HIL_GPS"))
+    assert (truth.lat, truth.lon) == (pytest.approx(gps.lat, abs=1), pytest.approx(gps.lon, abs=1))
+    assert truth.alt == pytest.approx(gps.alt, abs=1)
+    assert truth.time_usec == 4000
 
 
 def test_the_same_seed_gives_the_same_bytes_and_a_boot_too():

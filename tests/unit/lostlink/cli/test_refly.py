@@ -12,10 +12,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
+from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, PacketWay, RecordedInput
 from bridge.record.names import inputs_path
-from bridge.record.provenance import Provenance, write_provenance
+from bridge.record.provenance import AutopilotOrigin, Provenance, write_provenance
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
@@ -98,7 +99,21 @@ def test_scenario_is_the_recorded_one_but_for_speed_and_ports(tmp_path: Path, fl
     assert (new.speed, new.ports.first_slot, new.ports.zenoh) == (2.0, 7, 0)
     same = {"speed": old.speed, "ports": old.ports}
     assert new.model_copy(update=same) == old
-    assert fly.seen["ardupilot_dir"] == tmp_path
+    assert fly.seen["dirs"] == AutopilotDirs(ardupilot=tmp_path)
+
+
+def test_each_autopilot_is_that_of_the_record_unless_said_otherwise(tmp_path: Path, fly: FakeFlight) -> None:
+    run = recorded(tmp_path)
+    flown = {
+        "0": AutopilotOrigin("px4", path="/px4/build/bin/px4"),
+        "1": AutopilotOrigin("ardupilot", path="/ardupilot/bin/arducopter"),
+        "2": AutopilotOrigin("standin"),
+    }
+    write_provenance(Provenance(lostlink="0.1.0", autopilots=flown), run)
+    refly(tmp_path, run)
+    assert fly.seen["dirs"] == AutopilotDirs(Path("/ardupilot/bin"), Path("/px4/build"))
+    refly(tmp_path, run, "--px4-dir", str(tmp_path))
+    assert fly.seen["dirs"] == AutopilotDirs(Path("/ardupilot/bin"), tmp_path)
 
 
 def test_altered_number_is_found(tmp_path: Path, fly: FakeFlight) -> None:

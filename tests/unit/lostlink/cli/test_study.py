@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lostlink.cli.flying.study import study
-from lostlink.study.case_process import RESULT_FILE, CasePlan, write_whole
+from lostlink.study.case_process import RESULT_FILE, CasePlan, read_result, write_whole
 from lostlink.study.study import Study
 
 FIGURES = """
@@ -80,3 +80,15 @@ def test_figures_without_pandas_are_refused_before_anything_flies(
     done = run(file, "--dry-run")
     assert (done.exit_code, done.stdout) == (2, f"{file}: reads the scenario of each run\n")
     assert "figures: needs pandas: pip install 'lostlink[pandas]'" in done.stderr
+
+
+def test_each_case_of_a_study_has_the_folder_of_px4_in_its_own_process(tmp_path: Path) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text("schema: 1\nname: mine\nscenario: separation\nset: {autopilot: px4}\n", encoding="utf-8")
+    done = run(file, "--lanes", "1", "--px4-dir", str(tmp_path))
+    assert done.exit_code == 1, done.output
+    (directory,) = (tmp_path / "mine" / "runs").iterdir()
+    assert CasePlan.read(directory).dirs.px4 == tmp_path
+    result = read_result(directory)
+    assert result is not None
+    assert f"{tmp_path}/bin/px4" in result["failure"]

@@ -257,10 +257,63 @@ def test_the_reach_of_a_disk_is_its_radius() -> None:
 def test_what_is_left_out_follows_the_scenario() -> None:
     plain = " ".join(plan_with()["not_modelled"])
     assert all(
-        word in plain for word in ("airtime", "collisions", "carrier sense", "wind", "ArduPilot", "fading")
+        word in plain for word in ("airtime", "collisions", "carrier sense", "wind", "stand-in", "fading")
     )
     richer = plan_with("wind=breeze", "radio=telemetry-915", "autopilot=ardupilot")["not_modelled"]
-    assert not any(line.startswith(("wind", "ArduPilot", "fading", "shadowing")) for line in richer)
+    assert not any(line.startswith(("wind", "real autopilots", "fading", "shadowing")) for line in richer)
+
+
+SITL_ERRORS = "errors of sensors beyond those of the autopilot's simulation"
+WHITE = "errors of sensors beyond white noise (fdm.px4): biases, drifts, delays"
+STANDIN = "real autopilots: a stand-in flies (docs/reference/standin.md); autopilot: ardupilot or px4 flies real ones"
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ((), [STANDIN, SITL_ERRORS]),
+        (("autopilot=ardupilot",), [SITL_ERRORS]),
+        (("autopilot=px4",), [WHITE]),
+        (("nodes.1.autopilot=ardupilot",), [f"of UA 0: {STANDIN}", SITL_ERRORS]),
+        (("nodes.1.autopilot=px4",), [f"of UA 0: {STANDIN}", f"of UA 0: {SITL_ERRORS}", f"of UA 1: {WHITE}"]),
+        (("autopilot=px4", "fdm.sensor_noise.gyro_sigma_radps=0.1"), [WHITE.replace("biases, ", "")]),
+    ],
+)
+def test_what_is_left_out_of_the_flight_is_told_of_whom_it_concerns(
+    settings: tuple[str, ...], expected: list[str]
+) -> None:
+    told = plan_with("wind=breeze", *settings)["not_modelled"]
+    assert [line for line in told if "stand-in" in line or "errors of sensors" in line] == expected
+
+
+MIXED = """\
+schema: 1
+name: mixed-autopilots
+duration_s: 60
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: corrected
+processes: PROCESSES
+autopilot: ardupilot
+nodes:
+  - {id: 0, count: 2, home: {line: {spacing_m: 10}}, autopilot: standin, agent: {type: still}}
+  - {id: 5, home: {east_m: 50}, agent: {type: still}}
+  - {id: 7, home: {east_m: 60}, autopilot: px4, agent: {type: still}}
+"""
+
+
+@pytest.mark.parametrize("processes", ["one", "many"])
+def test_a_mixed_fleet_has_a_process_for_each_real_autopilot_and_others_for_the_standins(
+    processes: str,
+) -> None:
+    plan = plan_of(parse_scenario(MIXED.replace("PROCESSES", processes), "mixed.yaml"))
+    flown = {name: nodes for name, nodes in plan.processes.items() if name.startswith("autopilot")}
+    standins = [nodes for name, nodes in flown.items() if name.startswith("autopilots-")]
+    assert sorted(sum(standins, ())) == ["0", "1"]
+    assert {name: nodes for name, nodes in flown.items() if nodes not in standins} == {
+        "autopilot-5": ("5",),
+        "autopilot-7": ("7",),
+    }
+    assert plan.autopilot == "ardupilot, px4, standin"
 
 
 def test_what_is_left_out_is_told_of_each_network() -> None:

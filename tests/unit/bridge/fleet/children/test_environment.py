@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
+import pytest
+
+from bridge.fleet.children.child import Child, ProcessSpec
 from bridge.fleet.children.environment import environment_of
 
 
@@ -16,6 +20,21 @@ def test_what_the_user_tunes_is_kept_but_for_the_vector_instructions() -> None:
     kept, hwcaps = found["GLIBC_TUNABLES"].split(":")
     assert kept == "glibc.malloc.check=1"
     assert {"-FMA", "-AVX2", "-FMA_Usable"} <= set(hwcaps.removeprefix("glibc.cpu.hwcaps=").split(","))
+
+
+@pytest.mark.parametrize(
+    "name", ["PX4_SIM_HOSTNAME", "PX4_SIM_MODEL", "PX4_SIM_SPEED_FACTOR", "replay", "replay_mode"]
+)
+async def test_what_the_shell_has_for_px4_does_not_reach_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv(name, "elsewhere")
+    log = tmp_path / "log"
+    spec = ProcessSpec("px4", ["/usr/bin/env"], log, environment={"PX4_SYS_AUTOSTART": "10016"})
+    await Child(spec).ended
+    found = dict(line.split("=", 1) for line in log.read_text(encoding="utf-8").splitlines() if "=" in line)
+    assert {key: found[key] for key in found if key.startswith("PX4_")} == {"PX4_SYS_AUTOSTART": "10016"}
+    assert name not in found
 
 
 SINES = (

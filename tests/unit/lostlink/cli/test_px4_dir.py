@@ -1,0 +1,44 @@
+"""`--px4-dir`: it reaches whoever starts PX4, and nobody else."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from bridge.fleet.course import FleetError
+from lostlink.cli.flying.run import run
+from lostlink.cli.live.doctor import doctor
+from lostlink.flight.scripted import fly
+
+BINARY = "build/px4_sitl_default/bin/px4"
+
+
+@pytest.fixture(autouse=True)
+def no_px4(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PX4_HOME", raising=False)
+    monkeypatch.setenv("PATH", os.defpath)
+
+
+def test_doctor_finds_px4_where_it_was_said_to_be_and_forgets_it(px4_home: Path) -> None:
+    told = json.loads(CliRunner().invoke(doctor, ["--json", "--px4-dir", str(px4_home)]).stdout)
+    assert told["autopilots"]["px4"] == str(px4_home / BINARY)
+    assert "PX4_HOME" not in os.environ
+    without = CliRunner().invoke(doctor, [])
+    assert "px4            not found (--px4-dir DIR, PX4_HOME or PATH)" in without.stdout
+
+
+def test_a_run_looks_there_first(tmp_path: Path) -> None:
+    done = CliRunner().invoke(
+        run, ["--autopilot", "px4", "--px4-dir", str(tmp_path), "--out", str(tmp_path / "runs")]
+    )
+    assert done.exit_code == 2
+    assert f"no PX4 was found. Looked at:\nlostlink:   {tmp_path}/bin/px4\n" in done.stderr
+
+
+def test_so_does_a_script(tmp_path: Path) -> None:
+    with pytest.raises(FleetError, match=f"no PX4 was found. Looked at:\n  {tmp_path}/bin/px4\n"):
+        fly("separation", autopilot="px4", px4_dir=tmp_path, directory=tmp_path)
