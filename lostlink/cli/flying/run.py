@@ -159,8 +159,7 @@ def run(
         fail(error)
     except OSError as error:
         fail(f"{out}: cannot make a directory for the run there: {error}")
-    if resolved.autopilots == {"standin"} and resolved.has_parameters:
-        tell("the stand-in autopilot does not take the scenario's parameters")
+    _remark(resolved)
     with ExitStack() as beside:
         if viewing is not None:
             beside.enter_context(viewing).start(directory)
@@ -170,6 +169,11 @@ def run(
         if viewing is not None and flight.signal is None:
             _keep(viewing, directory)
     sys.exit(flight.exit_status(summary))
+
+
+def _remark(scenario: Scenario) -> None:
+    if scenario.autopilots == {"standin"} and scenario.has_parameters:
+        tell("the stand-in autopilot does not take the scenario's parameters")
 
 
 def _check(*, as_json: bool, digest: bool, control: bool, view: bool, zenoh: bool | None) -> None:
