@@ -31,7 +31,7 @@ async def test_force_follows_whatever_comes_of_asking(monkeypatch: pytest.Monkey
     monkeypatch.setattr(serve, "GRACE_S", 0.01)
     program = Stubborn()
     attached = serve._Attached(
-        cast(AttachPlan, None), cast(AttachedProgram, program), cast(Forwarder, None), print
+        cast(AttachPlan, None), cast(AttachedProgram, program), cast(Forwarder, None), print, print
     )
     with pytest.raises(PermissionError):
         attached._came(signal.SIGTERM)
