@@ -16,6 +16,7 @@ from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
+from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import AutopilotName
 from fdm.exchange.settings import Coupling
 from lostlink.cli.exits import fail, tell
