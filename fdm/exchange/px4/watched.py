@@ -30,8 +30,8 @@ WHY_NOT = {
 }
 """Why a flight may not repeat, by counter."""
 AT_THE_END_OF_ITS_START = (
-    "something at the end of PX4's start script, 0.55 s after its first frame, comes a frame later in some flights (2 of 12 "
-    "on one machine); why is not known"
+    "something at the end of PX4's start script, 0.55 s after its first frame, comes a frame later in some flights "
+    "(2 of 26 on one machine); why is not known"
 )
 """Why none of its flights is sure to repeat."""
 

@@ -153,9 +153,8 @@ def run(
         resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
         preflight(resolved, dirs)
         viewing = ViewProcess(view_port, control=control) if view else None
-        console = Console(stderr=as_json or quiet)
         directory = RunDirectory.create(out, resolved.name)
-        flight = ShownFlight(resolved, directory, console, quiet=as_json or quiet)
+        flight = ShownFlight(resolved, directory, Console(stderr=as_json or quiet), quiet=as_json or quiet)
     except (ScenarioError, FleetError, NoView) as error:
         fail(error)
     except OSError as error:
