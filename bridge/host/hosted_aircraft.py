@@ -22,7 +22,6 @@ from bridge.host.hosted_node import HostedNode
 from bridge.host.modem_devices import AutopilotPort
 from bridge.host.modem_port import ModemPort
 from bridge.host.node_record import NodeRecord
-from bridge.record.provenance import read_provenance
 from bridge.run.directory import TLOG_FOLDER, RunDirectory
 from bridge.run.process import current_node
 from bridge.run.px4 import px4_events_file
@@ -182,6 +181,10 @@ class HostedAircraft(HostedNode):
 
 def _events_file(run: RunDirectory, ua: Aircraft) -> Path | None:
     """What the events of the PX4 mean that flies ``ua``; None: it is not known."""
+    from bridge.record.provenance import (
+        read_provenance,
+    )  # late: it takes the radio with it, which hosts do without
+
     made = read_provenance(run.path)
     binary = "" if made is None or ua.node not in made.autopilots else made.autopilots[ua.node].path
     return px4_events_file(Path(binary)) if binary else None
