@@ -101,7 +101,10 @@ def test_who_would_join_a_run_without_zenoh_is_told(command: str, start_run: Sta
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "processes",
+    [pytest.param("one", marks=pytest.mark.slow), pytest.param("many", marks=pytest.mark.long)],
+)
 def test_echo_ends_with_the_run_and_prints_json(processes: str, start_run: StartRun) -> None:
     run = start_run("--zenoh", "--processes", processes, "--speed", "4", duration_s=20.0, scenario=STILL)
     run.wait_for("sim time")

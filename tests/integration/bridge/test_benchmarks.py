@@ -44,6 +44,7 @@ def test_access_is_measured() -> None:
     assert row["refused_us"] > 0
 
 
+@pytest.mark.slow
 def test_the_router_and_agents_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
     result = bench_router.main(
         ["--receivers", "3", "--nodes", "12", "--rounds", "1", "--packets", "40", "--json"]

@@ -180,7 +180,9 @@ def wait_until_it_is_heard(run: Run, number: signal.Signals) -> None:
 
 
 @both
-@pytest.mark.parametrize("moment", ["starts flight dynamics", "waits for the autopilots", "sim time"])
+@pytest.mark.parametrize(
+    "moment", [slow("starts flight dynamics"), "waits for the autopilots", slow("sim time")]
+)
 def test_a_signal_ends_everything_at_any_stage(start_run: StartRun, processes: str, moment: str) -> None:
     run = start_run(processes=processes, duration_s=LONG_S)
     run.wait_for(moment)
@@ -451,10 +453,10 @@ def counted(run: Run) -> str:
     ("processes", "victim", "name", "hosts"),
     [
         ("one", "bridge.program.process", "fleet", "auto"),
-        ("many", "bridge.radio.process", "router", "auto"),
+        slow("many", "bridge.radio.process", "router", "auto"),
         ("many", "bridge.host.process", "host-0", "auto"),
-        ("many", "standin --sysid 2", "autopilot-1", "per-ua"),
-        ("many", "standin --sysid 1", "autopilots-0", "1"),
+        slow("many", "standin --sysid 2", "autopilot-1", "per-ua"),
+        slow("many", "standin --sysid 1", "autopilots-0", "1"),
     ],
 )
 def test_a_killed_process_ends_the_run_by_name_and_log(
@@ -484,7 +486,7 @@ def test_a_killed_process_ends_the_run_by_name_and_log(
 @pytest.mark.parametrize(
     ("processes", "victim", "name", "ending"),
     [
-        ("many", "bridge.host.process", "host-0", "interrupted"),
+        slow("many", "bridge.host.process", "host-0", "interrupted"),
         pytest.param("many", "bridge.radio.process", "router", "failed", marks=pytest.mark.long),
         slow("one", "bridge.program.process", "fleet", "failed"),
     ],
@@ -505,7 +507,7 @@ def test_a_process_that_does_not_end_is_killed_and_the_summary_tells_it(
     assert_nothing_is_left(run, children)
 
 
-@pytest.mark.parametrize(("processes", "hosts", "count"), [("one", "auto", 1), ("many", "per-ua", 6)])
+@pytest.mark.parametrize(("processes", "hosts", "count"), [("one", "auto", 1), slow("many", "per-ua", 6)])
 def test_a_killed_supervisor_leaves_no_process(
     start_run: StartRun, processes: str, hosts: str, count: int
 ) -> None:

@@ -37,7 +37,7 @@ def test_200_mission_items_are_uploaded_within_5_s_at_real_time(start_run: Start
     assert any(line["tick_ns"] % 50_000_000 for line in lines)
 
 
-@pytest.mark.parametrize("rate_hz", [20, 100])
+@pytest.mark.parametrize("rate_hz", [20, pytest.param(100, marks=pytest.mark.slow)])
 def test_ticks_are_those_of_the_tick_rate_at_any_mavlink_rate(start_run: StartRun, rate_hz: int) -> None:
     run = start_run(scenario=QUICK.replace("100", str(rate_hz), 1), duration_s=3.0)
     assert run.finish() == 0, run.output.decode()

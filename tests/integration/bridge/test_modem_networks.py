@@ -99,6 +99,7 @@ def test_three_copters_on_one_netid_lose_what_one_does_not(
     assert again["summary"]["digests"] == summary["digests"]
 
 
+@pytest.mark.slow
 def test_a_station_hears_its_own_modem_while_the_copter_is_gone(
     tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

@@ -218,6 +218,7 @@ def test_a_station_flies_a_copter_over_the_air_and_the_run_repeats_without_it(
     assert again["summary"]["digests"] == run.summary["digests"]
 
 
+@pytest.mark.slow
 def test_what_comes_out_is_what_arrived_on_the_air(start_run: StartRun) -> None:
     run, port = started(start_run, 15.0)
     with station_at(run, port) as station:

@@ -41,7 +41,7 @@ FLOWN = {
     "modems, exchanges, lookahead": (str(MODEMS), *AHEAD, "--set", "mavlink_rate_hz=100"),
     "many UA": (str(EXAMPLES / "ring.yaml"),),
 }
-SHORT = {"separation", "lookahead"}
+SHORT = {"separation"}
 LONG = {"modems", "consensus", "localise", "turn back", "lookahead, exchanges", "parallel coupling"}
 """What others are short of, or fly in a test of their own."""
 MARKS = {**dict.fromkeys(LONG, pytest.mark.long), **dict.fromkeys(SHORT, ())}

@@ -28,7 +28,7 @@ class Listener(Agent):
 PROBE = "  - {{id: probe, kind: ground, place: {{north_m: 50}}, agent: {{type: free}}}}\n"
 
 
-@pytest.mark.parametrize("processes", ["one", "many"])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: Path, processes: str) -> None:
     (tmp_path / "listener.py").write_text(LISTENER)
     own = f"{{{{type: own, class: {tmp_path}/listener.py:Listener, options: {{{{raw: true}}}}, has_task: false}}}}"

@@ -113,6 +113,7 @@ def test_default_scenario_agrees_with_the_model_as_does_the_papers_radio_over_it
     assert papers["bins_within"] >= 0.95 * papers["bins_judged"]
 
 
+@pytest.mark.slow
 def test_bad_samples_are_refused_and_the_run_goes_on(start_run: StartRun) -> None:
     run = start_run(duration_s=15.0, processes="many")
     run.wait_for("sim time")

@@ -117,6 +117,7 @@ def test_what_cannot_be_said_of_dependent_packets_is_not_said(base, rssi, says):
     assert says in by_name["base_loss"].note
 
 
+@pytest.mark.slow
 def test_shadowing_that_is_not_a_matter_of_distance_is_told():
     """Three legs over the same distances in three directions, each with shadowing of its own."""
     legs = [log_of(replace(TRUTH, decorrelation_m=30.0), (6, k), 400) for k in range(3)]

@@ -13,7 +13,9 @@ NPY, GLIBC = "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES"
 NO_FMA = {GLIBC: "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX,-AVX512F"}
 SETTINGS = [
     pytest.param(
-        {NPY: "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"} | NO_FMA, id="no AVX2 in numpy, no FMA in the C library"
+        {NPY: "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"} | NO_FMA,
+        id="no AVX2 in numpy, no FMA in the C library",
+        marks=pytest.mark.slow,
     ),
     pytest.param({NPY: "X86_V4 AVX512_ICL AVX512_SPR"}, id="no AVX-512 in numpy", marks=pytest.mark.slow),
     pytest.param(NO_FMA, id="no FMA in the C library", marks=[pytest.mark.slow, pytest.mark.long]),
