@@ -83,13 +83,18 @@ def _slot_is_free(slot: int, count: int) -> bool:
     )
 
 
+SLOTS, SLOTS_FOR_MANY = 100, 230
+"""At slot s + 100 autopilots listen where the daemons of slot s do: 5760 + 10 (s + 100). More than three processes need
+more slots than that."""
+
+
 def _slots_of_this_process() -> range:
-    """Slots that no other test process of this session uses; ArduPilot keeps its instance number in eight bits."""
+    """Slots that no other test process of this session uses."""
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    size = 230 // workers
+    size = (SLOTS if workers <= 3 else SLOTS_FOR_MANY) // workers
     first = 20 + worker * size
-    return range(first + os.getpid() % (size // 2), first + size)
+    return range(first + os.getpid() % 8, first + size)
 
 
 @pytest.fixture
