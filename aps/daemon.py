@@ -45,8 +45,12 @@ class Daemon(DaemonBase):
     async def __aenter__(self) -> Self:
         await super().__aenter__()
         self._running = True
-        for address in self._autopilots:
-            await self._start(make_driver(address, self.links, self.config.queue_limit_bytes))
+        try:
+            for address in self._autopilots:
+                await self._start(make_driver(address, self.links, self.config.queue_limit_bytes))
+        except BaseException:
+            await self.__aexit__()
+            raise
         self._wake()
         return self
 

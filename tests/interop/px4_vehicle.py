@@ -29,8 +29,9 @@ def px4_build() -> Path:
 
 
 def free_instance() -> int:
-    """A value for ``-i`` whose UDP ports are free."""
-    for instance in INSTANCES:
+    """A value for ``-i`` whose UDP ports are free; test processes begin at others."""
+    first = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) * 3
+    for instance in (*INSTANCES[first:], *INSTANCES[:first]):
         with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
             for base in (14540, 14580, 18570, 14280, 13030, 19450):
                 probe = stack.enter_context(socket.socket(type=socket.SOCK_DGRAM))

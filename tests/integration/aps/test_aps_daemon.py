@@ -297,3 +297,17 @@ async def test_started_commands_check_their_arguments(daemon, eventually, verb, 
     with pytest.raises(ValueError, match=message):
         daemon.commands.start(verb, *arguments)
     assert not daemon.commands.busy
+
+
+async def test_a_daemon_whose_autopilots_port_is_taken_leaves_nothing_open():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with socket.socket(type=socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        taken = f"udp-in:127.0.0.1:{other.getsockname()[1]}"
+        daemon = Daemon(DaemonConfig(autopilot=taken, sysid=2, listen_port=port))
+        with pytest.raises(OSError, match="already in use"):
+            await daemon.__aenter__()
+    with pytest.raises(ConnectionRefusedError):
+        await asyncio.open_connection("127.0.0.1", port)
