@@ -69,7 +69,7 @@ def lost_share(summary: dict[str, Any]) -> float:
 
 def flown_again(run: Path, tmp_path: Path, slot: int, processes: str = "auto") -> dict[str, Any]:
     command = [*LOSTLINK, "refly", str(run), "--out", str(tmp_path / "again"), "--json"]
-    command += ["--first-slot", str(slot), "--processes", processes]
+    command += ["--first-slot", str(slot), "--zenoh-port", "0", "--processes", processes]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     content: dict[str, Any] = json.loads(done.stdout)
