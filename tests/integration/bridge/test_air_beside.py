@@ -66,6 +66,7 @@ class Told:
             self.queues[name].append((now_ns / 1e9, *radio.queue))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_script_beside_a_node_is_told_what_its_agent_is_told_at_the_same_ticks(
     start_run: StartRun, processes: str

@@ -75,7 +75,7 @@ def test_the_digests_are_equal(name: str, tmp_path: Path, free_slot: Callable[[i
     assert one["refused"] == many["refused"]
 
 
-@pytest.mark.parametrize("processes", ["one", "many"])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 def test_what_is_said_of_a_payload_is_recorded(
     processes: str, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

@@ -130,6 +130,7 @@ def test_a_record_of_another_version_says_so(
     assert "identical" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_binaries_of_the_record_are_flown_again(
     start_run: StartRun, tmp_path: Path, free_slot: Callable[[int], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:

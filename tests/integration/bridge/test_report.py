@@ -32,6 +32,7 @@ def report_of(path: Path) -> dict[str, Any]:
     return content
 
 
+@pytest.mark.slow
 def test_a_report_has_the_numbers_of_the_summary(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     scenario = yaml.safe_load(STILL.format(speed="max", duration_s=5.0, slot=free_slot(2))) | LOSING
     result = fly(scenario, directory=tmp_path)

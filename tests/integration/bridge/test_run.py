@@ -33,7 +33,7 @@ LOGS = {
 }
 
 
-@pytest.mark.parametrize("processes", LOGS)
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun, processes: str) -> None:
     run = start_run(duration_s=10.0, figure=True, processes=processes)
     assert run.finish() == 0, run.output.decode()

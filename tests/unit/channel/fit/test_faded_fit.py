@@ -47,6 +47,7 @@ def fits():
     ]
 
 
+@pytest.mark.slow
 def test_fading_is_found_and_the_floor_beside_it(fits):
     """Twelve dB of K in 700 packets are hardly told from readings that err: then the intervals hold both."""
     for truth, fit in fits:
@@ -59,6 +60,7 @@ def test_fading_is_found_and_the_floor_beside_it(fits):
     assert by_name(fit)["fading.k_db"].value == pytest.approx(truth.k_db, abs=2.5)
 
 
+@pytest.mark.slow
 def test_the_written_radio_fades(fits):
     radio = fitted_radio(fits[1][1], load_radio("corrected"), "mine")
     assert radio.fading.model == "rician"

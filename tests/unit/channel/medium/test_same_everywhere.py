@@ -47,6 +47,7 @@ def test_the_record_is_the_same(settings, as_it_comes):
     assert digests(settings) == as_it_comes
 
 
+@pytest.mark.slow
 def test_the_workload_has_both_fates_of_most_radios(as_it_comes):
     counts = [tuple(map(int, line.split()[:2])) for line in as_it_comes.values()]
     assert len(counts) == 39

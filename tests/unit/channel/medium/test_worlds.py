@@ -13,9 +13,8 @@ OFTEN_ENOUGH = 9
 SHORT = {"pairs": 2, "packets": 400}
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("steps of the line of sight", marks=pytest.mark.slow), "one-sided and rounded"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["steps of the line of sight", "one-sided and rounded"])
 def test_steps_and_rounding_raise_no_alarm(name):
     radio, changes, world = RIGHT[name]
     judged = verdicts((radio, changes, replace(world, **SHORT)), REPEATS)
