@@ -96,36 +96,33 @@ class Modem:
 
     def acts_ns(self) -> int | None:
         """The next instant at which it may do something by itself; None: it waits."""
-        at_ns = self._status_ns
-        if self._from_host.waiting_bytes:
-            arrives_ns = self._from_host.arrives_ns(self._cutter.needs_bytes)
-            at_ns = arrives_ns if at_ns is None or (arrives_ns is not None and arrives_ns < at_ns) else at_ns
-        gives_up_ns = self._cutter.gives_up_ns
-        if gives_up_ns is not None and (at_ns is None or gives_up_ns < at_ns):
-            return gives_up_ns
-        return at_ns
+        at_ns, hears_ns = self._status_ns, self._hears_ns()
+        return hears_ns if at_ns is None or (hears_ns is not None and hears_ns < at_ns) else at_ns
 
-    def next_byte_ns(self, until_ns: int) -> int | None:
-        """When the next byte arrives, if not all that arrive up to an instant are sure to find room."""
-        count = self._from_host.arrived(until_ns) if self._from_host.waiting_bytes else 0
-        if not count or count <= self._room_bytes():
-            return None
-        return self._from_host.arrives_ns(1)
+    def _hears_ns(self) -> int | None:
+        """When its host's bytes may complete a unit, fill its room, or pause."""
+        line, gives_up_ns, coming = self._from_host, self._cutter.gives_up_ns, self._from_host.coming
+        if coming and (room_bytes := self._room_bytes()) > 0:
+            next_ns = line.arrives_ns(1)
+            if gives_up_ns is None or (next_ns is not None and next_ns <= gives_up_ns):
+                return line.arrives_ns(min(self._cutter.needs_bytes(coming), len(coming), room_bytes))
+        return gives_up_ns
 
     def listen(self, now_ns: int) -> Sequence[Unit]:
-        """Take in what has arrived; returns what goes on the air now.
+        """Take in what has arrived, as far as there is room; returns what goes on the air now.
 
         Args:
-            now_ns: not beyond the instants of `acts_ns` and `next_byte_ns`.
+            now_ns: not beyond `acts_ns`; the room was the same since the last call.
         """
         gives_up_ns, units = self._cutter.gives_up_ns, NO_UNITS
         count = self._from_host.arrived(now_ns) if self._from_host.waiting_bytes else 0
-        arrived_ns = self._from_host.arrives_ns(count) if count else None
-        if arrived_ns is not None:
+        if count:
+            kept_bytes = min(count, max(self._room_bytes(), 0))
+            self.counts.dropped_bytes += count - kept_bytes
+            arrived_ns = self._from_host.arrives_ns(kept_bytes)
             data = self._from_host.take(count)
-            kept = data[: max(self._room_bytes(), 0)]
-            self.counts.dropped_bytes += count - len(kept)
-            units = self._cutter.feed(kept, arrived_ns) if kept else NO_UNITS
+            if kept_bytes and arrived_ns is not None:
+                units = self._cutter.feed(data[:kept_bytes], arrived_ns)
         elif gives_up_ns is not None and gives_up_ns <= now_ns:
             units = self._cutter.give_up()
         for unit in units:

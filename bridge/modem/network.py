@@ -1,6 +1,9 @@
 """Modems of one network, and the units that are on the air between them: each hears all that is sent.
 
-Whoever has it gives it the fates of packets as they are known, and calls `step` at each instant of `next_ns`.
+At each instant of `next_ns` whoever has it calls `step`, runs the medium in between, and gives it the fates of packets:
+
+    network.listen(now_ns - 1)
+    network.step(now_ns, fates_until(now_ns))
 """
 
 from __future__ import annotations
@@ -80,23 +83,26 @@ class ModemNetwork:
             acts_ns = modem.acts_ns()
             if acts_ns is not None and acts_ns < at_ns:
                 at_ns = acts_ns
-        if at_ns < inf:
-            for modem in self.modems.values():
-                byte_ns = modem.next_byte_ns(int(at_ns))
-                if byte_ns is not None and byte_ns < at_ns:
-                    at_ns = byte_ns
         return at_ns
 
+    def listen(self, until_ns: int) -> None:
+        """Take in what hosts have sent up to an instant: before the medium goes on, which makes room for more.
+
+        Args:
+            until_ns: not beyond `next_ns`.
+        """
+        for node, modem in self.modems.items():
+            for unit in modem.listen(until_ns):
+                self._send(node, unit, until_ns)
+
     def step(self, now_ns: int, fates: Iterable[AirFate]) -> None:
-        """Nothing happened since the last step; all that happens now.
+        """All that happens now; it was listened up to just before, and nothing else happened since the last step.
 
         Args:
             now_ns: the medium has come to this instant.
             fates: of packets, decided since the last step.
         """
-        for node, modem in self.modems.items():
-            for unit in modem.listen(now_ns):
-                self._send(node, unit, now_ns)
+        self.listen(now_ns)
         for fate in fates:
             self._settle(fate, now_ns)
         for modem in self.modems.values():

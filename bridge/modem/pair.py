@@ -61,7 +61,9 @@ class ModemPair:
         network, medium = self._network, self._medium
         while (at_ns := network.next_ns(medium.agenda.next_ns)) <= until_ns:
             now_ns = int(at_ns)
+            network.listen(now_ns - 1)
             network.step(now_ns, [each for each in medium.run(now_ns) if isinstance(each, AirFate)])
+        network.listen(until_ns)
         self.now_ns = max(self.now_ns, until_ns)
         return network.outputs(until_ns)
 

@@ -47,6 +47,11 @@ class SerialLine:
             self._free_ns = run.started_ns + self.span_ns(run.taken + len(run.data))
         return max(self._free_ns, at_ns)
 
+    @property
+    def coming(self) -> bytes | bytearray:
+        """The next bytes, as far as they come without a pause."""
+        return self._runs[0].data if self._runs else b""
+
     def arrives_ns(self, count: int) -> int | None:
         """When the ``count``-th byte from now arrives; None: so many were not sent."""
         for run in self._runs:
@@ -65,7 +70,7 @@ class SerialLine:
             if self.baud:  # the k-th is there if k * _SCALE // baud <= elapsed
                 elapsed_ns = until_ns - run.started_ns
                 there = min(there, ((elapsed_ns + 1) * self.baud - 1) // _SCALE - run.taken)
-            count += there
+            count += max(there, 0)
         return count
 
     def take(self, count: int) -> bytes:

@@ -56,15 +56,18 @@ class UnitCutter:
         """That wait for more."""
         return len(self._held)
 
-    @property
-    def needs_bytes(self) -> int:
-        """No unit is complete before so many more bytes are there."""
-        held = self._held
-        if not held or held[0] not in (MAGIC_V1, MAGIC_V2):
-            return 1
-        if len(held) < LEAST_TO_JUDGE:
-            return LEAST_TO_JUDGE - len(held)
-        return _frame_bytes(held) - len(held)
+    def needs_bytes(self, coming: bytes | bytearray) -> int:
+        """No unit is complete before so many more bytes are there.
+
+        Args:
+            coming: what comes next, at least a byte of it unless bytes are held already.
+        """
+        begin = self._held + coming[:RAW_BYTES]
+        if begin[0] not in (MAGIC_V1, MAGIC_V2):
+            return min([RAW_BYTES, *(place + 1 for place in _magics(begin))]) - len(self._held)
+        if len(begin) < LEAST_TO_JUDGE:
+            return LEAST_TO_JUDGE - len(self._held)
+        return _frame_bytes(begin) - len(self._held)
 
     @property
     def gives_up_ns(self) -> int | None:
@@ -99,7 +102,7 @@ class UnitCutter:
 def _cut(held: bytes) -> Unit | None:
     """The unit that begins here, if it is complete."""
     if held[0] not in (MAGIC_V1, MAGIC_V2):
-        ends = [place for magic in (MAGIC_V1, MAGIC_V2) if (place := held.find(magic)) >= 0]
+        ends = _magics(held)
         end = min([*ends, RAW_BYTES])
         return Unit(held[:end]) if ends or len(held) >= RAW_BYTES else None
     if len(held) < LEAST_TO_JUDGE or len(held) < (end := _frame_bytes(held)):
@@ -115,6 +118,11 @@ def unit_bytes(data: bytes) -> int:
     """How long the unit is with which bytes begin; all of them, if its end is not among them."""
     cut = _cut(data) if data else None
     return len(data) if cut is None else len(cut.data)
+
+
+def _magics(data: bytes) -> list[int]:
+    """Where each start marker is met first."""
+    return [place for magic in (MAGIC_V1, MAGIC_V2) if (place := data.find(magic)) >= 0]
 
 
 def _frame_bytes(held: bytes) -> int:

@@ -185,7 +185,11 @@ class ModemsOfRun:
             if at_ns >= until_ns:
                 break
             for each in networks:
+                each.modems.listen(int(at_ns) - 1)
+            for each in networks:
                 each.step(int(at_ns))
+        for each in networks:
+            each.modems.listen(until_ns - 1)
         outputs = [output for each in networks for output in each.outputs(until_ns - 1)]
         return sorted(outputs, key=lambda output: (output.at_ns, output.node, output.network))
 

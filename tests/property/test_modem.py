@@ -28,17 +28,17 @@ def test_the_cutter_keeps_every_byte_in_its_place(garbage: bytes, sizes: list[in
     out, begin, n = b"", 0, 0
     while begin < len(garbage):
         size = sizes[n % len(sizes)]
-        assert pieces.needs_bytes >= 1
+        assert pieces.needs_bytes(garbage[begin : begin + size]) >= 1
         out += b"".join(unit.data for unit in pieces.feed(garbage[begin : begin + size], n))
         begin, n = begin + size, n + 1
     assert out + b"".join(unit.data for unit in pieces.give_up()) == garbage
 
 
-@given(GARBAGE, st.integers(1, 40))
-def test_no_unit_is_complete_before_the_bytes_that_it_needs(garbage: bytes, size: int) -> None:
+@given(GARBAGE, st.integers(1, 40), st.integers(1, 60))
+def test_no_unit_is_complete_before_the_bytes_that_it_needs(garbage: bytes, size: int, ahead: int) -> None:
     cutter, place = UnitCutter(BYTE_NS), 0
     while place < len(garbage):
-        count = min(cutter.needs_bytes - 1, size)
+        count = min(cutter.needs_bytes(garbage[place : place + ahead]) - 1, size)
         if count and place + count <= len(garbage):
             assert cutter.feed(garbage[place : place + count], 0) == []
             place += count

@@ -12,6 +12,7 @@ from benchmarks import (
     bench_fleet,
     bench_media,
     bench_messages,
+    bench_modem,
     bench_record,
     bench_recording,
     bench_replay,
@@ -61,6 +62,14 @@ def test_media_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
     found = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert found["saturated"]["events_per_s"] > 0
     assert found["fleet"]["receptions_per_s"] > 0
+
+
+@pytest.mark.slow
+def test_what_a_modem_carries_and_takes_is_measured() -> None:
+    found = bench_modem.main(["--duration", "2"])
+    assert found["one end"]["down_bytes_per_s"] > 1000 > found["one end"]["up_bytes_per_s"]
+    assert min(found["both ends"].values()) > 0
+    assert found["one end"]["cores"] < 1
 
 
 def test_what_chains_carry_is_measured(capsys: pytest.CaptureFixture[str]) -> None:

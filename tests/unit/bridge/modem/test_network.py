@@ -38,6 +38,7 @@ class Net:
 
     def live(self, until_ns: int) -> dict[int, bytes]:
         while (at_ns := self.network.next_ns(self.medium.agenda.next_ns)) <= until_ns:
+            self.network.listen(int(at_ns) - 1)
             fates = [each for each in self.medium.run(int(at_ns)) if isinstance(each, AirFate)]
             self.network.step(int(at_ns), fates)
         found = dict.fromkeys(self.network.modems, b"")

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import accumulate
 
 import pytest
 
 from bridge.modem.heard import RadioMeter
 from bridge.modem.modem import Modem
+from bridge.modem.network import ModemNetwork
 from bridge.modem.pair import ENDS, ModemPair
 from bridge.modem.settings import ModemSettings
 from channel.access.elrs_modes import ELRS_MODES
 from channel.access.media.airtime import AirTime
 from channel.access.media.elrs import Elrs, ElrsSettings
-from channel.access.packets import Loss
+from channel.access.packets import AirFate, Loss
 from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate
 from channel.access.world import PlainWorld
@@ -73,6 +75,21 @@ def test_a_full_buffer_takes_bytes_as_soon_as_there_is_room() -> None:
             dropped += 1
     assert dropped > 1000
     assert pair.modems[1].counts.dropped_bytes == dropped
+
+
+def test_bytes_that_find_no_room_cost_no_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps, step = [], ModemNetwork.step
+
+    def counted(network: ModemNetwork, now_ns: int, fates: Iterable[AirFate]) -> None:
+        steps.append(now_ns)
+        step(network, now_ns, fates)
+
+    monkeypatch.setattr(ModemNetwork, "step", counted)
+    pair = sik_pair(PlainWorld([0, 1]), air_kbps=16)
+    live(pair, 4 * S, busy(ENDS, 5760, 4))
+    dropped_bytes = [pair.modems[end].counts.dropped_bytes for end in ENDS]
+    assert min(dropped_bytes) > 15_000
+    assert len(steps) < sum(dropped_bytes) / 10
 
 
 def test_the_buffer_to_the_host_is_cut() -> None:

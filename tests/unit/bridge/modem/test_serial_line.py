@@ -33,6 +33,7 @@ def test_a_burst_waits_for_the_one_before_it() -> None:
     assert line.waiting_bytes == 15
     assert line.arrives_ns(5) == int(20 * Fraction(10**10, 9600))
     assert line.arrived(10**9) == 5
+    assert line.arrived(0) == 0, "those that were taken out do not count"
 
 
 def test_how_bytes_are_put_in_changes_no_instant() -> None:

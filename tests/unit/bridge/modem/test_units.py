@@ -12,7 +12,7 @@ def test_frames_of_both_versions_stay_whole() -> None:
     one, two = heartbeat(version=1), heartbeat(version=2)
     cutter = UnitCutter(BYTE_NS)
     assert cutter.feed(one + two + one[:4], 0) == [Unit(one, 1, True), Unit(two, 2, True)]
-    assert (cutter.held_bytes, cutter.needs_bytes) == (4, len(one) - 4)
+    assert (cutter.held_bytes, cutter.needs_bytes(b"")) == (4, len(one) - 4)
     assert cutter.feed(one[4:], 1) == [Unit(one, 1, True)]
     assert cutter.gives_up_ns is None
 
@@ -27,8 +27,21 @@ def test_a_signed_frame_has_its_signature() -> None:
     signed = bytes(frame) + bytes(range(13))
     cutter = UnitCutter(BYTE_NS)
     assert cutter.feed(signed[:-1], 0) == []
-    assert cutter.needs_bytes == 1
+    assert cutter.needs_bytes(b"") == 1
     assert cutter.feed(signed[-1:], 1) == [Unit(signed, 2, True)]
+
+
+def test_what_comes_tells_how_many_bytes_are_needed() -> None:
+    cutter = UnitCutter(BYTE_NS)
+    assert cutter.needs_bytes(b"\xfd") == 3, "a frame's length is known from three bytes on"
+    assert cutter.needs_bytes(heartbeat()[:3]) == len(heartbeat())
+    assert cutter.needs_bytes(b"abc" + heartbeat()) == 4, (
+        "what is no frame goes on with the next start marker"
+    )
+    assert cutter.needs_bytes(b"x" * 70) == 32
+    cutter.feed(b"abc", 0)
+    assert cutter.needs_bytes(b"x" * 70) == 29
+    assert cutter.needs_bytes(b"") == 29
 
 
 def test_other_bytes_go_as_they_are() -> None:
