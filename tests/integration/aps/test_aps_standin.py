@@ -71,6 +71,7 @@ async def daemon(processes):
         yield daemon
 
 
+@pytest.mark.slow
 async def test_arm_takeoff_goto_rtl_and_takeoff_land_again(daemon, connect, eventually):
     alice, bob = await connect(daemon.listen_port), await connect(daemon.listen_port, 254)
     await eventually(lambda: daemon.state.ready_to_arm, 30)

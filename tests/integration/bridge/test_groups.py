@@ -101,7 +101,8 @@ def test_a_group_is_heard_as_all_are_without_acknowledgement(flown: Flown) -> No
     assert told(run, "g1", "replies") == []
 
 
-@pytest.mark.parametrize("medium", [pytest.param({"model": "ideal"}, marks=pytest.mark.slow), CSMA["medium"]])
+@pytest.mark.parametrize("medium", [{"model": "ideal"}, CSMA["medium"]])
+@pytest.mark.slow
 def test_one_process_and_many_have_the_same_groups_and_what_reads_a_record_has_them(
     flown: Flown, medium: dict[str, Any]
 ) -> None:

@@ -23,6 +23,7 @@ from tests.integration.bridge.mission import mission_items, upload
 QUICK = STILL.replace("radio:", "mavlink_rate_hz: 100\nradio:")
 
 
+@pytest.mark.slow
 def test_200_mission_items_are_uploaded_within_5_s_at_real_time(start_run: StartRun) -> None:
     run = start_run(scenario=QUICK, speed="1")
     run.wait_for("sim time")

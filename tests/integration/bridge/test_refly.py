@@ -65,6 +65,7 @@ def visited(start_run: StartRun) -> Run:
 
 
 @pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
+@pytest.mark.slow
 def test_run_with_a_ground_station_is_flown_again_without_it(
     processes: str, visited: Run, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

@@ -73,6 +73,7 @@ OTHER_MACHINE = {
 """Variables that make this machine compute as one without vector instructions."""
 
 
+@pytest.mark.slow
 def test_a_machine_without_vector_instructions_flies_the_same(
     start_run: StartRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:

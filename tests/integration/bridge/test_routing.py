@@ -266,6 +266,7 @@ each_way = pytest.mark.parametrize(
 
 
 @each_way
+@pytest.mark.slow
 def test_one_process_and_many_have_the_same_routes(flown: Fly, routing: dict[str, Any]) -> None:
     one = scripted(flown, routing)
     many = scripted(flown, routing, processes="many")

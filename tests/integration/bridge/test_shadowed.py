@@ -64,9 +64,8 @@ def flown(slot: int, *arguments: str) -> dict[str, Any]:
 WORKERS = ("--processes", "many", "--set", "fdm.workers=2", "--set", "fdm.coupling=parallel")
 
 
-@pytest.mark.parametrize(
-    "arguments", [pytest.param(("--processes", "one"), marks=pytest.mark.slow), WORKERS], ids=["one", "many"]
-)
+@pytest.mark.parametrize("arguments", [("--processes", "one"), WORKERS], ids=["one", "many"])
+@pytest.mark.slow
 def test_a_run_is_not_broken(
     folder: Path, arguments: tuple[str, ...], free_slot: Callable[[int], int]
 ) -> None:

@@ -90,6 +90,7 @@ def test_frames_tell_where_everybody_is(view: View) -> None:
     assert len(frames[0]["position"]) == 9
 
 
+@pytest.mark.slow
 def test_a_run_that_was_over_before_it_was_looked_at_holds_nobody_up(record: Path) -> None:
     """As `lostlink run --view` starts it, of a run that took a second or broke off at once."""
     command = [*LOSTLINK, "view", str(record), "--port", "0", "--wait"]

@@ -212,6 +212,7 @@ def tilt_deg(one: TrueState) -> float:
     return math.degrees(math.acos(1.0 - 2.0 * (x * x + y * y)))
 
 
+@pytest.mark.slow
 def test_guided_flight_from_refusal_to_disarm() -> None:
     with flying() as flight:
         client = flight.client

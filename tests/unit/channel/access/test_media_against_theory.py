@@ -85,6 +85,7 @@ def test_saturated_unicast_has_bianchis_throughput(kind: str, rate_mbps: float, 
         pytest.param(31, 10, 0.4278, 100_000, marks=(pytest.mark.slow, pytest.mark.long)),
     ],
 )
+@pytest.mark.slow
 def test_saturated_broadcasts_collide_as_freeze_and_resume_has_it(
     cw_min: int, stations: int, share: float, frames: int
 ) -> None:
