@@ -7,6 +7,7 @@ another one waits. HOW, words with commas between:
     relayed     its reader has no name: it is no PX4
     unlocked    its flags lack the bit that says lockstep
     naps        the first answer is given by a thread that sleeps 10 ms before, as when PX4 boots
+    keeps       what it reads is kept in the file ``hil.bin`` of the folder that it is in
 """
 
 from __future__ import annotations
@@ -15,11 +16,23 @@ import socket
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 from pymavlink.dialects.v20 import common
 
 NAP_S = 0.01
+KEPT = Path("hil.bin")
+
+
+def build(folder: Path, script: str) -> Path:
+    """What is taken for PX4's build: a script in the place of its program."""
+    binary = folder / "bin" / "px4"
+    binary.parent.mkdir(parents=True)
+    (folder / "etc" / "init.d-posix").mkdir(parents=True)
+    binary.write_text(f"#!/bin/sh\n{script}\n", encoding="ascii")
+    binary.chmod(0o755)
+    return folder
 
 
 class Player:
@@ -35,9 +48,12 @@ class Player:
         if "relayed" not in self._how:
             Path("/proc/thread-self/comm").write_text("sim_rcv", encoding="ascii")
         frames = 0
-        with socket.create_connection(("127.0.0.1", self._port)) as connection:
+        keeps = KEPT.open("wb") if "keeps" in self._how else nullcontext()
+        with socket.create_connection(("127.0.0.1", self._port)) as connection, keeps as kept:
             connection.sendall(common.MAVLink_heartbeat_message(0, 12, 0, 0, 0, 3).pack(self._mav))
             while data := connection.recv(65536):
+                if kept is not None:
+                    kept.write(data)
                 for message in self._mav.parse_buffer(data) or ():
                     if message.get_type() == "HIL_SENSOR":
                         frames += 1

@@ -12,18 +12,9 @@ from pathlib import Path
 import psutil
 
 from tests.integration.bridge.conftest import STILL, StartRun
+from tests.px4_played import build
 
 ROOT = Path(__file__).parents[3]
-
-
-def build(folder: Path, script: str) -> Path:
-    """What is taken for PX4's build."""
-    binary = folder / "bin" / "px4"
-    binary.parent.mkdir(parents=True)
-    (folder / "etc" / "init.d-posix").mkdir(parents=True)
-    binary.write_text(f"#!/bin/sh\n{script}\n")
-    binary.chmod(0o755)
-    return folder
 
 
 def test_a_px4_that_ends_at_once_ends_the_run_with_its_last_words(
