@@ -21,8 +21,12 @@ from contextlib import suppress
 PROC = "/proc"
 _AT_REST = (b"S", b"Z", b"X")
 """States of proc(5): sleeps, has ended."""
+_SLEEPS = b"S"
 _NAPS = (b"hrtimer_nanosleep", b"do_nanosleep")
 """Where threads that sleep for a time wait in the kernel (proc(5): wchan)."""
+_NOWHERE = b"0"
+"""What wchan says of a thread that runs; where it is not shown; and, since Linux 6.12, of one that sleeps and has not
+yet left the queue of its processor."""
 _NUM_THREADS = 17
 """Place of the number of threads in /proc/PID/stat, counted after the name (proc(5): field 20)."""
 _READ_BYTES = 1024
@@ -64,6 +68,8 @@ class Rest:
         self._own = 0
         self._nappers: set[str] = set()
         self._since_ns = 0
+        self._shows_places = False
+        """Whether this system has shown where a thread waits."""
 
     def sent(self) -> None:
         """Something is about to be sent to it: it is at rest only when its reader has run since."""
@@ -88,14 +94,23 @@ class Rest:
             before = [thread.runs() for thread in threads]
             if not threads or not all(thread.sleeps() for thread in threads):
                 return False
-            nappers = {
-                path for path, each in self._threads.items() if nap_ns and path != self._main and each.naps()
-            }
+            nappers = self._now_nap() if nap_ns else set()
             slept = all(thread.sleeps() for thread in threads) and [t.runs() for t in threads] == before
-            return slept and self._are_all(threads) and self._have_waited(nappers, nap_ns)
+            if nappers is None or not slept or not self._are_all(threads):
+                return False
+            return self._have_waited(nappers, nap_ns)
         except OSError:  # a thread has ended meanwhile: look again
             self.close()
             return False
+
+    def _now_nap(self) -> set[str] | None:
+        """The threads, but the main one, that sleep for a time; None: of one the system does not say just now."""
+        places = {path: each.waits_in() for path, each in self._threads.items()}
+        self._shows_places |= any(place not in (b"", _NOWHERE) for place in places.values())
+        places.pop(self._main, None)
+        if self._shows_places and _NOWHERE in places.values():
+            return None
+        return {path for path, place in places.items() if place in _NAPS}
 
     def _have_waited(self, nappers: set[str], nap_ns: int) -> bool:
         """Whether no thread naps, or the same ones have for `nap_ns`."""
@@ -173,21 +188,24 @@ class _Thread:
 
     def sleeps(self) -> bool:
         """Whether it sleeps, or has ended."""
+        return self._state() in _AT_REST
+
+    def _state(self) -> bytes:
         text = os.pread(self._stat, _READ_BYTES, 0)
         at = text.rindex(b")") + 2  # the name before it may hold anything
-        return text[at : at + 1] in _AT_REST
+        return text[at : at + 1]
 
     def count(self) -> int:
         """How many threads its process has."""
         text = os.pread(self._stat, _READ_BYTES, 0)
         return int(text[text.rindex(b")") + 2 :].split()[_NUM_THREADS])
 
-    def naps(self) -> bool:
-        """Whether it sleeps for a time, as far as the system tells."""
+    def waits_in(self) -> bytes:
+        """Where in the kernel it waits; empty if it has ended, or if it cannot be read."""
         try:
-            return _read(f"{self._path}/wchan").rstrip(b"\0") in _NAPS
+            return _read(f"{self._path}/wchan").rstrip(b"\0") if self._state() == _SLEEPS else b""
         except OSError:  # not shown; or it has ended, which `runs` will say
-            return False
+            return b""
 
     def name(self) -> str:
         """Its name."""

@@ -203,3 +203,28 @@ def test_a_thread_that_naps_is_at_rest_only_when_it_has_for_long(program):
         assert time.monotonic() < begun_s + 10.0
     assert time.monotonic() >= begun_s + 0.3
     assert rest.naps
+
+
+@pytest.mark.parametrize(("shows_others", "is_at_rest"), [(True, False), (False, True)])
+def test_a_thread_of_which_is_not_said_where_it_waits_may_nap(program, monkeypatch, shows_others, is_at_rest):
+    """So Linux says of one that is still in its processor's queue; where nothing is ever said, nothing is known."""
+    main, read = f"/proc/{program.pid}/task/{program.pid}/wchan", quiet._read
+
+    def reads(path):
+        if path.endswith("/wchan"):
+            return b"pipe_read" if path == main and shows_others else b"0"
+        return read(path)
+
+    rest = Rest(program.pid)
+    assert comes_to_rest(rest)
+    monkeypatch.setattr(quiet, "_read", reads)
+    until_s = time.monotonic() + (10.0 if is_at_rest else 0.2)
+    found = False
+    while not found and time.monotonic() < until_s:
+        found = rest.is_at_rest(nap_ns=1)
+    assert found == is_at_rest
+    assert not rest.naps
+    monkeypatch.undo()
+    if not is_at_rest:
+        while not rest.is_at_rest(nap_ns=1):
+            assert time.monotonic() < until_s + 10.0
