@@ -41,6 +41,9 @@ MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
 _PARAM_VALUE: Final = 22
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
+_NOT_NOW: Final = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+AGAIN_S: Final = 0.25
+"""After so long a step that was rejected for now is sent again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +64,8 @@ class Step:
     """Of a message that nothing acknowledges: whether the state shows that it was taken."""
     explains: bool = False
     """What the autopilot says to it are reasons for a refusal of the next step, too."""
+    patience_s: float = 0.0
+    """For so long it is sent again when it is rejected for now (MAV_RESULT_TEMPORARILY_REJECTED)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +125,8 @@ class _Waiting:
     """MAV_RESULT, once it is there."""
     in_progress: bool = False
     refused_ns: int | None = None
+    rejected_ns: int | None = None
+    """When it was first rejected for now."""
     texts: list[str] = field(default_factory=list)
 
 
@@ -245,6 +252,8 @@ class CommandExecution(Execution):
         while self._waiting.answer == _ACCEPTED or not self.plan.steps:
             if not self._next_step(state, now_ns):
                 return self._poll_goal(state, now_ns)
+        if self._tries_again(now_ns):
+            return []
         if self._waiting.answer is not None:
             self._refused(self._waiting.answer, now_ns)
             return self._poll_steps(state, now_ns) if self._waiting.answer == _ACCEPTED else []
@@ -278,6 +287,19 @@ class CommandExecution(Execution):
         waiting.deadline_ns = now_ns + round(ACK_TIMEOUTS_S[waiting.tries] * NS_PER_S)
         waiting.tries += 1
         return [message]
+
+    def _tries_again(self, now_ns: int) -> bool:
+        """Whether the step was rejected for now, and is to be sent again a little later."""
+        waiting, patience_ns = self._waiting, round(self.plan.steps[self._step].patience_s * NS_PER_S)
+        if waiting.answer != _NOT_NOW:
+            return False
+        if waiting.rejected_ns is None:
+            waiting.rejected_ns = now_ns
+        if now_ns - waiting.rejected_ns >= patience_ns:
+            return False
+        waiting.answer, waiting.tries, waiting.deadline_ns = None, 0, now_ns + round(AGAIN_S * NS_PER_S)
+        waiting.texts.clear()
+        return True
 
     def _refused(self, result: int, now_ns: int) -> None:
         waiting, step = self._waiting, self.plan.steps[self._step]

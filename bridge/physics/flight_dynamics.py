@@ -33,7 +33,7 @@ from fdm.clock.status import ClockStatus
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.called import CalledAutopilot
 from fdm.exchange.exchange import Exchange
-from fdm.exchange.px4.watched import AT_THE_END_OF_ITS_START, WHY_NOT
+from fdm.exchange.px4.watched import WHILE_IT_STARTS, WHY_NOT
 from fdm.model.truth import TrueState
 from fdm.workers.fleet_exchange import FleetExchange, open_exchange
 
@@ -137,7 +137,7 @@ class FlownDynamics:
                 self._report.may_not_repeat(f"UA {ua_id}: {WHY_NOT[name]}")
         for ua in self._scenario.ua:
             if self._scenario.autopilot_of(ua) == "px4":
-                self._report.may_not_repeat(f"UA {ua.id}: {AT_THE_END_OF_ITS_START}")
+                self._report.may_not_repeat(f"UA {ua.id}: {WHILE_IT_STARTS}")
         self.exchange.close()
         self._table.close()
         self._report.close()

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import re
 
 import pytest
 from pymavlink import mavutil
@@ -93,3 +94,18 @@ async def test_mavsdk_flies_a_mission_with_px4(copter):
     text = "\n".join(lines)
     assert "fence: 4 corners" in text
     assert "finished: True" in text
+
+
+async def test_mavsdk_moves_files_and_fetches_a_log_of_px4(copter):
+    for result in (await copter.commands.arm(), await copter.commands.run("disarm")):
+        assert result.reached, result
+    async with program(CLIENTS / "mavsdk_files.py", f"tcpout://127.0.0.1:{copter.listen_port}") as client:
+        lines = await client.ends_well(200.0)
+    text = "\n".join(lines)
+    assert "there: noise.bin 5000 bytes" in text
+    assert "the same there: True" in text
+    assert "the same back: True" in text
+    assert "cleared up" in text
+    (got, whole, begins) = re.search(r"log \d+: (\d+) of (\d+) bytes, begins with (.*)", text).groups()
+    assert got == whole
+    assert begins == repr(b"ULog")

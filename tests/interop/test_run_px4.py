@@ -15,7 +15,7 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 
-from fdm.exchange.px4.watched import AT_THE_END_OF_ITS_START
+from fdm.exchange.px4.watched import WHILE_IT_STARTS
 from lostlink.reading.run import load_run
 
 pytestmark = [pytest.mark.px4, pytest.mark.timeout(900)]
@@ -109,6 +109,6 @@ def test_of_three_flights_of_a_real_px4_two_have_the_same_bytes(
     reasons = {reason for flight in flights for reason in flight["may_not_repeat"]}
     if any("real-time threads" in reason for reason in reasons):
         pytest.skip("PX4 may not have real-time threads here: no two flights are alike")
-    assert reasons == {f"UA {ua}: {AT_THE_END_OF_ITS_START}" for ua in (0, 1)}
+    assert reasons == {f"UA {ua}: {WHILE_IT_STARTS}" for ua in (0, 1)}
     digests = [json.dumps(flight["digests"], sort_keys=True) for flight in flights]
     assert Counter(digests).most_common(1)[0][1] >= 2

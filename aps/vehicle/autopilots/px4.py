@@ -26,6 +26,8 @@ OFFBOARD_LEAD_S: Final = 0.5
 SETPOINT_PERIOD_S: Final = 0.25
 """It leaves OFFBOARD when none has come for COM_OF_LOSS_T, 1 s."""
 HOLD: Final = "AUTO.LOITER"
+MISSION_PATIENCE_S = 1.0
+"""For so long the mode of a mission is asked for again when PX4 rejects it for now."""
 NO_MISSION: Final = 0xFFFF
 """MISSION_CURRENT.total without a mission."""
 
@@ -198,9 +200,13 @@ class Px4Stack:
         return Manoeuvre((self.mode_step(state, "AUTO.LAND"),), ("AUTO.LAND",))
 
     def mission(self, state: VehicleState) -> Manoeuvre:
-        """AUTO.MISSION: it begins by itself, where MISSION_START would arm, too."""
+        """AUTO.MISSION: it begins by itself, where MISSION_START would arm, too.
+
+        PX4 acknowledges a mission first, and then sees whether it can be flown: until it has, it rejects the mode.
+        """
         last = ("AUTO.RTL", "AUTO.LAND", "AUTO.PRECLAND", HOLD)
-        return Manoeuvre((self.mode_step(state, "AUTO.MISSION"),), ("AUTO.MISSION",), last_modes=last)
+        begins = replace(self.mode_step(state, "AUTO.MISSION"), patience_s=MISSION_PATIENCE_S)
+        return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last)
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:
         """MISSION_SET_CURRENT, which nothing acknowledges: not all versions know the command."""

@@ -117,7 +117,11 @@ def _number(value: float) -> str:
 
 
 def _own_mavlink(plan: LaunchPlan) -> str:
-    """One MAVLink link, to the UA's daemon, and nothing on it that depends on this machine: its time, its load."""
+    """One MAVLink link, to the UA's daemon, and nothing on it that depends on this machine: its time, its load.
+
+    The load monitor is stopped at its first look, at 0.5 s: what was a frame late before then goes on at one instant.
+    It has to have told the load once, else missions are refused.
+    """
     port = plan.scenario.autopilot_port(plan.ua)
     return (
         f"mavlink start -x -u {port} -o {port + 1} -t 127.0.0.1 -r {RATE_BYTES_PER_S} -m onboard\n"

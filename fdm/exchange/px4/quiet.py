@@ -7,7 +7,8 @@ threads, and those of its start script, sleep.
 Proof: a thread that sleeps at two instants, and was given no processor from before the first until after the second,
 slept all the while. If this holds for all threads, and each first instant is before each second one, then there was an
 instant at which all of them slept, and no thread was there to wake another. What may still wake one is a timer of wall
-time: whether one naps so is seen between the two instants.
+time: whether one naps so is seen between the two instants. One that has woken from its nap, and naps again while all
+others sleep, waits for what the next frame brings.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ _NOWHERE = b"0"
 yet left the queue of its processor."""
 _NUM_THREADS = 17
 """Place of the number of threads in /proc/PID/stat, counted after the name (proc(5): field 20)."""
+_LONGEST_NAP_NS = 5_000_000_000
+"""Wall time after which a nap is not waited for."""
 _READ_BYTES = 1024
 _MOMENT_S = 0.001
 
@@ -66,7 +69,8 @@ class Rest:
         self._threads: dict[str, _Thread] = {}
         self._is_known = False
         self._own = 0
-        self._nappers: set[str] = set()
+        self._nappers: dict[str, int] = {}
+        """Threads that nap, and how often each had run when it was first found so."""
         self._since_ns = 0
         self._shows_places = False
         """Whether this system has shown where a thread waits."""
@@ -74,17 +78,17 @@ class Rest:
     def sent(self) -> None:
         """Something is about to be sent to it: it is at rest only when its reader has run since."""
         self._reads_at_send = self._reads()
-        self._nappers = set()
+        self._nappers = {}
 
     def has_children(self) -> bool:
         """Whether it has started processes that have not ended: PX4's start script goes on."""
         return any(True for _ in _children(self.pid))
 
-    def is_at_rest(self, nap_ns: int = 0) -> bool:
+    def is_at_rest(self, naps: int = 0) -> bool:
         """Whether there was an instant since the call at which all its threads slept. False if it has ended.
 
         Args:
-            nap_ns: threads that nap count as at rest only when the same ones have for so long (wall time) since
+            naps: a thread that naps counts as at rest only when it has run so often since it was first found to, after
                 `sent`; 0: at once.
         """
         if self._reader_name and self._reads() in (-1, self._reads_at_send):
@@ -94,11 +98,13 @@ class Rest:
             before = [thread.runs() for thread in threads]
             if not threads or not all(thread.sleeps() for thread in threads):
                 return False
-            nappers = self._now_nap() if nap_ns else set()
-            slept = all(thread.sleeps() for thread in threads) and [t.runs() for t in threads] == before
-            if nappers is None or not slept or not self._are_all(threads):
+            nappers = self._now_nap() if naps else set()
+            if nappers is None or not self._are_all(threads):
                 return False
-            return self._have_waited(nappers, nap_ns)
+            if not all(thread.sleeps() for thread in threads) or [t.runs() for t in threads] != before:
+                return False  # last, as another one may have come and gone: whoever had to do with it has run
+            runs = dict(zip(self._threads, before, strict=True))
+            return self._have_napped({path: runs[path] for path in nappers}, naps)
         except OSError:  # a thread has ended meanwhile: look again
             self.close()
             return False
@@ -112,12 +118,21 @@ class Rest:
             return None
         return {path for path, place in places.items() if place in _NAPS}
 
-    def _have_waited(self, nappers: set[str], nap_ns: int) -> bool:
-        """Whether no thread naps, or the same ones have for `nap_ns`."""
+    def _have_napped(self, runs: dict[str, int], naps: int) -> bool:
+        """Whether no thread naps, or each has run so often meanwhile.
+
+        Args:
+            runs: of those that nap, how often each has run.
+            naps: see `is_at_rest`.
+        """
         now_ns = time.monotonic_ns()
-        if nappers != self._nappers:
-            self._nappers, self._since_ns = nappers, now_ns
-        return not nappers or now_ns - self._since_ns >= nap_ns
+        if runs.keys() != self._nappers.keys():
+            self._nappers, self._since_ns = (
+                {path: self._nappers.get(path, runs[path]) for path in runs},
+                now_ns,
+            )
+        have_run = all(runs[path] - first >= naps for path, first in self._nappers.items())
+        return have_run or now_ns - self._since_ns >= _LONGEST_NAP_NS
 
     @property
     def naps(self) -> bool:

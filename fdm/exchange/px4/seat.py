@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
+import sys
 import time
 from collections import Counter
 from typing import NamedTuple
@@ -26,9 +27,12 @@ LOOKS = 8
 WAKES, WAKE_AGE_NS = 10, 2_000_000
 """How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
 wake by themselves 10 ms later."""
-LONGEST_NAP_NS = 20_000_000
-"""Wall time after which a thread of PX4 that still naps waits for the next frame. While it boots some nap for 5 ms,
-again and again, until another one is ready."""
+NAPS = 2
+"""How often a thread of PX4 has to wake from a nap to be taken for one that waits for the next frame: while it boots
+some nap for 5 ms, again and again, until another is ready."""
+NO_NAP = sys.maxsize
+"""With the first frame its work queues come to sim time: until then they nap, for up to a second (wkr_hrt; hpwork and
+lpwork 50 ms), and would be as late with what is due as their last nap is long."""
 NOT_CONNECTED = "connections_failed"
 """Counter of the connections that had ended before they were taken, or could not be."""
 NOT_TAKEN = "connections_refused"
@@ -84,7 +88,7 @@ class Px4Seat:
         self._wake_ports, self._has_woken = peer.wake_ports, False
         self._woken_ns = self._sent_ns = 0
         self._as_text = make_encoder(spec.airframe.sensors)
-        self._has_booted, self._is_silent, self._unsent = False, False, b""
+        self._has_begun, self._has_booted, self._is_silent, self._unsent = False, False, False, b""
         self._cores = our_cores()
         self._tick_period_ns, self._tick = tick_period_ns, -1
         self._waker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -156,7 +160,7 @@ class Px4Seat:
         """Serve who has connected; returns the packet that asks for the first frame. It boots."""
         self.drop()
         self.connection, self._peer = newcomer
-        self._has_booted, self._unsent = False, b""
+        self._has_begun, self._has_booted, self._unsent = False, False, b""
         self._rest, why_not = watch(self._peer, self.aircraft.ua_id, self._cores)
         self._past += self._frames.totals()
         self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=self._rest is not None)
@@ -222,13 +226,14 @@ class Px4Seat:
             return None
         if rest is None:
             return self._done() if frames.is_done(wall_ns) else None
+        naps = 0 if self._has_booted else NAPS if self._has_begun else NO_NAP
         for _ in range(LOOKS):
-            if rest.is_at_rest(0 if self._has_booted else LONGEST_NAP_NS):
+            if rest.is_at_rest(naps):
                 if self._wake_ports and not self._has_woken:
                     self._wake()
                     continue
                 self.receive()  # it may have answered since the last look
-                self._has_booted = self._has_booted or self._boot_is_over(rest)
+                self._has_begun, self._has_booted = True, self._has_booted or self._boot_is_over(rest)
                 return self._done()
         return None
 

@@ -29,9 +29,9 @@ WHY_NOT = {
     "machine's",
 }
 """Why a flight may not repeat, by counter."""
-AT_THE_END_OF_ITS_START = (
-    "something at the end of PX4's start script, 0.55 s after its first frame, comes a frame later in some flights "
-    "(2 of 26 on one machine); why is not known"
+WHILE_IT_STARTS = (
+    "PX4's start script goes on when a module's thread is there: one that has to wait for the disk first, as beside "
+    "much writing, comes a frame later"
 )
 """Why none of its flights is sure to repeat."""
 

@@ -200,6 +200,37 @@ def test_a_mission_from_its_last_item_flown_again_ends_with_it(last, first):
     assert flight.execution.result.reached
 
 
+def test_a_mission_that_px4_still_looks_at_is_asked_for_again():
+    """A try each quarter of a second, for a second; then the reasons of the last rejection count."""
+    flight = CommandExecution(fly.fly(replace(HOVERS, mission_current=0, mission_total=2)))
+    (first,) = flight.poll(HOVERS, 0)
+    flight.on_text(StatusText(4, "no valid mission"))
+    flight.on_ack(176, REJECTED)
+    assert flight.poll(HOVERS, S // 10) == []
+    assert flight.deadline_ns() == S // 10 + S // 4
+    assert flight.poll(HOVERS, S // 10 + S // 4 - 1) == []
+    (again,) = flight.poll(HOVERS, S // 10 + S // 4)
+    assert again.to_dict() == first.to_dict()
+    flight.on_ack(176, ACCEPTED)
+    flight.poll(replace(HOVERS, mode="AUTO.MISSION"), S)
+    assert [event.phase for event in flight.events] == ["accepted"]
+
+
+def test_a_mission_that_px4_goes_on_rejecting_is_refused_within_little_more_than_a_second():
+    flight = CommandExecution(fly.fly(replace(HOVERS, mission_current=0, mission_total=2)))
+    now_ns, tries = 0, 0
+    while flight.result is None:
+        assert now_ns <= 2 * S
+        if flight.poll(HOVERS, now_ns):
+            tries += 1
+            flight.on_text(StatusText(4, f"no, says it at try {tries}"))
+            flight.on_ack(176, REJECTED)
+            flight.poll(HOVERS, now_ns)
+        now_ns += S // 20
+    assert (tries, flight.result.outcome) == (5, Outcome.REFUSED)  # at 0, 0.25, ... 1 s
+    assert flight.result.reason == "TEMPORARILY_REJECTED: no, says it at try 5"
+
+
 def test_a_return_amid_a_mission_interrupts_it():
     start = replace(HOVERS, mission_current=0, mission_total=2)
     flight = Flight(fly.fly(start), start)

@@ -17,6 +17,7 @@ from fdm.exchange.px4.quiet import Rest, shows_rest, thread_ids
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="/proc is Linux's")
 
+DOZE_S = 0.7
 PROGRAM = """
 import subprocess, sys, threading, time
 waits = threading.Event()
@@ -29,6 +30,10 @@ for line in sys.stdin:
         while True: pass
     if line == "nap\\n":
         threading.Thread(target=naps, daemon=True).start()
+    if line == "doze\\n":
+        threading.Thread(target=lambda: (time.sleep(0.7), waits.wait()), daemon=True).start()
+    if line == "sleep\\n":
+        threading.Thread(target=time.sleep, args=(1000,), daemon=True).start()
     if line == "start\\n":
         subprocess.Popen([sys.executable, "-c", "while True: pass"])
     print("done", flush=True)
@@ -191,7 +196,7 @@ def test_where_the_system_cannot_place_it_says_so(program, monkeypatch):
     assert not keep_on_one_core(program.pid, 0, (0,))
 
 
-def test_a_thread_that_naps_is_at_rest_only_when_it_has_for_long(program):
+def test_a_thread_that_naps_is_at_rest_only_when_it_has_woken_and_naps_again(program):
     rest = Rest(program.pid)
     assert comes_to_rest(rest)
     assert not rest.naps
@@ -199,10 +204,38 @@ def test_a_thread_that_naps_is_at_rest_only_when_it_has_for_long(program):
     program.stdout.readline()
     begun_s = time.monotonic()
     assert comes_to_rest(rest), "at once, where naps do not matter"
-    while not rest.is_at_rest(nap_ns=300_000_000):
+    while not (rest.is_at_rest(naps=21) and rest.naps):  # its first look may come before its first nap
+        assert time.monotonic() < begun_s + 30.0
+    assert time.monotonic() >= begun_s + 0.05, (
+        "naps of 5 ms; of its runs up to half may be those of a nap cut short"
+    )
+
+
+def test_a_nap_that_ends_is_waited_for(program):
+    """However long it has napped: it has not woken yet."""
+    rest = Rest(program.pid)
+    assert comes_to_rest(rest)
+    tell(program, "doze")
+    begun_s = time.monotonic()
+    program.stdout.readline()
+    while not rest.naps:
+        assert not rest.is_at_rest(naps=1)
         assert time.monotonic() < begun_s + 10.0
-    assert time.monotonic() >= begun_s + 0.3
-    assert rest.naps
+    while not rest.is_at_rest(naps=1):
+        assert time.monotonic() < begun_s + 10.0
+    assert time.monotonic() >= begun_s + DOZE_S
+    assert not rest.naps
+
+
+def test_a_nap_without_an_end_is_not_waited_for(program, monkeypatch):
+    monkeypatch.setattr(quiet, "_LONGEST_NAP_NS", 200_000_000)
+    rest = Rest(program.pid)
+    tell(program, "sleep")
+    program.stdout.readline()
+    begun_s = time.monotonic()
+    while not (rest.is_at_rest(naps=1) and rest.naps):
+        assert time.monotonic() < begun_s + 10.0
+    assert time.monotonic() >= begun_s + 0.2
 
 
 @pytest.mark.parametrize(("shows_others", "is_at_rest"), [(True, False), (False, True)])
@@ -221,10 +254,27 @@ def test_a_thread_of_which_is_not_said_where_it_waits_may_nap(program, monkeypat
     until_s = time.monotonic() + (10.0 if is_at_rest else 0.2)
     found = False
     while not found and time.monotonic() < until_s:
-        found = rest.is_at_rest(nap_ns=1)
+        found = rest.is_at_rest(naps=1)
     assert found == is_at_rest
     assert not rest.naps
     monkeypatch.undo()
     if not is_at_rest:
-        while not rest.is_at_rest(nap_ns=1):
+        while not rest.is_at_rest(naps=1):
             assert time.monotonic() < until_s + 10.0
+
+
+def test_who_has_run_while_threads_were_counted_was_not_at_rest(program, monkeypatch):
+    """Another thread may have come, woken it, and gone."""
+    count = quiet._Thread.count
+
+    def wakes_it(thread):
+        tell(program, "go on")
+        program.stdout.readline()
+        return count(thread)
+
+    rest = Rest(program.pid)
+    assert comes_to_rest(rest)
+    monkeypatch.setattr(quiet._Thread, "count", wakes_it)
+    assert not comes_to_rest(rest, 0.2)
+    monkeypatch.undo()
+    assert comes_to_rest(rest)
