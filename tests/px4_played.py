@@ -48,7 +48,7 @@ class Player:
         if "relayed" not in self._how:
             Path("/proc/thread-self/comm").write_text("sim_rcv", encoding="ascii")
         frames = 0
-        keeps = KEPT.open("wb") if "keeps" in self._how else nullcontext()
+        keeps = KEPT.open("wb", buffering=0) if "keeps" in self._how else nullcontext()
         with socket.create_connection(("127.0.0.1", self._port)) as connection, keeps as kept:
             connection.sendall(common.MAVLink_heartbeat_message(0, 12, 0, 0, 0, 3).pack(self._mav))
             while data := connection.recv(65536):

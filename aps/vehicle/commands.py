@@ -297,7 +297,8 @@ class CommandExecution(Execution):
             waiting.rejected_ns = now_ns
         if now_ns - waiting.rejected_ns >= patience_ns:
             return False
-        waiting.answer, waiting.tries, waiting.deadline_ns = None, 0, now_ns + round(AGAIN_S * NS_PER_S)
+        waiting.answer, waiting.in_progress, waiting.tries = None, False, 0
+        waiting.deadline_ns = now_ns + round(AGAIN_S * NS_PER_S)
         waiting.texts.clear()
         return True
 

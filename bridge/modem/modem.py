@@ -79,7 +79,7 @@ class Modem:
         self._version, self._seq = 1, 0
         period_ns = 0 if settings.status is None else settings.status.period_ns
         self._status_ns = period_ns or None
-        self._owes_status = False
+        self._owes_status, self._owed_bytes = False, 0
 
     # From the host to the air.
 
@@ -96,8 +96,14 @@ class Modem:
 
     def acts_ns(self) -> int | None:
         """The next instant at which it may do something by itself; None: it waits."""
-        at_ns, hears_ns = self._status_ns, self._hears_ns()
-        return hears_ns if at_ns is None or (hears_ns is not None and hears_ns < at_ns) else at_ns
+        instants = (self._status_ns, self._hears_ns(), self._room_ns() if self._owed_bytes else None)
+        return min((at_ns for at_ns in instants if at_ns is not None), default=None)
+
+    def _room_ns(self) -> int | None:
+        """When a RADIO_STATUS that found no room does."""
+        return self._to_host.arrives_ns(
+            self._to_host.waiting_bytes + self._owed_bytes - self.settings.to_host_bytes
+        )
 
     def _hears_ns(self) -> int | None:
         """When its host's bytes may complete a unit, fill its room, or pause."""
@@ -171,8 +177,10 @@ class Modem:
         if len(frame) <= self._room_to_host(now_ns):
             self._seq = (self._seq + 1) & 0xFF
             self.counts.statuses += 1
-            self._owes_status = False
+            self._owes_status, self._owed_bytes = False, 0
             self._write(frame, now_ns)
+        else:
+            self._owed_bytes = len(frame)
 
     def outputs(self, until_ns: int) -> list[HostBytes]:
         """What has come out at the host up to an instant."""

@@ -7,8 +7,8 @@ threads, and those of its start script, sleep.
 Proof: a thread that sleeps at two instants, and was given no processor from before the first until after the second,
 slept all the while. If this holds for all threads, and each first instant is before each second one, then there was an
 instant at which all of them slept, and no thread was there to wake another. What may still wake one is a timer of wall
-time: whether one naps so is seen between the two instants. One that has woken from its nap, and naps again while all
-others sleep, waits for what the next frame brings.
+time: whether one naps so is seen between the two instants. One that has run since, and naps again while all others
+sleep, waits for what the next frame brings.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _NOWHERE = b"0"
 yet left the queue of its processor."""
 _NUM_THREADS = 17
 """Place of the number of threads in /proc/PID/stat, counted after the name (proc(5): field 20)."""
-_LONGEST_NAP_NS = 5_000_000_000
-"""Wall time after which a nap is not waited for."""
+_LONGEST_NAP_NS = 2_000_000_000
+"""Wall time for which naps are waited for after something was sent; those that go on are never waited for again."""
 _READ_BYTES = 1024
 _MOMENT_S = 0.001
 
@@ -71,14 +71,17 @@ class Rest:
         self._own = 0
         self._nappers: dict[str, int] = {}
         """Threads that nap, and how often each had run when it was first found so."""
-        self._since_ns = 0
+        self._lasting: set[str] = set()
+        """Threads whose naps are not waited for."""
+        self._since_ns: int | None = None
+        """Since when naps are waited for."""
         self._shows_places = False
         """Whether this system has shown where a thread waits."""
 
     def sent(self) -> None:
         """Something is about to be sent to it: it is at rest only when its reader has run since."""
         self._reads_at_send = self._reads()
-        self._nappers = {}
+        self._nappers, self._since_ns = {}, None
 
     def has_children(self) -> bool:
         """Whether it has started processes that have not ended: PX4's start script goes on."""
@@ -99,12 +102,12 @@ class Rest:
             if not threads or not all(thread.sleeps() for thread in threads):
                 return False
             nappers = self._now_nap() if naps else set()
-            if nappers is None or not self._are_all(threads):
+            if (nappers is None and not self._outlast()) or not self._are_all(threads):
                 return False
             if not all(thread.sleeps() for thread in threads) or [t.runs() for t in threads] != before:
                 return False  # last, as another one may have come and gone: whoever had to do with it has run
             runs = dict(zip(self._threads, before, strict=True))
-            return self._have_napped({path: runs[path] for path in nappers}, naps)
+            return self._have_napped({path: runs[path] for path in nappers or ()}, naps)
         except OSError:  # a thread has ended meanwhile: look again
             self.close()
             return False
@@ -116,7 +119,7 @@ class Rest:
         places.pop(self._main, None)
         if self._shows_places and _NOWHERE in places.values():
             return None
-        return {path for path, place in places.items() if place in _NAPS}
+        return {path for path, place in places.items() if place in _NAPS} - self._lasting
 
     def _have_napped(self, runs: dict[str, int], naps: int) -> bool:
         """Whether no thread naps, or each has run so often meanwhile.
@@ -125,14 +128,20 @@ class Rest:
             runs: of those that nap, how often each has run.
             naps: see `is_at_rest`.
         """
+        self._nappers = {path: self._nappers.get(path, count) for path, count in runs.items()}
+        if all(runs[path] - first >= naps for path, first in self._nappers.items()):
+            return True
+        if not self._outlast():
+            return False
+        self._lasting |= runs.keys()
+        return True
+
+    def _outlast(self) -> bool:
+        """Whether naps go on for too long: the time begins with the first call after `sent`."""
         now_ns = time.monotonic_ns()
-        if runs.keys() != self._nappers.keys():
-            self._nappers, self._since_ns = (
-                {path: self._nappers.get(path, runs[path]) for path in runs},
-                now_ns,
-            )
-        have_run = all(runs[path] - first >= naps for path, first in self._nappers.items())
-        return have_run or now_ns - self._since_ns >= _LONGEST_NAP_NS
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        return now_ns - self._since_ns >= _LONGEST_NAP_NS
 
     @property
     def naps(self) -> bool:

@@ -28,8 +28,8 @@ WAKES, WAKE_AGE_NS = 10, 2_000_000
 """How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
 wake by themselves 10 ms later."""
 NAPS = 2
-"""How often a thread of PX4 has to wake from a nap to be taken for one that waits for the next frame: while it boots
-some nap for 5 ms, again and again, until another is ready."""
+"""How often a thread of PX4 that naps has to run to be taken for one that waits for the next frame: while it boots some
+nap for 5 ms, again and again, until another is ready."""
 NO_NAP = sys.maxsize
 """With the first frame its work queues come to sim time: until then they nap, for up to a second (wkr_hrt; hpwork and
 lpwork 50 ms), and would be as late with what is due as their last nap is long."""

@@ -67,9 +67,10 @@ def test_media_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.slow
 def test_what_a_modem_carries_and_takes_is_measured() -> None:
     found = bench_modem.main(["--duration", "2"])
-    assert found["one end"]["down_bytes_per_s"] > 1000 > found["one end"]["up_bytes_per_s"]
-    assert min(found["both ends"].values()) > 0
-    assert found["one end"]["cores"] < 1
+    one, both = found["one end"], found["both ends"]
+    assert one["up_bytes_per_s"] < 100 < 1000 < one["down_bytes_per_s"] <= 5760
+    assert min(both["up_bytes_per_s"], both["down_bytes_per_s"]) > 300
+    assert 0 < one["cores"] < 0.9
 
 
 def test_what_chains_carry_is_measured(capsys: pytest.CaptureFixture[str]) -> None:

@@ -37,7 +37,7 @@ def test_rates_and_errors_of_sensors_are_those_of_the_scenario(tmp_path: Path, s
     truths = [each for each in messages if each.get_type() == "HIL_STATE_QUATERNION"]
     for step_us, rows in ((50_000, by_pressure), (25_000, by_field), (250_000, fixes), (100_000, truths)):
         assert set(np.diff([each.time_usec for each in rows])) == {step_us}
-    assert len(fixes) >= 12
+    assert len(fixes) >= 10
     gyro = np.array([(each.xgyro, each.ygyro, each.zgyro) for each in sensors])
     assert gyro.std() == pytest.approx(0.1, rel=0.1)  # 1800 draws: 1.7 %
     assert abs(np.corrcoef(gyro[:-1, 0], gyro[1:, 0])[0, 1]) < 0.2

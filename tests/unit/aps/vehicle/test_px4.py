@@ -22,7 +22,7 @@ from aps.vehicle.telemetry import Telemetry
 from aps.wire.framer import Framer
 
 S = 1_000_000_000
-ACCEPTED, REJECTED = 0, 1
+ACCEPTED, REJECTED, IN_PROGRESS = 0, 1, 5
 HOVERS = VehicleState(
     sysid=3,
     vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
@@ -205,6 +205,7 @@ def test_a_mission_that_px4_still_looks_at_is_asked_for_again():
     flight = CommandExecution(fly.fly(replace(HOVERS, mission_current=0, mission_total=2)))
     (first,) = flight.poll(HOVERS, 0)
     flight.on_text(StatusText(4, "no valid mission"))
+    flight.on_ack(176, IN_PROGRESS)
     flight.on_ack(176, REJECTED)
     assert flight.poll(HOVERS, S // 10) == []
     assert flight.deadline_ns() == S // 10 + S // 4
@@ -213,7 +214,7 @@ def test_a_mission_that_px4_still_looks_at_is_asked_for_again():
     assert again.to_dict() == first.to_dict()
     flight.on_ack(176, ACCEPTED)
     flight.poll(replace(HOVERS, mode="AUTO.MISSION"), S)
-    assert [event.phase for event in flight.events] == ["accepted"]
+    assert [event.phase for event in flight.events] == ["feedback", "accepted"]
 
 
 def test_a_mission_that_px4_goes_on_rejecting_is_refused_within_little_more_than_a_second():

@@ -11,7 +11,9 @@ from bridge.modem.heard import RadioMeter
 from bridge.modem.modem import Modem
 from bridge.modem.network import ModemNetwork
 from bridge.modem.pair import ENDS, ModemPair
+from bridge.modem.radio_status import SikStatus
 from bridge.modem.settings import ModemSettings
+from bridge.modem.units import UnitCutter
 from channel.access.elrs_modes import ELRS_MODES
 from channel.access.media.airtime import AirTime
 from channel.access.media.elrs import Elrs, ElrsSettings
@@ -169,6 +171,21 @@ def test_both_ends_are_told_at_the_rate_of_their_own_heartbeats() -> None:
     said += [(n * S // 10, 1, frame_of(60, n)) for n in range(100)]
     out = live(pair, 11 * S, sorted(said, key=lambda each: each[0]))
     assert [len(statuses(out[end])) for end in ENDS] == [20, 10]
+
+
+def test_a_status_that_found_no_room_comes_as_soon_as_there_is_some() -> None:
+    """At 57600 baud: 1000 bytes wait, of which 645 fit; 17 of them have to leave for a RADIO_STATUS of MAVLink 1."""
+    modem = Modem(ModemSettings(57_600, 1850, 645, status=SikStatus()), RadioMeter(), lambda: 0)
+    (frame,) = UnitCutter(0).feed(heartbeat(version=1), 0)
+    modem.deliver(bytes(1000), 0)
+    modem.was_on_air(frame)
+    modem.tell(0)
+    at_ns = modem.acts_ns()
+    assert at_ns == 17 * 10 * S // 57_600
+    modem.tell(at_ns - 1)
+    assert modem.counts.statuses == 0
+    modem.tell(at_ns)
+    assert modem.counts.statuses == 1
 
 
 def test_without_framing_there_is_no_status() -> None:

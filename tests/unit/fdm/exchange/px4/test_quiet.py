@@ -64,10 +64,10 @@ def tell(program, word):
     program.stdin.flush()
 
 
-def comes_to_rest(rest, within_s=10.0):
+def comes_to_rest(rest, within_s=10.0, naps=0):
     until_s = time.monotonic() + within_s
     while time.monotonic() < until_s:
-        if rest.is_at_rest():
+        if rest.is_at_rest(naps):
             return True
     return False
 
@@ -215,8 +215,8 @@ def test_a_nap_that_ends_is_waited_for(program):
     """However long it has napped: it has not woken yet."""
     rest = Rest(program.pid)
     assert comes_to_rest(rest)
-    tell(program, "doze")
     begun_s = time.monotonic()
+    tell(program, "doze")
     program.stdout.readline()
     while not rest.naps:
         assert not rest.is_at_rest(naps=1)
@@ -236,6 +236,9 @@ def test_a_nap_without_an_end_is_not_waited_for(program, monkeypatch):
     while not (rest.is_at_rest(naps=1) and rest.naps):
         assert time.monotonic() < begun_s + 10.0
     assert time.monotonic() >= begun_s + 0.2
+    rest.sent()
+    assert comes_to_rest(rest, naps=1)
+    assert not rest.naps, "nor ever again"
 
 
 @pytest.mark.parametrize(("shows_others", "is_at_rest"), [(True, False), (False, True)])
