@@ -66,7 +66,7 @@ def flown(kind: str, directory: Path, slot: int, parts: tuple[str, ...] = PARTS)
         "origin": {"lat_deg": 40.1331, "lon_deg": -105.2404, "alt_amsl_m": 1690.0},
         "radio": "perfect",
         "figure": False,
-        "ports": {"first_slot": slot},
+        "ports": {"first_slot": slot, "zenoh": 0},
         "nodes": [
             {"id": 0, "airframe": airframe, "agent": agent},
             {"id": "gcs", "kind": "ground", "agent": {"type": "still"}},

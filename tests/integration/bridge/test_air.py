@@ -71,7 +71,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Flown:
     def flown(nodes: list[dict[str, Any]], medium: dict[str, Any], *, radio: Any = RADIO, **more: Any) -> Run:
         scenario = {
             **SCENARIO,
-            "ports": {"first_slot": free_slot(1)},
+            "ports": {"first_slot": free_slot(1), "zenoh": 0},
             "radio": radio | {"medium": medium},
             "nodes": nodes,
         } | more
@@ -443,7 +443,7 @@ def slotted(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[..., Ru
     ) -> Run:
         medium = yaml.safe_load(MEDIUM_TEXT)["radio"]["medium"] | {"channel_spacing_hz": spacing_hz}
         content = SCENARIO | {
-            "ports": {"first_slot": free_slot(1)},
+            "ports": {"first_slot": free_slot(1), "zenoh": 0},
             "radio": RADIO | {"medium": medium} | radio,
             "nodes": nodes,
         }

@@ -29,7 +29,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[[Any], Ru
             "origin": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_amsl_m": 50.0},
             "fdm": {"standin_rate_hz": 100},
             "transmit": FLAT,
-            "ports": {"first_slot": free_slot(1)},
+            "ports": {"first_slot": free_slot(1), "zenoh": 0},
             "radio": radio,
             "nodes": nodes,
         }

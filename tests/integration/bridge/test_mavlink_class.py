@@ -29,7 +29,7 @@ def order(tmp_path: Path, slot: int, queue: dict[str, Any]) -> list[int]:
         "figure": False,
         "origin": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_amsl_m": 50.0},
         "fdm": {"standin_rate_hz": 100},
-        "ports": {"first_slot": slot},
+        "ports": {"first_slot": slot, "zenoh": 0},
         "transmit": {"every_ticks": 100_000},
         "radio": {
             "preset": "disk",

@@ -64,7 +64,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[[str], Ru
             "origin": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_amsl_m": 50.0},
             "fdm": {"standin_rate_hz": 100},
             "transmit": FLAT,
-            "ports": {"first_slot": free_slot(1)},
+            "ports": {"first_slot": free_slot(1), "zenoh": 0},
             "radio": {"preset": preset, "base_loss": 0.0, "bursts": {"model": "none"}},
             "nodes": nodes,
         }
