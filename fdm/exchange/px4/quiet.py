@@ -106,8 +106,11 @@ class Rest:
                 return False
             if not all(thread.sleeps() for thread in threads) or [t.runs() for t in threads] != before:
                 return False  # last, as another one may have come and gone: whoever had to do with it has run
-            runs = dict(zip(self._threads, before, strict=True))
-            return self._have_napped({path: runs[path] for path in nappers or ()}, naps)
+            if not nappers:
+                self._nappers = {}
+                return True
+            runs = zip(self._threads, before, strict=True)
+            return self._have_napped({path: count for path, count in runs if path in nappers}, naps)
         except OSError:  # a thread has ended meanwhile: look again
             self.close()
             return False
@@ -122,7 +125,7 @@ class Rest:
         return {path for path, place in places.items() if place in _NAPS} - self._lasting
 
     def _have_napped(self, runs: dict[str, int], naps: int) -> bool:
-        """Whether no thread naps, or each has run so often meanwhile.
+        """Whether each thread that naps has run so often meanwhile.
 
         Args:
             runs: of those that nap, how often each has run.
