@@ -35,6 +35,7 @@ def test_the_cutter_keeps_every_byte_in_its_place(garbage: bytes, sizes: list[in
 
 
 @given(GARBAGE, st.integers(1, 40), st.integers(1, 60))
+@example(b"\0\0\xfd", 3, 1)
 def test_no_unit_is_complete_before_the_bytes_that_it_needs(garbage: bytes, size: int, ahead: int) -> None:
     cutter, place = UnitCutter(BYTE_NS), 0
     while place < len(garbage):
