@@ -58,8 +58,16 @@ def find_arducopter() -> Path | None:
 
 @contextlib.contextmanager
 def running(command: Callable[[int], Sequence[str]], instances: Sequence[int]) -> Iterator[None]:
-    """Run one process per instance, each in a directory of its own; killed at the end, as SITL ignores SIGTERM."""
-    with tempfile.TemporaryDirectory(prefix="bench-fdm-") as root, contextlib.ExitStack() as stack:
+    """Run one process per instance, each in a directory of its own; killed at the end, as SITL ignores SIGTERM.
+
+    All are killed before one is waited for: a PX4 whose simulator has gone spins as a real-time thread, and no other on
+    its core gets to its own end.
+    """
+    with (
+        tempfile.TemporaryDirectory(prefix="bench-fdm-") as root,
+        contextlib.ExitStack() as waits,
+        contextlib.ExitStack() as kills,
+    ):
         for instance in instances:
             directory = Path(root) / str(instance)
             directory.mkdir()
@@ -70,8 +78,8 @@ def running(command: Callable[[int], Sequence[str]], instances: Sequence[int]) -
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             )
-            stack.callback(process.wait)
-            stack.callback(process.kill)
+            waits.callback(process.wait)
+            kills.callback(process.kill)
         yield
 
 

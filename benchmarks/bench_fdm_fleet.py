@@ -2,6 +2,7 @@
 
     python -m benchmarks.bench_fdm_fleet --autopilot arducopter standin --plot docs/img/fdm-fleet.png
     python -m benchmarks.bench_fdm_fleet --autopilot standin --speed max --hover --coupling serial --sizes 2 8 16 32
+    python -m benchmarks.bench_fdm_fleet --autopilot px4 arducopter --sizes 1 2 4 6 8 --warm-up 12  # PX4 boots
 
 Writes a table in Markdown, and the plot if asked. The figure depends on the machine and on what else it does.
 """
@@ -34,8 +35,12 @@ from benchmarks.bench_fdm_ardupilot import (
     find_arducopter,
     running,
 )
+from benchmarks.bench_fdm_px4 import px4_command
+from bridge.run.px4 import find_px4
+from fdm.exchange.aircraft_spec import Px4Peer, px4_port
 from fdm.exchange.exchange import default_port
 from fdm.exchange.settings import Coupling, core_count
+from fdm.model.px4_sensors import Px4Sensors
 
 LIMIT = 0.95
 Points = dict[int, tuple[float, float]]
@@ -121,6 +126,7 @@ class How:
     coupling: Coupling
     speed: float
     hover: bool
+    is_px4: bool
 
 
 def curve(commands: Callable[[Sequence[int]], list[list[str]]], sizes: Sequence[int], how: How) -> Points:
@@ -133,13 +139,14 @@ def curve(commands: Callable[[Sequence[int]], list[list[str]]], sizes: Sequence[
             if how.hover:
                 stack.enter_context(taking_off(instances))
             points[size] = factor_with_physics(
-                [default_port(instance) for instance in instances],
+                [(px4_port if how.is_px4 else default_port)(instance) for instance in instances],
                 how.warm_up_s,
                 how.seconds,
                 speed=how.speed,
                 workers=min(how.workers, size),
                 coupling=how.coupling,
                 from_sim_s=HOVERS_FROM_S if how.hover else 0.0,
+                px4=Px4Peer(Px4Sensors(), seed=1) if how.is_px4 else None,
             )
         print(
             f"  {size} UA: real-time factor {points[size][0]:.3f}, exchange {points[size][1]:.2f} cores",
@@ -187,8 +194,8 @@ def options_of(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    choices = ("arducopter", "standin")
-    parser.add_argument("--autopilot", choices=choices, nargs="+", default=list(choices))
+    choices = ("arducopter", "standin", "px4")
+    parser.add_argument("--autopilot", choices=choices, nargs="+", default=list(choices[:2]))
     parser.add_argument("--sizes", type=int, nargs="+", default=[1, 4, 16])
     parser.add_argument("--warm-up", type=float, default=3.0, help="wall time before the measure, s")
     parser.add_argument("--seconds", type=float, default=5.0, help="wall time of each measure")
@@ -217,10 +224,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     }
     if binary is not None:
         commands["arducopter"] = lambda instances: [arducopter_command(binary, i, more) for i in instances]
+    px4 = find_px4(os.environ)
+    if px4 is not None:
+        commands["px4"] = lambda instances: [px4_command(px4, i) for i in instances]
     curves: dict[str, Points] = {}
     for name in options.autopilot:
         if name not in commands:
-            print("fdm fleet with arducopter: skipped, as neither ARDUPILOT_HOME nor PATH leads to one")
+            home = "PX4_HOME" if name == "px4" else "ARDUPILOT_HOME"
+            print(f"fdm fleet with {name}: skipped, as neither {home} nor PATH leads to one")
             continue
         print(
             f"fdm fleet with {name}, speed {options.speed:g}, {os.cpu_count()} cores, {options.workers} worker(s), "
@@ -236,6 +247,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 coupling,
                 options.speed,
                 options.hover and name == "standin",
+                name == "px4",
             )
             curves[f"{name}, {coupling}"] = curve(commands[name], options.sizes, how)
     print(table(curves))

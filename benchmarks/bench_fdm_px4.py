@@ -1,13 +1,15 @@
 """How fast a real PX4 runs on this physics, as a share of its speed against a responder with no physics.
 
-Both at full speed, 250 Hz, PX4 on one core and on the ground, in alternated rounds; the median of the rounds' ratios is
-the figure. The responder sends the same frame of sensors as soon as the one before is answered; the exchange also waits
-until PX4 is at rest. The binary is found through PX4_HOME or PATH; without one this says so and measures nothing.
+Both at full speed, 250 Hz, with the same number of PX4s, each on one core and on the ground, in alternated rounds; the
+median of the rounds' ratios is the figure. The responder sends all of them the same frame of sensors as soon as they
+have answered the one before; the exchange also waits until each PX4 is at rest. The binary is found through PX4_HOME or
+PATH; without one this says so and measures nothing.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import socket
@@ -52,8 +54,8 @@ class Responder:
         self.frames = 0
         self._has_answered = False
 
-    def step(self) -> None:
-        """Send a frame, and wait for its answer."""
+    def send(self) -> None:
+        """Send the next frame."""
         self.frames += 1
         sensors = hil.ACCEL | hil.GYRO | hil.MAG | hil.BARO
         time_us = self.frames * 1_000_000 // RATE_HZ
@@ -61,7 +63,10 @@ class Responder:
             time_us, (0.0, 0.0, -9.8), (0.0, 0.0, 0.0), (0.2, 0.0, 0.4), 956.0, 0.0, 488.0, 15.0, sensors
         )
         self._connection.sendall(hil.sensor_frame(self._writer, sensor))
-        while not self._answered(time_us):
+
+    def wait(self) -> None:
+        """Until the frame is answered; one before PX4's modules run is not."""
+        while not self._answered(self.frames * 1_000_000 // RATE_HZ):
             if not self._has_answered:
                 return
 
@@ -79,39 +84,44 @@ class Responder:
         return any(answer is not None and answer.time_us >= time_us for answer in answers)
 
 
-def factor_without_physics(port: int, warm_up_s: float, duration_s: float) -> float:
-    """Real-time factor of the PX4 that comes to TCP `port` if each frame is answered at once with rest."""
-    with socket.create_server(("127.0.0.1", port)) as server:
-        server.settimeout(20.0)
-        connection, _ = server.accept()
-        with connection:
+def factor_without_physics(ports: Sequence[int], warm_up_s: float, duration_s: float) -> float:
+    """Real-time factor of the PX4s that come to the TCP `ports` if each frame is answered at once with rest."""
+    with contextlib.ExitStack() as stack:
+        servers = [stack.enter_context(socket.create_server(("127.0.0.1", port))) for port in ports]
+        responders = []
+        for place, server in enumerate(servers):
+            server.settimeout(20.0)
+            connection = stack.enter_context(server.accept()[0])
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             connection.settimeout(UNANSWERED_S)
             pid = process_at_end(connection)
             if pid is not None:
-                keep_on_one_core(pid, 0, our_cores())
-            responder = Responder(connection)
-            _run(responder, warm_up_s)
-            begun = responder.frames
-            spent_s = _run(responder, duration_s)
-    return (responder.frames - begun) / RATE_HZ / spent_s
+                keep_on_one_core(pid, place, our_cores())
+            responders.append(Responder(connection))
+        _run(responders, warm_up_s)
+        begun = responders[0].frames
+        spent_s = _run(responders, duration_s)
+    return (responders[0].frames - begun) / RATE_HZ / spent_s
 
 
-def _run(responder: Responder, duration_s: float) -> float:
+def _run(responders: Sequence[Responder], duration_s: float) -> float:
     """Answer for some wall time; returns how much it was."""
     begin_s = time.perf_counter()
     while (spent_s := time.perf_counter() - begin_s) < duration_s:
-        responder.step()
+        for responder in responders:
+            responder.send()
+        for responder in responders:
+            responder.wait()
     return spent_s
 
 
 def measure_round(
     binary: Path, instances: Sequence[int], warm_up_s: float, seconds: float
 ) -> dict[str, float]:
-    """Real-time factors of one round: of one PX4 on the responder, and of all of them on the physics."""
+    """Real-time factors of one round: of the PX4s on the responder, and of as many on the physics."""
     ports, command = [px4_port(instance) for instance in instances], partial(px4_command, binary)
-    with running(command, instances[:1]):
-        responder = factor_without_physics(ports[0], warm_up_s, seconds)
+    with running(command, instances):
+        responder = factor_without_physics(ports, warm_up_s, seconds)
     with running(command, instances):
         exchange, _ = factor_with_physics(ports, warm_up_s, seconds, px4=Px4Peer(Px4Sensors(), seed=1))
     return {"responder": responder, "physics": exchange}
@@ -123,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=5.0, help="wall time of each measure")
     parser.add_argument("--warm-up", type=float, default=5.0, help="wall time before it: PX4 boots")
-    parser.add_argument("--ua", type=int, default=1, help="PX4s on the physics")
+    parser.add_argument("--ua", type=int, default=1, help="PX4s")
     parser.add_argument("--instance", type=int, default=FIRST_INSTANCE, help="of the first PX4, below 250")
     options = parser.parse_args(arguments)
     binary = find_px4(os.environ)

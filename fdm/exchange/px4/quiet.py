@@ -4,11 +4,11 @@ PX4 answers no frame before its modules run, and which module starts in which fr
 frames went by wall time. So a frame is done when PX4 has answered it, or when it cannot answer it any more: all its
 threads, and those of its start script, sleep.
 
-Proof: a thread that sleeps at two instants, and was given no processor from before the first until after the second,
-slept all the while. If this holds for all threads, and each first instant is before each second one, then there was an
-instant at which all of them slept, and no thread was there to wake another. What may still wake one is a timer of wall
-time: whether one naps so is seen between the two instants. One that has run since, and naps again while all others
-sleep, waits for what the next frame brings.
+Proof: the time that the processes have spent on processors is read, then where each thread is, then that time again.
+A thread that ran when the time was first read, and sleeps when it is looked at, has made it longer meanwhile. If it is
+the same, and each thread was seen to sleep, none ran from the first instant on, so none was there to wake another. What
+may still wake one is from outside, such as a timer of wall time: whether one naps so is seen in that while. One that
+has run since, and naps again while all others sleep, waits for what the next frame brings.
 """
 
 from __future__ import annotations
@@ -20,11 +20,22 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 PROC = "/proc"
-_AT_REST = (b"S", b"Z", b"X")
+_ENDED = (b"Z", b"X")
+_AT_REST = (b"S", *_ENDED)
 """States of proc(5): sleeps, has ended."""
-_SLEEPS = b"S"
+_CPUCLOCK_SCHED = 2
+"""Kind of a process's clock in its number (Linux, include/linux/posix-timers_types.h)."""
 _NAPS = (b"hrtimer_nanosleep", b"do_nanosleep")
 """Where threads that sleep for a time wait in the kernel (proc(5): wchan)."""
+_WAITS = frozenset(
+    (
+        *_NAPS,
+        *(b"futex_do_wait", b"futex_wait_queue", b"futex_wait_queue_me"),
+        *(b"poll_schedule_timeout", b"poll_schedule_timeout.constprop.0", b"do_poll", b"do_poll.constprop.0"),
+    )
+)
+"""Where a thread waits that sleeps, whatever its state says: it is told of those only that have left their processor,
+and these waits can be interrupted (none is for a disk). Half as dear to ask for as the state."""
 _NOWHERE = b"0"
 """What wchan says of a thread that runs; where it is not shown; and, since Linux 6.12, of one that sleeps and has not
 yet left the queue of its processor."""
@@ -37,17 +48,21 @@ _MOMENT_S = 0.001
 
 
 def shows_rest() -> bool:
-    """Whether this system's /proc has what rest is seen by: children, and counts that go up when a thread runs.
+    """Whether this system has what rest is seen by.
 
-    Some kernels are built without one or the other, or show zeros. Sleeps for a moment.
+    That is /proc with children, with where a thread waits, and with counts that go up when it runs; and clocks of
+    processes that tell a microsecond. Some kernels are built without one or the other, or show zeros. Sleeps for a
+    moment.
     """
     own = f"{PROC}/self/task/{threading.get_native_id()}"
     try:
         _read(f"{own}/children")
+        _read(f"{own}/wchan")
         before = _read(f"{own}/schedstat").split()
         time.sleep(_MOMENT_S)
-        return _read(f"{own}/schedstat").split()[2] != before[2]
-    except (OSError, IndexError):
+        is_fine = _spent_ns(os.getpid()) < _spent_ns(os.getpid())
+        return is_fine and _read(f"{own}/schedstat").split()[2] != before[2]
+    except (OSError, IndexError, AttributeError):
         return False
 
 
@@ -62,11 +77,16 @@ class Rest:
 
     def __init__(self, pid: int, reader: str = "") -> None:
         self.pid = pid
-        self._reader_name = reader
-        self._reader: _Thread | None = None
+        self._reader_name, self._reader = reader, ""
+        self._files: dict[str, _File] = {}
+        """Of the threads that are asked for more than where they are."""
+        self._awake: _Thread | None = None
+        """The one that did not sleep when it was last looked."""
         self._reads_at_send = -1
         self._main = f"{PROC}/{pid}/task/{pid}"
         self._threads: dict[str, _Thread] = {}
+        self._pids: set[int] = set()
+        """Of the processes whose threads these are."""
         self._is_known = False
         self._own = 0
         self._nappers: dict[str, int] = {}
@@ -85,7 +105,15 @@ class Rest:
 
     def has_children(self) -> bool:
         """Whether it has started processes that have not ended: PX4's start script goes on."""
-        return any(True for _ in _children(self.pid))
+        with suppress(OSError):
+            return bool(self._says(f"{self._main}/children"))
+        return False
+
+    def _says(self, path: str) -> bytes:
+        """What a file says now."""
+        if path not in self._files:
+            self._files[path] = _File(path)
+        return self._files[path].read()
 
     def is_at_rest(self, naps: int = 0) -> bool:
         """Whether there was an instant since the call at which all its threads slept. False if it has ended.
@@ -97,32 +125,40 @@ class Rest:
         if self._reader_name and self._reads() in (-1, self._reads_at_send):
             return False
         try:
-            threads = self._all()
-            before = [thread.runs() for thread in threads]
-            if not threads or not all(thread.sleeps() for thread in threads):
+            if self._awake is not None and not self._awake.sleeps():
                 return False
-            nappers = self._now_nap() if naps else set()
+            threads = self._all()
+            spent_ns = [_spent_ns(pid) for pid in self._pids]
+            self._awake = next((thread for thread in threads if not thread.sleeps()), None)
+            if not threads or self._awake is not None:
+                return False
+            nappers = self._now_nap() if naps else {}
             if (nappers is None and not self._outlast()) or not self._are_all(threads):
                 return False
-            if not all(thread.sleeps() for thread in threads) or [t.runs() for t in threads] != before:
+            if [_spent_ns(pid) for pid in self._pids] != spent_ns:
                 return False  # last, as another one may have come and gone: whoever had to do with it has run
             if not nappers:
                 self._nappers = {}
                 return True
-            runs = zip(self._threads, before, strict=True)
-            return self._have_napped({path: count for path, count in runs if path in nappers}, naps)
+            return self._have_napped(nappers, naps)
         except OSError:  # a thread has ended meanwhile: look again
             self.close()
             return False
 
-    def _now_nap(self) -> set[str] | None:
-        """The threads, but the main one, that sleep for a time; None: of one the system does not say just now."""
-        places = {path: each.waits_in() for path, each in self._threads.items()}
+    def _now_nap(self) -> dict[str, int] | None:
+        """The threads, but the main one, that sleep for a time, and how often each has run.
+
+        None: of one the system does not say just now where it is.
+        """
+        places = {path: each.place for path, each in self._threads.items()}
         self._shows_places |= any(place not in (b"", _NOWHERE) for place in places.values())
         places.pop(self._main, None)
-        if self._shows_places and _NOWHERE in places.values():
+        if self._shows_places and any(
+            place == _NOWHERE and not self._threads[path].has_ended() for path, place in places.items()
+        ):
             return None
-        return {path for path, place in places.items() if place in _NAPS} - self._lasting
+        naps = {path for path, place in places.items() if place in _NAPS} - self._lasting
+        return {path: self._threads[path].runs() for path in naps}
 
     def _have_napped(self, runs: dict[str, int], naps: int) -> bool:
         """Whether each thread that naps has run so often meanwhile.
@@ -155,16 +191,24 @@ class Rest:
         """Close all files; another look opens them anew."""
         for thread in self._threads.values():
             thread.close()
+        for file in self._files.values():
+            file.close()
         self._threads.clear()
-        self._reader, self._is_known = None, False
+        self._files.clear()
+        self._pids.clear()
+        self._reader, self._awake, self._is_known = "", None, False
 
     def _are_all(self, threads: Sequence[_Thread]) -> bool:
         """Whether there were no others when these slept."""
         if self.has_children():
             self._is_known = False
             return set(_tasks(self.pid)) == set(self._threads)
-        self._is_known = threads[0].count() == len(threads) == self._own
+        self._is_known = self._count() == len(threads) == self._own
         return self._is_known
+
+    def _count(self) -> int:
+        """How many threads the process itself has."""
+        return int(_fields(self._says(f"{self._main}/stat"))[_NUM_THREADS])
 
     def _all(self) -> list[_Thread]:
         """All threads that there are now; those that have ended are forgotten."""
@@ -172,6 +216,7 @@ class Rest:
             return list(self._threads.values())
         own, paths = f"{PROC}/{self.pid}/task/", list(_tasks(self.pid))
         self._own = sum(path.startswith(own) for path in paths)
+        self._pids = {int(path.split("/")[-3]) for path in paths}
         known, self._threads = self._threads, {}
         try:
             for path in paths:
@@ -179,7 +224,7 @@ class Rest:
         finally:
             for thread in known.values():
                 thread.close()
-                self._reader = None if thread is self._reader else self._reader
+                self._awake = None if thread is self._awake else self._awake
         return list(self._threads.values())
 
     def _reads(self) -> int:
@@ -187,61 +232,89 @@ class Rest:
         if not self._reader_name:
             return -1
         try:
-            if self._reader is None:
-                self._reader = next((each for each in self._all() if each.name() == self._reader_name), None)
-            return -1 if self._reader is None else self._reader.runs()
+            if not self._reader:
+                self._all()
+                named = (path for path, each in self._threads.items() if each.name() == self._reader_name)
+                self._reader = next(named, "")
+            return _runs(self._says(f"{self._reader}/schedstat")) if self._reader else -1
         except OSError:  # it has ended, or another thread has just now
             self.close()
             return -1
 
 
-class _Thread:
-    """One thread: its files stay open, as they are read again and again."""
+class _File:
+    """A file of /proc that is read again and again: it stays open."""
 
-    __slots__ = ("_path", "_schedstat", "_stat")
+    __slots__ = ("_fd",)
+
+    def __init__(self, path: str) -> None:
+        self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+
+    def read(self) -> bytes:
+        """What it says now."""
+        return os.pread(self._fd, _READ_BYTES, 0)
+
+    def close(self) -> None:
+        """Close it."""
+        os.close(self._fd)
+
+
+class _Thread:
+    """One thread.
+
+    Attributes:
+        place: where in the kernel it was when it was last looked at.
+    """
+
+    __slots__ = ("_path", "_wchan", "place")
 
     def __init__(self, path: str) -> None:
         self._path = path
-        self._stat = os.open(f"{path}/stat", os.O_RDONLY | os.O_CLOEXEC)
-        try:
-            self._schedstat = os.open(f"{path}/schedstat", os.O_RDONLY | os.O_CLOEXEC)
-        except OSError:
-            os.close(self._stat)
-            raise
-
-    def runs(self) -> int:
-        """How often it was given a processor."""
-        return int(os.pread(self._schedstat, _READ_BYTES, 0).split()[2])
+        self._wchan = _File(f"{path}/wchan")
+        self.place = b""
 
     def sleeps(self) -> bool:
         """Whether it sleeps, or has ended."""
-        return self._state() in _AT_REST
+        self.place = self._wchan.read()
+        return self.place in _WAITS or self._state() in _AT_REST
+
+    def has_ended(self) -> bool:
+        """Whether it has ended, and is still there."""
+        return self._state() in _ENDED
 
     def _state(self) -> bytes:
-        text = os.pread(self._stat, _READ_BYTES, 0)
-        at = text.rindex(b")") + 2  # the name before it may hold anything
-        return text[at : at + 1]
+        return _fields(_read(f"{self._path}/stat"))[0]
 
-    def count(self) -> int:
-        """How many threads its process has."""
-        text = os.pread(self._stat, _READ_BYTES, 0)
-        return int(text[text.rindex(b")") + 2 :].split()[_NUM_THREADS])
-
-    def waits_in(self) -> bytes:
-        """Where in the kernel it waits; empty if it has ended, or if it cannot be read."""
-        try:
-            return _read(f"{self._path}/wchan").rstrip(b"\0") if self._state() == _SLEEPS else b""
-        except OSError:  # not shown; or it has ended, which `runs` will say
-            return b""
+    def runs(self) -> int:
+        """How often it was given a processor."""
+        return _runs(_read(f"{self._path}/schedstat"))
 
     def name(self) -> str:
         """Its name."""
         return _read(f"{self._path}/comm").decode(errors="replace").strip()
 
     def close(self) -> None:
-        """Close its files."""
-        os.close(self._stat)
-        os.close(self._schedstat)
+        """Close its file."""
+        self._wchan.close()
+
+
+def _fields(stat: bytes) -> list[bytes]:
+    """What /proc/PID/stat says after the name, which may hold anything."""
+    return stat[stat.rindex(b")") + 2 :].split()
+
+
+def _runs(schedstat: bytes) -> int:
+    """How often a thread was given a processor."""
+    return int(schedstat.split()[2])
+
+
+def _spent_ns(pid: int) -> int:
+    """How long a process's threads have run so far, but for what those have that run just now (clock_getcpuclockid(3)).
+
+    Raises:
+        OSError: there is no such process.
+    """
+    return time.clock_gettime_ns(~pid << 3 | _CPUCLOCK_SCHED)
 
 
 def thread_ids(pid: int) -> list[int]:

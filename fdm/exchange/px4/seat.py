@@ -22,8 +22,10 @@ from fdm.model.px4_sensors import Px4Encoder, Px4Sensors
 from fdm.wire.sensor_frame import SensorFrame, decode_sensor_frame, make_encoder
 from fdm.wire.servo_packet import Fields
 
-LOOKS = 8
-"""How often it is looked in a row whether PX4 is at rest, before others get their turn."""
+LOOKS_NS = 300_000
+"""Wall time for which it is looked whether PX4 is at rest, before others get their turn."""
+SETTLES_NS = 10_000_000
+"""Wall time for which it is looked before a frame whether PX4 is at rest again; then the frame is sent all the same."""
 WAKES, WAKE_AGE_NS = 10, 2_000_000
 """How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
 wake by themselves 10 ms later."""
@@ -227,15 +229,15 @@ class Px4Seat:
         if rest is None:
             return self._done() if frames.is_done(wall_ns) else None
         naps = 0 if self._has_booted else NAPS if self._has_begun else NO_NAP
-        for _ in range(LOOKS):
-            if rest.is_at_rest(naps):
-                if self._wake_ports and not self._has_woken:
-                    self._wake()
-                    continue
-                self.receive()  # it may have answered since the last look
-                self._has_begun, self._has_booted = True, self._has_booted or self._boot_is_over(rest)
-                return self._done()
-        return None
+        if not _comes_to_rest(rest, LOOKS_NS, naps):
+            return None
+        if self._wake_ports and not self._has_woken:
+            self._wake()
+            if not _comes_to_rest(rest, LOOKS_NS, naps):
+                return None
+        self.receive()  # it may have answered since the last look
+        self._has_begun, self._has_booted = True, self._has_booted or self._boot_is_over(rest)
+        return self._done()
 
     @property
     def is_lockstep(self) -> bool:
@@ -267,9 +269,7 @@ class Px4Seat:
             tries -= 1
             was_held = False
             self._wake()
-            for _ in range(LOOKS * LOOKS):
-                if rest.is_at_rest():
-                    break
+            _comes_to_rest(rest, SETTLES_NS)
 
     def _begins_at_tick(self) -> bool:
         """Whether it was held at a tick since the frame before, and may have been spoken to."""
@@ -307,3 +307,12 @@ class Px4Seat:
     def counters(self) -> dict[str, int]:
         """What the aircraft and its frames counted."""
         return {**self.aircraft.counters(), **(self._past + self._frames.totals())}
+
+
+def _comes_to_rest(rest: Rest, within_ns: int, naps: int = 0) -> bool:
+    """Look again and again whether a program is at rest, for some wall time."""
+    until_ns = time.monotonic_ns() + within_ns
+    while not rest.is_at_rest(naps):
+        if time.monotonic_ns() >= until_ns:
+            return False
+    return True

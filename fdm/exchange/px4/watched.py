@@ -22,8 +22,8 @@ WHY_NOT = {
     BY_WALL_TIME: "its PX4 runs on another machine, or as another user: when it is done with a frame cannot be seen",
     THROUGH_ANOTHER: "what has connected is no PX4 but a program between (a relay, a tunnel): when PX4 is done with a "
     "frame cannot be seen",
-    NOT_SHOWN: "this system does not show when threads run (schedstat and children in /proc): when its PX4 is done "
-    "with a frame cannot be seen",
+    NOT_SHOWN: "this system does not show when threads run (schedstat, wchan and children in /proc): when its PX4 is "
+    "done with a frame cannot be seen",
     ON_MANY_CORES: "its PX4 could not be kept on one core: the order of its threads is the machine's",
     OUT_OF_ORDER: "its PX4 may not have real-time threads (root, CAP_SYS_NICE or `ulimit -r 99`): their order is the "
     "machine's",

@@ -138,7 +138,9 @@ def test_a_thread_that_ends_while_it_is_looked_at_leaves_no_file_open(program, m
         assert comes_to_rest(rest)
         rest._is_known, is_ended[0] = False, True
         assert not rest.is_at_rest()
-    assert open_files() <= before + 2 * 2, "two threads, two files of each"
+    assert open_files() <= before + 2 + 2, (
+        "where two threads wait, the state of the main one and its children"
+    )
     rest.close()
     assert open_files() == before
 
@@ -150,6 +152,7 @@ def shown(tmp_path, monkeypatch):
     own = tmp_path / "self" / "task" / str(threading.get_native_id())
     own.mkdir(parents=True)
     (own / "children").touch()
+    (own / "wchan").touch()
     (own / "schedstat").write_text("0 0 0\n", encoding="ascii")
     return own
 
@@ -162,8 +165,20 @@ def test_counts_that_stay_at_zero_show_no_rest(shown):
     assert not shows_rest()
 
 
-@pytest.mark.parametrize("name", ["schedstat", "children"])
-def test_a_system_without_counts_or_children_shows_no_rest(name, shown, monkeypatch):
+def test_a_clock_that_stands_shows_no_rest(shown, monkeypatch):
+    """One of ticks, say: a thread may run between two of them."""
+    counts = iter(range(9))
+    read = quiet._read
+    monkeypatch.setattr(
+        quiet, "_read", lambda path: b"0 0 %d" % next(counts) if path.endswith("schedstat") else read(path)
+    )
+    assert shows_rest()
+    monkeypatch.setattr(quiet, "_spent_ns", lambda pid: 40_000_000)
+    assert not shows_rest()
+
+
+@pytest.mark.parametrize("name", ["schedstat", "children", "wchan"])
+def test_a_system_without_one_of_what_rest_is_seen_by_shows_none(name, shown, monkeypatch):
     """All is there but `name`: the counts go up."""
     counts = iter(range(9))
     read = quiet._read
@@ -172,7 +187,7 @@ def test_a_system_without_counts_or_children_shows_no_rest(name, shown, monkeypa
         return read(path) if path.endswith(name) else b"0 0 %d" % next(counts)
 
     monkeypatch.setattr(quiet, "_read", counting)
-    assert shows_rest() == (name == "children")
+    assert shows_rest() == (name != "schedstat")
     (shown / name).unlink()
     assert not shows_rest()
 
@@ -244,16 +259,16 @@ def test_a_nap_without_an_end_is_not_waited_for(program, monkeypatch):
 @pytest.mark.parametrize(("shows_others", "is_at_rest"), [(True, False), (False, True)])
 def test_a_thread_of_which_is_not_said_where_it_waits_may_nap(program, monkeypatch, shows_others, is_at_rest):
     """So Linux says of one that is still in its processor's queue; where nothing is ever said, nothing is known."""
-    main, read = f"/proc/{program.pid}/task/{program.pid}/wchan", quiet._read
+    rest, sleeps = Rest(program.pid), quiet._Thread.sleeps
+    main = f"/proc/{program.pid}/task/{program.pid}"
 
-    def reads(path):
-        if path.endswith("/wchan"):
-            return b"pipe_read" if path == main and shows_others else b"0"
-        return read(path)
+    def tells_nothing(thread):
+        is_asleep = sleeps(thread)
+        thread.place = b"pipe_read" if thread._path == main and shows_others else b"0"
+        return is_asleep
 
-    rest = Rest(program.pid)
     assert comes_to_rest(rest)
-    monkeypatch.setattr(quiet, "_read", reads)
+    monkeypatch.setattr(quiet._Thread, "sleeps", tells_nothing)
     until_s = time.monotonic() + (10.0 if is_at_rest else 0.2)
     found = False
     while not found and time.monotonic() < until_s:
@@ -268,16 +283,16 @@ def test_a_thread_of_which_is_not_said_where_it_waits_may_nap(program, monkeypat
 
 def test_who_has_run_while_threads_were_counted_was_not_at_rest(program, monkeypatch):
     """Another thread may have come, woken it, and gone."""
-    count = quiet._Thread.count
+    count = Rest._count
 
-    def wakes_it(thread):
+    def wakes_it(rest):
         tell(program, "go on")
         program.stdout.readline()
-        return count(thread)
+        return count(rest)
 
     rest = Rest(program.pid)
     assert comes_to_rest(rest)
-    monkeypatch.setattr(quiet._Thread, "count", wakes_it)
+    monkeypatch.setattr(Rest, "_count", wakes_it)
     assert not comes_to_rest(rest, 0.2)
     monkeypatch.undo()
     assert comes_to_rest(rest)
