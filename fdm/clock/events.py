@@ -25,7 +25,7 @@ class EventKind(Enum):
     SILENT = "silent"
     """The autopilot takes frames and answers none; it is served on."""
     REFUSED = "refused"
-    """The autopilot cannot be flown in lockstep; its connection was closed."""
+    """The autopilot cannot be flown in lockstep; its connection is served no more."""
     DIVERGED = "diverged"
     """The flight model left the plausible range; the UA is out until its autopilot boots anew."""
 

@@ -30,8 +30,8 @@ Seat = SocketSeat | CalledSeat | Px4Seat
 _PX4_TROUBLE = {
     EventKind.SILENT: "its PX4 has answered no frame for 4 s of sim time: it did not start, is of another version, or "
     "has a start script of its own",
-    EventKind.REFUSED: "its PX4 is not in lockstep (built without it, or for hardware in the loop): its connection was "
-    "closed",
+    EventKind.REFUSED: "its PX4 is not in lockstep (built without it, or for hardware in the loop): its connection "
+    "is served no more",
 }
 _log = logging.getLogger(__name__)
 

@@ -82,6 +82,7 @@ class Px4Seat:
         peer = spec.px4 or Px4Peer(Px4Sensors(), seed=1)
         self.sock, self.member = sock, member
         self.connection: socket.socket | None = None
+        self._retired: socket.socket | None = None
         self._rate_hz, self._motors = peer.sensors.imu_rate_hz, spec.airframe.px4.motors
         self._frames = FramesOfPx4(self._rate_hz, self._motors)
         self._past: Counter[str] = Counter()
@@ -176,9 +177,19 @@ class Px4Seat:
         if self._rest is not None:
             self._rest.close()
             self._rest = None
-        if self.connection is not None:
-            self.connection.close()
-            self.connection = None
+        for connection in (self.connection, self._retired):
+            if connection is not None:
+                connection.close()
+        self.connection = self._retired = None
+
+    def retire(self) -> None:
+        """Serve who is connected no more, and leave the connection open until another comes.
+
+        A PX4 that finds it closed spins, as a real-time thread: nobody else's on that core would get to run.
+        """
+        connection, self.connection = self.connection, None
+        self.drop()
+        self._retired = connection
 
     def send(self, reply: bytes) -> None:
         """Send the messages of a frame."""

@@ -82,10 +82,12 @@ class Px4Seats:
                 self._service.tell_px4(seat, EventKind.SILENT)
         else:
             self._service.tell_px4(seat, EventKind.REFUSED)
-            self._let_go(seat)
+            if seat.connection is not None:
+                self._forget(seat.connection.fileno())
+            seat.retire()
 
     def _let_go(self, seat: Px4Seat) -> None:
         """Close a connection that has ended, or gives way to another."""
         if seat.connection is not None:
             self._forget(seat.connection.fileno())
-            seat.drop()
+        seat.drop()

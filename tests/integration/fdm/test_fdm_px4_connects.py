@@ -123,7 +123,7 @@ def test_what_is_no_px4_and_says_nothing_gives_way_to_px4():
     with connect(flight.exchange.ports[0]), played(flight.exchange.ports[0], 3, 10_000):
         flight.run()
     assert [event.kind for event in flight.events][:2] == [EventKind.JOINED, EventKind.RESTARTED]
-    assert flight.driven[-1][3] > 1000, "PX4's controls"
+    assert max(fields[3] for fields in flight.driven) > 1000, "PX4's controls"
 
 
 def test_only_a_px4_is_placed_and_watched_and_never_ourselves(monkeypatch):
@@ -159,15 +159,21 @@ def test_where_the_system_does_not_show_when_threads_run_px4_is_flown_and_that_i
     with played(flight.exchange.ports[0], 3, 10_000):
         counters = flight.run()
     assert counters[0][watched.NOT_SHOWN] == 1
-    assert flight.driven[-1][3] > 1000
+    assert max(fields[3] for fields in flight.driven) > 1000
 
 
 def test_a_px4_that_is_not_in_lockstep_is_refused_and_its_neighbour_flies_on():
-    flight = Flight([spec(0), spec(1)], until_s=0.5, stall_timeout_s=0.5)
+    ended = {}
+
+    def at_tick(sim_s):
+        ended[sim_s] = unlocked.poll()
+
+    flight = Flight([spec(0), spec(1)], until_s=0.5, stall_timeout_s=0.5, at_tick=at_tick)
     ports = flight.exchange.ports
     with played(ports[0], 3, 10_000, "unlocked") as unlocked, played(ports[1], 3, 10_000):
         counters = flight.run()
-        assert unlocked.wait(10.0) == 0, "its connection was closed"
+        assert unlocked.wait(10.0) == 0, "its connection is closed with the flight"
+    assert ended[0.5] is None, "not before: a PX4 would spin"
     kinds = [event.kind for event in flight.events if event.ua_id == 0]
     assert kinds == [EventKind.JOINED, EventKind.REFUSED, EventKind.STALLED]
     assert counters[0]["answers_not_in_lockstep"] == 1
