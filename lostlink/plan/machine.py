@@ -14,6 +14,7 @@ from bridge.fleet.autopilots.px4 import Px4
 from bridge.fleet.how import in_words
 from bridge.fleet.preflight.ports import conflicts, ports_of
 from bridge.scenario.model import Scenario
+from fdm.exchange.px4.watched import why_not_here
 
 PACKAGES = (
     "lostlink",
@@ -44,6 +45,7 @@ def examine(scenario: Scenario, dirs: AutopilotDirs) -> dict[str, Any]:
         "cpu_count": os.cpu_count(),
         "packages": packages,
         "autopilots": {"standin": "ships with lostlink", **_binaries(dirs)},
+        "px4_may_not_repeat": why_not_here(),
         "joined": in_words(scenario),
         "ports": [f"{use}" for use in uses],
         "ports_taken": taken,

@@ -9,6 +9,7 @@ the core out between them, by wall time.
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 
@@ -53,3 +54,21 @@ def runs_in_order(pid: int) -> bool:
     with suppress(OSError):
         return any(os.sched_getscheduler(tid) in policies for tid in thread_ids(pid))
     return False
+
+
+def may_run_in_order() -> bool:
+    """Whether what this process starts may have real-time threads of as high a priority as PX4 asks for: it is tried."""
+    if not hasattr(os, "sched_setscheduler"):
+        return False
+    done: list[bool] = []
+
+    def try_it() -> None:
+        highest = os.sched_get_priority_max(os.SCHED_FIFO)
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(highest))
+            done.append(True)
+
+    thread = threading.Thread(target=try_it)
+    thread.start()
+    thread.join()
+    return bool(done)

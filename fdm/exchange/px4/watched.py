@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fdm.exchange.px4.one_core import keep_on_one_core, runs_in_order
+from fdm.exchange.px4.one_core import keep_on_one_core, may_run_in_order, our_cores, runs_in_order
 from fdm.exchange.px4.peer import READER, Peer
 from fdm.exchange.px4.quiet import Rest, shows_rest
 
@@ -58,3 +58,9 @@ def watch(peer: Peer, which: int, cores: Sequence[int]) -> tuple[Rest | None, st
     if not is_kept:
         return rest, ON_MANY_CORES
     return rest, "" if runs_in_order(peer.pid) else OUT_OF_ORDER
+
+
+def why_not_here() -> list[str]:
+    """Why flights of a PX4 that is started on this machine, as this user, may not repeat, as far as can be known."""
+    found = {NOT_SHOWN: shows_rest(), ON_MANY_CORES: bool(our_cores()), OUT_OF_ORDER: may_run_in_order()}
+    return [WHY_NOT[counter] for counter, is_fine in found.items() if not is_fine]

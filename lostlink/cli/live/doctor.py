@@ -65,6 +65,8 @@ def _as_text(report: dict[str, Any]) -> str:
     lines += [
         f"  {name:<14} {place or MISSING[name == 'px4']}" for name, place in report["autopilots"].items()
     ]
+    if report["autopilots"]["px4"]:
+        lines += [f"  px4 may not repeat here: {why}" for why in report["px4_may_not_repeat"]]
     lines += ["", f"Ports ({report['joined']})"]
     lines += [f"  taken: {line}" for line in report["ports_taken"]] or [
         f"  all {len(report['ports'])} are free",

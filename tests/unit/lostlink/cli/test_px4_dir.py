@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from bridge.fleet.course import FleetError
+from fdm.exchange.px4 import watched
 from lostlink.cli.flying.run import run
 from lostlink.cli.live.doctor import doctor
 from lostlink.flight.scripted import fly
@@ -29,6 +30,20 @@ def test_doctor_finds_px4_where_it_was_said_to_be_and_forgets_it(px4_home: Path)
     assert "PX4_HOME" not in os.environ
     without = CliRunner().invoke(doctor, [])
     assert "px4            not found (--px4-dir DIR, PX4_HOME or PATH)" in without.stdout
+
+
+def test_doctor_says_why_its_flights_may_not_repeat_here(
+    px4_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(pid: int, policy: int, parameter: os.sched_param) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(watched, "shows_rest", lambda: False)
+    told = CliRunner().invoke(doctor, ["--px4-dir", str(px4_home)]).stdout
+    assert "  px4 may not repeat here: this system does not show when threads run" in told
+    assert "  px4 may not repeat here: its PX4 may not have real-time threads (root, CAP_SYS_NICE" in told
+    assert "may not repeat" not in CliRunner().invoke(doctor, []).stdout, "there is no PX4"
 
 
 def test_a_run_looks_there_first(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from fdm.exchange.px4 import quiet
-from fdm.exchange.px4.one_core import keep_on_one_core
+from fdm.exchange.px4.one_core import keep_on_one_core, may_run_in_order
 from fdm.exchange.px4.quiet import Rest, shows_rest, thread_ids
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="/proc is Linux's")
@@ -199,6 +199,26 @@ def test_all_its_threads_are_kept_on_one_core(program, monkeypatch):
     assert keep_on_one_core(program.pid, 3, (5, 7))
     assert placed == {tid: {7} for tid in thread_ids(program.pid)}
     assert len(placed) == 2
+
+
+def test_whether_it_may_have_real_time_threads_is_tried_and_changes_nothing_here(monkeypatch):
+    set_scheduler, tried = os.sched_setscheduler, []
+
+    def try_it(pid, policy, parameter):
+        tried.append((pid, policy, parameter.sched_priority))
+        set_scheduler(pid, policy, parameter)
+
+    before = os.sched_getscheduler(0)
+    monkeypatch.setattr(os, "sched_setscheduler", try_it)
+    try:
+        set_scheduler(0, os.SCHED_FIFO, os.sched_param(99))
+        set_scheduler(0, before, os.sched_param(0))
+        may = True
+    except PermissionError:
+        may = False
+    assert may_run_in_order() == may
+    assert tried == [(0, os.SCHED_FIFO, 99)]
+    assert os.sched_getscheduler(0) == before
 
 
 def test_where_the_system_cannot_place_it_says_so(program, monkeypatch):
