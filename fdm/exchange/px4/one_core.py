@@ -57,7 +57,7 @@ def runs_in_order(pid: int) -> bool:
 
 
 def may_run_in_order() -> bool:
-    """Whether what this process starts may have real-time threads of as high a priority as PX4 asks for: it is tried."""
+    """Whether what this process starts may have real-time threads of the priority that PX4 asks for: it is tried."""
     if not hasattr(os, "sched_setscheduler"):
         return False
     done: list[bool] = []
