@@ -13,7 +13,7 @@ from tests.interop.served import Served, distances_m, mavproxy, places_of_tlog
 pytestmark = [pytest.mark.px4, pytest.mark.slow, pytest.mark.timeout(300)]
 
 AWAY_DEG = 0.0002
-TAKEOFF, MISSION, RTL = "157 4 2", "157 4 4", "157 4 5"
+MISSION, RTL = "157 4 4", "157 4 5"
 """Base mode and PX4's main and sub mode. MAVProxy's own `mode NAME` ends with an error on any PX4."""
 
 

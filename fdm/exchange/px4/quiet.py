@@ -4,11 +4,13 @@ PX4 answers no frame before its modules run, and which module starts in which fr
 frames went by wall time. So a frame is done when PX4 has answered it, or when it cannot answer it any more: all its
 threads, and those of its start script, sleep.
 
-Proof: the time that the processes have spent on processors is read, then where each thread is, then that time again.
-A thread that ran when the time was first read, and sleeps when it is looked at, has made it longer meanwhile. If it is
-the same, and each thread was seen to sleep, none ran from the first instant on, so none was there to wake another. What
-may still wake one is from outside, such as a timer of wall time: whether one naps so is seen in that while. One that
-has run since, and naps again while all others sleep, waits for what the next frame brings.
+Proof: the time that the processes have spent on processors is read, then which threads there are, then where each of
+them is, then that time again. A thread that ran when the time was first read, and has left its processor when it is
+looked at, has made it longer meanwhile. If it is the same, and each thread was seen to sleep, none ran from the first
+instant on, so none was there to wake another. One of which only the state is told (S even while it is on its way to
+sleep) is asked twice. What may still wake one is from outside, such as a timer of wall time: whether one naps so is
+seen in that while, and whether it still does after its runs were counted. One that has run since, and naps again while
+all others sleep, waits for what the next frame brings.
 """
 
 from __future__ import annotations
@@ -34,8 +36,8 @@ _WAITS = frozenset(
         *(b"poll_schedule_timeout", b"poll_schedule_timeout.constprop.0", b"do_poll", b"do_poll.constprop.0"),
     )
 )
-"""Where a thread waits that sleeps, whatever its state says: it is told of those only that have left their processor,
-and these waits can be interrupted (none is for a disk). Half as dear to ask for as the state."""
+"""Where a thread waits that sleeps, whatever its state says: since Linux 5.16 it is told of those only that have left
+their processor, and these waits can be interrupted (none is for a disk). Half as dear to ask for as the state."""
 _NOWHERE = b"0"
 """What wchan says of a thread that runs; where it is not shown; and, since Linux 6.12, of one that sleeps and has not
 yet left the queue of its processor."""
@@ -129,14 +131,20 @@ class Rest:
                 return False
             threads = self._all()
             spent_ns = [_spent_ns(pid) for pid in self._pids]
+            if not threads or not self._are_all(
+                threads
+            ):  # first: whoever one that has gone has woken is looked at
+                return False
             self._awake = next((thread for thread in threads if not thread.sleeps()), None)
-            if not threads or self._awake is not None:
+            if self._awake is not None:
                 return False
             nappers = self._now_nap() if naps else {}
-            if (nappers is None and not self._outlast()) or not self._are_all(threads):
+            if nappers is None and not self._outlast():
+                return False
+            if not all(thread.sleeps() for thread in threads if naps or thread.place == _NOWHERE):
                 return False
             if [_spent_ns(pid) for pid in self._pids] != spent_ns:
-                return False  # last, as another one may have come and gone: whoever had to do with it has run
+                return False
             if not nappers:
                 self._nappers = {}
                 return True

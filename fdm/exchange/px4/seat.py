@@ -240,11 +240,12 @@ class Px4Seat:
         if rest is None:
             return self._done() if frames.is_done(wall_ns) else None
         naps = 0 if self._has_booted else NAPS if self._has_begun else NO_NAP
-        if not _comes_to_rest(rest, LOOKS_NS, naps):
+        within_ns = LOOKS_NS if self.member.live else 0
+        if not _comes_to_rest(rest, within_ns, naps):
             return None
         if self._wake_ports and not self._has_woken:
             self._wake()
-            if not _comes_to_rest(rest, LOOKS_NS, naps):
+            if not _comes_to_rest(rest, within_ns, naps):
                 return None
         self.receive()  # it may have answered since the last look
         self._has_begun, self._has_booted = True, self._has_booted or self._boot_is_over(rest)
@@ -280,7 +281,8 @@ class Px4Seat:
             tries -= 1
             was_held = False
             self._wake()
-            _comes_to_rest(rest, SETTLES_NS)
+            if not _comes_to_rest(rest, SETTLES_NS):
+                break
 
     def _begins_at_tick(self) -> bool:
         """Whether it was held at a tick since the frame before, and may have been spoken to."""
@@ -321,7 +323,7 @@ class Px4Seat:
 
 
 def _comes_to_rest(rest: Rest, within_ns: int, naps: int = 0) -> bool:
-    """Look again and again whether a program is at rest, for some wall time."""
+    """Look whether a program is at rest, again and again for some wall time."""
     until_ns = time.monotonic_ns() + within_ns
     while not rest.is_at_rest(naps):
         if time.monotonic_ns() >= until_ns:

@@ -90,4 +90,4 @@ class Px4Seats:
         """Close a connection that has ended, or gives way to another."""
         if seat.connection is not None:
             self._forget(seat.connection.fileno())
-        seat.drop()
+            seat.drop()

@@ -11,7 +11,7 @@ import pytest
 
 from fdm.clock.events import EventKind
 from fdm.exchange.px4 import watched
-from tests.px4_exchange import ROOT, Flight, played, spec
+from tests.px4_exchange import ROOT, Flight, play, played, spec
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="whether PX4 is at rest is seen in /proc")
 
@@ -178,6 +178,32 @@ def test_a_px4_that_is_not_in_lockstep_is_refused_and_its_neighbour_flies_on():
     assert kinds == [EventKind.JOINED, EventKind.REFUSED, EventKind.STALLED]
     assert counters[0]["answers_not_in_lockstep"] == 1
     assert flight.ticks[-1].sim_time_ns == 500_000_000
+
+
+def test_a_px4_that_was_refused_is_closed_when_another_comes():
+    ended, both = [], []
+
+    def at_tick(sim_s):
+        refused = any(event.kind is EventKind.REFUSED for event in flight.events)
+        if refused and len(both) == 1:
+            ended.append(both[0].poll())
+            both.append(play(port, 3, 10_000))
+        if any(event.kind is EventKind.RESTARTED for event in flight.events):
+            both[0].wait(10.0)
+            flight.exchange.stop()
+
+    flight = Flight([spec(0), spec(1)], until_s=math.inf, stall_timeout_s=0.2, at_tick=at_tick)
+    port = flight.exchange.ports[0]
+    both.append(play(port, 3, 10_000, "unlocked"))
+    try:
+        with played(flight.exchange.ports[1], 3, 10**6):
+            flight.run()
+    finally:
+        for each in both:
+            each.kill()
+            each.wait()
+    assert ended == [None]
+    assert both[0].returncode == 0
 
 
 def test_a_px4_that_never_answers_is_told_once():

@@ -316,3 +316,32 @@ def test_who_has_run_while_threads_were_counted_was_not_at_rest(program, monkeyp
     assert not comes_to_rest(rest, 0.2)
     monkeypatch.undo()
     assert comes_to_rest(rest)
+
+
+def test_one_that_wakes_after_its_runs_were_counted_does_not_nap(program, monkeypatch):
+    """It may have found what it napped for; on its processor still, it has not been counted."""
+    nap = Rest._now_nap
+
+    def wakes_it(rest):
+        found = nap(rest)
+        tell(program, "spin")
+        while Path(f"/proc/{program.pid}/stat").read_bytes().split()[2] != b"R":
+            assert time.monotonic() < until_s
+        return found
+
+    rest, until_s = Rest(program.pid), time.monotonic() + 10.0
+    assert comes_to_rest(rest)
+    monkeypatch.setattr(Rest, "_now_nap", wakes_it)
+    assert not rest.is_at_rest(naps=1)
+    assert Path(f"/proc/{program.pid}/stat").read_bytes().split()[2] == b"R"
+
+
+def test_a_child_that_has_ended_and_was_not_waited_for_is_nowhere(program):
+    rest = Rest(program.pid)
+    assert comes_to_rest(rest, naps=1)
+    tell(program, "start")
+    program.stdout.readline()
+    (child,) = Path(f"/proc/{program.pid}/task/{program.pid}/children").read_text(encoding="ascii").split()
+    os.kill(int(child), signal.SIGKILL)
+    assert comes_to_rest(rest, naps=1)
+    assert rest.has_children()
