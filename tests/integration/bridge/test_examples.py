@@ -160,6 +160,7 @@ def test_an_acceptance_run_is_accepted_and_a_stricter_one_is_not(fly: Fly, tmp_p
     assert done.stdout == f"FAILED: separation of UA: wanted at least 250 m, found {nearest_m:.4g} m\n"
 
 
+@pytest.mark.slow
 def test_a_run_that_is_not_as_expected_ends_with_status_3(fly: Fly) -> None:
     expectations = "[{type: delivery, at_most: 0.5}, {type: ending, ending: duration}]"
     options = ("--duration", "1", "--set", f"expectations={expectations}", "--json")

@@ -110,6 +110,7 @@ def fly_legacy(run: Run) -> int:
     return answers
 
 
+@pytest.mark.slow
 def test_a_legacy_peer_needs_no_mavlink(start_run: StartRun) -> None:
     run = start_run(scenario=LEGACY, duration_s=3.0)
     run.wait_for("waits for the autopilots")

@@ -51,6 +51,7 @@ nodes:
 """
 
 
+@pytest.mark.slow
 def test_places_are_those_of_the_truth_and_take_off_is_when_the_scenario_says(
     tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

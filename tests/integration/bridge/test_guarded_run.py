@@ -41,6 +41,7 @@ def assert_only_we_can_read(path: Path) -> None:
         assert stat.S_IMODE(status.st_mode) & 0o077 == 0
 
 
+@pytest.mark.slow
 async def test_passwords_are_kept_used_and_forgotten_and_strangers_change_nothing(
     start_run: StartRun,
 ) -> None:

@@ -55,6 +55,7 @@ def scenario(tmp_path: Path, free_slot: Callable[[int], int]) -> dict[str, Any]:
     return content | {"radio": {"preset": "corrected", "mtu_bytes": 2000}}
 
 
+@pytest.mark.slow
 def test_every_topic_decodes_and_counts_are_those_of_the_summary(
     tmp_path: Path, scenario: dict[str, Any]
 ) -> None:

@@ -35,6 +35,7 @@ def rows(run: Run, **wanted: str) -> list[dict[str, Any]]:
     return [row for row in found if all(row[name] == value for name, value in wanted.items())]
 
 
+@pytest.mark.slow
 def test_a_ground_station_hears_and_sends_to_one(start_run: StartRun, tmp_path: Path) -> None:
     (tmp_path / "base.py").write_text(BASE)
     more = (

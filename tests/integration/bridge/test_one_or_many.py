@@ -90,6 +90,7 @@ def test_what_is_said_of_a_payload_is_recorded(
     assert set((rows["received_ns"] - rows["sim_time_ns"]).tolist()) == {50_000_000}
 
 
+@pytest.mark.slow
 def test_what_is_decided_ahead_takes_effect_a_tick_later(
     tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import psutil
+import pytest
 
 from tests.integration.bridge.conftest import STILL, StartRun
 from tests.px4_played import build
@@ -52,6 +53,7 @@ def test_a_port_of_its_simulator_that_is_taken_is_told(
     assert f"TCP port {4560 + slot} (flight dynamics of UA 0's PX4) is in use" in run.output.decode()
 
 
+@pytest.mark.slow
 def test_a_px4_out_of_lockstep_is_told_and_why_the_run_may_not_repeat(
     tmp_path: Path, start_run: StartRun
 ) -> None:

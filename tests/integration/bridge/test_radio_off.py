@@ -50,6 +50,7 @@ def check_fates(run: Run, outages: Outages) -> int:
     return len(off)
 
 
+@pytest.mark.slow
 def test_a_scenarios_outages_are_in_its_record_and_stay_whatever_radio_decides(
     start_run: StartRun, tmp_path: Path
 ) -> None:

@@ -134,6 +134,7 @@ def ask(session: Session, keys: Keys, verb: str, text: str = "") -> dict[str, An
     return found
 
 
+@pytest.mark.slow
 def test_an_observer_gets_what_an_observer_of_the_run_got(played: Any, record: Path) -> None:
     replay = played("--paused", "--speed", "max")
     place = replay.place

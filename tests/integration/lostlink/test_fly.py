@@ -69,6 +69,7 @@ def test_mistakes_are_told_before_anything_starts(tmp_path: Path, scenario: dict
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_the_run_with_its_record(tmp_path: Path, scenario: dict[str, Any]) -> None:
     script = (
         "import signal, yaml, sys\nfrom lostlink import fly\n"
