@@ -64,7 +64,9 @@ class UnitCutter:
         """
         begin = self._held + coming[:RAW_BYTES]
         if begin[0] not in (MAGIC_V1, MAGIC_V2):
-            return min([RAW_BYTES, len(begin) + 1, *(place + 1 for place in _magics(begin))]) - len(self._held)
+            return min([RAW_BYTES, len(begin) + 1, *(place + 1 for place in _magics(begin))]) - len(
+                self._held
+            )
         if len(begin) < LEAST_TO_JUDGE:
             return LEAST_TO_JUDGE - len(self._held)
         return _frame_bytes(begin) - len(self._held)
