@@ -24,8 +24,9 @@ from fdm.wire.servo_packet import Fields
 
 LOOKS_NS = 300_000
 """Wall time for which it is looked whether PX4 is at rest, before others get their turn."""
-SETTLES_NS = 10_000_000
-"""Wall time for which it is looked before a frame whether PX4 is at rest again; then the frame is sent all the same."""
+SETTLES_NS = 500_000_000
+"""Wall time for which it is looked before a frame whether PX4 is at rest again, which may have to wait for the disk; then
+the frame is sent all the same."""
 WAKES, WAKE_AGE_NS = 10, 2_000_000
 """How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
 wake by themselves 10 ms later."""
