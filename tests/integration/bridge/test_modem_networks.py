@@ -76,7 +76,7 @@ def flown_again(run: Path, tmp_path: Path, slot: int, processes: str = "auto") -
     return content
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_three_copters_on_one_netid_lose_what_one_does_not(
     tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

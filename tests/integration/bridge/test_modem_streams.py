@@ -129,7 +129,7 @@ def shares(lost: NDArray[np.bool_]) -> tuple[float, float]:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("framing", [False, True])
+@pytest.mark.parametrize("framing", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_frames_are_lost_as_packets_are_that_have_a_part_of_them(
     framing: bool, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

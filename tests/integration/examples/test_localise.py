@@ -56,6 +56,7 @@ def flown(folder: Path, slot: int) -> Run:
     return load_run(run)
 
 
+@pytest.mark.long
 def test_the_mission_flies_and_repeats(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     first, second = (flown(tmp_path / name, free_slot(3)) for name in ("first", "second"))
     assert first.ending == "done"
