@@ -25,8 +25,8 @@ from fdm.wire.servo_packet import Fields
 LOOKS_NS = 300_000
 """Wall time for which it is looked whether PX4 is at rest, before others get their turn."""
 SETTLES_NS = 500_000_000
-"""Wall time for which it is looked before a frame whether PX4 is at rest again; it may have to wait for the disk. Then the
-frame is sent all the same."""
+"""Wall time for which it is looked before a frame whether PX4 is at rest again: it may have to wait for the disk. Then
+the frame is sent all the same."""
 WAKES, WAKE_AGE_NS = 10, 2_000_000
 """How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
 wake by themselves 10 ms later."""
