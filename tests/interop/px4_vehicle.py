@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import os
 import shutil
 import socket
@@ -11,6 +12,9 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+
+from aps.daemon import Daemon, DaemonConfig
+from tests.interop.builtin_vehicles import until
 
 INSTANCES = range(3, 10)
 """PX4 gives those up to 9 MAVLink ports of their own."""
@@ -63,3 +67,15 @@ async def sih(
         process.kill()
         await process.wait()
         log.close()
+
+
+@contextlib.asynccontextmanager
+async def copter_with_daemon(directory: Path) -> AsyncIterator[Daemon]:
+    """A daemon on a PX4 that is ready to arm, at twice real time."""
+    async with sih(px4_build(), directory, speed=2.0) as instance:
+        config = DaemonConfig(autopilot=f"udp-in:127.0.0.1:{14540 + instance}", sysid=instance + 1)
+        async with Daemon(config) as daemon:
+            await asyncio.wait_for(daemon.wait_heard(), 60)
+            await until(daemon, lambda state: state.ready_to_arm and state.position_ok)
+            await until(daemon, lambda state: math.isfinite(state.home_alt_amsl_m))
+            yield daemon

@@ -7,11 +7,9 @@ import re
 import pytest
 from pymavlink import mavutil
 
-from aps.daemon import Daemon, DaemonConfig
 from aps.vehicle.execution import Outcome
-from tests.interop.builtin_vehicles import until
 from tests.interop.px4_flight import away
-from tests.interop.px4_vehicle import px4_build, sih
+from tests.interop.px4_vehicle import copter_with_daemon
 from tests.interop.served import CLIENTS, program
 
 pytestmark = [pytest.mark.px4, pytest.mark.slow, pytest.mark.timeout(300)]
@@ -20,13 +18,8 @@ pytestmark = [pytest.mark.px4, pytest.mark.slow, pytest.mark.timeout(300)]
 @pytest.fixture
 async def copter(tmp_path):
     """A daemon on a PX4 that is ready to arm."""
-    async with sih(px4_build(), tmp_path, speed=2.0) as instance:
-        config = DaemonConfig(autopilot=f"udp-in:127.0.0.1:{14540 + instance}", sysid=instance + 1)
-        async with Daemon(config) as daemon:
-            await asyncio.wait_for(daemon.wait_heard(), 60)
-            await until(daemon, lambda state: state.ready_to_arm and state.position_ok)
-            await until(daemon, lambda state: math.isfinite(state.home_alt_amsl_m))
-            yield daemon
+    async with copter_with_daemon(tmp_path) as daemon:
+        yield daemon
 
 
 async def test_px4_flies_by_every_verb(copter):

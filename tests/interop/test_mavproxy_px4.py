@@ -1,13 +1,10 @@
 """MAVProxy on a real PX4 behind the daemon, as a child that takes its commands line by line."""
 
 import asyncio
-import math
 
 import pytest
 
-from aps.daemon import Daemon, DaemonConfig
-from tests.interop.builtin_vehicles import until
-from tests.interop.px4_vehicle import px4_build, sih
+from tests.interop.px4_vehicle import copter_with_daemon
 from tests.interop.served import Served, distances_m, mavproxy, places_of_tlog
 
 pytestmark = [pytest.mark.px4, pytest.mark.slow, pytest.mark.timeout(300)]
@@ -20,13 +17,8 @@ MISSION, RTL = "157 4 4", "157 4 5"
 @pytest.fixture
 async def served(tmp_path):
     """A daemon on a PX4 that is ready to arm."""
-    async with sih(px4_build(), tmp_path, speed=2.0) as instance:
-        config = DaemonConfig(autopilot=f"udp-in:127.0.0.1:{14540 + instance}", sysid=instance + 1)
-        async with Daemon(config) as daemon:
-            await asyncio.wait_for(daemon.wait_heard(), 60)
-            await until(daemon, lambda state: state.ready_to_arm and state.position_ok)
-            await until(daemon, lambda state: math.isfinite(state.home_alt_amsl_m))
-            yield Served("px4", daemon)
+    async with copter_with_daemon(tmp_path) as daemon:
+        yield Served("px4", daemon)
 
 
 def mission_file(served, file):
