@@ -45,8 +45,9 @@ from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.file import parse_scenario
-from bridge.scenario.model import Scenario, Transmit
+from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft
+from bridge.scenario.sections import Transmit
 from channel.medium.reception import DELIVERED
 
 RUN = "bench"

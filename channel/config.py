@@ -6,7 +6,10 @@ from typing import Annotated, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
-from channel.access.settings import ElrsMedium, Ideal, MediumSettings, SikMedium, name_of
+from channel.access.settings.base import Ideal
+from channel.access.settings.elrs import ElrsMedium
+from channel.access.settings.medium import MediumSettings, name_of
+from channel.access.settings.sik import SikMedium
 from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
 from channel.fading.bursts import GilbertElliott, NoBursts
 from channel.fading.laws import Nakagami, NoFading, Rayleigh, Rician

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 Tree = dict[str, Any]
 
@@ -55,6 +56,8 @@ def problem_of(error: Mapping[str, Any], key: str, tree: Tree, model: type[BaseM
         )
         hint = f"; did you mean {close[0]}? Allowed:" if close else "; allowed:"
         return f"no model {tag!r}{hint} {known}"
+    if error["type"] in {"union_tag_not_found", "model_attributes_type", "model_type", "dict_type"}:
+        return _no_mapping(error["input"], key, model)
     if error["type"] == "too_short":
         return f"has to have at least {error['ctx']['min_length']}, and has {error['ctx']['actual_length']}"
     if error["type"] == "value_error":
@@ -63,8 +66,23 @@ def problem_of(error: Mapping[str, Any], key: str, tree: Tree, model: type[BaseM
     return f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {error['input']!r}"
 
 
-def _unknown_key(key: str, tree: Tree, model: type[BaseModel]) -> str:
-    *groups, word = key.split(".")
+def _no_mapping(value: object, key: str, model: type[BaseModel]) -> str:
+    tags = [field.default for each in _models_at(key.split("."), {}, model) if (field := _tag_of(each))]
+    if not tags:
+        return f"has to be a mapping of keys to values, not {value!r}"
+    if isinstance(value, Mapping):
+        return f"model is missing: has to be one of {', '.join(tags)}"
+    if value in tags:
+        return f"has to be a mapping, as {{model: {value}}}, not {value!r}"
+    return f"has to be a mapping with model, one of {', '.join(tags)}, not {value!r}"
+
+
+def _tag_of(model: type[BaseModel]) -> FieldInfo | None:
+    return model.model_fields.get("model")
+
+
+def _models_at(groups: Sequence[str], tree: Tree, model: type[BaseModel]) -> list[type[BaseModel]]:
+    """The models that a group of keys may be; of several, that which the tree has chosen."""
     models: list[type[BaseModel]] = [model]
     here: Any = tree
     for group in (part for part in groups if not part.isdigit()):
@@ -76,7 +94,13 @@ def _unknown_key(key: str, tree: Tree, model: type[BaseModel]) -> str:
         ]
         here = here.get(group) if isinstance(here, Mapping) else None
         chosen = here.get("model") if isinstance(here, Mapping) else None
-        models = [m for m in inner if chosen in (None, getattr(m.model_fields.get("model"), "default", None))]
+        models = [m for m in inner if chosen in (None, getattr(_tag_of(m), "default", None))]
+    return models
+
+
+def _unknown_key(key: str, tree: Tree, model: type[BaseModel]) -> str:
+    *groups, word = key.split(".")
+    models = _models_at(groups, tree, model)
     names = sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
     close = difflib.get_close_matches(word, names, n=1)
     hint = f"; did you mean {close[0]}?" if close else ""

@@ -9,7 +9,7 @@ from typing import Any, Final
 import yaml
 from pydantic import ValidationError
 
-from channel.access.slot_settings import SlotSchedule
+from channel.access.settings.slots import SlotSchedule
 from channel.preset_errors import PresetError, Tree, key_of, line_of, problem_of
 
 KEY: Final = "schedule_file"

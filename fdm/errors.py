@@ -7,7 +7,7 @@ FdmError
  +-- SensorNoiseError    a file of sensor errors is wrong
  +-- PortInUseError      a UDP port cannot be bound
  +-- WorkerError         a worker process ended
- +-- ModelDivergedError  a flight model left the finite numbers (the exchange ends that UA and goes on)
+ +-- ModelDivergedError  a flight model gave what cannot be (the exchange ends that UA and goes on)
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from bridge.agents.agent import Agent
     from bridge.agents.beside import connect_ua
     from bridge.agents.client import UaClient
-    from bridge.agents.commands import CommandFailed
+    from bridge.agents.commands import CommandFailed, RunOver
     from bridge.agents.measurements import Measurement
     from bridge.bus.reception import Reception
     from bridge.fleet.course import FleetError
@@ -30,6 +30,7 @@ __all__ = [
     "Reception",
     "Redecision",
     "Run",
+    "RunOver",
     "RunResult",
     "ScenarioError",
     "UaClient",
@@ -48,6 +49,7 @@ _PLACES = {
     "Reception": "bridge.bus.reception",
     "Redecision": "lostlink.redecision.redecide",
     "Run": "lostlink.reading.run",
+    "RunOver": "bridge.agents.commands",
     "RunResult": "lostlink.flight.scripted",
     "ScenarioError": "bridge.scenario.file",
     "UaClient": "bridge.agents.client",

@@ -12,14 +12,19 @@ Clients ask with MAV_CMD_SET_MESSAGE_INTERVAL (COMMAND_LONG or COMMAND_INT) or R
 - a REQUEST_DATA_STREAM is never passed on (it would reset the whole group's intervals): it becomes a wish
   for each message of the group.
 
+Senseless numbers in these, and in MAV_CMD_GET_MESSAGE_INTERVAL and MAV_CMD_REQUEST_MESSAGE, reach no autopilot:
+they are denied here. (ArduPilot converts them to integers as they come: what an integer cannot hold ends a
+simulated one.)
+
 Rates are in the autopilot's own time: at 20 times real time, 10 Hz are 200 messages a second of wall time.
 """
 
 from __future__ import annotations
 
+import math
 import struct
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -40,10 +45,21 @@ DISABLED_US: Final = -1
 AUTOPILOT_DEFAULT_US: Final = 0
 """SET_MESSAGE_INTERVAL's value for "the autopilot's own rate"."""
 
+SHORTEST_US: Final = 1000
+"""Autopilots refuse what is faster, and with it the requests of all who share the message."""
+_INT32: Final = 1 << 31
+_MESSAGE_IDS: Final = 1 << 24
+
 _UNKNOWN_US: Final = -2
 """Differs from every interval: to be asked for again."""
 
 SET_MESSAGE_INTERVAL: Final = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+_GET_MESSAGE_INTERVAL: Final = int(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL)
+_REQUEST_MESSAGE: Final = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
+_ABOUT_MESSAGES: Final = frozenset({SET_MESSAGE_INTERVAL, _GET_MESSAGE_INTERVAL, _REQUEST_MESSAGE})
+"""Commands whose first parameter is the id of a message."""
+_INDEXED: Final = frozenset({int(mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL), 435})
+"""Messages that a MAV_CMD_REQUEST_MESSAGE asks for by a number in its second parameter; 435: AVAILABLE_MODES."""
 _REQUEST_DATA_STREAM: Final = 66
 _COMMAND_INT: Final = 75
 _COMMAND_LONG: Final = 76
@@ -51,6 +67,7 @@ _COMMAND_LONG: Final = 76
 _INTERVAL_PARAMS: Final = struct.Struct("<ff")
 _COMMAND_AT: Final = 28
 _COMMAND_BYTES: Final = {_COMMAND_LONG: 33, _COMMAND_INT: 35}
+_FLOATS: Final = {_COMMAND_LONG: struct.Struct("<7f"), _COMMAND_INT: struct.Struct("<4f")}
 _STREAM_REQUEST: Final = struct.Struct("<HBBBB")
 
 DEFAULT_RATES_HZ: Final[Mapping[int, float]] = {
@@ -93,6 +110,16 @@ def command_of(frame: Frame) -> int | None:
     return int.from_bytes(frame.payload[_COMMAND_AT : _COMMAND_AT + 2], "little")
 
 
+def _makes_sense(command: int, params: Sequence[float]) -> bool:
+    """Whether an autopilot can read the numbers of a command about messages; NaN: not given."""
+    msg_id, second = params[:2]
+    if not 0.0 <= msg_id < _MESSAGE_IDS or any(not math.isnan(one) and abs(one) >= _INT32 for one in params):
+        return False
+    if command == SET_MESSAGE_INTERVAL:
+        return -1.0 <= second <= 0.0 or second >= SHORTEST_US
+    return command != _REQUEST_MESSAGE or msg_id not in _INDEXED or not math.isnan(second)
+
+
 @dataclass(slots=True)
 class StreamCounters:
     """What was asked and how it went."""
@@ -103,6 +130,7 @@ class StreamCounters:
     absorbed: int = 0
     """REQUEST_DATA_STREAM turned into wishes."""
     malformed: int = 0
+    """With numbers that make no sense: not passed on, and commands are denied."""
     too_many: int = 0
     """Wishes beyond MAX_WISHES: neither kept nor passed on."""
     sent: int = 0
@@ -173,22 +201,24 @@ class StreamArbiter:
 
         Returns:
             The bytes to pass on: the original ones unless the frame asks for a stream rate; ``None`` when
-            nothing is to be passed on.
+            nothing is to be passed on. (A command is then to be denied.)
         """
         if frame.msg_id == _REQUEST_DATA_STREAM:
             self._data_stream(frame, link)
             return None
-        if command_of(frame) == SET_MESSAGE_INTERVAL:
-            return self._message_interval(frame, link)
-        return frame.raw
-
-    def _message_interval(self, frame: Frame, link: int) -> bytes | None:
+        command = command_of(frame)
+        if command not in _ABOUT_MESSAGES:
+            return frame.raw
+        if command == SET_MESSAGE_INTERVAL:
+            self.counters.client_requests += 1
         payload = frame.payload.ljust(_COMMAND_BYTES[frame.msg_id], b"\0")
-        id_value, interval_value = _INTERVAL_PARAMS.unpack_from(payload)
-        self.counters.client_requests += 1
-        if not (0.0 <= id_value < 1 << 24 and -1.0 <= interval_value < 1 << 31):  # also false for NaN
+        if not _makes_sense(command, _FLOATS[frame.msg_id].unpack_from(payload)):
             self.counters.malformed += 1
-            return frame.raw  # the autopilot refuses it in its own words
+            return None
+        return self._message_interval(frame, payload, link) if command == SET_MESSAGE_INTERVAL else frame.raw
+
+    def _message_interval(self, frame: Frame, payload: bytes, link: int) -> bytes | None:
+        id_value, interval_value = _INTERVAL_PARAMS.unpack_from(payload)
         msg_id, interval_us = int(id_value), int(interval_value)
         if not self._wish(link, msg_id, interval_us):
             return None
@@ -208,7 +238,8 @@ class StreamArbiter:
     def _data_stream(self, frame: Frame, link: int) -> None:
         rate_hz, _, _, stream, start = _STREAM_REQUEST.unpack(frame.payload.ljust(6, b"\0")[:6])
         self.counters.client_requests += 1
-        if start > 1 or (stream != _ALL_STREAMS and stream not in STREAM_GROUPS):
+        is_known = stream == _ALL_STREAMS or stream in STREAM_GROUPS
+        if start > 1 or not is_known or rate_hz > US_PER_S / SHORTEST_US:
             self.counters.malformed += 1
             return
         self.counters.absorbed += 1

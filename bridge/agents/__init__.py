@@ -6,7 +6,7 @@ A scenario names one per UA; `agent_class` finds it. Write your own by subclassi
 from bridge.agents.agent import Agent
 from bridge.agents.beside import connect_ua
 from bridge.agents.client import UaClient
-from bridge.agents.commands import CommandFailed, CommandInterrupted, CommandRefused, CommandTimedOut
+from bridge.agents.commands import CommandFailed, CommandInterrupted, CommandRefused, CommandTimedOut, RunOver
 from bridge.agents.measurements import Measurement
 from bridge.agents.own import AgentError, load_class
 from bridge.agents.shipped.hold import Hold
@@ -41,6 +41,7 @@ __all__ = [
     "Measurement",
     "OutAndBack",
     "Reception",
+    "RunOver",
     "Still",
     "UaClient",
     "agent_class",

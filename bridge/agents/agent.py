@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from bridge.agents.client import UaClient
-from bridge.agents.commands import CommandFailed
+from bridge.agents.commands import CommandFailed, checked_numbers
 from bridge.agents.latest import LatestPackages
 from bridge.agents.measurements import Measurement
 from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint
 from bridge.bus.reception import Reception
 from bridge.scenario.agents import OwnAgent
-from bridge.scenario.model import Transmit
 from bridge.scenario.nodes import Aircraft, GroundNode
+from bridge.scenario.sections import Transmit
 
 READY_TIMEOUT_S = 180.0
 """Sim time; ArduPilot's estimator takes about 40 s."""
@@ -135,11 +135,16 @@ class Agent:
             measured_dbm,
         )
 
-    async def take_off(self, altitude_rel_m: float) -> AircraftState:
+    async def take_off(self, alt_rel_m: float) -> AircraftState:
         """Wait until the autopilot can be armed and it is time, then arm and climb. Returns the state on the ground.
 
         The time is the scenario's ``take_off_at_s``.
+
+        Raises:
+            TypeError: ``alt_rel_m`` is no number.
+            CommandFailed: the UA does not get there, or is not ready in time.
         """
+        alt_rel_m = checked_numbers("take_off", alt_rel_m=alt_rel_m)["alt_rel_m"]
         self.ua.report("waits until the autopilot is ready to arm")
         try:
             home = await self.ua.wait_for(lambda state: state.ready_to_arm, timeout_s=READY_TIMEOUT_S)
@@ -149,10 +154,10 @@ class Agent:
                 "the log of its host has what it said"
             ) from None
         await self._time_to_take_off()
-        self.ua.report(f"takes off to {altitude_rel_m:g} m")
+        self.ua.report(f"takes off to {alt_rel_m:g} m")
         await self.ua.set_mode("GUIDED")
         await self.ua.arm()
-        await self.ua.takeoff(altitude_rel_m)
+        await self.ua.takeoff(alt_rel_m)
         return home
 
     async def _time_to_take_off(self) -> None:

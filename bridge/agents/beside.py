@@ -168,6 +168,9 @@ class _TicksOnBus:
         ):
             take = partial(self._take, handler)
             session.subscribe(key, lambda sample, take=take: inbox.push(partial(take, sample)))  # type: ignore[misc]
+        session.watch_alive(  # a run that is killed says no word of its end
+            keys.alive("router"), lambda _, is_alive: None if is_alive else inbox.push(self.end)
+        )
 
     def _take(self, handler: Callable[[Sample], None], sample: Sample) -> None:
         try:
@@ -198,7 +201,13 @@ class _TicksOnBus:
         self._tick_if_due()
 
     def _end_came(self, _: Sample) -> None:
-        self._ua.is_over = True
+        self.end()
+
+    def end(self) -> None:
+        """The run is over; what became of commands at its last tick is told, as no tick will bring it."""
+        for arrival in self._arrivals.take_events():
+            arrival(self._ua)
+        self._ua.end()
 
     def _tick_if_due(self) -> None:
         is_answered = self._answered_ns < 0 or self._answered_ns >= self._clock_ns

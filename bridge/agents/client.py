@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import logging
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -14,7 +15,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeVar
 
-from bridge.agents.commands import CommandFailed, Commands, failure
+import numpy as np
+
+from bridge.agents.commands import CommandFailed, Commands, RunOver, failure
 from bridge.agents.frames import Frames, Place, has_fix
 from bridge.agents.measurements import Measurement, SensorMemory
 from bridge.agents.outlet import AgentOutlet
@@ -112,7 +115,8 @@ class UaClient(Commands):
         self.radio = self.radios[MAIN]
         self._outlet = outlet
         self._waiters: dict[int, _Waiter] = {}
-        self._waited = 0
+        self._commanded: dict[int, asyncio.Queue[CommandEvent | None]] = {}
+        self._awaited = itertools.count()
         self._has_clock = False
         self._kinds: dict[str, str] = {}
         self._logged_at_ns, self._logged = -1, 0
@@ -176,12 +180,15 @@ class UaClient(Commands):
 
         Raises:
             TimeoutError: it did not within ``timeout_s`` of sim time.
+            RunOver: it did not before the end of the run; only beside the run, as an agent ends with it.
             Exception: whatever ``condition`` raises.
         """
         if self.state is not None and condition(self.state):
             return self.state
+        if self.is_over:
+            raise self._over("wait_for")
         future: asyncio.Future[AircraftState] = asyncio.get_running_loop().create_future()
-        number, self._waited = self._waited, self._waited + 1
+        number = next(self._awaited)
         self._waiters[number] = (condition, future, self.sim_time_ns + timeout_s * 1e9)
         try:
             return await future
@@ -223,7 +230,7 @@ class UaClient(Commands):
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
         checked_chunk(channel)
-        to = str(to) if isinstance(to, int) else to
+        to = str(to) if isinstance(to, int | np.integer) else to
         checked_chunk(to)
         self._check_reach(radio, to)
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else ""
@@ -305,7 +312,8 @@ class UaClient(Commands):
             CommandRefused: the aircraft says no.
             CommandTimedOut: it does not get there in time, or does not answer.
             CommandInterrupted: another command, a pilot or a reboot came between.
-            CommandFailed: nobody serves the command; base of the three above.
+            RunOver: the run ended before the command did; only beside the run.
+            CommandFailed: nobody serves the command; base of the four above.
             ValueError: ``verb`` cannot be part of a key, or a text in ``goal`` is none that UTF-8 has.
         """
         checked_chunk(verb)
@@ -313,9 +321,22 @@ class UaClient(Commands):
         checked_text(f"{verb}: mode", goal.mode)
         checked_text(f"{verb}: arguments", goal.arguments)
         if self.is_over:
-            raise CommandFailed(f"UA {self.node}: {verb}: the run is over")
+            raise self._over(verb)
         events: asyncio.Queue[CommandEvent | None] = asyncio.Queue()
-        self._outlet.command(verb, goal, events.put_nowait)
+        number = next(self._awaited)
+        self._commanded[number] = events
+        try:
+            self._outlet.command(verb, goal, events.put_nowait)
+            return await self._result(verb, events, on_feedback)
+        finally:
+            del self._commanded[number]
+
+    async def _result(
+        self,
+        verb: str,
+        events: asyncio.Queue[CommandEvent | None],
+        on_feedback: Callable[[CommandEvent], object] | None,
+    ) -> CommandEvent:
         while (event := await events.get()) is not None:
             if event.phase == CommandEvent.RESULT:
                 if not event.success:
@@ -323,7 +344,12 @@ class UaClient(Commands):
                 return event
             if on_feedback is not None and event.phase == CommandEvent.FEEDBACK:
                 on_feedback(event)
+        if self.is_over:
+            raise self._over(verb)
         raise CommandFailed(f"UA {self.node}: {verb}: nobody carried it out to the end")
+
+    def _over(self, what: str) -> RunOver:
+        return RunOver(f"UA {self.node}: {what}: the run is over")
 
     # --- fed by the host, or by Zenoh
 
@@ -353,6 +379,15 @@ class UaClient(Commands):
         """Another one has transmitted as the node before: its next packet has this number, and is no earlier."""
         self.sent = stamp.seq
         self.sim_time_ns = max(self.sim_time_ns, stamp.sim_time_ns)
+
+    def end(self) -> None:
+        """The run is over, and no tick comes any more: whoever waits for a state or a command is told."""
+        self.is_over = True
+        for _, future, _ in tuple(self._waiters.values()):
+            if not future.done():
+                future.set_exception(self._over("wait_for"))
+        for events in self._commanded.values():
+            events.put_nowait(None)
 
     def take_state(self, state: AircraftState) -> None:
         """The aircraft's state: who waits for it goes on."""

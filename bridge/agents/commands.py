@@ -11,6 +11,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from bridge.agents.frames import Frames
 from bridge.bus.messages import CommandEvent, CommandGoal
 
@@ -33,6 +35,10 @@ class CommandInterrupted(CommandFailed):
     """Another command took over, the mode was changed, the UA was disarmed, or the autopilot rebooted."""
 
 
+class RunOver(CommandFailed):
+    """The run is over: nobody carries out a command any more, and no newer state comes."""
+
+
 _FAILURES = {
     "refused": CommandRefused,
     "timed_out": CommandTimedOut,
@@ -48,7 +54,37 @@ def failure(outcome: str, text: str) -> CommandFailed:
 def _as_json(arguments: Mapping[str, Any]) -> str:
     """Those of the arguments that are given; nothing is escaped, so that what is no text is seen."""
     given = {name: value for name, value in arguments.items() if value is not None}
-    return json.dumps(given, ensure_ascii=False) if given else ""
+    return json.dumps(given, ensure_ascii=False, default=plain) if given else ""
+
+
+def plain(value: object) -> object:
+    """A scalar or an array of numpy as Python's own, for JSON.
+
+    Raises:
+        TypeError: it is neither.
+    """
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{value!r} is of type {type(value).__name__}, which JSON has not")
+
+
+def checked_numbers(verb: str, **arguments: object) -> dict[str, float]:
+    """Arguments that have to be numbers, Python's or numpy's; as Python's.
+
+    Raises:
+        TypeError: one is none.
+    """
+    found = {}
+    for name, value in arguments.items():
+        number = value.item() if isinstance(value, np.generic) else value
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise TypeError(f"{verb}: {name} has to be a number, and is {value!r}")
+        found[name] = float(number)
+    return found
+
+
+LOCAL_FRAMES = ("fleet", "origin", "offset", "body")
+"""Of `Commands.goto_ned`."""
 
 
 class Commands(ABC):
@@ -94,9 +130,10 @@ class Commands(ABC):
         """Change the flight mode, by the autopilot's own name."""
         await self.command("mode", CommandGoal(mode=mode))
 
-    async def takeoff(self, altitude_rel_m: float) -> None:
-        """Take off and climb to ``altitude_rel_m`` above home."""
-        await self.command("takeoff", CommandGoal(altitude_rel_m=altitude_rel_m))
+    async def takeoff(self, alt_rel_m: float) -> None:
+        """Take off and climb to ``alt_rel_m`` above home."""
+        height = checked_numbers("takeoff", alt_rel_m=alt_rel_m)
+        await self.command("takeoff", CommandGoal(altitude_rel_m=height["alt_rel_m"]))
 
     async def rtl(self) -> None:
         """Return to launch and land."""
@@ -108,7 +145,8 @@ class Commands(ABC):
 
     async def change_speed(self, speed_mps: float, kind: str | None = None) -> None:
         """Change the speed, not the goal; ``kind`` is ``air``, ``ground``, ``climb`` or ``descent``."""
-        await self.run("speed", speed_mps=speed_mps, kind=kind)
+        wanted: dict[str, Any] = {**checked_numbers("change_speed", speed_mps=speed_mps), "kind": kind}
+        await self.run("speed", **wanted)
 
     async def reboot(self) -> None:
         """Have the autopilot boot anew; refused while it is armed. A run in which it does may not repeat."""
@@ -122,9 +160,9 @@ class Commands(ABC):
 
     async def goto(
         self,
-        latitude_deg: float,
-        longitude_deg: float,
-        altitude_rel_m: float,
+        lat_deg: float,
+        lon_deg: float,
+        alt_rel_m: float,
         *,
         speed_mps: float = 0.0,
         yaw_deg: float | None = None,
@@ -135,9 +173,9 @@ class Commands(ABC):
         """Fly to a point; returns True when it is reached, False when a newer target took its place.
 
         Args:
-            latitude_deg: of the point.
-            longitude_deg: of the point.
-            altitude_rel_m: above home, unless ``frame`` says otherwise.
+            lat_deg: of the point.
+            lon_deg: of the point.
+            alt_rel_m: above home, unless ``frame`` says otherwise.
             speed_mps: 0: as the autopilot is set.
             yaw_deg: heading of the nose.
             frame: ``relative`` (home), ``amsl`` (mean sea level) or ``terrain`` (the ground below).
@@ -145,7 +183,10 @@ class Commands(ABC):
             on_feedback: called with the way to go.
         """
         more = _as_json({"yaw_deg": yaw_deg, "frame": frame, "within_m": within_m})
-        goal = CommandGoal("", longitude_deg, latitude_deg, altitude_rel_m, speed_mps, more)
+        at = checked_numbers(
+            "goto", lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=alt_rel_m, speed_mps=speed_mps
+        )
+        goal = CommandGoal("", at["lon_deg"], at["lat_deg"], at["alt_rel_m"], at["speed_mps"], more)
         return (await self.command("goto", goal, on_feedback)).outcome != "superseded"
 
     async def goto_ned(
@@ -172,13 +213,17 @@ class Commands(ABC):
             on_feedback: called with the way to go.
 
         Raises:
-            ValueError: ``fleet``, and the run's frames are not known here.
+            TypeError: ``north_m``, ``east_m`` or ``down_m`` is no number.
+            ValueError: there is no such frame; or it is ``fleet``, and the run's frames are not known here.
         """
+        if frame not in LOCAL_FRAMES:
+            raise ValueError(f"goto_ned: frame {frame!r} is none of {', '.join(LOCAL_FRAMES)}")
+        place = checked_numbers("goto_ned", north_m=north_m, east_m=east_m, down_m=down_m)
         if frame == "fleet":
             if self.frames is None:
                 raise ValueError("goto_ned(frame='fleet'): where the fleet's frame begins is not known here")
-            frame, (north_m, east_m, down_m) = "origin", self.frames.own_from_fleet((north_m, east_m, down_m))
-        place = {"north_m": north_m, "east_m": east_m, "down_m": down_m}
+            own = self.frames.own_from_fleet((place["north_m"], place["east_m"], place["down_m"]))
+            frame, place = "origin", dict(zip(place, own, strict=True))
         how = {"frame": frame, "yaw_deg": yaw_deg, "within_m": within_m}
         return await self._target("goto_ned", on_feedback, **place, **how)
 
@@ -208,16 +253,16 @@ class Commands(ABC):
             duration_s: how long to keep it up without a newer one.
             rate_hz: how often the setpoint is repeated.
         """
-        wanted = {"north_mps": north_mps, "east_mps": east_mps, "down_mps": down_mps}
+        wanted = checked_numbers("velocity", north_mps=north_mps, east_mps=east_mps, down_mps=down_mps)
         nose = {"yaw_deg": yaw_deg, "yaw_rate_dps": yaw_rate_dps}
         how = {"frame": frame, "duration_s": duration_s, "rate_hz": rate_hz}
         return await self._target("velocity", None, **wanted, **nose, **how)
 
     async def follow(
         self,
-        latitude_deg: float,
-        longitude_deg: float,
-        altitude_rel_m: float,
+        lat_deg: float,
+        lon_deg: float,
+        alt_rel_m: float,
         *,
         velocity_ned_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
         yaw_deg: float | None = None,
@@ -229,16 +274,16 @@ class Commands(ABC):
         Returns as `goto`.
         """
         north, east, down = velocity_ned_mps
-        place = {"lat_deg": latitude_deg, "lon_deg": longitude_deg, "alt_rel_m": altitude_rel_m}
-        speeds = {"north_mps": north, "east_mps": east, "down_mps": down}
+        place = checked_numbers("follow", lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=alt_rel_m)
+        speeds = checked_numbers("follow", north_mps=north, east_mps=east, down_mps=down)
         how = {"yaw_deg": yaw_deg, "duration_s": duration_s, "rate_hz": rate_hz}
         return await self._target("follow", None, **place, **speeds, **how)
 
     async def orbit(
         self,
-        latitude_deg: float,
-        longitude_deg: float,
-        altitude_rel_m: float,
+        lat_deg: float,
+        lon_deg: float,
+        alt_rel_m: float,
         radius_m: float,
         *,
         speed_mps: float = 5.0,
@@ -247,8 +292,10 @@ class Commands(ABC):
         on_feedback: OnFeedback | None = None,
     ) -> bool:
         """Circle a point ``turns`` times; returns as `goto`."""
-        place = {"lat_deg": latitude_deg, "lon_deg": longitude_deg, "alt_rel_m": altitude_rel_m}
-        how = {"radius_m": radius_m, "speed_mps": speed_mps, "turns": turns, "clockwise": clockwise}
+        place = checked_numbers(
+            "orbit", lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=alt_rel_m, radius_m=radius_m
+        )
+        how = {"speed_mps": speed_mps, "turns": turns, "clockwise": clockwise}
         return await self._target("orbit", on_feedback, **place, **how)
 
     # --- missions, parameters, messages

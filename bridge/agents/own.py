@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from bridge.agents.agent import Agent
-from bridge.scenario.own_class import PLAIN_METHODS
+from bridge.scenario.agent_class import AWAITED, IS_ASYNC, IS_GENERATOR, IS_PLAIN, NO_AGENT, PLAIN_METHODS
 
 PACKAGES = ("aps", "bridge", "channel", "fdm", "standin")
 _numbers = itertools.count()
@@ -25,24 +25,32 @@ def load_class(place: str, name: str) -> type[Agent]:
     """The subclass of `Agent` called ``name`` in ``place``, a file that ends in .py or a module.
 
     Raises:
-        AgentError: if there is none. What the code in ``place`` itself raises is passed on.
+        AgentError: if there is none, or the code in ``place`` raises as it is loaded: that is then the cause.
     """
-    found = getattr(load_module(place), name, None)
+    found = getattr(_loaded(place), name, None)
     if not isinstance(found, type):
         raise AgentError(f"{place} has no class {name}")
     if not issubclass(found, Agent):
-        raise AgentError(f"{name} in {place} is no subclass of bridge.agents.Agent")
+        raise AgentError(f"{name} in {place} {NO_AGENT}")
     for method in PLAIN_METHODS:
         if inspect.iscoroutinefunction(getattr(found, method)):
-            raise AgentError(
-                f"{name}.{method} in {place} is an async def, which nobody would await: make it a plain def, and start "
-                "what has to wait with asyncio.create_task, or in fly"
-            )
+            raise AgentError(f"{name}.{method} in {place} {IS_ASYNC}")
+    if inspect.isasyncgenfunction(found.fly):
+        raise AgentError(f"{name}.{AWAITED} in {place} {IS_GENERATOR}")
     if inspect.isfunction(found.fly) and not (
         inspect.iscoroutinefunction(found.fly) or hasattr(found.fly, "__wrapped__")
     ):
-        raise AgentError(f"{name}.fly in {place} is a plain def: make it an async def, as it is awaited")
+        raise AgentError(f"{name}.{AWAITED} in {place} {IS_PLAIN}")
     return found
+
+
+def _loaded(place: str) -> ModuleType:
+    try:
+        return load_module(place)
+    except AgentError:
+        raise
+    except BaseException as error:  # somebody's own code, which may also call sys.exit
+        raise AgentError(f"{type(error).__name__} while {place} is loaded: {error}") from error
 
 
 def load_module(place: str) -> ModuleType:

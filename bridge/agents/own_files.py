@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any, TextIO
 
+from bridge.agents.commands import plain
 from bridge.bus.keys import checked_chunk
 
 
@@ -42,7 +43,7 @@ class OwnFiles:
             OSError: the file cannot be written.
         """
         checked_chunk(name)
-        line = json.dumps({"sim_time_s": sim_time_ns / 1e9, **fields})
+        line = json.dumps({"sim_time_s": sim_time_ns / 1e9, **fields}, default=plain)
         if self._folder is None:
             return
         if name not in self._open:

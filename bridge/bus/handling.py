@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from math import isfinite
+from numbers import Integral
 from typing import Final
 
 from bridge.bus.session import Sample, Stamp
@@ -36,13 +37,13 @@ def handling_of(priority: int, lifetime_s: float | None, key: str) -> Handling:
     """
     if priority == 0 and lifetime_s is None and not key:
         return PLAIN
-    if not (isinstance(priority, int) and -128 <= priority <= 127):
+    if not (isinstance(priority, Integral) and -128 <= priority <= 127):
         raise ValueError(f"priority={priority!r}: a whole number from -128 to 127")
     if lifetime_s is not None and not (isfinite(lifetime_s) and 0.0 <= lifetime_s <= LIFETIME_MAX_S):
         raise ValueError(f"lifetime_s={lifetime_s!r}: from 0 to {LIFETIME_MAX_S:g} s")
     if not isinstance(key, str) or len(key.encode(errors="replace")) > KEY_MAX_BYTES:
         raise ValueError(f"key={key!r}: a text of at most {KEY_MAX_BYTES} bytes in UTF-8")
-    return Handling(priority, None if lifetime_s is None else round(lifetime_s * 1e9), key)
+    return Handling(int(priority), None if lifetime_s is None else round(float(lifetime_s) * 1e9), key)
 
 
 def handling_bytes(handling: Handling) -> bytes:

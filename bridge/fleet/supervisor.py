@@ -17,6 +17,7 @@ from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.autopilots.launcher import AutopilotError, LaunchPlan
 from bridge.fleet.children.child import Child
 from bridge.fleet.children.crew import Crew
+from bridge.fleet.children.forked import Understudy
 from bridge.fleet.course import Course, Ending, FleetError
 from bridge.fleet.glance import Glance
 from bridge.fleet.hosts import host_groups
@@ -66,6 +67,7 @@ class Fleet:
         dirs: where real autopilots are, as far as that was said.
         replay: directory of the run whose inputs from outside are repeated.
         how: how the parts are joined; None: as the scenario says.
+        understudy: of the program of a run of one process, if there is one (`bridge.fleet.one.understudy_of`).
 
     Attributes:
         course: how the run goes.
@@ -80,11 +82,12 @@ class Fleet:
         dirs: AutopilotDirs = NOT_SAID,
         replay: Path | None = None,
         how: How | None = None,
+        understudy: Understudy | None = None,
     ) -> None:
         self._scenario, self._run, self._observer, self._replay = scenario, run, observer, replay
         self._how: How = how or how_joined(scenario)
         self._launchers = launchers_of(scenario, dirs)
-        self._crew = Crew(self._child_ended)
+        self._crew = Crew(self._child_ended, understudy)
         self._parts: Arrangement | None = None
         self._keyring: Keyring | None = None
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
@@ -221,6 +224,7 @@ class Fleet:
         if self._parts is not None:
             self.killed = await self._parts.end(self._news)
             self._report.count("samples_whose_handling_failed", self._parts.failed)
+        self._crew.dismiss()
         if self._keyring is not None:
             self._keyring.remove()
         for name in self.killed:

@@ -24,7 +24,7 @@ from bridge.record.ways import whom
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.run.process import current_node
-from bridge.scenario.agents import FreeAgent
+from bridge.scenario.agents import AgentConfig, FreeAgent
 from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.timeouts import FLUSH_PERIOD_S
 
@@ -87,13 +87,13 @@ class HostedNode:
     async def start(self) -> None:
         """Build the agent."""
         if not isinstance(self._config.agent, FreeAgent):
-            await self._start_agent(agent_class(self._config.agent))
+            await self._start_agent(self._config.agent)
         if self._record.replay is not None:
             self.node.repeat([item for item in self._record.replay if item.kind != "serial"])
             for port in self.ports.values():
                 port.repeat(self._record.replay)
 
-    async def _start_agent(self, make: Callable[..., Any]) -> None:
+    async def _start_agent(self, config: AgentConfig) -> None:
         held = HeldOutlet(self._outlet)
         self.runner = AgentRunner(
             UaClient(
@@ -106,8 +106,9 @@ class HostedNode:
                 frames=frames_of(self._scenario, self.id),
                 take_off_at_s=self._scenario.take_off_at_s,
             ),
-            lambda client: make(client, self._config, self._scenario.transmit),
+            lambda client: agent_class(config)(client, self._config, self._scenario.transmit),
             lambda: self.call_back(self._agent_is_idle),
+            self._record.warn,
         )
         self.node.join(self.runner, held)
         await asyncio.wrap_future(self.runner.start())

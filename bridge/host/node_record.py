@@ -8,7 +8,7 @@ from typing import Any
 
 from bridge.bus.messages import AgentStatus, AircraftState
 from bridge.record import names
-from bridge.record.events import Report
+from bridge.record.events import AGENT_WARNING, Report
 from bridge.record.inputs import InputWriter, RecordedInput, inputs_of
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.names import Kind
@@ -89,6 +89,10 @@ class NodeRecord:
         text = f"node {self._node}: {reason}"
         self._report.event(self.now_ns, self._node, "wall_time", text)
         self._report.may_not_repeat(f"{text} (at {self.now_ns / 1e9:.2f} s)")
+
+    def warn(self, text: str) -> None:
+        """The node's agent does what its author cannot want; from any thread."""
+        self._report.event(self.now_ns, self._node, AGENT_WARNING, text)
 
     def flush(self) -> None:
         """Hand everything to the operating system."""

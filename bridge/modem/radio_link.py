@@ -12,7 +12,7 @@ from bridge.modem.pair import AIR, ENDS, GROUND, ModemPair
 from bridge.modem.places import Guide, Track
 from bridge.modem.settings import counts_foreign, modem_of, peers_of
 from channel.access.media.medium import AccessMedium
-from channel.access.settings import Ideal, Surroundings
+from channel.access.settings.base import Ideal, Surroundings
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.network.link_world import LinkWorld

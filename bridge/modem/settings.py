@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from bridge.modem.radio_status import ElrsStatus, ModemStatus, SikStatus
-from channel.access.settings import DelayMedium, ElrsMedium, MediumSettings, Serial, SikMedium
+from channel.access.settings.base import Serial
+from channel.access.settings.delay import DelayMedium
+from channel.access.settings.elrs import ElrsMedium
+from channel.access.settings.medium import MediumSettings
+from channel.access.settings.sik import SikMedium
 
 SIK_BAUD, ELRS_BAUD = 57_600, 460_800
 SIK_TO_HOST_BYTES, ELRS_TO_HOST_BYTES = 645, 512

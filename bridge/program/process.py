@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import logging
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 
@@ -21,13 +22,13 @@ from fdm.errors import FdmError
 from standin.process import StandinError
 
 
-def main() -> int:
-    """Run the process."""
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the process, with the words of its command line."""
     parser = argparse.ArgumentParser(prog=NAME, description=__doc__)
     add_run_arguments(parser, NAME)
     parser.add_argument("--tell-fd", type=int, required=True, help="file descriptor of the supervisor's pipe")
     parser.add_argument("--glance", action="store_true", help="tell of states and links, too")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     run = log_to_files(arguments)
     pipe = PipeWriter(arguments.tell_fd)
     try:

@@ -26,6 +26,9 @@ DIED = "died"
 KILLED = "killed"
 """Kind of the event that a process was killed because it did not end in time: what it wrote may lack its end."""
 
+AGENT_WARNING = "agent_warning"
+"""Kind of the event that an agent does what its author cannot want."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunEvent:

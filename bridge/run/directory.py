@@ -167,7 +167,10 @@ class RunDirectory:
         Raises:
             OSError, ValueError: if the file is not there or not ours.
         """
-        return Scenario.from_yaml((self.path / SCENARIO_FILE).read_text(encoding="utf-8"))
+        file = self.path / SCENARIO_FILE
+        if not file.exists():
+            raise ValueError(f"{self.path} is not the directory of a run (it has no {SCENARIO_FILE})")
+        return Scenario.from_yaml(file.read_text(encoding="utf-8"))
 
     @property
     def summary(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from bridge.scenario.parts import Finite, Part, Positive
+from bridge.scenario.parts import Finite, Part, PlacedName, Positive
 
 
 class _HostedAgent(Part):
@@ -57,7 +57,7 @@ class OwnAgent(_HostedAgent):
     )
 
     type: Literal["own"]
-    class_: Annotated[str, Field(alias="class", pattern=r"^.+:[A-Za-z_]\w*$")]
+    class_: Annotated[PlacedName, Field(alias="class")]
     has_task: bool = True
     options: dict[str, JsonValue] = Field(default_factory=dict)
 

@@ -7,12 +7,8 @@ import symtable
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
+from bridge.scenario.agent_class import wrong_with_class
 from bridge.scenario.resolve.sources import sources_of
-
-PLAIN_METHODS = ("on_tick", "on_packet", "transmit_package")
-"""Methods of an agent that are called, not awaited."""
-AWAITED = "fly"
-"""The one that is."""
 
 
 def mistake_in(place: str, name: str, kind: str = "class") -> str:
@@ -31,20 +27,8 @@ def mistake_in(place: str, name: str, kind: str = "class") -> str:
         return f"{path}: {error}"
     if name not in names and "import *" not in text:
         return f"{path} has no {kind} {name}"
-    return _wrong_method_in(ast.parse(text), path, name)
-
-
-def _wrong_method_in(module: ast.Module, path: Path, name: str) -> str:
-    classes = (node for node in module.body if isinstance(node, ast.ClassDef) and node.name == name)
-    for method in (method for found in classes for method in found.body):
-        if isinstance(method, ast.AsyncFunctionDef) and method.name in PLAIN_METHODS:
-            return (
-                f"{path}:{method.lineno}: {name}.{method.name} is an async def, which nobody would await: make it a "
-                "plain def, and start what has to wait with asyncio.create_task, or in fly"
-            )
-        if isinstance(method, ast.FunctionDef) and method.name == AWAITED and not method.decorator_list:
-            return f"{path}:{method.lineno}: {name}.{AWAITED} is a plain def: make it an async def, as it is awaited"
-    return ""
+    wrong = wrong_with_class(ast.parse(text), name) if kind == "class" else None
+    return "" if wrong is None else f"{path}:{wrong[0]}: {wrong[1]}"
 
 
 def unread_options(place: str, options: Collection[str]) -> list[str]:

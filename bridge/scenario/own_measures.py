@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, JsonValue, model_validator
 
 from bridge.scenario.expectation_parts import ExpectationPart, Interval, NodeId, Nodes, Share, bounds, when
-from bridge.scenario.parts import Finite
+from bridge.scenario.parts import Finite, PlacedName
 
 
 class _Measured(ExpectationPart):
@@ -77,7 +77,7 @@ class FunctionExpectation(_Measured):
     """
 
     type: Literal["function"]
-    function: Annotated[str, Field(pattern=r"^.+:[A-Za-z_]\w*$")]
+    function: PlacedName
     options: dict[str, JsonValue] = Field(default_factory=dict)
 
     @property

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from typing import Annotated, Any
+from unicodedata import normalize
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
@@ -15,6 +16,18 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Port = Annotated[int, Field(strict=True, ge=0, le=65535)]
 Parameters = dict[Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]{0,15}$")], Finite]
 """Parameters of an autopilot; MAVLink gives their names 16 characters."""
+_PLACED_NAME = r"^.+:[^\s:]+$"
+
+
+def _placed_name(text: str) -> str:
+    place, _, name = text.rpartition(":")
+    if not name.isidentifier():
+        raise ValueError(f"has to be FILE.py:NAME or package.module:NAME, and {name!r} is no name in Python")
+    return f"{place}:{normalize('NFKC', name)}"  # as Python reads it in the file
+
+
+PlacedName = Annotated[str, Field(pattern=_PLACED_NAME), AfterValidator(_placed_name)]
+"""A class or function, by its file or module and its name there."""
 Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 

@@ -12,6 +12,7 @@ from fdm.errors import ModelDivergedError, WindError
 from fdm.model.air_point import AirPoint, StaticAir, Wind
 from fdm.model.airframe import Airframe
 from fdm.model.geodesy import Home
+from fdm.model.plausible import plausible
 from fdm.model.truth import TrueState, Vector
 from fdm.wire.lockstep import STEPPING, FrameTimer, Lockstep, ServoVerdict
 from fdm.wire.sensor_frame import Encoder
@@ -179,7 +180,8 @@ class ExchangedAircraft:
 
     def _set_model(self, model: FlightModel) -> None:
         self.model = model
-        self._measure = model.sense if self._disturb is None else self._disturb(model.sense)
+        sense = plausible(model.sense)
+        self._measure = sense if self._disturb is None else self._disturb(sense)
 
     def set_fleet_time(self, sim_time_ns: int) -> None:
         """The UA's present own time is `sim_time_ns` of fleet sim time."""

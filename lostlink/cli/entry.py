@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 
+from bridge.fleet.children.environment import of_runs
 from lostlink.flight.signals import ending_signals, leave_terminal
 
 FLYING = ("run", "refly")
@@ -13,16 +14,46 @@ FLYING = ("run", "refly")
 
 def main() -> None:
     """Run the command. One that flies replaces the way it ends by its own, orderly one."""
+    _open_what_is_closed()
     for number in ending_signals():
         signal.signal(number, _end)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ending_signals())
+    if _flies() and sys.platform == "linux" and "PYTHONHASHSEED" not in os.environ:
+        _begin_anew()
     from lostlink.cli.main import main as command
 
     command()
 
 
+def _flies() -> bool:
+    return sys.argv[1:2] != [] and sys.argv[1] in FLYING
+
+
+def _open_what_is_closed() -> None:
+    """Have the standard files lead nowhere where they are closed: what is opened next would be taken for them."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+
+
+def _begin_anew() -> None:
+    """Begin again in the environment of a run: so its program can be forked from this process, and need not load.
+
+    Where that cannot be, its program is started anew.
+    """
+    signal.pthread_sigmask(signal.SIG_BLOCK, ending_signals())  # until they are heeded again
+    words, environment = ["-P", *sys.orig_argv[1:]], {**os.environ, **of_runs(os.environ)}
+    try:
+        os.execve(sys.executable or "", [sys.executable, *words], environment)
+    except OSError:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ending_signals())
+
+
 def _end(number: int, _: object) -> None:
     """End at once: whatever is being imported could swallow an exception."""
-    when = " before the run began" if sys.argv[1:2] and sys.argv[1] in FLYING else ""
+    when = " before the run began" if _flies() else ""
     leave_terminal()
     os.write(2, f"lostlink: interrupted{when}\n".encode())
     os._exit(128 + number)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import signal
 import sys
 from importlib import import_module, metadata
 
@@ -96,11 +98,17 @@ def main() -> None:
     except click.ClickException as error:
         click.echo(f"lostlink: {error.format_message()}", err=True)
         sys.exit(error.exit_code)
-    except click.Abort:
-        sys.exit(1)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(141)
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        click.echo(f"lostlink: {error}", err=True)  # what is printed goes to a file there, perhaps
+        sys.exit(1)
+    except click.Abort:  # Ctrl-C, where nothing else has a word for it
+        click.echo("lostlink: interrupted", err=True)
+        sys.exit(128 + signal.SIGINT)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import click
 from rich.console import Console
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
+from bridge.fleet.one import understudy_of
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.flight.flight import Flight
@@ -21,7 +22,8 @@ class ShownFlight(Flight):
     def __init__(
         self, scenario: Scenario, directory: RunDirectory, console: Console, *, quiet: bool = False
     ) -> None:
-        super().__init__(scenario, directory, Progress(console, quiet=quiet))
+        understudy = understudy_of(scenario)
+        super().__init__(scenario, directory, Progress(console, quiet=quiet), understudy=understudy)
         self.take_signals()
         self.console = console
         self.quiet = quiet
@@ -35,7 +37,13 @@ class ShownFlight(Flight):
         try:
             return self.fly(dirs, replay)
         except (OSError, ValueError) as error:
-            click.echo(f"lostlink: {error}", err=True)
+            is_placed = getattr(error, "filename", None) is not None or not isinstance(error, OSError)
+            place = "" if is_placed else f"{self.directory.path}: "
+            click.echo(
+                f"lostlink: {place}{error}; the run has no summary; `lostlink export {self.directory.path} --parquet "
+                "--mcap` writes the tables and run.mcap of what was flown",
+                err=True,
+            )
             return None
 
 

@@ -42,7 +42,7 @@ def compare_table(
             return None
         texts = ("the table" if each else f"no {table.name}" for each in has)
         return Difference(0, "", table.name, "the table", *texts)
-    keep = _Kept(run_a, run_b, table, until_ns)
+    keep = _Kept(run_a, run_b, table, until_ns, _ends(run_a, table) if a_was_cut and table.by_node else None)
     one, other = (_Rows(run, table, keep) for run in (run_a, run_b))
     while True:
         count = min(one.available(), other.available())
@@ -113,9 +113,13 @@ class _Kept:
         run_a, run_b: the runs.
         table: which table.
         until_ns: pass over rows of later sim times; None: compare all.
+        ends: for each node the sim time at which its part of the table ends; None: that of all is one.
     """
 
-    def __init__(self, run_a: Path, run_b: Path, table: Table, until_ns: int | None) -> None:
+    def __init__(
+        self, run_a: Path, run_b: Path, table: Table, until_ns: int | None, ends: dict[str, int] | None
+    ) -> None:
+        self._node, self._ends = table.node, ends
         self._tick, self._until_ns = table.tick, NEVER_NS if until_ns is None else until_ns
         self._received_ns: int | None = None
         if self._until_ns < NEVER_NS and RECEIVED in [column.name for column in table.columns]:
@@ -127,7 +131,17 @@ class _Kept:
             kept = batch[self._tick] <= self._until_ns
             if self._received_ns is not None:
                 kept &= (batch[RECEIVED] <= self._received_ns) & (batch["fate"] != Fate.RUN_ENDED.value)
+            if self._ends is not None:
+                kept &= batch[self._tick] <= [self._ends.get(node, -1) for node in batch[self._node]]
             yield batch if kept.all() else {name: values[kept] for name, values in batch.items()}
+
+
+def _ends(run: Path, table: Table) -> dict[str, int]:
+    """The last tick of each node in a table: each has a journal of its own, and of a killed run each has an end."""
+    found: dict[str, int] = {}
+    for batch in read_batches(run, table, (table.tick, table.node)):
+        found |= dict(zip(batch[table.node].tolist(), batch[table.tick].tolist(), strict=True))
+    return found
 
 
 def _latest(run: Path, table: Table) -> int:

@@ -12,6 +12,7 @@ from typing import Any, Protocol, Self
 
 from bridge.bus.messages import Clock, Message
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
+from bridge.fleet.children.forked import Understudy
 from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.glance import Glance
 from bridge.fleet.how import How
@@ -88,12 +89,18 @@ class Flight:
         directory: where to, already there.
         watcher: is called as it goes on.
         how: how the parts of the run are joined; None: as the scenario says.
+        understudy: of the program of a run of one process, if there is one (`bridge.fleet.one.understudy_of`).
     """
 
     def __init__(
-        self, scenario: Scenario, directory: RunDirectory, watcher: Watcher, how: How | None = None
+        self,
+        scenario: Scenario,
+        directory: RunDirectory,
+        watcher: Watcher,
+        how: How | None = None,
+        understudy: Understudy | None = None,
     ) -> None:
-        self._how = how
+        self._how, self._understudy = how, understudy
         self.scenario = scenario
         self.directory = directory
         self.signal: signal.Signals | None = None
@@ -170,7 +177,7 @@ class Flight:
             self._watcher.on_message(message)
 
         observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance)
-        fleet = Fleet(self.scenario, self.directory, observer, dirs, replay, self._how)
+        fleet = Fleet(self.scenario, self.directory, observer, dirs, replay, self._how, self._understudy)
         if takes_signals:
             self._pass_signals_to(fleet)
         self._take_charge(fleet)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from bridge.modem.settings import modem_of
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import medium_on
-from channel.access.settings import Ideal
+from channel.access.settings.base import Ideal
 
 PARAMETERS_SHARE = 0.3
 """ArduPilot's `GCS_Param.cpp`: of the line, for a list of parameters."""

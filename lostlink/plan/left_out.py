@@ -9,7 +9,8 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, AutopilotName
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
-from channel.access.settings import Ideal, name_of
+from channel.access.settings.base import Ideal
+from channel.access.settings.medium import name_of
 from channel.link.radio import Radio
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from fdm.air.wind import WindConfig

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, GroundNode
 from bridge.scenario.resolve.radio import radios_of
-from channel.access.settings import ElrsMedium, SikMedium
+from channel.access.settings.elrs import ElrsMedium
+from channel.access.settings.sik import SikMedium
 from channel.link.radio import Radio
 
 PAIR = 2

@@ -13,7 +13,8 @@ from bridge.scenario.modems import GroundModem
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import channel_of
 from bridge.scenario.resolve.radio import radios_of
-from channel.access.settings import CsmaMedium, MediumSettings, name_of
+from channel.access.settings.csma import CsmaMedium
+from channel.access.settings.medium import MediumSettings, name_of
 from channel.network.crossing import Crossing
 
 RATES_APART = 1.01

@@ -14,7 +14,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, GroundNode, Transceiver
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
-from channel.access.settings import name_of
+from channel.access.settings.medium import name_of
 from channel.link.radio import Radio
 from lostlink.plan.flow import overflows
 from lostlink.plan.left_out import left_out

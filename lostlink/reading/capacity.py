@@ -9,7 +9,9 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.radio import radios_of
-from channel.access.settings import Ideal, MediumSettings, TdmaMedium
+from channel.access.settings.base import Ideal
+from channel.access.settings.medium import MediumSettings
+from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 
 UNITS = ((1e9, "Gbit/s"), (1e6, "Mbit/s"), (1e3, "kbit/s"))

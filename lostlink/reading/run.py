@@ -273,8 +273,9 @@ class Run:
         """The packets that ``node`` gave to the radio, with their payloads; none if it has no such stream.
 
         Raises:
-            ValueError: the file is damaged, or the id cannot be one.
+            ValueError: the run has no such node, or the file is damaged.
         """
+        self._check_node(node)
         return (packet for _, packet in packets_of(self.path, node))
 
     def logged(self) -> list[tuple[int, str, LoggedValue | AgentStatus]]:
@@ -290,10 +291,15 @@ class Run:
         """MAVLink bytes of a UA by tick, in the direction given; none if it has no such stream.
 
         Raises:
-            ValueError: the file is damaged, or the id cannot be one.
+            ValueError: the run has no such node, or the file is damaged.
         """
+        self._check_node(node)
         path = names.Stream(names.Kind(direction), node).path(self.path)
         return entries_of(path)
+
+    def _check_node(self, node: str) -> None:
+        if node not in self.nodes:
+            raise ValueError(f"no node has the id {node!r}; there are {', '.join(self.nodes)}")
 
     def _timed(self, figures: Callable[[Sequence[LinkTimes]], dict[str, NDArray[Any]]]) -> pd.DataFrame:
         rows = link_rows(self.path, self.scenario.transceiver_ids, NEEDED)

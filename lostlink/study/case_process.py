@@ -22,14 +22,15 @@ import sys
 import traceback
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
-from bridge.fleet.children.leash import end_with_parent
+from bridge.fleet.children.forked import ENDING, fork
 from bridge.fleet.course import Ending
 from bridge.fleet.how import How, how_joined
 from bridge.fleet.preflight.preflight import preflight
@@ -42,13 +43,12 @@ from bridge.scenario.resolve.sources import sources_of
 from lostlink.flight.flight import Flight, Silent
 from lostlink.reading.run import load_run
 from lostlink.study.metrics import of_summary, of_tables, own
-from lostlink.study.model import Function
+from lostlink.study.model import Function, StudyError
 
 PLAN_FILE = "plan.json"
 RESULT_FILE = "result.json"
 RUN_FOLDER = "run"
 LOG_FILE = "log.txt"
-ENDING = (signal.SIGTERM, signal.SIGINT)
 WARM = (
     "bridge.program.process",
     "fdm.model.jsbsim_model",
@@ -135,7 +135,7 @@ def fly_case(directory: Path) -> int:
             return 0
         (directory / RESULT_FILE).unlink(missing_ok=True)
         try:
-            run = _recorded(directory) or _flown(plan, directory)
+            run = recorded(directory) or _flown(plan, directory)
         except Exception as error:
             traceback.print_exc()
             write_whole(directory / RESULT_FILE, _result(plan, {}, {}, _told(error)))
@@ -172,10 +172,10 @@ def _result(
 
 
 def _told(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}"
+    return str(error) if isinstance(error, StudyError) else f"{type(error).__name__}: {error}"
 
 
-def _recorded(directory: Path) -> Path | None:
+def recorded(directory: Path) -> Path | None:
     """The run that is there already and came to an end, if there is one: it needs only be measured."""
     link = directory / RUN_FOLDER
     return link.resolve() if link.is_symlink() and link.is_dir() else None
@@ -204,7 +204,7 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
 
 def fly_forked(directory: Path) -> None:
     """Fly a case in a process that is forked from this one, and wait for its end."""
-    worker, child = os.getpid(), 0
+    child = 0
 
     def pass_on(number: int, _: object) -> None:
         with suppress(ProcessLookupError):
@@ -212,10 +212,8 @@ def fly_forked(directory: Path) -> None:
                 os.kill(child, number)
 
     kept = {number: signal.signal(number, pass_on) for number in ENDING}
-    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # a signal is for the case, from its first moment on
-    child = os.fork()
-    if child == 0:
-        _be_a_case(directory, worker)
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # until it is known whom to pass them on to
+    child = fork(partial(_be_a_case, directory))
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     _, status = os.waitpid(child, 0)
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) not in ENDING:
@@ -227,27 +225,13 @@ def fly_forked(directory: Path) -> None:
         signal.signal(number, handler)
 
 
-def _be_a_case(directory: Path, parent: int) -> NoReturn:
-    status = 1
-    try:
-        for number in ENDING:
-            signal.signal(number, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
-        end_with_parent()
-        if os.getppid() != parent:
-            os._exit(1)  # the worker was gone before the wish was made
-        np.random.seed()  # noqa: TID251
-        with (directory / LOG_FILE).open("ab") as log:
-            for standard in (1, 2):
-                os.dup2(log.fileno(), standard)
-        os.chdir(directory)  # nothing that a run leaves where it is started lands beside the study
-        status = fly_case(directory)
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+def _be_a_case(directory: Path) -> int:
+    np.random.seed()  # noqa: TID251
+    with (directory / LOG_FILE).open("ab") as log:
+        for standard in (1, 2):
+            os.dup2(log.fileno(), standard)
+    os.chdir(directory)  # nothing that a run leaves where it is started lands beside the study
+    return fly_case(directory)
 
 
 def load_all() -> None:

@@ -92,12 +92,16 @@ def own(run: Run, functions: tuple[Function, ...], taken: Container[str] = OF_TH
         taken: names of columns that there are already, beside those of the study.
 
     Raises:
-        StudyError: one gives what no table can hold, or a column that there is. What they raise themselves is passed
-            on.
+        StudyError: one gives what no table can hold, or a column that there is, or raises.
     """
     found: Metrics = {}
     for function in functions:
-        result = load(function)(run)
+        try:
+            result = load(function)(run)
+        except StudyError:
+            raise
+        except Exception as error:  # somebody's own code: whatever it raises is told with its place
+            raise StudyError(f"{_told(function)}: {type(error).__name__}: {error}") from error
         if not isinstance(result, Mapping):
             raise StudyError(
                 f"{_told(function)}: has to give a mapping of columns (got {type(result).__name__})"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
-from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, read_result
+from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, read_result, recorded
 from lostlink.study.cases import Case, cases_of
 from lostlink.study.lanes import Lanes
 from lostlink.study.metrics import load
@@ -63,6 +63,10 @@ class Study:
             raise StudyError(f"{file}: figures: needs pandas: pip install 'lostlink[pandas]'")
         for function in (*self.content.metrics, *self.content.figures):
             load(function)
+
+    def to_measure(self) -> set[str]:
+        """Ids of those cases that are left and need not be flown: their runs are there, and are measured anew."""
+        return {case.id for case in self.left() if recorded(self.path(case)) is not None}
 
     def left(self) -> list[Case]:
         """The runs that are still to be flown or measured."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import math
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,14 @@ from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import at_free_ports
 from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.every import TABLES
 from bridge.record.tables.schema import Table
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from lostlink.flight.flight import Flight, Silent
 from lostlink.flight.scripted import RunResult, ScenarioLike, read_like
 from lostlink.reading.run import Run, load_run
-from lostlink.testing.views import NS_PER_S, Place, RecordedLink, RecordedNode
+from lostlink.testing.views import NS_PER_S, Columns, Place, RecordedLink, RecordedNode
 
 LOOK_S = 0.1
 """How often the record is looked at while a test waits, wall time. It decides when a test goes on, and no answer."""
@@ -30,7 +32,7 @@ class UaOfFlight(RecordedNode):
     """A node of a flight that may go on: what `RecordedNode` says, and waiting for it."""
 
     def __init__(self, flight: FleetFlight, node: str) -> None:
-        super().__init__(flight.record, node)
+        super().__init__(flight.record, node, flight)
         self._flight = flight
 
     async def at(
@@ -62,7 +64,9 @@ class UaOfFlight(RecordedNode):
         while True:
             is_over, recorded_s = self._flight.is_over, self._flight.recorded_s()
             try:
-                return self.reaches(place, within_m, after_s, before_s)
+                found_s = self.reaches(place, within_m, after_s, before_s)
+                self._flight.has_waited_for(found_s)
+                return found_s
             except AssertionError:
                 if is_over or recorded_s > before_s:
                     raise
@@ -77,10 +81,13 @@ class FleetFlight:
 
     Attributes:
         path: its run directory.
+        end_s: sim time at which answers end that name no end: how far the test has waited; no result hangs on how far
+            the flight happened to be.
     """
 
     def __init__(self, flight: Flight, dirs: AutopilotDirs, held: ExitStack) -> None:
         self.path = flight.directory.path
+        self.end_s = 0.0
         self._flight, self._held = flight, held
         self._summary: dict[str, Any] | None = None
         self._error: BaseException | None = None
@@ -116,13 +123,15 @@ class FleetFlight:
         is known before its end.
         """
         tables = (TRUTH,) if self.is_over else (TRUTH, DELIVERIES)
-        return min(self._last_s(table) for table in tables)
+        return min(self.last_s(table) for table in tables)
 
-    def _last_s(self, table: Table) -> float:
+    def last_s(self, table: Table, node: str = "") -> float:
+        """Sim time of the last row of a table, or of a node's part of it, s; below 0 if there is none."""
         try:
-            times_ns = self.record.columns(table.name, (table.tick,))[table.tick]
+            rows = self.record.columns(table.name, (table.tick, table.node))
         except (OSError, ValueError):  # not begun, or just now becoming Parquet
             return -1.0
+        times_ns = rows[table.tick][rows[table.node] == node] if node else rows[table.tick]
         return float(times_ns[-1]) / NS_PER_S if len(times_ns) else -1.0
 
     async def at(self, sim_time_s: float) -> None:
@@ -134,12 +143,39 @@ class FleetFlight:
         while True:
             is_over = self.is_over
             if self.recorded_s() >= sim_time_s:
+                self.has_waited_for(sim_time_s)
                 return
             if is_over:
                 raise AssertionError(
                     f"the flight ended at {self.recorded_s():.2f} s, before {sim_time_s} s: {self._told()}"
                 )
             await asyncio.sleep(LOOK_S)
+
+    def has_waited_for(self, sim_time_s: float) -> None:
+        """The test has waited until then."""
+        self.end_s = max(self.end_s, sim_time_s)
+
+    def reach(self, sim_time_s: float, table: str, node: str = "") -> None:
+        """Wait until a table, or a node's part of it, goes up to ``sim_time_s``, or the flight is over."""
+        wanted = next(each for each in TABLES if each.name == table)
+        while not self.is_over and self.last_s(wanted, node) < sim_time_s:
+            time.sleep(LOOK_S)
+        self.has_waited_for(sim_time_s)
+
+    def columns(self, run: Run, table: str, columns: Sequence[str] | None = None) -> Columns:
+        """Columns of a table; waits while it becomes Parquet.
+
+        Raises:
+            OSError, ValueError: it cannot be read.
+        """
+        while True:
+            is_over = self.is_over
+            try:
+                return run.columns(table, columns)
+            except (OSError, ValueError):
+                if is_over:
+                    raise
+            time.sleep(LOOK_S)
 
     def ua(self, node: int | str) -> UaOfFlight:
         """One of its nodes.
@@ -150,12 +186,12 @@ class FleetFlight:
         return UaOfFlight(self, str(node))
 
     def link(self, tx: int | str, rx: int | str) -> RecordedLink:
-        """The link from one node to another, as recorded so far.
+        """The link from one node to another.
 
         Raises:
             ValueError: there is no such node.
         """
-        return RecordedLink(self.record, str(tx), str(rx))
+        return RecordedLink(self.record, str(tx), str(rx), self)
 
     async def end(self) -> RunResult:
         """Wait for its end; gives what came of it."""
@@ -169,6 +205,7 @@ class FleetFlight:
             OSError, ValueError: its record could not be written.
         """
         self._thread.join()
+        self.end_s = math.inf
         if self._error is not None:
             raise self._error
         assert self._summary is not None

@@ -5,8 +5,9 @@ So an answer does not depend on how fast the machine is or when it was asked: th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 from lostlink.reading.run import Run
 
 NS_PER_S = 1e9
+Columns = dict[str, NDArray[Any]]
 _PLACE = ("position_north_m", "position_east_m", "position_down_m")
+_TRACK = ("tick_ns", "node", *_PLACE)
 
 
 @dataclass(frozen=True)
@@ -43,40 +46,89 @@ class Place:
         return found
 
 
+class Recorded(Protocol):
+    """How far a record goes that may still grow."""
+
+    @property
+    def end_s(self) -> float:
+        """Sim time at which answers end that name no end."""
+
+    def reach(self, sim_time_s: float, table: str, node: str = "") -> None:
+        """Wait until a table, or a node's part of it, goes so far, or no further."""
+
+    def columns(self, run: Run, table: str, columns: Sequence[str] | None = None) -> Columns:
+        """Columns of a table, which may just now become another file."""
+
+
+class Whole:
+    """The record of a flight that is over."""
+
+    end_s = np.inf
+
+    def reach(self, sim_time_s: float, table: str, node: str = "") -> None:
+        """It goes as far as it goes."""
+
+    def columns(self, run: Run, table: str, columns: Sequence[str] | None = None) -> Columns:
+        """Columns of a table."""
+        return run.columns(table, columns)
+
+
 class RecordedNode:
     """What the record says of one node."""
 
-    def __init__(self, run: Run, node: str) -> None:
+    def __init__(self, run: Run, node: str, extent: Recorded | None = None) -> None:
         if node not in run.nodes:
             raise ValueError(f"no node {node!r}; there are {', '.join(run.nodes)}")
-        self._run, self.node = run, node
+        self._run, self.node, self._extent = run, node, extent or Whole()
 
     def track(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """True positions so far: sim times in s, shape (n,), and north, east, down in m, shape (n, 3)."""
-        truth = self._run.columns("truth", ("tick_ns", "node", *_PLACE))
+        """True positions: sim times in s, shape (n,), and north, east, down in m, shape (n, 3).
+
+        Of a flight that goes on, as far as the test has waited for it.
+        """
+        end_s = self._extent.end_s
+        self._extent.reach(end_s, "truth")
+        times_s, places = self._track(self._extent.columns(self._run, "truth", _TRACK))
+        return times_s[times_s <= end_s], places[times_s <= end_s]
+
+    def _track(self, truth: Columns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         own = truth["node"] == self.node
         return truth["tick_ns"][own] / NS_PER_S, np.stack([truth[axis][own] for axis in _PLACE], axis=1)
 
     def position_ned_m(self, sim_time_s: float) -> NDArray[np.float64]:
-        """True position at the last tick not after ``sim_time_s``, shape (3,).
+        """True position at the last tick not after ``sim_time_s``, shape (3,). Waits for it while the flight goes on.
 
         Raises:
-            ValueError: it was not there yet.
+            ValueError: it was not there yet, or no longer: nothing is recorded of it after some tick before that.
         """
-        times_s, places = self.track()
+        self._extent.reach(sim_time_s, "truth")
+        times_s, places = self._track(self._extent.columns(self._run, "truth", _TRACK))
+        found: NDArray[np.float64] = places[self._row(times_s, sim_time_s)]
+        return found
+
+    def _row(self, times_s: NDArray[np.float64], sim_time_s: float) -> int:
+        """The tick that holds at a sim time, of those of which there is a true state."""
         row = int(np.searchsorted(times_s, sim_time_s + 1e-9, side="right")) - 1
         if row < 0:
             raise ValueError(f"node {self.node} was not there yet at {sim_time_s} s")
-        found: NDArray[np.float64] = places[row]
-        return found
+        if row == len(times_s) - 1 and sim_time_s >= times_s[-1] + np.min(np.diff(times_s), initial=np.inf):
+            raise ValueError(
+                f"node {self.node}: nothing is recorded of it after {times_s[-1]:.2f} s, "
+                f"and {sim_time_s} s was asked for"
+            )
+        return row
 
     def state(self, sim_time_s: float) -> dict[str, Any]:
-        """What its autopilot said of itself last, not after ``sim_time_s``: a row of `states`.
+        """What its autopilot said of itself last, not after ``sim_time_s``: a row of `states`. Waits as for a position.
 
         Raises:
-            ValueError: it had not said anything yet.
+            ValueError: it had not said anything yet; or as of `position_ned_m`.
         """
-        states = self._run.columns("states")
+        self._extent.reach(sim_time_s, "truth")
+        times_s, _ = self._track(self._extent.columns(self._run, "truth", _TRACK))
+        self._row(times_s, sim_time_s)
+        self._extent.reach(sim_time_s, "states", self.node)  # written at a pace of its own
+        states = self._extent.columns(self._run, "states")
         rows = np.flatnonzero(
             (states["node"] == self.node) & (states["tick_ns"] <= sim_time_s * NS_PER_S + 1)
         )
@@ -91,12 +143,12 @@ class RecordedNode:
     def reaches(
         self, place: Place, within_m: float = 5.0, after_s: float = 0.0, before_s: float = np.inf
     ) -> float:
-        """When, in s of sim time, it first was within ``within_m`` of a place.
+        """When, in s of sim time, it first was within ``within_m`` of a place, by the record as it is now.
 
         Raises:
             AssertionError: it never was; the text says how near it came.
         """
-        times_s, places = self.track()
+        times_s, places = self._track(self._run.columns("truth", _TRACK))
         during = (times_s >= after_s) & (times_s <= before_s)
         times_s, distance_m = times_s[during], place.distance_m(places[during])
         near = np.flatnonzero(distance_m <= within_m)
@@ -114,17 +166,22 @@ class RecordedNode:
 class RecordedLink:
     """What the record says of one directed link."""
 
-    def __init__(self, run: Run, tx: str, rx: str) -> None:
+    def __init__(self, run: Run, tx: str, rx: str, extent: Recorded | None = None) -> None:
         for node in (tx, rx):
             if node not in run.nodes:
                 raise ValueError(f"no node {node!r}; there are {', '.join(run.nodes)}")
-        self._run, self.tx, self.rx = run, tx, rx
+        self._run, self.tx, self.rx, self._extent = run, tx, rx, extent or Whole()
 
     def packets(
         self, *, from_s: float = 0.0, to_s: float = np.inf, min_m: float = 0.0, max_m: float = np.inf
     ) -> dict[str, NDArray[Any]]:
-        """Rows of `deliveries`: sent from ``from_s`` to before ``to_s``, and over ``min_m`` to below ``max_m``."""
-        rows = self._run.columns("deliveries")
+        """Rows of `deliveries`: sent from ``from_s`` to before ``to_s``, and over ``min_m`` to below ``max_m``.
+
+        Of a flight that goes on: waits for ``to_s``; without it, as far as the test has waited.
+        """
+        to_s = min(to_s, self._extent.end_s) if np.isinf(to_s) else to_s
+        self._extent.reach(to_s, "deliveries")
+        rows = self._extent.columns(self._run, "deliveries")
         ours = (rows["tx"] == self.tx) & (rows["rx"] == self.rx)
         ours &= (rows["sim_time_ns"] >= from_s * NS_PER_S) & (rows["sim_time_ns"] < to_s * NS_PER_S)
         if min_m > 0.0 or max_m < np.inf:
@@ -142,5 +199,7 @@ class RecordedLink:
         rows = self.packets(from_s=from_s, to_s=to_s, min_m=min_m, max_m=max_m)
         count = int(rows["packets"].sum())
         if not count:
-            raise AssertionError(f"nothing was sent from {self.tx} to {self.rx} there and then")
+            end_s = min(to_s, self._extent.end_s)
+            until = f" from {from_s} to {end_s} s" if np.isfinite(end_s) else ""
+            raise AssertionError(f"nothing was sent from {self.tx} to {self.rx} there and then{until}")
         return float(rows["packets"][rows["fate"] == "delivered"].sum() / count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from math import isfinite, isnan
+from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -22,6 +22,8 @@ FORCE_MAGIC = (2989.0, 21196.0)
 """param2 of COMPONENT_ARM_DISARM that skips the checks (either of ArduPilot's two numbers)."""
 SPEED_TYPES = (dialect.SPEED_TYPE_AIRSPEED, dialect.SPEED_TYPE_GROUNDSPEED)
 SPEED_MAX_MPS = 20.0
+INTERVAL_END_US = 2**31
+"""ArduPilot's intervals are an int32; its simulation is ended by what is beyond, the stand-in denies it."""
 RELATIVE_FRAMES = (dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 
 
@@ -153,12 +155,13 @@ class CommandProtocol:
         return Result.ACCEPTED
 
     def _set_interval(self, request: Request) -> Result:
-        message_id, interval_us = int_or_zero(request.parameters[0]), request.parameters[1]
-        if message_id not in self._telemetry.builders or isnan(interval_us):
-            self._vehicle.say(Severity.INFO, f"No ap_message for mavlink id ({message_id})")
+        message_id, interval_us, _, _ = request.parameters
+        if not isfinite(message_id) or not -1.0 <= interval_us < INTERVAL_END_US:  # also false for NaN
             return Result.DENIED
-        whole_us = int_or_zero(max(-1.0, min(1e9, interval_us)))
-        self._streams.set_interval(message_id, whole_us, self._vehicle.sim_time_ns)
+        if int(message_id) not in self._telemetry.builders:
+            self._vehicle.say(Severity.INFO, f"No ap_message for mavlink id ({int(message_id)})")
+            return Result.DENIED
+        self._streams.set_interval(int(message_id), int(interval_us), self._vehicle.sim_time_ns)
         return Result.ACCEPTED
 
     def _tell_version(self, request: Request) -> Result:
@@ -168,7 +171,7 @@ class CommandProtocol:
         return self._tell(dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
 
     def _tell(self, message_id: float) -> Result:
-        builder = self._telemetry.builders.get(int_or_zero(message_id))
+        builder = self._telemetry.builders.get(int(message_id)) if isfinite(message_id) else None
         if builder is None:
             return Result.FAILED
         message = builder()

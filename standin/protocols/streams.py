@@ -7,6 +7,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 HEARTBEAT_INTERVAL_US = 1_000_000
 INTERVAL_MIN_US = 2500
 """The control loop's period: nothing goes out faster."""
+INTERVAL_MAX_US = 60_000_000
+"""What is asked for more rarely comes so often, as ArduPilot's."""
 DISABLED = -1
 NEVER_NS = 2**63 - 1
 
@@ -50,7 +52,7 @@ class Streams:
         self._interval_ns.pop(message_id, None)
         self._due_ns.pop(message_id, None)
         if interval_us > 0:
-            self._interval_ns[message_id] = max(interval_us, INTERVAL_MIN_US) * 1000
+            self._interval_ns[message_id] = min(max(interval_us, INTERVAL_MIN_US), INTERVAL_MAX_US) * 1000
             self._due_ns[message_id] = now_ns + self._interval_ns[message_id]
         self._find_next()
 

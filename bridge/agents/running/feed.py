@@ -15,6 +15,7 @@ from bridge.agents.client import LookAtStatus, UaClient
 from bridge.agents.commands import CommandFailed
 from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
+from bridge.agents.own import AgentError
 from bridge.agents.radio import OwnRadio, QueueState, UnicastReply
 from bridge.bus.keys import MAIN
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
@@ -96,8 +97,12 @@ class Arrivals:
             arrivals.append(partial(_tell_radio, radio, queues.get(radio), replies.get(radio, [])))
         packets, self._packets = self._packets, []
         arrivals += [partial(_give_packet, *packet) for packet in packets]
+        return arrivals + self.take_events()
+
+    def take_events(self) -> list[Arrival]:
+        """What became of the agent's commands; it is not kept."""
         events, self._events = self._events, []
-        return arrivals + [partial(_give_event, on_event, event) for on_event, event in events]
+        return [partial(_give_event, on_event, event) for on_event, event in events]
 
 
 def _tell_radio(radio: str, queue: QueueState | None, replies: Sequence[UnicastReply], ua: UaClient) -> None:
@@ -156,6 +161,17 @@ class Feeder:
             self.tell(str(error).removeprefix(f"UA {self._ua.node}: "))
         else:
             self.fail("in flight", error)
+
+    def fail_unbuilt(self, sim_time_ns: int, error: BaseException) -> None:
+        """Report at the first tick, which all parts of the run hear, why there is no agent."""
+        self._ua.take_clock(sim_time_ns)
+        if self.has_failed:
+            return
+        if isinstance(error, AgentError):
+            log.error("%s", error, exc_info=error.__cause__)
+            self.tell(str(error))
+        else:
+            self.fail("in its constructor", error)
 
     def tell(self, text: str) -> None:
         """Report that the agent failed; what is no text in UTF-8 is reported as Python writes it."""

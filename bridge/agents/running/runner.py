@@ -20,6 +20,7 @@ from bridge.agents.client import UaClient
 from bridge.agents.commands import CommandFailed
 from bridge.agents.running.feed import Arrival, Feeder
 from bridge.agents.running.sim_loop import SimLoop
+from bridge.agents.running.unawaited import told_of_unawaited
 
 log = logging.getLogger("agent")
 
@@ -38,16 +39,21 @@ class AgentRunner:
 
     Args:
         ua: the node as the agent sees it.
-        build: makes the agent, in its thread and event loop.
+        build: makes the agent, in its thread and event loop; what it raises is reported at the first tick.
         on_idle: called in the agent's thread when it has done all that it does at a tick.
+        on_warning: called in the agent's thread with what its author should know.
     """
 
     def __init__(
-        self, ua: UaClient, build: Callable[[UaClient], Agent], on_idle: Callable[[], object]
+        self,
+        ua: UaClient,
+        build: Callable[[UaClient], Agent],
+        on_idle: Callable[[], object],
+        on_warning: Callable[[str], object],
     ) -> None:
         self.ua = ua
         self._build = build
-        self._on_idle = on_idle
+        self._on_idle, self._on_warning = on_idle, on_warning
         self._inbox: queue.SimpleQueue[_Tick | None] = queue.SimpleQueue()
         self._built: concurrent.futures.Future[None] = concurrent.futures.Future()
         self._busy = False
@@ -55,11 +61,12 @@ class AgentRunner:
         self._stopping = False
         self._loop = SimLoop(self._wait)
         self._flight: asyncio.Task[None] | None = None
+        self._unbuilt: BaseException | None = None
         # A daemon: code that never returns from a tick must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name=f"agent-{ua.node}", daemon=True)
 
     def start(self) -> concurrent.futures.Future[None]:
-        """Build the agent; the future is done when it waits for its first tick, or holds what its code raised."""
+        """Build the agent; the future is done when it waits for its first tick."""
         self._thread.start()
         return self._built
 
@@ -81,7 +88,7 @@ class AgentRunner:
 
     def _run(self) -> None:
         try:
-            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            with told_of_unawaited(self._tell), asyncio.Runner(loop_factory=lambda: self._loop) as runner:
                 runner.run(self._live())
         except BaseException as error:  # SystemExit, too: whatever ends this thread leaves a tick open
             if not self._stopping:
@@ -90,16 +97,20 @@ class AgentRunner:
             if self._busy:
                 self._on_idle()
 
+    def _tell(self, text: str) -> None:
+        if not self.ua.is_over:  # on its way out an agent leaves what it had no time for
+            log.warning("%s", text)
+            self._on_warning(text)
+
     async def _live(self) -> None:
         self._stopped = asyncio.Event()
         self._loop.set_exception_handler(self._on_loop_error)
         try:
             self._agent = self._build(self.ua)
-        except BaseException as error:
-            self._built.set_exception(error)
-            return
-        self.ua.on_tick(self._agent.transmit_package)
-        self.ua.on_tick(self._agent.on_tick)
+            self.ua.on_tick(self._agent.transmit_package)
+            self.ua.on_tick(self._agent.on_tick)
+        except BaseException as error:  # somebody's own code: sys.exit, too
+            self._unbuilt = error
         self._built.set_result(None)
         await self._stopped.wait()
         if self._flight is not None:
@@ -155,6 +166,9 @@ class AgentRunner:
         self._loop.call_soon(self._stopped.set)
 
     def _take(self, tick: _Tick) -> None:
+        if self._unbuilt is not None:
+            self._feeder.fail_unbuilt(tick.sim_time_ns, self._unbuilt)
+            return
         self._feeder.tick(tick.sim_time_ns, tick.arrivals)
         if self._flight is None:  # the first tick: there is no sim time before it
             self._flight = asyncio.create_task(self._fly())

@@ -97,7 +97,8 @@ TABLE = (
     AccessRow("host/{host}/heard", writes=RADIO, reads=HOST),
     AccessRow("host/{host}/exchanged", writes=HOST, reads=PHYSICS),
     AccessRow("ending", writes=RADIO, reads=LOOKERS),
-    AccessRow("alive/{self}", holds=RADIO | PHYSICS | HOST, watches=LOOKERS),
+    AccessRow("alive/router", holds=RADIO, watches=NODE | FREE | LOOKERS),
+    AccessRow("alive/{self}", holds=PHYSICS | HOST, watches=LOOKERS),
 )
 """All rights. A row that is not here is a key that nobody but the radio may use."""
 

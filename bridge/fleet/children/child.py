@@ -8,12 +8,12 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol
 
 from bridge.fleet.children.environment import environment_of
 
@@ -77,11 +77,37 @@ def start_process(
     )
 
 
+class Started(Protocol):
+    """A process that runs, as `subprocess.Popen` has it."""
+
+    pid: int
+    returncode: int | None
+
+    def wait(self) -> int:
+        """Wait for its end; returns its status."""
+
+    def send_signal(self, sig: int, /) -> None:
+        """Send it a signal, if it runs."""
+
+    def kill(self) -> None:
+        """End it at once."""
+
+
+Start = Callable[["ProcessSpec", BinaryIO], Started]
+"""Starts what a spec says, with its log."""
+
+
+def start_anew(spec: ProcessSpec, log: BinaryIO) -> Started:
+    """Start the command of a spec."""
+    return start_process(spec.command, log, spec.cwd, spec.pass_fds, spec.environment)
+
+
 class Child:
     """A child process, started by making this.
 
     Args:
         spec: what to start; its output goes to its log.
+        start: starts it.
 
     Attributes:
         ended: done when it has ended, in the event loop in which it was started.
@@ -90,12 +116,12 @@ class Child:
         OSError: its working directory is not there, or its log cannot be written.
     """
 
-    def __init__(self, spec: ProcessSpec) -> None:
+    def __init__(self, spec: ProcessSpec, start: Start = start_anew) -> None:
         self.spec = spec
         self._loop = asyncio.get_running_loop()
         self.ended: asyncio.Future[None] = self._loop.create_future()
         with spec.log_path.open("wb") as log:
-            self._process = start_process(spec.command, log, spec.cwd, spec.pass_fds, spec.environment)
+            self._process = start(spec, log)
         threading.Thread(target=self._wait, name=f"wait for {spec.name}", daemon=True).start()
 
     def _wait(self) -> None:

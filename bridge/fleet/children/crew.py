@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from bridge.fleet.children.child import Child, ProcessSpec
+from bridge.fleet.children.child import Child, ProcessSpec, Start, start_anew
+from bridge.fleet.children.forked import Understudy
 from bridge.fleet.course import FleetError
 
 TALKERS = ("router", "physics", "autopilot", "host", "fleet")
@@ -16,20 +17,34 @@ class Crew:
 
     Args:
         on_ended: called with each that ends, asked or not.
+        understudy: of the program of a run of one process, if there is one.
     """
 
-    def __init__(self, on_ended: Callable[[Child], object]) -> None:
-        self._on_ended = on_ended
+    def __init__(self, on_ended: Callable[[Child], object], understudy: Understudy | None = None) -> None:
+        self._on_ended, self._understudy = on_ended, understudy
         self.children: list[Child] = []
 
-    def start(self, spec: ProcessSpec) -> Child:
+    def start_program(self, spec: ProcessSpec) -> Child:
+        """Start the program of a run of one process: its understudy plays it, if there is one.
+
+        Raises:
+            FleetError: it cannot be started.
+        """
+        return self.start(spec, start_anew if self._understudy is None else self._understudy.begin)
+
+    def dismiss(self) -> None:
+        """Whoever waits for a part to play ends."""
+        if self._understudy is not None:
+            self._understudy.dismiss()
+
+    def start(self, spec: ProcessSpec, start: Start = start_anew) -> Child:
         """Start one.
 
         Raises:
             FleetError: it cannot be started.
         """
         try:
-            child = Child(spec)
+            child = Child(spec, start)
         except OSError as error:
             raise FleetError(f"{spec.name} could not be started: {error}") from error
         self.children.append(child)

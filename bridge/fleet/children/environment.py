@@ -25,8 +25,17 @@ def environment_of(ours: Mapping[str, str]) -> dict[str, str]:
     - ``PX4_*`` and the like are left out: another host for the simulation, another model, other timeouts.
     """
     kept = {name: value for name, value in ours.items() if not name.startswith("PX4_") and name not in OF_PX4}
+    return {**kept, **of_runs(ours)}
+
+
+def has_environment(ours: Mapping[str, str]) -> bool:
+    """Whether a process that was started with ``ours`` computes and orders things as a run's processes do."""
+    return all(ours.get(name) == value for name, value in of_runs(ours).items())
+
+
+def of_runs(ours: Mapping[str, str]) -> dict[str, str]:
+    """The variables that make a process one of a run's, from those of whoever starts it."""
     return {
-        **kept,
         "PYTHONHASHSEED": "0",
         "OPENBLAS_NUM_THREADS": "1",
         "GLIBC_TUNABLES": _tunables(ours.get("GLIBC_TUNABLES", "")),

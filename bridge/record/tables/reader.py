@@ -85,12 +85,35 @@ def _kind(column: Column, names: Names) -> np.dtype[Any]:
 
 def _source(run: Path, table: Table, columns: Sequence[Column]) -> tuple[Path, Iterator[pa.RecordBatch]]:
     """What is read, and its rows."""
-    path = table.parquet_path(run)
+    path, journals = (
+        table.parquet_path(run),
+        table.journals(run),
+    )  # looked for first: they go when that is there
     if path.exists():
         return path, batches_of_parquet(path, table, columns, READ_ROWS)
-    if table.journals(run):
-        return table.journal_path(run, "*"), batches_of_journals(run, table, columns, READ_ROWS)
+    if journals:
+        return table.journal_path(run, "*"), _batches_of_now(run, table, columns)
     raise TableError(f"{run}: it has no {path.name}, nor a journal of it")
+
+
+def _batches_of_now(run: Path, table: Table, columns: Sequence[Column]) -> Iterator[pa.RecordBatch]:
+    """What journals have so far; or the whole table, if just now they become Parquet.
+
+    They go once that is there, one by one (`bridge.record.tables.every`): so all of them were there if it is not there
+    after they were opened, which is with the first rows.
+    """
+    path = table.parquet_path(run)
+    batches = batches_of_journals(run, table, columns, READ_ROWS)
+    try:
+        first = next(batches, None)
+    except (OSError, TableError):
+        if not path.exists():
+            raise
+    if path.exists():
+        yield from batches_of_parquet(path, table, columns, READ_ROWS)
+    elif first is not None:
+        yield first
+        yield from batches
 
 
 def _values(path: Path, column: pa.Array, known: Sequence[str] | None) -> NDArray[Any]:

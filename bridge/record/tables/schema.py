@@ -89,8 +89,11 @@ class Table:
 
     def files(self, run: Path) -> list[Path]:
         """All files that the run directory ``run`` has of it."""
-        path = self.parquet_path(run)
-        return [*([path] if path.exists() else []), *self.journals(run)]
+        path, journals = (
+            self.parquet_path(run),
+            self.journals(run),
+        )  # looked for first: they go when that is there
+        return [*([path] if path.exists() else []), *journals]
 
     def is_in(self, run: Path) -> bool:
         """Whether the run directory ``run`` has anything of it."""

@@ -14,7 +14,7 @@ from bridge.scenario.mistakes.near import meant, near_miss
 
 WORDS = {
     r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": "letters, digits, '_', '.' and '-', the first a letter or digit",
-    r"^.+:[A-Za-z_]\w*$": "FILE.py:NAME or package.module:NAME",
+    r"^.+:[^\s:]+$": "FILE.py:NAME or package.module:NAME",
     r"^[A-Z][A-Z0-9_]{0,15}$": "a parameter's name: up to 16 capital letters, digits and '_'",
 }
 """What patterns of the models say."""

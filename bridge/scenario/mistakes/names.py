@@ -20,7 +20,8 @@ from bridge.scenario.own_measures import FunctionExpectation
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_from
 from bridge.scenario.resolve.sensing import check_antenna
-from channel.access.settings import Ideal, Surroundings, name_of
+from channel.access.settings.base import Ideal, Surroundings
+from channel.access.settings.medium import name_of
 from channel.access.world import PlainWorld
 from channel.config import RadioConfig
 from channel.draws import Draws

@@ -12,7 +12,8 @@ from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.media.medium import AccessMedium
-from channel.access.settings import Ideal, MediumSettings, Surroundings, carriers_of, name_of
+from channel.access.settings.base import Ideal, Surroundings
+from channel.access.settings.medium import MediumSettings, carriers_of, name_of
 from channel.access.world import World
 from channel.draws import Draws
 from channel.link.radio import Radio

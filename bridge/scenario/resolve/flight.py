@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from bridge.scenario.model import START_TIME_UNIX_S, Origin, Scenario
+from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
+from bridge.scenario.sections import Origin
 from fdm.air.wind import WindConfig, load_wind, wind_from_mapping
 from fdm.exchange.aircraft_spec import LegacyPeer, Px4Peer
 from fdm.exchange.hosted_aircraft import Disturb

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bridge.scenario.model import Origin, Scenario
+from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
-from channel.access.settings import MediumSettings
+from bridge.scenario.sections import Origin
+from channel.access.settings.medium import MediumSettings
 from channel.config import RadioConfig
 from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio

@@ -10,8 +10,9 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from bridge.scenario import nodes
-from bridge.scenario.model import Origin, Scenario
+from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_from
+from bridge.scenario.sections import Origin
 from bridge.scenario.sensor import RfSensor
 from channel.config import Antenna
 from channel.link.emitters.emission import Emission

@@ -39,7 +39,9 @@ lpwork 50 ms), and would be as late with what is due as their last nap is long."
 NOT_CONNECTED = "connections_failed"
 """Counter of the connections that had ended before they were taken, or could not be."""
 NOT_TAKEN = "connections_refused"
-"""Counter of the connections that were closed as another one is flown."""
+"""Counter of the connections that are not served as another one is flown."""
+KEPT_MAX = 8
+"""Connections of other PX4 that stay open, unserved, until the seat is closed."""
 READ_BYTES, READS = 4096, 4
 """What is read at most before others get their turn: a frame's answer has a hundred bytes."""
 
@@ -84,6 +86,7 @@ class Px4Seat:
         self.sock, self.member = sock, member
         self.connection: socket.socket | None = None
         self._retired: socket.socket | None = None
+        self._kept: list[socket.socket] = []
         self._rate_hz, self._motors = peer.sensors.imu_rate_hz, spec.airframe.px4.motors
         self._frames = FramesOfPx4(self._rate_hz, self._motors)
         self._past: Counter[str] = Counter()
@@ -138,7 +141,7 @@ class Px4Seat:
             self._turn_away(connection, NOT_CONNECTED, error)
             return None
         if self._keeps_from(newcomer.peer):
-            self._turn_away(connection, NOT_TAKEN, f"{address} (process {newcomer.peer.pid})")
+            self._refuse(newcomer, address)
             return None
         return newcomer
 
@@ -153,6 +156,15 @@ class Px4Seat:
         if self._peer.is_px4:
             return True
         return self.member.live and (self._frames.has_answered or not newcomer.is_px4)
+
+    def _refuse(self, newcomer: Newcomer, address: object) -> None:
+        """Leave a PX4 that cannot be flown connected, for the reason that `retire` has; close what is none."""
+        self._kept = [each for each in self._kept if not _has_ended(each)]
+        if newcomer.peer.is_px4 and len(self._kept) < KEPT_MAX:
+            self.aircraft.count(NOT_TAKEN)
+            self._kept.append(newcomer.connection)
+        else:
+            self._turn_away(newcomer.connection, NOT_TAKEN, f"{address} (process {newcomer.peer.pid})")
 
     def _turn_away(self, connection: socket.socket | None, counter: str, why: object) -> None:
         self.aircraft.count(counter)
@@ -313,14 +325,29 @@ class Px4Seat:
         return decode_sensor_frame(self._as_text(self._last)) if self._last else None
 
     def close(self) -> None:
-        """Close port and connection."""
+        """Close port and connections."""
         self.drop()
+        for connection in self._kept:
+            connection.close()
         self._waker.close()
         self.sock.close()
 
     def counters(self) -> dict[str, int]:
         """What the aircraft and its frames counted."""
         return {**self.aircraft.counters(), **(self._past + self._frames.totals())}
+
+
+def _has_ended(connection: socket.socket) -> bool:
+    """Whether nobody has the other end any more; closes ours then."""
+    try:
+        if connection.recv(READ_BYTES):
+            return False
+    except BlockingIOError:
+        return False
+    except OSError as error:
+        _log.debug("a connection that is not served: %s", error)
+    connection.close()
+    return True
 
 
 def _comes_to_rest(rest: Rest, within_ns: int, naps: int = 0) -> bool:

@@ -79,10 +79,10 @@ def study(
     try:
         console.print(f"{file}: reads the scenario of each run", highlight=False, soft_wrap=True)
         ours = Study(file, out, AutopilotDirs(ardupilot_dir, px4_dir))
-        left = ours.left()
-        console.print(
-            f"{ours.directory}: runs: {len(ours.cases)}, to fly: {len(left)}", highlight=False, soft_wrap=True
-        )
+        left, measured = ours.left(), len(ours.to_measure())
+        again = f", to measure again: {measured}" if measured else ""
+        text = f"{ours.directory}: runs: {len(ours.cases)}, to fly: {len(left) - measured}{again}"
+        console.print(text, highlight=False, soft_wrap=True)
         if dry_run:
             _tell_plan(ours, console)
             return
@@ -128,11 +128,11 @@ def _lanes(lanes: int | None, scheduler: str | None) -> Lanes:
 
 
 def _tell_plan(ours: Study, console: Console) -> None:
-    left = {case.id for case in ours.left()}
+    left, measured = {case.id for case in ours.left()}, ours.to_measure()
     for case in ours.cases:
         labels = ", ".join(f"{key} {value}" for key, value in case.labels.items())
         console.print(
-            f"{'to fly' if case.id in left else 'done  '}  {case.id}  {labels}",
+            f"{'measure' if case.id in measured else 'to fly ' if case.id in left else 'done   '}  {case.id}  {labels}",
             highlight=False,
             soft_wrap=True,
         )

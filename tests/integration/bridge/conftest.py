@@ -22,6 +22,7 @@ from bridge.bus.session import Session
 from bridge.run.access import access_of
 
 LOSTLINK = [sys.executable, "-m", "lostlink.cli.entry"]
+PROGRAM = "the program of a run of one process"
 STILL = """\
 schema: 1
 name: still
@@ -87,9 +88,10 @@ class Run:
         return time.monotonic() - start
 
     def child(self, name: str) -> psutil.Process:
-        """The run's process whose command line has ``name`` in it."""
-        children = psutil.Process(self.process.pid).children(recursive=True)
-        return next(c for c in children if name in " ".join(c.cmdline()))
+        """The run's process whose command line has ``name`` in it; `PROGRAM`: that which is forked from the command."""
+        if name == PROGRAM:
+            name = " ".join(psutil.Process(self.process.pid).cmdline())
+        return next(c for c in self.children() if name in " ".join(c.cmdline()))
 
     def children(self) -> list[psutil.Process]:
         """All processes below it."""

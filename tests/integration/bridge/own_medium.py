@@ -5,7 +5,7 @@ from pydantic import Field
 from channel.access.agenda import ACTS
 from channel.access.media.medium import AccessMedium
 from channel.access.media.plain import PlainMedium
-from channel.access.settings import Serial, Surroundings
+from channel.access.settings.base import Serial, Surroundings
 
 
 class Patient(PlainMedium):

@@ -174,3 +174,43 @@ def test_what_agents_log_is_published_if_anybody_subscribes(start_run: StartRun,
     ]
     begin = recorded.index(published[0])
     assert recorded[begin : begin + 6] == published
+
+
+FORGETFUL = """\
+from lostlink import Agent
+
+
+class Logger(Agent):
+    async def fly(self):
+        self.ua.arm()
+        await self.sleep(0.5)
+"""
+
+
+def test_a_forgotten_await_is_told_and_changes_nothing_of_the_record(
+    start_run: StartRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Forked from the command, started anew, in many processes, and whatever warnings Python was asked for."""
+    (tmp_path / "logger.py").write_text(FORGETFUL)
+    digests = []
+    for processes, environment in (
+        ("one", {}),
+        ("one", {"PYTHONHASHSEED": "1"}),
+        ("many", {"PYTHONWARNINGS": "ignore"}),
+    ):
+        with monkeypatch.context() as patched:
+            for name, value in environment.items():
+                patched.setenv(name, value)
+            run = start_run(
+                "--no-mcap",
+                "--set",
+                "hosts=2" if processes == "many" else "hosts=auto",
+                scenario=OWN,
+                processes=processes,
+            )
+        assert run.finish() == 0
+        told = "coroutine 'Commands.arm' was never awaited: put await before it (logger.py, line 6)"
+        assert run.summary["warnings"] == [f"the agent of UA {node}: {told}" for node in "01"]
+        assert f"warning: the agent of UA 0: {told}" in run.output.decode()
+        digests.append(run.summary["digest"])
+    assert len(set(digests)) == 1

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bridge.agents import connect_ua
+from bridge.agents import RunOver, UaClient, connect_ua
 from bridge.bus.keys import Keys
 from bridge.bus.messages import (
     AircraftState,
@@ -112,6 +112,65 @@ async def test_a_wait_is_as_long_as_it_says_whenever_a_script_joined(router: Gua
                 clock_s += 1.0
         with pytest.raises(TimeoutError, match=r"still waiting at 106\.0 s"):
             await waiting
+
+
+def served(router: Guarded, verb: str) -> asyncio.Queue[Query]:
+    """What is asked of the aircraft."""
+    asked: asyncio.Queue[Query] = asyncio.Queue()
+    loop = asyncio.get_running_loop()
+    router.session.serve(
+        KEYS.command("1", verb), lambda query: loop.call_soon_threadsafe(asked.put_nowait, query)
+    )
+    return asked
+
+
+async def joined(ua: UaClient, session: Session) -> None:
+    """Wait until the script's subscriptions are known to the router."""
+    there = asyncio.Event()
+    ua.on_tick(lambda _: there.set())
+    async with asyncio.timeout(10.0):
+        while not there.is_set():
+            session.put(KEYS.clock, Clock(Header.at(0, "")))
+            await asyncio.sleep(0.02)
+
+
+@pytest.mark.parametrize("is_killed", [False, True])
+async def test_what_a_script_waits_for_ends_with_the_run(router: Guarded, is_killed: bool) -> None:
+    """A run says that it is over, or its router is gone without a word."""
+    router.session.declare_alive(KEYS.alive("router"))
+    asked = served(router, "rtl")
+    async with connect_ua(RUN, "1", access=access_to(router)) as ua:
+        await joined(ua, router.session)
+        never = (ua.wait_for(lambda _: False), ua.wait_for(lambda _: False, timeout_s=30.0), ua.rtl())
+        waiting = [asyncio.create_task(each) for each in never]
+        async with asyncio.timeout(10.0):
+            open_query = await asked.get()  # kept, as by an aircraft that is on its way
+            assert not any(each.done() for each in waiting)
+            if is_killed:
+                router.session.close()
+            else:
+                router.session.put(KEYS.clock_end, Header.at(TICK_NS, ""))
+            ends = await asyncio.gather(*waiting, return_exceptions=True)
+            assert [repr(end) for end in ends[:2]] == ["RunOver('UA 1: wait_for: the run is over')"] * 2
+            assert repr(ends[2]) == "RunOver('UA 1: rtl: the run is over')"
+            for late in (ua.wait_for(lambda _: False), ua.land()):
+                with pytest.raises(RunOver, match="the run is over"):
+                    await late
+    del open_query
+
+
+async def test_a_command_that_ends_with_the_last_tick_has_its_result(router: Guarded) -> None:
+    asked = served(router, "rtl")
+    async with connect_ua(RUN, "1", access=access_to(router)) as ua:
+        await joined(ua, router.session)
+        flight = asyncio.create_task(ua.command("rtl"))
+        async with asyncio.timeout(10.0):
+            query = await asked.get()
+            reply_event(
+                query, str(query.key_expr), CommandEvent(CommandEvent.RESULT, True, outcome="reached")
+            )
+            router.session.put(KEYS.clock_end, Header.at(TICK_NS, ""))
+            assert (await flight).outcome == "reached"
 
 
 async def test_what_a_callback_of_a_script_raises_is_told_by_name(

@@ -23,7 +23,7 @@ import pytest
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
-from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.integration.bridge.conftest import LOSTLINK, PROGRAM, STILL, Run, StartRun
 
 LONG_S = 36_000.0
 """Sim time that no run of these reaches."""
@@ -227,6 +227,8 @@ from bridge.agents import Agent
 class Mine(Agent):
     def __init__(self, *arguments):
         super().__init__(*arguments)
+        if self.options["does"] == "construct":
+            self.altitude_m = self.options["altitud"]
         while self.options["does"] == "build":
             time.sleep(0.01)
 
@@ -268,6 +270,23 @@ def test_an_agent_that_raises_ends_the_run_with_its_tick(
     assert (run.summary["ending"], run.summary["sim_duration_s"]) == ("failed", 2.0)
     assert assert_tables_are_whole(run) == 41
     assert_nothing_is_left(run, children)
+
+
+@both
+def test_an_agent_that_cannot_be_made_ends_the_run_by_name(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    run = start_run(scenario=with_an_agent_that(tmp_path, "construct"), processes=processes)
+    assert run.finish() == 1
+    told = "the agent of UA 1 failed: KeyError in its constructor: 'altitud'"
+    log = run.directory / "logs" / "node-1.log"
+    assert run.summary["error"] == f"{told}; its log is {log}"
+    assert run.summary["may_not_repeat"] == []
+    assert f"lostlink: {told}" in run.output.decode()
+    assert "broke off: " in run.output.decode()
+    for never in ("Traceback", "may not repeat", "hosted_node"):
+        assert never not in run.output.decode()
+    assert 'self.options["altitud"]' in log.read_text()
 
 
 @pytest.mark.slow
@@ -319,7 +338,7 @@ def host_of(processes: str) -> str:
 FAULTS = """\
 import os, sys
 
-if {{"bridge.program.process", "bridge.physics.process", "standin"}} & set(sys.orig_argv):
+if {{"run", "bridge.physics.process", "standin"}} & set(sys.orig_argv):
     import itertools, math
     from fdm.model.jsbsim_model import JsbsimModel
     from standin.autopilot import Autopilot
@@ -452,7 +471,7 @@ def counted(run: Run) -> str:
 @pytest.mark.parametrize(
     ("processes", "victim", "name", "hosts"),
     [
-        ("one", "bridge.program.process", "fleet", "auto"),
+        ("one", PROGRAM, "fleet", "auto"),
         slow("many", "bridge.radio.process", "router", "auto"),
         ("many", "bridge.host.process", "host-0", "auto"),
         slow("many", "standin --sysid 2", "autopilot-1", "per-ua"),
@@ -488,7 +507,7 @@ def test_a_killed_process_ends_the_run_by_name_and_log(
     [
         slow("many", "bridge.host.process", "host-0", "interrupted"),
         pytest.param("many", "bridge.radio.process", "router", "failed", marks=pytest.mark.long),
-        slow("one", "bridge.program.process", "fleet", "failed"),
+        slow("one", PROGRAM, "fleet", "failed"),
     ],
 )
 def test_a_process_that_does_not_end_is_killed_and_the_summary_tells_it(

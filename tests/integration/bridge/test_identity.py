@@ -232,6 +232,7 @@ def test_only_a_process_says_that_it_is_there_and_nodes_do_not_see_it(router: Gu
     ):
         supervisor.watch_alive(f"{PREFIX}alive/*", on_token)
         node.watch_alive(f"{PREFIX}alive/*", lambda key, is_alive: seen_by_node.append((key, is_alive)))
+        node.watch_alive(f"{PREFIX}alive/host-1", lambda key, is_alive: seen_by_node.append((key, is_alive)))
         liar.declare_alive(f"{PREFIX}alive/host-1")
         with router.client("host-0") as host_0, router.client("host-1") as host_1:
             host_0.declare_alive(f"{PREFIX}alive/host-1")

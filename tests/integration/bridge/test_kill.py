@@ -22,7 +22,7 @@ from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.schema import Table
 from bridge.record.tables.truth import TRUTH
-from tests.integration.bridge.conftest import STILL, Run, StartRun
+from tests.integration.bridge.conftest import PROGRAM, STILL, Run, StartRun
 
 SPEED = 4.0
 FREEZE_S = 12.0
@@ -35,7 +35,7 @@ PROCESSES = {
     "router": ("many", "bridge.radio.process"),
     "host": ("many", "bridge.host.process"),
     "supervisor": ("many", ""),
-    "fleet": ("one", "bridge.program.process"),
+    "fleet": ("one", PROGRAM),
     "supervisor of one": ("one", ""),
 }
 

@@ -114,6 +114,17 @@ def test_one_process_is_one(tmp_path: Path, free_slot: Callable[[int], int]) -> 
     assert summary["counters"]["physics"]["ua 0 frames"] > 0
 
 
+def test_forked_from_the_command_or_started_anew_it_is_the_same_run(
+    tmp_path: Path, free_slot: Callable[[int], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The program is forked where the command may begin again in the environment of a run."""
+    slot = free_slot(2)
+    forked = fly(tmp_path / "forked", slot, "one", "separation", *NOISY, duration_s=2.0)
+    monkeypatch.setenv("PYTHONHASHSEED", "1")
+    anew = fly(tmp_path / "anew", slot, "one", "separation", *NOISY, duration_s=2.0)
+    assert forked["digest"] == anew["digest"]
+
+
 @pytest.mark.parametrize(
     "setting",
     ["hosts=2", "fdm.workers=2", "nodes.0.agent.isolated=true"],

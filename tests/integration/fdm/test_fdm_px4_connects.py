@@ -6,6 +6,7 @@ import socket
 import struct
 import subprocess
 import sys
+from contextlib import suppress
 
 import pytest
 
@@ -110,6 +111,30 @@ def test_px4_that_flies_stays_and_who_connects_beside_it_is_refused():
         assert strays[0].recv(1) == b"", "closed"
     assert [event.kind for event in flight.events] == [EventKind.JOINED]
     assert (counters[0]["connections_refused"], counters[0]["frames_unanswered"]) == (1, 3)
+
+
+def test_a_second_px4_is_not_served_and_keeps_its_connection_as_it_would_spin_without():
+    others, at_end = [], []
+
+    def at_tick(sim_s):
+        if sim_s == 0.1:
+            others.append(play(flight.exchange.ports[0], 3, 10_000))
+        if flight.exchange.counters(0).get("connections_refused"):
+            with suppress(subprocess.TimeoutExpired):
+                others[0].wait(0.5)  # it would end within milliseconds
+            at_end.append(others[0].poll())
+            flight.exchange.stop()
+
+    flight = Flight([spec()], until_s=math.inf, at_tick=at_tick)
+    with played(flight.exchange.ports[0], 3, 10**6):
+        try:
+            flight.run()
+            assert others[0].wait(10.0) == 0, "it is closed with the flight"
+        finally:
+            others[0].kill()
+            others[0].wait()
+    assert at_end == [None]
+    assert [event.kind for event in flight.events] == [EventKind.JOINED]
 
 
 def test_what_is_no_px4_and_says_nothing_gives_way_to_px4():

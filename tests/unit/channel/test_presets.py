@@ -43,6 +43,18 @@ def test_another_model_in_a_group_keeps_nothing_of_the_old():
         ({"preset": "moon2020", "frequency_hz": float("nan")}, "frequency_hz", "finite"),
         ({"preset": "mon2020"}, "preset", "did you mean moon2020"),
         ({"name": "empty"}, "frequency_hz", "missing"),
+        (
+            {"preset": "moon2020", "medium": "csma"},
+            "medium",
+            "has to be a mapping, as {model: csma}, not 'csma'",
+        ),
+        ({"preset": "moon2020", "noise": 5}, "noise", "with model, one of fixed, thermal, man-made, not 5"),
+        (
+            {"preset": "moon2020", "medium": {"type": "csma"}},
+            "medium",
+            "model is missing: has to be one of ideal",
+        ),
+        ({"preset": "moon2020", "fading": {}}, "fading", "model is missing: has to be one of none, rayleigh"),
     ],
 )
 def test_mistakes_name_the_key_and_what_is_allowed(mapping, key, problem):

@@ -10,7 +10,8 @@ import pytest
 import yaml
 
 from channel.access.media import schedule as module
-from channel.access.settings import Surroundings, TdmaMedium
+from channel.access.settings.base import Surroundings
+from channel.access.settings.tdma import TdmaMedium
 from channel.access.world import PlainWorld
 from channel.presets import PresetError, radio_from_mapping, radio_to_yaml, seen_from
 

@@ -161,7 +161,9 @@ def test_what_is_measured_anew_is_not_flown_anew(make_study, tmp_path):
     before = {path.resolve() for path in out.glob("mine/runs/*/run")}
     own = file.parent / "own.py"
     own.write_text(OWN.replace('"series": [1, 2]', '"added": 1'), encoding="utf-8")
-    assert fly(file, out).returncode == 0
+    again = fly(file, out)
+    assert again.returncode == 0
+    assert "runs: 2, to fly: 0, to measure again: 2" in again.stdout
     assert {path.resolve() for path in out.glob("mine/runs/*/run")} == before
     assert all(row["added"] == 1 and "series" not in row for row in table(out))
 
@@ -176,7 +178,7 @@ def test_a_run_that_fails_is_told_and_flown_again(make_study, tmp_path):
     failed = fly(file, out)
     assert failed.returncode == 1
     assert "ZeroDivisionError" in failed.stdout
-    assert {row["failure"] for row in table(out)} == {"ZeroDivisionError: division by zero"}
+    assert {row["failure"] for row in table(out)} == {f"{own}:measure: ZeroDivisionError: division by zero"}
     own.write_text(OWN, encoding="utf-8")
     assert fly(file, out).returncode == 0
     assert {row["failure"] for row in table(out)} == {""}

@@ -190,14 +190,62 @@ def test_signed_request_passes_and_is_set_right_afterwards(streams):
     assert drain(streams) == {ATTITUDE: 100_000}
 
 
+INT32 = 2.0**31
+HEARTBEAT, MESSAGE_INTERVAL, AVAILABLE_MODES = 0, 244, 435
+
+
 @pytest.mark.parametrize(
-    ("msg_id", "interval_us"), [(math.nan, 1e5), (ATTITUDE, math.nan), (-3, 1e5), (1e9, 1e5), (ATTITUDE, -7)]
+    ("msg_id", "interval_us"),
+    [
+        *[(wrong, 1e5) for wrong in (math.nan, math.inf, -3, 2.0**24, 1e38)],
+        *[(HEARTBEAT, wrong) for wrong in (math.nan, math.inf, -math.inf, 1e38, INT32, -INT32, -7, 1, 999)],
+    ],
 )
-def test_malformed_request_is_the_autopilots_to_refuse(streams, msg_id, interval_us):
-    frame = set_interval(msg_id, interval_us)
-    assert streams.client_frame(frame, ALICE) == frame.raw
+def test_a_senseless_request_is_not_passed_on(streams, msg_id, interval_us):
+    assert streams.client_frame(set_interval(msg_id, interval_us), ALICE) is None
     assert streams.counters.malformed == 1
-    assert streams.interval_us(ATTITUDE) == 100_000
+    assert streams.interval_us(HEARTBEAT) == 0
+
+
+@pytest.mark.parametrize("interval_us", [-1, 0, 1000, INT32 - 128])
+def test_the_bounds_of_what_makes_sense_are_passed_on(streams, interval_us):
+    frame = set_interval(RAW_IMU, interval_us)
+    assert streams.client_frame(frame, ALICE) == frame.raw
+    assert streams.counters.malformed == 0
+
+
+def command(number, *params):
+    padded = [*params, *[0.0] * (7 - len(params))]
+    return client_frame(mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded))
+
+
+@pytest.mark.parametrize("number", [510, 511, 512])
+@pytest.mark.parametrize("place", range(7))
+@pytest.mark.parametrize("wrong", [1e38, math.inf, -INT32])
+def test_no_number_of_a_command_about_messages_is_beyond_an_integer(streams, number, place, wrong):
+    params = [float(RAW_IMU), 1e5, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert streams.client_frame(command(number, *params), ALICE) is not None
+    params[place] = wrong
+    assert streams.client_frame(command(number, *params), ALICE) is None
+    assert streams.counters.malformed == 1
+
+
+def test_what_is_not_given_is_nan_but_where_it_has_to_be_given(streams):
+    nothing = [math.nan] * 6
+    for number in (510, 512):
+        assert streams.client_frame(command(number, math.nan), ALICE) is None
+        frame = command(number, ATTITUDE, *nothing)
+        assert streams.client_frame(frame, ALICE) == frame.raw
+    for indexed in (MESSAGE_INTERVAL, AVAILABLE_MODES):
+        assert streams.client_frame(command(512, indexed, *nothing), ALICE) is None
+        assert streams.client_frame(command(512, indexed, ATTITUDE, *nothing[1:]), ALICE) is not None
+
+
+def test_a_data_stream_that_no_autopilot_can_send_is_no_wish(streams):
+    drain(streams)
+    assert streams.client_frame(data_stream(10, 65_535), ALICE) is None
+    assert streams.counters.malformed == 1
+    assert (streams.interval_us(ATTITUDE), drain(streams)) == (100_000, {})
 
 
 def test_other_commands_pass_untouched(streams):

@@ -6,7 +6,7 @@ from bridge.agents.agent import Agent
 from bridge.agents.client import UaClient
 from bridge.agents.measurements import Measurement, SensorMemory
 from bridge.bus.messages import AircraftState, DataPackage, Header, decode
-from bridge.scenario.model import Transmit
+from bridge.scenario.sections import Transmit
 from channel.presets import load_radio
 from channel.sensing.sensor import Sensor, SensorConfig
 from tests.unit.bridge.agents.running.test_runner import AIRCRAFT, TICK_NS, Heard

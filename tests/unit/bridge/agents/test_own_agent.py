@@ -106,6 +106,7 @@ def test_options_reach_the_agents_process_as_they_are() -> None:
         ("{type: own, class: nowhere.py:Own}", "nodes.0.agent.class", "nowhere.py: no such file"),
         ("{type: own, class: nowhere}", "nodes.0.agent.class", "FILE.py:NAME or package.module:NAME"),
         ("{type: own}", "nodes.0.agent.class", "is required"),
+        ('{type: own, class: "a.py:1b"}', "nodes.0.agent.class", "'1b' is no name in Python"),
         (
             "{type: own, clas: a:B}",
             "nodes.0.agent.clas",
@@ -128,7 +129,27 @@ def test_mistake_is_told_with_its_place(agent: str, key: str, says: str) -> None
         ("class Other: ...", "has no class Own"),
         ("class Own(:", ":1: invalid syntax"),
         ("\0", "null bytes"),
-        ("class Own: ...", ""),
+        ("class Own: ...", "mine.py:1: Own is no subclass of bridge.agents.Agent"),
+        ("class Own(Base): ...\nclass Base(dict, object): ...", ":1: Own is no subclass of"),
+        ("def Own(ua, config, transmit): ...", ":1: Own is a function, and no class"),
+        ("class Own(Agent):\n  async def fly(self):\n    yield 1", ":2: Own.fly has a yield, which makes it"),
+        (
+            "class Base(Agent):\n  async def fly(self):\n    yield\nclass Own(Base): ...",
+            ":2: Own.fly has a yield",
+        ),
+        ("class Base(Agent):\n  def fly(self): ...\nclass Own(Base): ...", ":2: Own.fly is a plain def"),
+        ("class Own(Agent):\n  async def fly(self):\n    def one(): yield 1", ""),
+        ("class Own(Agent):\n  def fly(self): ...\n  fly = asynchronous(fly)", ""),
+        ("class Base(Agent):\n  def fly(self): ...\nclass Own(Base):\n  async def fly(self): ...", ""),
+        ("class Own: ...\nOwn = made(Own)", ""),
+        ("@made\nclass Own: ...", ""),
+        ("class Own(metaclass=Made): ...", ""),
+        ("class Own(lib.Agent): ...", ""),
+        ("class Own(make()): ...", ""),
+        ("from agents import Exception\nclass Own(Exception): ...", ""),
+        ("from agents import *\nclass Own(Exception): ...", ""),
+        ("if True:\n  class Own: ...\nelse:\n  from agents import Own", ""),
+        ("try:\n  from agents import Base\nexcept ImportError:\n  class Base: ...\nclass Own(Base): ...", ""),
         ("from somewhere import Own", ""),
         ("from somewhere import *", ""),
     ],
@@ -139,10 +160,27 @@ def test_file_is_looked_at_without_running_it(tmp_path: Path, text: str, says: s
     assert says in mistake if says else mistake == ""
 
 
+@pytest.mark.parametrize(("text", "says"), [("async def fly(self):\n    yield 1", "has a yield")])
+def test_a_fly_that_yields_is_told_as_a_generator(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "mine.py").write_text(f"from lostlink import Agent\nclass Own(Agent):\n  {text}\n")
+    with pytest.raises(AgentError, match=rf"Own\.fly in .*mine\.py {says}"):
+        load_class(f"{tmp_path}/mine.py", "Own")
+
+
+def test_any_name_of_python_names_a_class(tmp_path: Path) -> None:
+    (tmp_path / "ägent.py").write_text(
+        "from lostlink import Agent\nclass Ünï(Agent): ...\n", encoding="utf-8"
+    )
+    text = TEXT.replace("{type: hold, altitude_m: 40}", f'{{type: own, class: "{tmp_path}/ägent.py:Ünï"}}')
+    agent = parse_scenario(text, "my.yaml").ua[0].agent
+    assert isinstance(agent, OwnAgent)
+    assert (agent.class_name, agent_class(agent).__name__) == ("Ünï", "Ünï")
+
+
 def test_modules_of_one_name_beside_agents_of_two_folders_are_refused(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
-        (tmp_path / folder / "mine.py").write_text("class Mine: pass\n")
+        (tmp_path / folder / "mine.py").write_text("from lostlink import Agent\nclass Mine(Agent): pass\n")
         (tmp_path / folder / "util.py").write_text("")
     agents = [f"{{type: own, class: {tmp_path}/{folder}/mine.py:Mine}}" for folder in ("a", "b")]
     text = TEXT.replace("{type: hold, altitude_m: 40}", agents[0])

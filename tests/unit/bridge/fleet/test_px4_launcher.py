@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
@@ -96,7 +97,9 @@ def test_an_instance_beyond_its_ports_is_refused(px4_home: Path) -> None:
 
 def test_an_airframe_that_px4_does_not_know_is_refused(tmp_path: Path, px4_home: Path) -> None:
     file = tmp_path / "own.yaml"
-    shipped = (SCENARIOS.parent / "airframes" / "f450.yaml").read_text(encoding="utf-8")
+    airframes = SCENARIOS.parent / "airframes"
+    copytree(airframes / "jsbsim", tmp_path / "jsbsim")
+    shipped = (airframes / "f450.yaml").read_text(encoding="utf-8")
     file.write_text(shipped[: shipped.index("px4:")], encoding="utf-8")
     scenario = parse_scenario(SEPARATION.replace("airframe: f450", f"airframe: {file}", 1), "my.yaml")
     with pytest.raises(AutopilotError, match="has no section px4"):

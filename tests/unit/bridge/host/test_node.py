@@ -34,8 +34,8 @@ from bridge.host.node import ENTERING_MAX, ENTERING_MAX_BYTES, Node
 from bridge.record.inputs import PacketWay, RecordedInput
 from bridge.record.logged import LoggedValue
 from bridge.scenario.agents import StillAgent
-from bridge.scenario.model import Transmit
 from bridge.scenario.nodes import Aircraft
+from bridge.scenario.sections import Transmit
 
 MS = 1_000_000
 TICK_NS = 50 * MS
@@ -106,7 +106,7 @@ class Host:
         self.outlet = HeldOutlet(self)
         self._idle = threading.Event()
         self.ua = WatchedClient("7", self.outlet, self.happened)
-        self.runner = AgentRunner(self.ua, lambda ua: Obedient(ua, self), self._idle.set)
+        self.runner = AgentRunner(self.ua, lambda ua: Obedient(ua, self), self._idle.set, print)
         self.node.join(self.runner, self.outlet)
 
     # The node's outlets.

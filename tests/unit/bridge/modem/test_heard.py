@@ -14,7 +14,9 @@ from bridge.modem.places import apart
 from bridge.modem.radio_link import LinkPlan, RadioLink
 from bridge.modem.settings import counts_foreign, peers_of
 from channel.access.packets import AirPacket
-from channel.access.settings import ElrsMedium, SikMedium, Surroundings
+from channel.access.settings.base import Surroundings
+from channel.access.settings.elrs import ElrsMedium
+from channel.access.settings.sik import SikMedium
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.network.link_world import LinkWorld

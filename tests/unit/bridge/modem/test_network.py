@@ -12,7 +12,8 @@ from bridge.modem.network import ModemNetwork, OnAir
 from bridge.modem.settings import ModemSettings, has_transmitter
 from channel.access.media.airtime import AirTime
 from channel.access.packets import AirFate, AirPacket, Loss
-from channel.access.settings import ElrsMedium, SikMedium
+from channel.access.settings.elrs import ElrsMedium
+from channel.access.settings.sik import SikMedium
 from channel.access.timing import BitRate
 from channel.access.world import PlainWorld
 from tests.unit.bridge.modem.frames import frame_of, heartbeat

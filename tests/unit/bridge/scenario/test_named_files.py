@@ -33,7 +33,7 @@ def made(folder: Path) -> Path:
     (model / "Engines").mkdir(parents=True)
     (model / "hexa550.xml").write_text("<fdm_config/>")
     (model / "Engines" / "motor.xml").write_text("<electric_engine/>")
-    (folder / "agent.py").write_text("class Own: ...\n")
+    (folder / "agent.py").write_text("from lostlink import Agent\nclass Own(Agent): ...\n")
     (folder / "wind.yaml").write_text("map: {file: maps/shear.nc}\n")
     (folder / "maps").mkdir()
     (folder / "maps" / "shear.nc").write_bytes((SITL / "wind" / "shear.nc").read_bytes())

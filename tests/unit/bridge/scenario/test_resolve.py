@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bridge.scenario.file import SCENARIOS, parse_scenario
-from bridge.scenario.model import FlightDynamics
 from bridge.scenario.resolve.flight import disturb_of, legacy_of
+from bridge.scenario.sections import FlightDynamics
 from standin.cli import RATE_HZ_MAX, RATE_HZ_MIN
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")

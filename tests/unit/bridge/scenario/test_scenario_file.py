@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -198,8 +199,9 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path / "start")
     shipped = SCENARIOS / ".."
     (folder / "air.yaml").write_text("constant: {speed_mps: 3, from_deg: 90}\n")
+    copytree(shipped / "airframes" / "jsbsim", folder / "jsbsim")
     (folder / "quad.yaml").write_text((shipped / "airframes" / "f450.yaml").read_text(encoding="utf-8"))
-    (folder / "own.py").write_text("class Mine: ...\n")
+    (folder / "own.py").write_text("from lostlink import Agent\nclass Mine(Agent): ...\n")
     (folder / "mine.yaml").write_text("preset: moon2020\nbase_loss: 0.25\n")
     (folder / "loss.csv").write_text("snr_db,rate\n0,1\n20,0\n")
     return folder

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from channel.access.packets import PLAIN
-from channel.access.settings import Surroundings, carriers_of
+from channel.access.settings.base import Surroundings
+from channel.access.settings.medium import carriers_of
 from channel.access.world import AirFrame
 from channel.link.radio import Radio
 from channel.medium.medium import Medium

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from channel.access.packets import PLAIN
-from channel.access.settings import Surroundings
+from channel.access.settings.base import Surroundings
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.medium.reception import Packets

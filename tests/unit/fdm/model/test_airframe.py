@@ -24,10 +24,10 @@ def test_every_airframe_that_ships_is_valid_and_named_as_its_file(name):
 def test_f450_maps_the_motors_in_ardupilots_order():
     channels = load_airframe("f450").channels
     assert [(c.channel, c.property) for c in channels] == [
-        (1, "fcs/cmdFR_ext_nd"),
-        (2, "fcs/cmdAL_ext_nd"),
-        (3, "fcs/cmdFL_ext_nd"),
-        (4, "fcs/cmdAR_ext_nd"),
+        (1, "fcs/throttle-cmd-norm[0]"),
+        (2, "fcs/throttle-cmd-norm[1]"),
+        (3, "fcs/throttle-cmd-norm[2]"),
+        (4, "fcs/throttle-cmd-norm[3]"),
     ]
 
 

@@ -74,6 +74,9 @@ def test_frames_have_what_was_written(tmp_path: Path, is_finished: bool) -> None
     assert [packet.payload for packet in run.transmitted("0")] == [b"abc"] * 40
     assert b"".join(entry.payload for entry in run.mavlink("0", "from_autopilot")) == bytes(range(40))
     assert list(run.transmitted("1")) == []
+    for nobodys in (lambda: run.transmitted("77"), lambda: run.mavlink("77", "to_autopilot")):
+        with pytest.raises(ValueError, match="no node has the id '77'; there are 0, 1"):
+            nobodys()
 
 
 def test_arrays_and_arrow_are_the_same_from_journal_and_parquet(tmp_path: Path) -> None:

@@ -253,7 +253,7 @@ def test_what_cannot_be_decided_is_said(tmp_path: Path) -> None:
     (run / "truth.parquet").unlink()
     with pytest.raises(ValueError, match=r"truth\.parquet"):
         redecide(run)
-    with pytest.raises(OSError, match=r"scenario\.yaml"):
+    with pytest.raises(ValueError, match="is not the directory of a run"):
         redecide(tmp_path)
 
 

@@ -154,7 +154,7 @@ def test_a_record_without_states_has_none_and_a_damaged_one_is_told(tmp_path: Pa
 
 
 def test_what_is_no_run_is_said(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match=r"scenario\.yaml"):
+    with pytest.raises(ValueError, match="is not the directory of a run"):
         Player.open(tmp_path)
     router = Router(tmp_path / "empty", SCENARIO)
     router.close(killed=True)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from bridge.record.tables.schema import TableError
-from lostlink.testing.flight import UaOfFlight
+from bridge.record.tables.states import STATES
+from lostlink.testing.flight import FleetFlight, UaOfFlight
 from lostlink.testing.views import Place, RecordedLink, RecordedNode
 
 
@@ -27,6 +28,8 @@ class Made:
                 "position_east_m": np.zeros(2 * len(ticks)),
                 "position_down_m": np.full(2 * len(ticks), -20.0),
             }
+        if table == "states":
+            return {"tick_ns": ticks, "node": np.full(len(ticks), "1", dtype=object)}
         count = np.arange(10)
         return {
             "sim_time_ns": count * 10**9,
@@ -50,14 +53,39 @@ class Becoming(Made):
         return super().columns(table, columns)
 
 
-class MadeFlight:
+class MadeFlight(FleetFlight):
     """A flight of that record, over or not."""
 
-    def __init__(self, record, is_over=False):
-        self.record, self.is_over = record, is_over
+    is_over = False
 
-    def recorded_s(self):
+    def __init__(self, record, is_over=False):
+        self.made, self.is_over, self.end_s = record, is_over, 0.0
+
+    @property
+    def record(self):
+        return self.made
+
+    def last_s(self, table, node=""):
         return 0.0
+
+
+class Growing(MadeFlight):
+    """A flight whose record grows by a second at each look; states lag behind; it is over after ten."""
+
+    def __init__(self):
+        super().__init__(Made())
+        self.looks = 0
+
+    @property
+    def is_over(self):
+        return self.looks > 10
+
+    @is_over.setter
+    def is_over(self, value): ...
+
+    def last_s(self, table, node=""):
+        self.looks += 1
+        return min(float(self.looks), 10.0) - (3.0 if (table, node) == (STATES, "1") else 0.0)
 
 
 def test_a_record_that_cannot_be_read_yet_is_waited_for():
@@ -96,9 +124,42 @@ def test_a_place_that_is_not_reached_is_told_with_the_nearest():
 def test_where_a_node_was():
     ua = RecordedNode(Made(), "1")
     assert ua.position_ned_m(3.2).tolist() == [30.0, 0.0, -20.0]
-    assert ua.position_ned_m(99.0)[0] == 100.0
+    assert ua.position_ned_m(10.4)[0] == 100.0
+    with pytest.raises(
+        ValueError, match=r"nothing is recorded of it after 10\.00 s, and 10\.5 s was asked for"
+    ):
+        ua.position_ned_m(10.5)
+    with pytest.raises(ValueError, match="nothing is recorded"):
+        ua.state(99.0)
+    assert ua.state(3.2)["tick_ns"] == 3_000_000_000
     with pytest.raises(ValueError, match="not there yet"):
         ua.position_ned_m(-1.0)
+
+
+def test_answers_of_a_flight_that_goes_on_wait_for_their_time_and_go_as_far_as_was_waited(monkeypatch):
+    monkeypatch.setattr("lostlink.testing.flight.LOOK_S", 0.0)
+    flight = Growing()
+    assert flight.ua("1").position_ned_m(3.2).tolist() == [32.0 // 5 * 5, 0.0, -20.0]
+    assert flight.looks == 4, "and no longer"
+    assert flight.ua("1").track()[0].max() == 3.0
+    assert len(flight.link("0", "1").packets()["tx"]) == 4, "0, 1, 2, 3 s"
+    assert len(flight.link("0", "1").packets(to_s=6.0)["tx"]) == 6
+    assert flight.looks < 10
+    assert len(flight.link("0", "1").packets()["tx"]) == 6
+    with pytest.raises(AssertionError, match=r"there and then from 6\.5 to 6\.0 s"):
+        flight.link("0", "1").delivery(from_s=6.5)
+    assert asyncio.run(flight.ua("1").at(north_m=80.0, within_m=1.0)) == 8.0
+    assert len(flight.link("0", "1").packets()["tx"]) == 8
+    with pytest.raises(ValueError, match="nothing is recorded"):
+        flight.ua("1").position_ned_m(20.0)
+    assert flight.is_over
+
+
+def test_a_state_waits_for_the_states_of_its_node(monkeypatch):
+    monkeypatch.setattr("lostlink.testing.flight.LOOK_S", 0.0)
+    flight = Growing()
+    assert flight.ua("1").state(3.2)["tick_ns"] == 3_000_000_000
+    assert flight.looks == 7, "3 s behind the truth"
 
 
 def test_what_a_link_delivered_by_time_and_distance():

@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import re
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import pytest
 
@@ -42,9 +44,9 @@ from bridge.bus.messages import (
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.scenario.agents import StillAgent
-from bridge.scenario.model import Transmit
 from bridge.scenario.nodes import Aircraft
 from bridge.scenario.own_class import mistake_in
+from bridge.scenario.sections import Transmit
 
 TICK_NS = 50_000_000
 AIRCRAFT = Aircraft(id=1, agent=StillAgent(type="still"))
@@ -77,11 +79,14 @@ class Flown:
     """An agent that lives tick by tick, as on a host."""
 
     def __init__(self, make: type[Agent], *, seed: int = 3, folder: Path | None = None) -> None:
-        self.outlet = Heard()
+        self.outlet, self.warnings = Heard(), list[str]()
         self._idle = threading.Event()
         ua = UaClient("1", self.outlet, seed, folder)
         self.runner = AgentRunner(
-            ua, lambda client: make(client, AIRCRAFT, Transmit(every_ticks=1000)), self._idle.set
+            ua,
+            lambda client: make(client, AIRCRAFT, Transmit(every_ticks=1000)),
+            self._idle.set,
+            self.warnings.append,
         )
         self.runner.start().result(10.0)
         self.number = -1
@@ -342,6 +347,67 @@ def test_a_fly_that_cannot_be_awaited_is_refused_by_name(tmp_path: Path, bases: 
         assert f"{file}:10: Patrol.fly is a plain def" in mistake_in(str(file), "Patrol")
 
 
+class ForgetsItsArguments(Agent):
+    def __init__(self) -> None:
+        """It takes none."""
+
+
+class Exits(Agent):
+    def __init__(self, *_: Any) -> None:
+        sys.exit("that was it")
+
+
+class LooksUp(Agent):
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.altitude_m = self.options["altitud"]
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (LooksUp, "KeyError in its constructor: 'altitud'"),
+        (Exits, "SystemExit in its constructor: that was it"),
+        (
+            ForgetsItsArguments,
+            "TypeError in its constructor: ForgetsItsArguments.__init__() takes 1 positional",
+        ),
+    ],
+)
+def test_an_agent_that_cannot_be_made_fails_at_the_first_tick(
+    flown: list[Flown], make: type[Agent], says: str
+) -> None:
+    flown.append(Flown(make))
+    agent = flown[0]
+    assert agent.outlet.reports == []
+    agent.ticks(3)
+    [failed] = agent.outlet.reports
+    assert (failed.failed, failed.header.stamp.ns) == (True, 0)
+    assert failed.activity.startswith(says)
+    assert agent.sent == []
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("import nowhere_to_be_found", "ModuleNotFoundError while .*mine.py is loaded: No module named"),
+        ("import sys; sys.exit(3)", "SystemExit while .*mine.py is loaded: 3"),
+        ("class Own: pass", "Own in .*mine.py is no subclass of bridge.agents.Agent"),
+    ],
+)
+def test_an_agent_whose_file_cannot_be_loaded_fails_by_name(
+    flown: list[Flown], tmp_path: Path, text: str, says: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(text)
+    flown.append(Flown(lambda *given: load_class(str(file), "Own")(*given)))  # type: ignore[arg-type]
+    flown[0].tick()
+    [failed] = flown[0].outlet.reports
+    assert failed.failed
+    assert re.match(says, failed.activity)
+    assert re.match(says, caplog.records[-1].getMessage())
+
+
 def test_results_of_commands_come_with_a_tick(flown: list[Flown]) -> None:
     class Commander(Agent):
         async def fly(self) -> None:
@@ -473,15 +539,6 @@ def test_what_the_agent_raises_is_reported_once_with_its_place(flown: list[Flown
     assert failed == [f"ArithmeticError {place}: mine"]
 
 
-def test_what_the_constructor_raises_comes_to_whoever_starts_it() -> None:
-    class Broken(Agent):
-        def __init__(self, *arguments: object) -> None:
-            raise ArithmeticError("not today")
-
-    with pytest.raises(ArithmeticError, match="not today"):
-        Flown(Broken)
-
-
 def test_an_end_that_waits_for_sim_time_does_not_hang() -> None:
     class Stubborn(Agent):
         async def fly(self) -> None:
@@ -516,6 +573,29 @@ def test_a_thread_that_ends_says_so_and_leaves_no_tick_open(how: str) -> None:
     )
     agent.runner.ask_to_stop()
     assert agent.runner.join(5.0)
+
+
+@pytest.mark.parametrize("asked", ["default", "ignore"])
+def test_a_forgotten_await_is_told_with_its_place_to_each_agent_and_is_not_in_the_record(
+    flown: list[Flown], asked: Literal["default", "ignore"]
+) -> None:
+    """Once for each place, whatever Python was asked to say of warnings, or has said already."""
+
+    class Forgetful(Agent):
+        async def fly(self) -> None:
+            while True:
+                asyncio.sleep(1.0)  # type: ignore[unused-coroutine]
+                await asyncio.sleep(0.01)
+
+    with warnings.catch_warnings(record=True):
+        warnings.simplefilter(asked)
+        for _ in range(2):
+            flown.append(Flown(Forgetful))
+            flown[-1].ticks(3)
+    line = Forgetful.fly.__code__.co_firstlineno + 2
+    told = f"coroutine 'sleep' was never awaited: put await before it (test_runner.py, line {line})"
+    assert [each.warnings for each in flown] == [[told], [told]]
+    assert [each.outlet.reports for each in flown] == [[], []]
 
 
 def test_an_outcome_that_is_looked_at_later_is_no_mistake(flown: list[Flown]) -> None:

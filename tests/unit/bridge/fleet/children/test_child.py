@@ -25,17 +25,26 @@ STARTERS = ["bridge/fleet/children/child.py", "fdm/workers/worker_process.py", "
 attaches has the user's environment and terminal, and its leash from the program that makes its namespace."""
 
 
-def test_processes_are_started_in_one_way() -> None:
-    """Never with `preexec_fn`: it deadlocks now and then in a process with threads (documentation of subprocess)."""
-    starters = [
+FORKERS = ["bridge/fleet/children/forked.py", "lostlink/attach/namespace.py"]
+"""A namespace is of the process that enters it, and of its children."""
+
+
+def callers(*names: str) -> list[str]:
+    """The files of the product that call one of these functions."""
+    found = {
         str(file.relative_to(ROOT))
         for package in ("aps", "bridge", "channel", "fdm", "lostlink", "standin")
         for file in sorted((ROOT / package).rglob("*.py"))
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call)
-        and ast.unparse(node.func).endswith(("Popen", "subprocess_exec", "subprocess_shell"))
-    ]
-    assert sorted(set(starters)) == STARTERS
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(names)
+    }
+    return sorted(found)
+
+
+def test_processes_are_started_in_one_way() -> None:
+    """Never with `preexec_fn`: it deadlocks now and then in a process with threads (documentation of subprocess)."""
+    assert callers("Popen", "subprocess_exec", "subprocess_shell") == STARTERS
+    assert callers("os.fork") == FORKERS
     for starter in STARTERS:
         assert "preexec_fn=" not in (ROOT / starter).read_text(encoding="utf-8")
 

@@ -1,0 +1,210 @@
+"""What the settings of several media have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from pydantic import Field
+
+from channel.access.air import Hearing
+from channel.access.carriers import Carriers
+from channel.access.queue import QueueLimits
+from channel.access.timing import NS_PER_S, BitRate
+from channel.access.world import World
+from channel.numbers.units import ratio_from_db
+from channel.phy.spectrum import Rows, captured_db, reaches
+from channel.variant import Settings, Variant
+
+if TYPE_CHECKING:
+    from channel.config import RadioConfig
+
+
+ENERGY_OVER_PREAMBLE_DB = 20.0
+"""IEEE 802.11-2020, 17.3.10.6: energy alone makes a medium busy 20 dB above the least sensitivity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a medium is opened in.
+
+    Attributes:
+        world: its nodes, and what lies between them.
+        nodes: the place of each id among them.
+        seed: of the run.
+        bit_rate_bps: of the radio.
+        noise_floor_dbm: of the quietest receiver.
+        bandwidth_hz: of the radio.
+        filter_rows: of its receiver (`channel.phy.spectrum`).
+    """
+
+    world: World
+    nodes: Mapping[str, int]
+    seed: int
+    bit_rate_bps: float
+    noise_floor_dbm: float
+    bandwidth_hz: float
+    filter_rows: Rows
+
+    @classmethod
+    def of(
+        cls, world: World, nodes: Mapping[str, int], seed: int, config: RadioConfig, noise_floor_dbm: float
+    ) -> Surroundings:
+        """Those of nodes with a radio."""
+        filter_rows = config.interference.filter_rows(config.bandwidth_hz)
+        bit_rate_bps = config.bit_rate_bps
+        return cls(world, nodes, seed, bit_rate_bps, noise_floor_dbm, config.bandwidth_hz, filter_rows)
+
+    def leaks(self, spacing_hz: float, count: int) -> tuple[float, ...]:
+        """The shares of power that a receiver takes in from signals 1, 2, ... ``count`` channels away."""
+        found = []
+        for distance in range(1, count + 1):
+            offset_hz = distance * spacing_hz
+            if not reaches(offset_hz, self.bandwidth_hz, self.filter_rows):
+                break
+            found.append(float(ratio_from_db(captured_db(offset_hz, self.bandwidth_hz, self.filter_rows))))
+        return tuple(found)
+
+    def place(self, node: str) -> int:
+        """The place of an id.
+
+        Raises:
+            ValueError: there is no such node.
+        """
+        if node not in self.nodes:
+            raise ValueError(f"medium: node {node} is not there; there are {', '.join(self.nodes)}")
+        return self.nodes[node]
+
+
+class Queue(Settings):
+    """Of each node, before its transmitter."""
+
+    packets: int = Field(default=64, ge=0, le=1_000_000, description="so many wait; 0: no limit")
+    length_bytes: int = Field(default=0, ge=0, description="of all that wait; 0: no limit")
+    by_class: bool = Field(default=False, description="each priority has a queue of this size of its own")
+    mavlink: bool = Field(
+        default=False,
+        description="packets of MAVLink frames have a priority by their messages, unless their sender gave them one: "
+        "heartbeats and commands 2, parameters and missions 1, telemetry 0",
+    )
+
+    @property
+    def limits(self) -> QueueLimits:
+        """As media take them."""
+        return QueueLimits(self.packets, self.length_bytes, self.by_class)
+
+
+class Ideal(Variant):
+    """A packet takes no time, no node waits, and packets do not disturb each other (Moon et al. 2020)."""
+
+    takes_time: ClassVar[bool] = False
+    is_shared: ClassVar[bool] = True
+    """Whether `capacity_bps` is for all nodes together; else each sender has so much."""
+    model: Literal["ideal"] = "ideal"
+
+    def carriers(self) -> None:
+        """Nothing is on the air for any time: other networks neither hear it nor disturb it."""
+
+
+class Locking(Variant):
+    """Radios with a queue each, and receivers that hear one frame at a time."""
+
+    takes_time: ClassVar[bool] = True
+    is_shared: ClassVar[bool] = True
+    queue: Queue = Field(default_factory=Queue)
+    preamble_dbm: float | None = Field(
+        default=None,
+        ge=-200.0,
+        le=100.0,
+        description="weakest signal that a receiver locks on to, and senses as a carrier; the noise floor unless given",
+    )
+    energy_dbm: float | None = Field(
+        default=None,
+        ge=-200.0,
+        le=100.0,
+        description="any power from here on is sensed as a carrier; 20 dB above preamble_dbm unless given",
+    )
+    capture_db: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=100.0,
+        description="a later signal stronger by so much takes a receiver over; none does unless given",
+    )
+
+    def hearing(self, surroundings: Surroundings) -> Hearing:
+        """How receivers hear."""
+        preamble_dbm = surroundings.noise_floor_dbm if self.preamble_dbm is None else self.preamble_dbm
+        energy_dbm = preamble_dbm + ENERGY_OVER_PREAMBLE_DB if self.energy_dbm is None else self.energy_dbm
+        capture = float("inf") if self.capture_db is None else float(ratio_from_db(self.capture_db))
+        return Hearing(float(ratio_from_db(preamble_dbm)), float(ratio_from_db(energy_dbm)), capture)
+
+    def carriers(self) -> Carriers:
+        """Where it is on the air."""
+        return Carriers()
+
+
+class Shared(Locking):
+    """Radios on channels that each keeps."""
+
+    channels: dict[str, int] = Field(
+        default_factory=dict,
+        description="of nodes, by id; 0 unless given: only those on one channel hear each other",
+    )
+    channel_spacing_hz: float = Field(
+        default=5e6,
+        gt=0.0,
+        le=1e10,
+        description="between two channels: what leaks from one into another is by the radio's spectrum and filter",
+    )
+
+    def hearing(self, surroundings: Surroundings) -> Hearing:
+        """How receivers hear.
+
+        Raises:
+            ValueError: a channel of a node that is not there.
+        """
+        channels = {surroundings.place(node): channel for node, channel in self.channels.items()}
+        used = self.channels_used()
+        adjacent = surroundings.leaks(self.channel_spacing_hz, max(used) - min(used))
+        return replace(super().hearing(surroundings), channels=channels, adjacent=adjacent)
+
+    def channels_used(self) -> frozenset[int]:
+        """Those that nodes are on at some time."""
+        return frozenset(self.channels.values()) | {0}
+
+    def carriers(self) -> Carriers:
+        """Where it is on the air: channel 0 is the radio's carrier."""
+        return Carriers(self.channel_spacing_hz, tuple(sorted(self.channels_used())))
+
+
+class Serial(Shared):
+    """A plain radio: preamble, header and packet at one bit rate."""
+
+    bit_rate_bps: float | None = Field(
+        default=None, gt=0.0, le=1e12, description="on the air; the radio's unless given"
+    )
+    preamble_s: float = Field(default=0.0, ge=0.0, le=1.0, description="before each frame")
+    header_bytes: int = Field(default=0, ge=0, le=1000, description="that each packet gets")
+    max_length_bytes: int = Field(default=65_535, ge=1, description="the longest packet")
+
+    def timing(self, surroundings: Surroundings) -> BitRate:
+        """Of frames."""
+        bit_rate_bps = surroundings.bit_rate_bps if self.bit_rate_bps is None else self.bit_rate_bps
+        return BitRate(
+            bit_rate_bps, round(self.preamble_s * NS_PER_S), self.header_bytes, self.max_length_bytes
+        )
+
+    def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:
+        """Bits of packets of a length per second, if one sender sends them back to back."""
+        return 8 * length_bytes / self.duration_s(length_bytes, bit_rate_bps)
+
+    def duration_s(self, length_bytes: int, bit_rate_bps: float) -> float:
+        """Of a frame, on a radio of that bit rate."""
+        rate_bps = bit_rate_bps if self.bit_rate_bps is None else self.bit_rate_bps
+        return self.preamble_s + 8 * (length_bytes + self.header_bytes) / rate_bps
+
+
+def two_by_two(nodes: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Nodes in pairs, in their order; the last of an odd number is left out."""
+    return tuple(zip(nodes[::2], nodes[1::2], strict=False))

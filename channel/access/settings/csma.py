@@ -1,0 +1,83 @@
+"""IEEE 802.11's DCF: ``medium: {model: csma, rate_mbps: 6}``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from channel.access.air import Hearing
+from channel.access.media.csma import Csma, DcfSettings
+from channel.access.media.medium import AccessMedium
+from channel.access.settings.base import Shared, Surroundings
+from channel.access.timing import NS_PER_S, Wifi, wifi_a, wifi_b, wifi_g
+from channel.numbers.units import SPEED_OF_LIGHT_MPS
+
+CCA_OFDM_NS, CCA_DSSS_NS = 4_000, 15_000
+"""aCCATime of 802.11a and g, and of b (IEEE 802.11-2020, tables 17-21 and 16-4): until a carrier is sensed."""
+
+
+class CsmaMedium(Shared):
+    """IEEE 802.11 DCF without an access point."""
+
+    model: Literal["csma"] = "csma"
+    standard: Literal["11b", "11a", "11g"] = "11g"
+    rate_mbps: float = Field(default=6.0, gt=0.0, description="of unicasts")
+    basic_rate_mbps: float | None = Field(
+        default=None, gt=0.0, description="of broadcasts and control frames; the lowest unless given"
+    )
+    clock: float = Field(default=1.0, description="of the symbols: 0.5 and 0.25 are channels of 10 and 5 MHz")
+    short_preamble: bool = Field(default=False, description="of 11b")
+    attempts_max: int = Field(default=7, ge=1, le=255, description="of a unicast, then it is given up")
+    rts_from_bytes: int | None = Field(default=None, ge=0, description="unicasts from here on are announced")
+    reach_m: float = Field(
+        default=3000.0,
+        ge=0.0,
+        le=1e6,
+        description="acknowledgements are waited for from so far (coverage class)",
+    )
+    preamble_dbm: float | None = Field(default=-82.0, ge=-200.0, le=100.0, description="carrier sense")
+
+    @model_validator(mode="after")
+    def _has_a_timing(self) -> CsmaMedium:
+        self.timing()
+        return self
+
+    def timing(self) -> Wifi:
+        """Of frames, slots and windows."""
+        lowest = 1.0 if self.standard == "11b" else 6.0
+        basic_mbps = lowest if self.basic_rate_mbps is None else self.basic_rate_mbps
+        if self.standard == "11b":
+            timing = wifi_b(self.rate_mbps, basic_mbps, short_preamble=self.short_preamble)
+        elif self.standard == "11a":
+            return wifi_a(self.rate_mbps, basic_mbps, clock=self.clock)
+        else:
+            timing = wifi_g(self.rate_mbps, basic_mbps)
+        if self.clock != 1.0:
+            raise ValueError(f"clock {self.clock:g} is for 11a only")
+        return timing
+
+    def hearing(self, surroundings: Surroundings) -> Hearing:
+        """How stations hear."""
+        cca_ns = CCA_DSSS_NS if self.standard == "11b" else CCA_OFDM_NS
+        return replace(super().hearing(surroundings), cca_ns=cca_ns)
+
+    def open(self, surroundings: Surroundings) -> AccessMedium:
+        """Make the medium."""
+        reach_ns = round(2.0 * self.reach_m / SPEED_OF_LIGHT_MPS * NS_PER_S)
+        settings = DcfSettings(self.attempts_max, self.rts_from_bytes, reach_ns=reach_ns)
+        return Csma(
+            surroundings.world,
+            self.timing(),
+            seed=surroundings.seed,
+            settings=settings,
+            limits=self.queue.limits,
+            hearing=self.hearing(surroundings),
+        )
+
+    def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
+        """Bits of broadcasts of a length per second, if one station sends them back to back."""
+        timing = self.timing()
+        cycle_ns = timing.difs_ns + timing.cw_min / 2 * timing.slot_ns + timing.broadcast_ns(length_bytes)
+        return 8 * length_bytes * NS_PER_S / cycle_ns

@@ -1,0 +1,35 @@
+"""The media of `channel.access` as a radio's configuration names them: ``medium: {model: csma, rate_mbps: 6}``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from channel.access.carriers import Carriers
+from channel.access.settings.air_time import AirTimeMedium
+from channel.access.settings.base import Ideal
+from channel.access.settings.csma import CsmaMedium
+from channel.access.settings.delay import DelayMedium
+from channel.access.settings.elrs import ElrsMedium
+from channel.access.settings.sik import SikMedium
+from channel.access.settings.tdma import TdmaMedium
+from channel.own import own_models
+from channel.variant import Variant
+
+MediumSettings = Annotated[
+    Ideal | AirTimeMedium | TdmaMedium | CsmaMedium | DelayMedium | ElrsMedium | SikMedium,
+    Field(discriminator="model"),
+    *own_models("medium", "takes_time", "open", "capacity_bps"),
+]
+
+
+def name_of(settings: Variant) -> str:
+    """What a medium, or another choice by name, is called: of one's own by its class."""
+    return str(getattr(settings, "model", type(settings).__name__))
+
+
+def carriers_of(settings: MediumSettings) -> Carriers | None:
+    """Where a medium is on the air, one's own too: on the radio's carrier unless it says so; None: nowhere."""
+    found: Carriers | None = getattr(settings, "carriers", Carriers)()
+    return found

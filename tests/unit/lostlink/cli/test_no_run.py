@@ -1,0 +1,54 @@
+"""What commands say where there is no run, or none could be written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+from lostlink.cli import main as command
+from lostlink.cli.shown_flight import ShownFlight
+from lostlink.flight.flight import Flight
+
+
+@pytest.mark.parametrize("name", ["redecide", "replay", "report"])
+def test_a_directory_that_is_no_run_is_told(name: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(command.lostlink, [name, str(tmp_path / "nosuch")], standalone_mode=False)
+    assert done.exit_code == 2
+    assert f"{tmp_path / 'nosuch'} is not the directory of a run (it has no scenario.yaml)" in done.output
+    assert "Errno" not in done.output
+
+
+def test_a_disk_that_is_too_full_for_a_summary_is_told_with_its_place_and_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Flight, "fly", full)
+    flight = object.__new__(ShownFlight)
+    flight.console, flight.quiet = Console(), True
+    flight.directory = SimpleNamespace(path=Path("runs/a"))  # type: ignore[assignment]
+    assert flight.fly_and_tell() is None
+    said = capsys.readouterr().err
+    assert said.startswith("lostlink: runs/a: [Errno 28] No space left on device; the run has no summary; ")
+    assert "`lostlink export runs/a --parquet --mcap`" in said
+
+
+def test_ctrl_c_that_nothing_else_heeds_ends_with_its_status(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(**_: object) -> None:
+        raise command.click.Abort
+
+    monkeypatch.setattr(command, "lostlink", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        command.main()
+    assert ended.value.code == 128 + signal.SIGINT
+    assert capsys.readouterr().err == "lostlink: interrupted\n"
