@@ -114,7 +114,7 @@ def _emitters_at(places: Mapping[str, FloatArray] | None, links: Indices) -> Map
 
 def _number_at(column: Column, links: Indices) -> Column:
     """Return some rows of a column; what is one for all links stays as it is."""
-    return cast(Column, column[links]) if isinstance(column, np.ndarray) else column
+    return cast(Column, column[links]) if isinstance(column, np.ndarray) and column.ndim else column
 
 
 def vectors_at(vectors: FloatArray | None, links: Indices) -> FloatArray | None:

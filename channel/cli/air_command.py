@@ -19,6 +19,7 @@ from channel.access.media.medium import AccessMedium
 from channel.access.media.sik import Sik, SikSettings
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
+from channel.access.settings.csma import ENERGY_DBM
 from channel.access.timing import BitRate, Wifi, wifi_a, wifi_b, wifi_g
 from channel.access.trial import Carried, Load, under_load
 from channel.access.world import PlainWorld, World
@@ -30,8 +31,6 @@ CHOSEN_LOADS = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 CAPTURE = 10.0
 """How many times stronger a later signal has to be to take a plain radio over: 10 dB."""
 STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
-CARRIER_DBM = {"preamble": -82.0, "energy": -62.0}
-"""At 20 MHz."""
 
 
 @click.command()
@@ -203,7 +202,8 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
     world, hearing, reach_ns = _world(options)
     if medium == "csma":
         settings = DcfSettings(rts_from_bytes=options["rts_from_bytes"], reach_ns=reach_ns)
-        hearing = _carrier() if options["radio"] else Hearing()
+        if options["radio"]:
+            hearing = Hearing(hearing.preamble_mw, float(ratio_from_db(ENERGY_DBM)))
         return Csma(
             world, _wifi(options), seed=options["seed"], settings=settings, limits=limits, hearing=hearing
         )
@@ -245,11 +245,6 @@ def _wifi(options: dict[str, Any]) -> Wifi:
     standard, rate_mbps = STANDARDS[options["standard"]], options["rate_mbps"]
     lowest = 1.0 if options["standard"] == "11b" else 6.0
     return standard(rate_mbps or lowest, options["basic_rate_mbps"] or lowest)
-
-
-def _carrier() -> Hearing:
-    preamble, energy = (float(ratio_from_db(CARRIER_DBM[name])) for name in ("preamble", "energy"))
-    return Hearing(preamble, energy)
 
 
 def _world(options: dict[str, Any]) -> tuple[World, Hearing, int]:

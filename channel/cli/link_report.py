@@ -17,8 +17,9 @@ def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Un
 
     Keys: radio, description, frequency_hz, distance_m (over the ground), slant_distance_m, length_bytes, terms
     (name and contribution, in order, their sum is the received power), path_loss_db, received_power_dbm,
-    noise_floor_dbm, snr_db, ber, per (these without shadowing and fading), in_range, base_loss,
-    probability_of_delivery (averaged over the random terms) and probability_error_bound.
+    noise_floor_dbm, preamble_dbm (the weakest signal that receivers lock on to; None if the error rate alone
+    decides), snr_db, ber, per (these without shadowing and fading), in_range, base_loss, probability_of_delivery
+    (averaged over the random terms) and probability_error_bound.
 
     Args:
         config: the radio.
@@ -42,6 +43,7 @@ def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Un
         "path_loss_db": float(link.path_loss_db),
         "received_power_dbm": float(link.received_power_dbm),
         "noise_floor_dbm": float(link.noise_dbm),
+        "preamble_dbm": radio.locks_from_dbm if radio.needs_preamble else None,
         "snr_db": float(link.snr_db),
         "ber": float(link.ber),
         "per": float(link.per),
@@ -68,6 +70,11 @@ def link_text(report: Report) -> str:
         ("per", f"{report['per']:12.4e}"),
         ("probability_of_delivery", f"{report['probability_of_delivery']:12.4f}"),
     ]
+    if report["preamble_dbm"] is not None:
+        results.insert(2, ("preamble_dbm", f"{report['preamble_dbm']:+12.4f}"))
     rows = [f"  {name:<28}{value}" for name, value in terms + results]
     notes = ["", "  without shadowing and fading, but for the probability, which is averaged over them"]
+    level_dbm = report["preamble_dbm"]
+    if level_dbm is not None and report["received_power_dbm"] < level_dbm:
+        notes.append("  too weak: receivers lock on to no signal below preamble_dbm (medium.preamble_dbm)")
     return "\n".join([head, where, "", *rows, *notes])

@@ -19,6 +19,10 @@ CHUNK_VALUES = 1 << 19
 CURVE_STEPS_PER_DB = 50
 CURVE_STEP_DB = 1.0 / CURVE_STEPS_PER_DB
 CURVE_RANGE_DB = (-150.0, 400.0)
+LEAST_STEPS_PER_DB = 1000
+"""To which an SNR is rounded below which nothing comes, if it is one for all links; else to a step of the curves."""
+FINER = 8
+"""So many more panels has fading without shadowing where nothing comes below an SNR: its law is a stair there."""
 LEVEL = np.zeros(1)
 DEGREES = 91
 """Elevations from 0 to 90 degrees."""
@@ -38,7 +42,12 @@ class Expectation:
         self._curves = Curves(CURVE_STEPS_PER_DB, self._make_curve)
 
     def averaged(
-        self, snr_db: FloatArray, length_bytes: FloatArray, elevation_deg: FloatArray, panels: int = PANELS
+        self,
+        snr_db: FloatArray,
+        length_bytes: FloatArray,
+        elevation_deg: FloatArray,
+        panels: int = PANELS,
+        least_db: FloatArray | float | None = None,
     ) -> FloatArray:
         """Return E[1 - PER] by quadrature, in the broadcast shape of the arguments.
 
@@ -47,15 +56,20 @@ class Expectation:
             length_bytes: as the error model counts it.
             elevation_deg: for fading that depends on it.
             panels: of the quadrature rule for each random term.
+            least_db: an SNR, with the random terms, below which nothing comes; None: there is none.
         """
         if self._config.shadowing.is_random and self._config.fading.is_random:
             panels //= 2  # the nodes of the two multiply
+        elif least_db is not None:
+            panels *= FINER
         snr, length, elevation = np.broadcast_arrays(snr_db, length_bytes, elevation_deg)
         out = np.empty(snr.size)
+        least = None if least_db is None else np.broadcast_to(least_db, snr.shape).ravel()
         rows = max(1, CHUNK_VALUES // self._nodes(panels))
         for start in range(0, out.size, rows):
             part = slice(start, start + rows)
-            out[part] = self._chunk(snr.ravel()[part], length.ravel()[part], elevation.ravel()[part], panels)
+            columns = snr.ravel()[part], length.ravel()[part], elevation.ravel()[part]
+            out[part] = self._chunk(*columns, panels, None if least is None else least[part])
         return np.clip(out, 0.0, 1.0).reshape(snr.shape)
 
     def _nodes(self, panels: int) -> int:
@@ -63,25 +77,36 @@ class Expectation:
         return int(gain_db.shape[-1]) * (POINTS_PER_PANEL * panels if self._config.shadowing.is_random else 1)
 
     def _chunk(
-        self, snr_db: FloatArray, length: FloatArray, elevation_deg: FloatArray, panels: int
+        self,
+        snr_db: FloatArray,
+        length: FloatArray,
+        elevation_deg: FloatArray,
+        panels: int,
+        least_db: FloatArray | None,
     ) -> FloatArray:
         gain_db, gain_weights = self._config.fading.rule(elevation_deg, panels)
-        loss_db, loss_weights = self._shadowing_rule(snr_db, panels)
+        loss_db, loss_weights = self._shadowing_rule(snr_db, panels, least_db)
         at = (
             snr_db[:, np.newaxis, np.newaxis]
             - loss_db[..., np.newaxis]
             + gain_db.reshape(-1, 1, gain_db.shape[-1])
         )
         success = 1.0 - self._config.error.per(at, length[:, np.newaxis, np.newaxis], self._band)
+        if least_db is not None:
+            success = np.where(at >= least_db[:, np.newaxis, np.newaxis], success, 0.0)
         over_shadowing = np.sum(success * loss_weights[..., np.newaxis], axis=1)
         return np.asarray(np.sum(over_shadowing * gain_weights, axis=-1))
 
-    def _shadowing_rule(self, snr_db: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:
+    def _shadowing_rule(
+        self, snr_db: FloatArray, panels: int, least_db: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
         """Return losses and weights, shape (links or 1, nodes), split where the error rate jumps."""
         shadowing = self._config.shadowing
         if not shadowing.is_random:
             return np.zeros((1, 1)), np.ones((1, 1))
-        breaks_db = np.asarray(self._config.error.breaks_db)
+        breaks_db = np.broadcast_to(self._config.error.breaks_db, (1, len(self._config.error.breaks_db)))
+        if least_db is not None:
+            breaks_db = np.column_stack((np.repeat(breaks_db, least_db.size, axis=0), least_db))
         if self._config.fading.is_random or not breaks_db.size:
             nodes, weights = standard_normal_rule(panels)
             return shadowing.loss_db(nodes)[np.newaxis], weights[np.newaxis]
@@ -90,29 +115,53 @@ class Expectation:
         return shadowing.loss_db(nodes), weights
 
     def from_table(
-        self, snr_db: FloatArray, lengths: Lengths, elevation_deg: FloatArray | None
+        self,
+        snr_db: FloatArray,
+        lengths: Lengths,
+        elevation_deg: FloatArray | None,
+        least_db: FloatArray | float | None = None,
     ) -> FloatArray:
         """Return E[1 - PER] from curves in steps of 0.02 dB: fast, within 1e-5 of the quadrature.
 
-        With fading that depends on elevation, angles are rounded to whole degrees.
+        With fading that depends on elevation, angles are rounded to whole degrees, and so is an SNR below which nothing
+        comes (``least_db``) to 0.02 dB, where it is not the same for all links.
         """
+        if isinstance(least_db, np.ndarray) and least_db.ndim:
+            return self._from_tables(snr_db, lengths, elevation_deg, least_db)
+        least = None if least_db is None else round(float(least_db) * LEAST_STEPS_PER_DB) / LEAST_STEPS_PER_DB
         if elevation_deg is None:
-            which = self._curves.rows([(length, 0) for length in lengths.distinct], lengths.which)
+            which = self._curves.rows([(length, 0, least) for length in lengths.distinct], lengths.which)
             return self._curves.between(snr_db, which)
         degrees = np.rint(elevation_deg).astype(np.intp)
         kind = degrees + DEGREES * np.asarray(lengths.which)
         kinds = np.flatnonzero(np.bincount(kind.ravel()))
         place = np.zeros(int(kinds[-1]) + 1 if kinds.size else 1, dtype=np.intp)
         place[kinds] = np.arange(kinds.size)
-        keys = [(lengths.distinct[each // DEGREES], each % DEGREES) for each in kinds.tolist()]
+        keys = [(lengths.distinct[each // DEGREES], each % DEGREES, least) for each in kinds.tolist()]
         return self._curves.between(snr_db, self._curves.rows(keys, place[kind]))
 
-    def _make_curve(self, kind: tuple[int, int]) -> tuple[int, FloatArray]:
-        """Return the averages for a length and an elevation in degrees, and where on the grid they begin."""
-        length_bytes, degree = kind
+    def _from_tables(
+        self, snr_db: FloatArray, lengths: Lengths, elevation_deg: FloatArray | None, least_db: FloatArray
+    ) -> FloatArray:
+        """As `from_table`, of links with an SNR each below which nothing comes."""
+        out = np.empty(np.shape(snr_db))
+        steps = np.rint(np.broadcast_to(least_db, out.shape) * CURVE_STEPS_PER_DB)
+        for step in np.unique(steps).tolist():
+            here = np.flatnonzero(steps == step)
+            angles = None if elevation_deg is None else np.broadcast_to(elevation_deg, out.shape)[here]
+            out[here] = self.from_table(snr_db[here], lengths.at(here), angles, step / CURVE_STEPS_PER_DB)
+        return out
+
+    def _make_curve(self, kind: tuple[int, int, float | None]) -> tuple[int, FloatArray]:
+        """Return averages for length, elevation in degrees and least SNR, and where on the grid they begin."""
+        length_bytes, degree, least_db = kind
         grid_db = np.arange(*CURVE_RANGE_DB, CURVE_STEP_DB)
         success = 1.0 - self._config.error.per(grid_db, float(length_bytes), self._band)
-        gain_db, weights = self._config.fading.rule(np.array([float(degree)]), PANELS)
+        if least_db is not None:  # at the step itself in part, so that on average it is where it should be
+            success = success * np.clip((grid_db - least_db) * CURVE_STEPS_PER_DB + 0.5, 0.0, 1.0)
+        is_stair = least_db is not None and not self._config.shadowing.is_random
+        panels = FINER * PANELS if is_stair else PANELS
+        gain_db, weights = self._config.fading.rule(np.array([float(degree)]), panels)
         if self._config.shadowing.is_random:
             success = averaged_over_loss(success, CURVE_STEP_DB, self._config.shadowing.chance_below)
         if self._config.fading.is_random:

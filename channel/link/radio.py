@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from channel import checks
+from channel.access.settings.base import Locking
 from channel.antenna import to_body
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
@@ -22,7 +23,7 @@ from channel.link.rays import with_reflection
 from channel.link.sight import Sight
 from channel.link.tables.lengths import Lengths
 from channel.link.tables.per_table import PerTable
-from channel.link.tables.steps import STEPS_PER_M, in_steps
+from channel.link.tables.steps import STEPS_PER_DB, STEPS_PER_M, in_steps
 from channel.phy.error_model import Band
 from channel.propagation.atmosphere import ItuAtmosphere
 from channel.propagation.path_loss import friis_db
@@ -31,6 +32,8 @@ from channel.propagation.spherical_earth import bulge_of
 OF_RECEIVER = ("offset_db", "noise", "bandwidth_hz", "interference", "bursts", "base_loss")
 """What is the receiver's on a link between two radios, beside its antenna and cable."""
 FINE_POINTS = 4 * POINTS
+SHORT_BYTES, HARDLY_ANY = 20, 1e-3
+"""A level from which receivers lock on counts if more of such packets would come through a signal just below it."""
 MAX_WAY_M = 1e12
 """Farther than any radio, and near enough that squares do not overflow."""
 MAX_FREQUENCY_HZ = 1e12
@@ -71,6 +74,8 @@ class Radio:
         sources: its interferers, then these.
         terms_are_of_places: whether a term that lasts is the same for all pairs whose ends stand at the same places.
         interference_varies: whether random terms change what arrives from them.
+        locks_from_dbm: weakest signal that a receiver locks on to (`preamble_dbm` of its medium); -inf if there is no
+            such level, or if packets are lost to noise before they are as weak: they are erased then.
 
     Raises:
         ChannelInputError: more emitters and interferers with a duty between 0 and 1 than can be averaged over.
@@ -96,6 +101,8 @@ class Radio:
         self._expectation = Expectation(config, self._band)
         self.needs_roles = bool(getattr(config.propagation, "needs_roles", False))
         self._per_table = PerTable(self.per_unchecked)
+        self.locks_from_dbm = self._level(self.noise_floor_dbm)
+        self._is_random = self.sight is not None or config.shadowing.is_random or config.fading.is_random
         self._fixed_terms = self._make_fixed_terms()
         self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
         self.needs_places = (
@@ -127,6 +134,33 @@ class Radio:
             "max_range_m": min(ranges_m, default=None),
         }
         return Radio(here.model_copy(update=of_receiver | ends), self._emitters_of_run)
+
+    def beside(self, quietest_dbm: float) -> Radio:
+        """Return the same radio in a network of which the quietest receiver has that noise floor, dBm."""
+        medium = self.config.medium
+        if getattr(medium, "preamble_dbm", 0.0) is not None or quietest_dbm == self.noise_floor_dbm:
+            return self
+        medium = medium.model_copy(update={"preamble_dbm": quietest_dbm})
+        return Radio(self.config.model_copy(update={"medium": medium}), self._emitters_of_run)
+
+    def _level(self, noise_floor_dbm: float) -> float:
+        medium = self.config.medium
+        if not isinstance(medium, Locking):
+            return -np.inf
+        level_dbm = medium.locks_from_dbm(noise_floor_dbm)
+        per = self.per_unchecked(
+            np.array([level_dbm - noise_floor_dbm]), float(self.length_bytes(SHORT_BYTES))
+        )
+        return level_dbm if float(per[0]) < 1.0 - HARDLY_ANY else -np.inf
+
+    @property
+    def needs_preamble(self) -> bool:
+        """Whether a packet may be too weak to be locked on to, while its error rate would let it through."""
+        return self.locks_from_dbm > -np.inf
+
+    def locks_on(self, power_dbm: FloatArray) -> NDArray[np.bool_]:
+        """Return whether a receiver locks on to signals, to the 0.001 dB in which powers are written."""
+        return np.greater_equal(in_steps(power_dbm, STEPS_PER_DB), self.locks_from_dbm)
 
     def at_bit_rate(self, bit_rate_bps: float | None) -> Radio:
         """Return the same radio at another bit rate: errors are those of its modulation there; None: this one."""
@@ -446,18 +480,37 @@ class Radio:
         fine, coarse = np.zeros(shape), np.zeros(shape)
         for chance, noises in self._disturbance.cases(path, FINE_POINTS):
             for noise in noises:
-                fine += chance / len(noises) * self._averaged(power - noise, length, path, PANELS)
+                fine += chance / len(noises) * self._averaged(power, noise, length, path, PANELS)
         for chance, noises in self._disturbance.cases(path):
             for noise in noises:
-                coarse += chance / len(noises) * self._averaged(power - noise, length, path, PANELS // 2)
+                coarse += chance / len(noises) * self._averaged(power, noise, length, path, PANELS // 2)
         kept = np.where(self.in_range(_separation(path)), self.kept_share, 0.0)
         return Delivery(kept * fine, kept * (np.abs(fine - coarse) + 1e-14))
 
-    def _averaged(self, snr_db: FloatArray, length: FloatArray, path: Path, panels: int) -> FloatArray:
+    def _averaged(
+        self,
+        power_dbm: FloatArray,
+        noise_dbm: FloatArray | float,
+        length: FloatArray,
+        path: Path,
+        panels: int,
+    ) -> FloatArray:
         """Return E[1 - PER] by quadrature over shadowing and fading, and over the line of sight if it is drawn."""
+        snr_db, least_db = power_dbm - noise_dbm, self._least_snr_db(noise_dbm)
         if self.sight is not None:
-            return self.sight.averaged(snr_db, length, path, panels)
-        return self._expectation.averaged(snr_db, length, path.elevation_deg, panels)
+            return self.sight.averaged(snr_db, length, path, panels, least_db)
+        success = self._expectation.averaged(snr_db, length, path.elevation_deg, panels, least_db)
+        return self._where_locked(success, power_dbm)
+
+    def _least_snr_db(self, noise_dbm: FloatArray | float) -> FloatArray | float | None:
+        """Return the SNR below which no receiver locks on; None: it always does, or nothing is random."""
+        return self.locks_from_dbm - noise_dbm if self.needs_preamble and self._is_random else None
+
+    def _where_locked(self, success: FloatArray, power_dbm: FloatArray) -> FloatArray:
+        """Return chances that are 0 where the signal is too weak for certain: nothing is random."""
+        if not self.needs_preamble or self._is_random:
+            return success
+        return np.where(self.locks_on(power_dbm), success, 0.0)
 
     @property
     def shares_draws(self) -> bool:
@@ -506,22 +559,32 @@ class Radio:
         success: FloatArray | float = 0.0
         for chance, noises in self._disturbance.cases(path):
             if len(noises) == 1 or mean_power_dbm.ndim != 1:
-                parts = [self._from_table(mean_power_dbm - noise, lengths, path) for noise in noises]
+                parts = [self._from_table(mean_power_dbm, noise, lengths, path) for noise in noises]
                 part = parts[0] if len(parts) == 1 else np.mean(parts, axis=0)
             else:
                 rows = np.tile(np.arange(mean_power_dbm.size), len(noises))
-                snr_db = (mean_power_dbm - np.asarray(noises)).ravel()
-                tiled = self._from_table(snr_db, lengths.at(rows), path_at(path, rows))
+                power_dbm, noise_dbm = np.broadcast_arrays(mean_power_dbm, np.asarray(noises))
+                tiled = self._from_table(
+                    power_dbm.ravel(), noise_dbm.ravel(), lengths.at(rows), path_at(path, rows)
+                )
                 part = tiled.reshape(len(noises), -1).mean(axis=0)
             success = part if chance == 1.0 else success + chance * part
         return np.asarray(self.kept_share * success)
 
-    def _from_table(self, snr_db: FloatArray, lengths: Lengths, path: Path) -> FloatArray:
+    def _from_table(
+        self, power_dbm: FloatArray, noise_dbm: FloatArray | float, lengths: Lengths, path: Path
+    ) -> FloatArray:
         """Return E[1 - PER] over shadowing, fading and the line of sight from tables."""
+        snr_db, least_db = power_dbm - noise_dbm, self._least_snr_db(noise_dbm)
+        if isinstance(
+            least_db, np.ndarray
+        ):  # strong interference: many levels, below which all is lost anyway
+            least_db = np.maximum(least_db, self.hopeless_below_db(lengths))
         if self.sight is not None:
-            return self.sight.from_table(snr_db, lengths, path)
+            return self.sight.from_table(snr_db, lengths, path, least_db)
         elevation = path.elevation_deg if self.config.fading.by_elevation else None
-        return self._expectation.from_table(snr_db, lengths, elevation)
+        success = self._expectation.from_table(snr_db, lengths, elevation, least_db)
+        return self._where_locked(success, power_dbm)
 
     def _lengths(self, length_bytes: ArrayLike | None) -> FloatArray:
         if length_bytes is None:

@@ -112,7 +112,14 @@ class Sight:
         shares = [state.chance * ratio_from_db(-state.excess_db) for state in self.states(path)]
         return np.asarray(db_from_ratio(shares[0] + shares[1]))
 
-    def averaged(self, snr_db: FloatArray, length_bytes: FloatArray, path: Path, panels: int) -> FloatArray:
+    def averaged(
+        self,
+        snr_db: FloatArray,
+        length_bytes: FloatArray,
+        path: Path,
+        panels: int,
+        least_db: FloatArray | float | None = None,
+    ) -> FloatArray:
         """Return E[1 - PER] by quadrature over states, shadowing and fading.
 
         Args:
@@ -120,19 +127,26 @@ class Sight:
             length_bytes: as the error model counts it; broadcasts.
             path: the links.
             panels: of the quadrature rule for each random term.
+            least_db: an SNR below which nothing comes; None: there is none.
         """
         arrays = np.broadcast_arrays(snr_db, length_bytes, path.elevation_deg)
         out = np.zeros(arrays[0].shape)
+        least = None if least_db is None else np.broadcast_to(least_db, out.shape)
         for state in self.states(path):
             chance, excess_db, sigma_db = (np.broadcast_to(each, out.shape) for each in state)
             snr = arrays[0] - excess_db
             for sigma in np.unique(sigma_db).tolist():
                 here = sigma_db == sigma
-                each = self._expectation(sigma).averaged(snr[here], arrays[1][here], arrays[2][here], panels)
+                some = None if least is None else least[here]
+                each = self._expectation(sigma).averaged(
+                    snr[here], arrays[1][here], arrays[2][here], panels, some
+                )
                 out[here] += chance[here] * each
         return out
 
-    def from_table(self, snr_db: FloatArray, lengths: Lengths, path: Path) -> FloatArray:
+    def from_table(
+        self, snr_db: FloatArray, lengths: Lengths, path: Path, least_db: FloatArray | float | None = None
+    ) -> FloatArray:
         """Return E[1 - PER] from tables: fast, within 1e-5 of the quadrature, 2e-5 for a sigma that varies."""
         elevation = path.elevation_deg if self._config.fading.by_elevation else None
         out = np.zeros(np.shape(snr_db))
@@ -141,7 +155,8 @@ class Sight:
                 here = np.flatnonzero(weight)
                 angles = None if elevation is None else np.broadcast_to(elevation, out.shape)[here]
                 curve = self._expectation(sigma)
-                success = curve.from_table((snr_db - excess_db)[here], lengths.at(here), angles)
+                least = least_db[here] if isinstance(least_db, np.ndarray) and least_db.ndim else least_db
+                success = curve.from_table((snr_db - excess_db)[here], lengths.at(here), angles, least)
                 out[here] += weight[here] * chance[here] * success
         return out
 

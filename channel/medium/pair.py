@@ -22,7 +22,15 @@ from channel.medium.interferer_terms import InterfererTerms
 from channel.medium.judge.taken import Witness
 from channel.medium.links import Indices, LinksOfPass
 from channel.medium.random_terms import RandomTerms
-from channel.medium.reception import BASE_LOSS, BURST, ERASED, NO_POSITION, OUT_OF_RANGE
+from channel.medium.reception import (
+    BASE_LOSS,
+    BELOW_PREAMBLE,
+    BURST,
+    DELIVERED,
+    ERASED,
+    NO_POSITION,
+    OUT_OF_RANGE,
+)
 from channel.medium.stations.tracks import Tracks
 
 MARGIN_DB = 0.01
@@ -153,6 +161,8 @@ class Pair:
         fate = (uniform[Purpose.ERASURE] <= signal.per).astype(np.uint8)
         if self._judge is not None:
             self._judge.take(radio, links, mean_dbm, noise_dbm, signal, fate == ERASED)
+        if radio.needs_preamble:
+            fate[~radio.locks_on(signal.received_power_dbm) & (fate == DELIVERED)] = BELOW_PREAMBLE
         return SettledLinks(*signal, chance, fate)
 
     def _other_losses(self, settled: SettledLinks, links: LinksOfPass) -> None:

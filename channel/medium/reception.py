@@ -24,6 +24,8 @@ class Fate(Enum):
     OUT_OF_RANGE = "out_of_range"
     BASE_LOSS = "base_loss"
     BURST = "burst"
+    BELOW_PREAMBLE = "below_preamble"
+    """Its errors would have let it through, but it was too weak for its receiver to lock on to (`preamble_dbm`)."""
     NO_POSITION = "no_position"
     RADIO_OFF = "radio_off"
     """The radio of its sender or of its receiver was switched off when it was sent."""
@@ -48,7 +50,7 @@ class Fate(Enum):
 
 FATES = tuple(Fate)
 """By the numbers in `Receptions.fate`."""
-DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, NO_POSITION, RADIO_OFF = range(7)
+DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, BELOW_PREAMBLE, NO_POSITION, RADIO_OFF = range(8)
 UNDECIDED_FROM = NO_POSITION
 """With fates from here on the channel has nothing to do: it computes nothing for them, and no distance bin has them."""
 

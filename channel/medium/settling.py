@@ -64,8 +64,16 @@ class Settling:
         self._tracks = tracks
         self._kinds: list[Radio] = []
         self._kind = np.array([self._kind_of(radio) for radio in radios], dtype=np.intp)
+        quietest_dbm = min((radio.noise_floor_dbm for radio in radios), default=0.0)
         self._pairs = [
-            Pair(here.towards(there), draws, tracks, cull=cull, judge=judge, expects=expects)
+            Pair(
+                here.towards(there).beside(quietest_dbm),
+                draws,
+                tracks,
+                cull=cull,
+                judge=judge,
+                expects=expects,
+            )
             for here in self._kinds
             for there in self._kinds
         ]
@@ -97,6 +105,11 @@ class Settling:
         """Lengths of the slots in which sources of interference are on or off."""
         sources = (source for pair in self._pairs for source in pair.radio.sources)
         return tuple(sorted({source.slot_ns for source in sources if 0.0 < source.duty < 1.0}))
+
+    @property
+    def needs_preamble(self) -> bool:
+        """Whether a packet may be too weak to be locked on to, but not for its error rate (`Radio.needs_preamble`)."""
+        return any(pair.radio.needs_preamble for pair in self._pairs)
 
     @property
     def has_sources(self) -> bool:

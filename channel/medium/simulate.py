@@ -92,6 +92,8 @@ def simulate(
         for row, values in zip(heard, signal, strict=True):
             row[part] = values
         np.greater(uniform[Purpose.ERASURE], signal.per, out=delivered[part])
+        if radio.needs_preamble:
+            delivered[part] &= radio.locks_on(signal.received_power_dbm)
     if radio.config.base_loss > 0.0:
         extra = _uniforms(draws, links, [Purpose.BASE_LOSS], first_seq, packets)
         delivered &= extra[Purpose.BASE_LOSS] > radio.config.base_loss

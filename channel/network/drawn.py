@@ -14,6 +14,7 @@ from channel.checks import FloatArray
 from channel.medium.judge.taken import Taken
 from channel.medium.reception import (
     BASE_LOSS,
+    BELOW_PREAMBLE,
     BURST,
     DELIVERED,
     ERASED,
@@ -26,7 +27,7 @@ from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db
 
 HEARD_DB = -20.0
 """A signal so far below the noise, or further, is no signal, and no interference either."""
-IS_HEARD = np.isin(np.arange(len(FATES)), (DELIVERED, ERASED, BASE_LOSS, BURST))
+IS_HEARD = np.isin(np.arange(len(FATES)), (DELIVERED, ERASED, BASE_LOSS, BURST, BELOW_PREAMBLE))
 """With which fates a link carries power."""
 
 

@@ -8,6 +8,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any
 
+from channel.medium.reception import Fate
 from lostlink.expectations.judge import Judgement
 from lostlink.flight.exits import RunOutcome
 
@@ -41,7 +42,7 @@ def verdict_of(
 
     Args:
         checks: of packets against the model, as in `summary.json`, as are ``links`` and ``ending``.
-        links: with ``sent`` and ``delivered``.
+        links: with ``sent`` and ``delivered``, and ``lost`` by cause.
         ending: how the run ended.
         judgements: what came of each expectation.
         unfinished: nodes that had not finished.
@@ -101,4 +102,10 @@ def _counts(links: Sequence[dict[str, Any]], outcome: RunOutcome) -> str:
     if not links and outcome in UNJUDGED.values():
         return "no link was recorded"
     sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
-    return f"{delivered} of {sent} packets delivered"
+    told = f"{delivered} of {sent} packets delivered"
+    weak = sum(link.get("lost", {}).get(Fate.BELOW_PREAMBLE.value, 0) for link in links)
+    return (
+        f"{told}, {weak} too weak for their receivers to lock on to ({Fate.BELOW_PREAMBLE.value})"
+        if weak
+        else told
+    )

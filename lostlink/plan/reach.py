@@ -6,13 +6,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from channel.access.settings.base import Ideal
 from channel.checks import FloatArray
 from channel.link.radio import Radio
 from channel.validity import OutsideValidityError
 
 SHARES = (0.9, 0.5, 0.1)
+HALF = 0.5
 NEAREST_M, FARTHEST_M = 1.0, 1e6
 POINTS, BETWEEN = 120, 60
+
+
+@dataclass(frozen=True, slots=True)
+class PreambleReach:
+    """How far receivers lock on, where that is less far than error rates alone would let packets get.
+
+    Attributes:
+        level_dbm: the weakest signal that they lock on to.
+        distance_m: to where the mean power is as strong; None: nowhere.
+        erasure_m: to where half of the packets would arrive if they locked on to everything.
+    """
+
+    level_dbm: float
+    distance_m: float | None
+    erasure_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +40,12 @@ class Reach:
         distance_m: by share of packets delivered; None if it is nowhere so high.
         limit_m: as far as the model says anything; None if no share was looked for, as the place decides or the model
             refuses short distances.
+        preamble: if it is not the error rate that ends it; else None.
     """
 
     distance_m: dict[str, float | None]
     limit_m: float | None
+    preamble: PreambleReach | None = None
 
 
 def reach_of(radio: Radio, payload_bytes: int) -> Reach:
@@ -42,8 +61,30 @@ def reach_of(radio: Radio, payload_bytes: int) -> Reach:
             limit_m /= 1.25
             continue
         found = {share: _farthest(radio, payload_bytes, share, distances, chances) for share in SHARES}
-        return Reach({f"{share:g}": distance_m for share, distance_m in found.items()}, limit_m)
+        shares = {f"{share:g}": distance_m for share, distance_m in found.items()}
+        return Reach(shares, limit_m, _preamble(radio, payload_bytes, distances))
     return Reach({}, None)
+
+
+def _preamble(radio: Radio, payload_bytes: int, distances: FloatArray) -> PreambleReach | None:
+    """How far receivers lock on; None if packets are lost to noise before."""
+    if not radio.needs_preamble:
+        return None
+    all_heard = Radio(radio.config.model_copy(update={"medium": Ideal()}))
+    chances = all_heard.probability_of_delivery(distances, payload_bytes)
+    erasure_m = _farthest(all_heard, payload_bytes, HALF, distances, chances)
+    locked = np.flatnonzero(radio.locks_on(radio.mean_power_dbm(radio.path(distances))))
+    if erasure_m is None:
+        return None
+    distance_m = None
+    if len(locked):
+        near_m, far_m = distances[locked[-1]], distances[min(locked[-1] + 1, len(distances) - 1)]
+        between = np.linspace(near_m, far_m, BETWEEN)
+        heard = np.flatnonzero(radio.locks_on(radio.mean_power_dbm(radio.path(between))))
+        distance_m = float(f"{between[heard[-1]]:.3g}")
+    if distance_m is not None and distance_m >= erasure_m:
+        return None
+    return PreambleReach(radio.locks_from_dbm, distance_m, erasure_m)
 
 
 def _farthest(

@@ -66,6 +66,11 @@ def _radio(plan: RunPlan) -> Iterator[str]:
         return
     for share, distance_m in radio.reach.distance_m.items():
         yield f"{float(share):.0%} of data packages arrive up to {_distance(distance_m, radio.reach.limit_m)}"
+    if (preamble := radio.reach.preamble) is not None:
+        level = f"lock on to no signal below {preamble.level_dbm:.4g} dBm (medium.preamble_dbm)"
+        where = "anywhere" if preamble.distance_m is None else f"beyond {preamble.distance_m:g} m"
+        far = _distance(preamble.erasure_m, radio.reach.limit_m)
+        yield f"receivers {level}, which the mean power is {where}; by the error rate half would arrive up to {far}"
 
 
 def _networks(plan: RunPlan) -> Iterator[str]:

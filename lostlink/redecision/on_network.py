@@ -98,7 +98,12 @@ class NetworkAnew:
         """What was sent and what became of it, when all steps are done."""
         channel = self._channel
         return Books(
-            self._ledger, channel.judge.verdict(), channel.shares_draws, channel.name, channel.routing
+            self._ledger,
+            channel.judge.verdict(),
+            channel.shares_draws,
+            channel.name,
+            channel.routing,
+            channel.medium.needs_preamble,
         )
 
     def _at_once(self, packets: Packets) -> Iterator[tuple[Columns | None, int]]:

@@ -132,10 +132,20 @@ class Locking(Variant):
         description="a later signal stronger by so much takes a receiver over; none does unless given",
     )
 
+    def locks_from_dbm(self, noise_floor_dbm: float) -> float:
+        """The weakest signal that receivers lock on to, dBm, with the noise floor of the quietest of them."""
+        return noise_floor_dbm if self.preamble_dbm is None else self.preamble_dbm
+
+    def senses_from_dbm(self, noise_floor_dbm: float) -> float:
+        """The weakest power that is sensed as a carrier whatever it is, dBm, likewise."""
+        if self.energy_dbm is not None:
+            return self.energy_dbm
+        return self.locks_from_dbm(noise_floor_dbm) + ENERGY_OVER_PREAMBLE_DB
+
     def hearing(self, surroundings: Surroundings) -> Hearing:
         """How receivers hear."""
-        preamble_dbm = surroundings.noise_floor_dbm if self.preamble_dbm is None else self.preamble_dbm
-        energy_dbm = preamble_dbm + ENERGY_OVER_PREAMBLE_DB if self.energy_dbm is None else self.energy_dbm
+        floor_dbm = surroundings.noise_floor_dbm
+        preamble_dbm, energy_dbm = self.locks_from_dbm(floor_dbm), self.senses_from_dbm(floor_dbm)
         capture = float("inf") if self.capture_db is None else float(ratio_from_db(self.capture_db))
         return Hearing(float(ratio_from_db(preamble_dbm)), float(ratio_from_db(energy_dbm)), capture)
 

@@ -16,6 +16,8 @@ from channel.numbers.units import SPEED_OF_LIGHT_MPS
 
 CCA_OFDM_NS, CCA_DSSS_NS = 4_000, 15_000
 """aCCATime of 802.11a and g, and of b (IEEE 802.11-2020, tables 17-21 and 16-4): until a carrier is sensed."""
+ENERGY_DBM = -62.0
+"""IEEE 802.11-2020, 17.3.10.6: 20 dB above the least sensitivity that 20 MHz have to have, -82 dBm."""
 
 
 class CsmaMedium(Shared):
@@ -23,7 +25,11 @@ class CsmaMedium(Shared):
 
     model: Literal["csma"] = "csma"
     standard: Literal["11b", "11a", "11g"] = "11g"
-    rate_mbps: float = Field(default=6.0, gt=0.0, description="of unicasts")
+    rate_mbps: float = Field(
+        default=6.0,
+        gt=0.0,
+        description="of unicasts: how long they last; their errors are those of the radio's bit_rate_bps",
+    )
     basic_rate_mbps: float | None = Field(
         default=None, gt=0.0, description="of broadcasts and control frames; the lowest unless given"
     )
@@ -37,7 +43,12 @@ class CsmaMedium(Shared):
         le=1e6,
         description="acknowledgements are waited for from so far (coverage class)",
     )
-    preamble_dbm: float | None = Field(default=-82.0, ge=-200.0, le=100.0, description="carrier sense")
+    energy_dbm: float | None = Field(
+        default=None,
+        ge=-200.0,
+        le=100.0,
+        description="any power from here on is a carrier; 20 dB above preamble_dbm if that is given, else -62",
+    )
 
     @model_validator(mode="after")
     def _has_a_timing(self) -> CsmaMedium:
@@ -57,6 +68,12 @@ class CsmaMedium(Shared):
         if self.clock != 1.0:
             raise ValueError(f"clock {self.clock:g} is for 11a only")
         return timing
+
+    def senses_from_dbm(self, noise_floor_dbm: float) -> float:
+        """The weakest power that is sensed as a carrier whatever it is, dBm: the standard's, if nothing is given."""
+        if self.energy_dbm is None and self.preamble_dbm is None:
+            return ENERGY_DBM
+        return super().senses_from_dbm(noise_floor_dbm)
 
     def hearing(self, surroundings: Surroundings) -> Hearing:
         """How stations hear."""

@@ -68,7 +68,7 @@ class Judge:
         self._expected = np.zeros(MAX_BINS)
         self._variance = np.zeros(MAX_BINS)
         self._erased = np.zeros(MAX_BINS)
-        self._packets = 0
+        self._heard = self._packets = 0
         self._impossible = 0
         self._base_losses = 0
         self._base_packets = 0
@@ -88,6 +88,8 @@ class Judge:
     ) -> None:
         """Take in what was drawn on L links.
 
+        The error rate says nothing of packets that are too weak to be locked on to: their powers alone are judged.
+
         Args:
             radio: whose law is judged, at both ends.
             links: the links; which of them are here may depend on their geometry, but on no draw.
@@ -96,15 +98,19 @@ class Judge:
             signal: as drawn, in whole steps.
             erased: whether the draw of the error model lost the packet.
         """
-        per = signal.per
-        index = _bins(links.distance_m)
+        noise_db = signal.received_power_dbm - signal.snr_db - noise_dbm
+        self._hear(noise_db)
+        distance_m, per = links.distance_m, signal.per
+        if radio.needs_preamble:
+            locked = radio.locks_on(signal.received_power_dbm)
+            distance_m, per, erased = distance_m[locked], per[locked], erased[locked]
+        index = _bins(distance_m)
         spread = per * (1.0 - per)
         self._sent += np.bincount(index, minlength=MAX_BINS)
         self._expected += np.bincount(index, per, MAX_BINS)
         self._variance += np.bincount(index, spread, MAX_BINS)
         self._erased += np.bincount(index, erased, MAX_BINS)
-        noise_db = signal.received_power_dbm - signal.snr_db - noise_dbm
-        self._count(per, spread, erased, noise_db)
+        self._count(per, spread, erased)
         self._powers.take(radio, links, mean_power_dbm, signal.received_power_dbm)
 
     def take_base_losses(self, radio: Radio, lost: NDArray[np.bool_]) -> None:
@@ -117,12 +123,14 @@ class Judge:
         self._base_variance += packets * share * (1.0 - share)
         self._base_losses += lost
 
-    def _count(
-        self, per: FloatArray, spread: FloatArray, erased: NDArray[np.bool_], off_db: FloatArray
-    ) -> None:
-        """Count packets, those whose fate cannot be, and those whose noise is off."""
-        self._packets += per.size
+    def _hear(self, off_db: FloatArray) -> None:
+        """Count packets, and those whose noise is off."""
+        self._heard += off_db.size
         self._off_noise += int(np.count_nonzero(np.abs(off_db) > EXACT_DB))
+
+    def _count(self, per: FloatArray, spread: FloatArray, erased: NDArray[np.bool_]) -> None:
+        """Count packets that receivers locked on to, and those whose fate cannot be."""
+        self._packets += per.size
         certain = spread == 0.0
         if certain.any():
             self._impossible += int(np.count_nonzero(erased[certain] != (per[certain] == 1.0)))
@@ -144,12 +152,13 @@ class Judge:
         part = np.repeat(np.arange(len(picked)), [row.size for _, row, _ in picked])
         order_of_rows = np.lexsort((part, place))
         each = [_columns(*one) for one in picked]
-        distance_m, per, erased, off_db = (np.concatenate(columns) for columns in zip(*each, strict=True))
-        self._sum(
-            (place * len(picked) + part)[order_of_rows],
-            *(c[order_of_rows] for c in (distance_m, per, erased)),
+        distance_m, per, erased, off_db, locked = (
+            np.concatenate(columns) for columns in zip(*each, strict=True)
         )
-        self._count(per, per * (1.0 - per), erased, off_db)
+        self._hear(off_db)
+        heard = order_of_rows[locked[order_of_rows]]
+        self._sum((place * len(picked) + part)[heard], *(c[heard] for c in (distance_m, per, erased)))
+        self._count(per[locked], (per * (1.0 - per))[locked], erased[locked])
         self._powers.take_in_order([(part, row) for part, row, _ in picked], part, order_of_rows)
         losses = [(loss, number) for number, one in enumerate(picked) for loss in _base_losses(*one)]
         for (_, *loss), number in sorted(losses, key=lambda each: (each[0][0], each[1])):
@@ -179,10 +188,14 @@ class Judge:
             yield _count_check("base loss", self._base_packets, off, self._base_variance)
 
     def _draws(self) -> Iterator[Check | Unjudged]:
-        if not self._packets:
+        if not self._heard:
             return
-        yield exact_check("certain fates", self._packets, self._impossible)
-        yield exact_check("noise", self._packets, self._off_noise)
+        if self._packets:
+            yield exact_check("certain fates", self._packets, self._impossible)
+        yield exact_check("noise", self._heard, self._off_noise)
+        if not self._packets:
+            yield Unjudged("losses", "no packet was strong enough to be locked on to")
+            return
         off = self._erased - self._expected
         yield _count_check("losses", self._packets, float(off.sum()), float(self._variance.sum()))
         enough = np.flatnonzero(self._variance >= LEAST_VARIANCE)
@@ -207,11 +220,14 @@ def _in_order(taken: Taken, order: Mapping[PacketKey, int]) -> tuple[NDArray[np.
 
 def _columns(
     taken: Taken, rows: NDArray[np.intp], _place: Ints
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], FloatArray]:
-    """Distance, error rate, whether it was lost, and how far the noise is off, dB."""
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], FloatArray, NDArray[np.bool_]]:
+    """Distance, error rate, whether it was lost, how far the noise is off, dB, and whether it was locked on to."""
     signal = taken.signal
     off_db = signal.received_power_dbm - signal.snr_db - taken.noise_dbm
-    return taken.links.distance_m[rows], signal.per[rows], taken.erased[rows], off_db[rows]
+    locked = np.ones(rows.size, dtype=bool)
+    if taken.radio.needs_preamble:
+        locked = taken.radio.locks_on(signal.received_power_dbm[rows])
+    return taken.links.distance_m[rows], signal.per[rows], taken.erased[rows], off_db[rows], locked
 
 
 def _base_losses(taken: Taken, rows: NDArray[np.intp], place: Ints) -> Iterator[tuple[int, int, int]]:

@@ -21,6 +21,7 @@ CAUSE_COLOURS = {
     "out_of_range": "#7570b3",
     "base_loss": "#b5893a",
     "burst": "#c2497c",
+    "below_preamble": "#e6ab02",
     "no_position": "#888888",
     "radio_off": "#4d4d4d",
     "queue_full": "#1f78b4",
