@@ -30,6 +30,19 @@ class RangedVariant(Variant):
     )
     _warned: set[str] = PrivateAttr(default_factory=set)
 
+    @property
+    def frequencies_hz(self) -> tuple[float, float] | None:
+        """The carriers for which the model was made; None: it says nothing of them."""
+        return None
+
+    def within_frequencies(self, frequency_hz: FloatArray | float) -> FloatArray:
+        """Return the carriers to count with, as `within` does.
+
+        Raises:
+            OutsideValidityError: one lies outside of `frequencies_hz`, and the model is to refuse.
+        """
+        return self.within("frequency_hz", frequency_hz, *(self.frequencies_hz or (0.0, np.inf)))
+
     def within(self, name: str, value: FloatArray | float, low: float, high: float) -> FloatArray:
         """Return the values to count with: as they are, or with `clamp` the nearest of [low, high].
 

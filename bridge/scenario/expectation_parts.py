@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from bridge.scenario.parts import Part
 
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
-Interval = tuple[Seconds, Seconds]
+
+
+def _rising(interval: tuple[float, float]) -> tuple[float, float]:
+    begin, end = interval
+    if begin > end:
+        raise ValueError(f"[{begin:g}, {end:g}]: nothing lies between these; write [{end:g}, {begin:g}]")
+    return interval
+
+
+Interval = Annotated[tuple[Seconds, Seconds], AfterValidator(_rising)]
+"""From and to, both inside."""
 NodeId = Annotated[
     str,
     BeforeValidator(lambda value: str(value) if type(value) is int else value),

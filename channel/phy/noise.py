@@ -87,10 +87,16 @@ class ManMadeNoise(RangedVariant):
     )
     noise_figure_db: float = Field(default=6.0, ge=0.0, le=60.0, description="of the receiver")
 
+    @property
+    def frequencies_hz(self) -> tuple[float, float]:
+        """The carriers for which it was made."""
+        _, _, low_hz, high_hz = MAN_MADE[self.environment]
+        return low_hz, high_hz
+
     def noise_floor_dbm(self, bandwidth_hz: float, frequency_hz: float, /) -> float:
         """Return the median noise power, dBm."""
-        at_one_mhz_db, slope, low_hz, high_hz = MAN_MADE[self.environment]
-        counted_hz = self.within("frequency_hz", frequency_hz, low_hz, high_hz)
+        at_one_mhz_db, slope, _, _ = MAN_MADE[self.environment]
+        counted_hz = self.within_frequencies(frequency_hz)
         external_db = at_one_mhz_db - slope * np.log10(counted_hz / 1e6)
         factor = ratio_from_db(external_db) + ratio_from_db(self.noise_figure_db) - 1.0
         return float(thermal_noise_dbm(bandwidth_hz) + db_from_ratio(factor))

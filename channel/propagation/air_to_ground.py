@@ -78,6 +78,11 @@ class AlHourani(_BySight):
     model: Literal["al-hourani"] = "al-hourani"
     environment: Literal["suburban", "urban", "dense-urban", "highrise"] = Field(default="suburban")
 
+    @property
+    def frequencies_hz(self) -> tuple[float, float]:
+        """The carriers for which it was made."""
+        return 700e6, 5800e6
+
     def line_of_sight_probability(self, path: Path) -> FloatArray:
         """Return 1 / (1 + a exp(-b (elevation - a))), elevation in degrees."""
         a, b, _, _ = AL_HOURANI[self.environment]
@@ -85,7 +90,7 @@ class AlHourani(_BySight):
 
     def sight_states(self, path: Path) -> tuple[SightState, SightState]:
         """Return the state with line of sight and the one without."""
-        frequency_hz = self.within("frequency_hz", path.frequency_hz, 700e6, 5800e6)
+        frequency_hz = self.within_frequencies(path.frequency_hz)
         self.within("height of the lower end", np.minimum(path.height_tx_m, path.height_rx_m), 0.0, 10.0)
         _, _, with_sight_db, without_db = AL_HOURANI[self.environment]
         sight, free_db = self.line_of_sight_probability(path), friis_db(path.distance_m, frequency_hz)

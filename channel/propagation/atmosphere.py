@@ -51,6 +51,11 @@ class ItuAtmosphere(RangedVariant):
             raise ValueError(f"needs the library itur: pip install '{EXTRA}'") from error
         return self
 
+    @property
+    def frequencies_hz(self) -> tuple[float, float]:
+        """The carriers for which it was made."""
+        return GHZ[0] * 1e9, GHZ[1] * 1e9
+
     def gas_loss_db(self, distance_m: FloatArray, frequency_hz: FloatArray | float) -> FloatArray:
         """Return what oxygen and water vapour take, dB: gamma d (ITU-R P.676, annex 1)."""
         air = self.pressure_hpa, self.water_vapour_g_m3, self.temperature_k

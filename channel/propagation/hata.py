@@ -36,9 +36,14 @@ class OkumuraHata(RangedVariant):
         default="textbook", description="whose numbers, where they differ"
     )
 
+    @property
+    def frequencies_hz(self) -> tuple[float, float]:
+        """The carriers for which it was made."""
+        return 150e6, 1500e6
+
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the median loss, dB."""
-        f_mhz = self.within("frequency_hz", path.frequency_hz, 150e6, 1500e6) / HZ_PER_MHZ
+        f_mhz = self.within_frequencies(path.frequency_hz) / HZ_PER_MHZ
         base_m, mobile_m, distance_m = _ends(self, path)
         urban = (
             69.55
@@ -69,9 +74,14 @@ class Cost231Hata(RangedVariant):
         default="textbook", description="whose numbers, where they differ"
     )
 
+    @property
+    def frequencies_hz(self) -> tuple[float, float]:
+        """The carriers for which it was made."""
+        return 1500e6, 2000e6
+
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the median loss, dB."""
-        f_mhz = self.within("frequency_hz", path.frequency_hz, 1500e6, 2000e6) / HZ_PER_MHZ
+        f_mhz = self.within_frequencies(path.frequency_hz) / HZ_PER_MHZ
         base_m, mobile_m, distance_m = _ends(self, path)
         left_out_db = _LEFT_OUT_DB[self.coefficients] if self.city == "large" else 0.0
         return np.asarray(

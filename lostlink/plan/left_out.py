@@ -11,6 +11,7 @@ from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.settings.base import Ideal
 from channel.access.settings.medium import name_of
+from channel.link.carrier import laws_off_carrier
 from channel.link.radio import Radio
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from fdm.air.wind import WindConfig
@@ -91,6 +92,9 @@ def _of_radio(radio: Radio) -> Iterator[str]:
             yield what
     if getattr(config.propagation, "model", "") not in {"terrain", "gain-map"}:
         yield "terrain and buildings: nothing stands between the nodes but the horizon"
+    for law in laws_off_carrier(config):
+        if law.outside == "clamp":
+            yield f"{law.key} at its frequency: {law.told}; it counts the nearest inside ({law.key}.outside: clamp)"
     if getattr(config.length, "model", "") == "fixed":
         yield f"the packets' own lengths: all count as {int(radio.length_bytes(0))} bytes"
 

@@ -17,11 +17,13 @@ from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings.medium import name_of
 from channel.link.radio import Radio
 from lostlink.plan.flow import overflows
+from lostlink.plan.late import too_late
 from lostlink.plan.left_out import left_out
 from lostlink.plan.links import RadioLinks, links_of, unlinked
 from lostlink.plan.load import OfferedLoad, offered_load
 from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
 from lostlink.plan.reach import Reach, reach_of
+from lostlink.plan.validity import beyond_validity
 
 AIRTIME_MAX = 1.0
 
@@ -133,9 +135,10 @@ def plan_of(scenario: Scenario) -> RunPlan:
         (
             *_warnings(load, radios),
             *missing,
+            *beyond_validity(scenario, radios),
             *overflows(scenario),
             *rates_that_differ(scenario),
-            *_late_outages(scenario),
+            *too_late(scenario),
         ),
         tuple(left_out(scenario, common, wind_of(scenario))),
     )
@@ -166,16 +169,6 @@ def _processes(scenario: Scenario) -> dict[str, tuple[str, ...]]:
         found |= {f"autopilots-{index}": group for index, group in enumerate(standin_groups(scenario))}
     real = [ua.node for ua in scenario.ua if scenario.autopilot_of(ua) in ("ardupilot", "px4")]
     return found | {f"autopilot-{node}": (node,) for node in real}
-
-
-def _late_outages(scenario: Scenario) -> Iterator[str]:
-    for node in scenario.transceivers:
-        for outage in node.radio_off:
-            if outage.from_s >= scenario.duration_s:
-                yield (
-                    f"node {node.node}: its radio goes off at {outage.from_s:g} s, and the run ends at duration_s, "
-                    f"{scenario.duration_s:g} s"
-                )
 
 
 def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:

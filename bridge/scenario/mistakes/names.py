@@ -18,13 +18,14 @@ from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, NodeConfig
 from bridge.scenario.own_class import clash_of, is_plain, mistake_in, options_read, unread_options
 from bridge.scenario.own_measures import FunctionExpectation
 from bridge.scenario.resolve.flight import airframe_of, wind_of
-from bridge.scenario.resolve.radio import radio_from
+from bridge.scenario.resolve.radio import config_of, radio_from
 from bridge.scenario.resolve.sensing import check_antenna
 from channel.access.settings.base import Ideal, Surroundings
 from channel.access.settings.medium import name_of
 from channel.access.world import PlainWorld
 from channel.config import RadioConfig
 from channel.draws import Draws
+from channel.link.carrier import laws_off_carrier
 from channel.presets import PresetError, seen_from
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from channel.routing.settings import router_of
@@ -189,10 +190,22 @@ class _Radios:
     def _build(self, setting: str | dict[str, Any], path: Path_) -> tuple[Any, RadioConfig | None]:
         try:
             seen = setting if isinstance(setting, str) else seen_from(Path(), setting)
+            if self._is_off_carrier(config_of(seen), path):
+                return setting, None
             return seen, radio_from(seen, self._scenario.origin).config
         except PresetError as error:
             self.mistakes.append(self._mistake(path, error))
             return setting, None
+
+    def _is_off_carrier(self, config: RadioConfig, path: Path_) -> bool:
+        """Refuse laws that would refuse the radio's carrier: with the first packet the run would end."""
+        refused = [law for law in laws_off_carrier(config) if law.outside == "refuse"]
+        if path[-2:] == ("sensor", "radio"):  # what it measures has carriers of its own
+            refused = [law for law in refused if law.key == "noise"]
+        for law in refused:
+            key = (*path, law.key) if self._root.at(path).is_mapping else path
+            self.mistakes.append(_told(self._root, key, f"{law.told}: take another model; {OUTSIDE_KEY}"))
+        return bool(refused)
 
     def _mistake(self, path: Path_, error: PresetError) -> str:
         if error.file is not None:

@@ -1,0 +1,149 @@
+"""What is known to go wrong before anything flies: laws beyond their validity, and times after the end."""
+
+import json
+from typing import Any
+
+import pytest
+
+from bridge.scenario.file import parse_scenario, read_scenario
+from bridge.scenario.mistakes.error import ScenarioError
+from lostlink.plan.plan import plan_of
+
+RADIO = {
+    "frequency_hz": 915e6,
+    "transmit_power_dbm": 20.0,
+    "propagation": {"model": "okumura-hata"},
+}
+STILL = {"agent": {"type": "still"}}
+BASE = STILL | {"id": "base", "kind": "ground", "place": {"height_m": 30.0}}
+CAR = STILL | {"id": "car", "kind": "ground", "place": {"north_m": 1500.0, "height_m": 2.0}}
+CLAMPED = {"radio": RADIO | {"propagation": {"model": "okumura-hata", "outside": "clamp"}}}
+
+
+def warnings(**more: Any) -> list[str]:
+    return [*plan_of(parse_scenario(text(**more), "before.json")).warnings]
+
+
+def text(**more: Any) -> str:
+    scenario = {
+        "schema": 1,
+        "name": "before",
+        "duration_s": 60,
+        "origin": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_amsl_m": 50.0},
+        "transmit": {"every_ticks": 1000},
+        "radio": RADIO,
+        "nodes": [{"id": 0} | STILL, BASE, CAR],
+    }
+    return json.dumps(scenario | more)
+
+
+@pytest.mark.parametrize(
+    ("radio", "told"),
+    [
+        (
+            RADIO | {"frequency_hz": 2412e6},
+            "radio.propagation: okumura-hata is made for 150 to 1500 MHz, and frequency_hz of custom is 2412 MHz: ",
+        ),
+        (
+            RADIO | {"propagation": {"model": "cost231-hata"}},
+            "radio.propagation: cost231-hata is made for 1500 to 2000 MHz, and frequency_hz of custom is 915 MHz: ",
+        ),
+        (
+            RADIO
+            | {"propagation": {"model": "free-space"}, "noise": {"model": "man-made", "environment": "city"}},
+            "radio.noise: man-made is made for 0.3 to 250 MHz, and frequency_hz of custom is 915 MHz: ",
+        ),
+    ],
+)
+def test_a_law_that_refuses_its_carrier_is_a_mistake(radio: dict[str, Any], told: str) -> None:
+    with pytest.raises(ScenarioError, match=r"before\.json:1: ") as raised:
+        parse_scenario(text(radio=radio), "before.json")
+    assert told in str(raised.value)
+    assert "`outside: warn`" in str(raised.value)
+
+
+@pytest.mark.filterwarnings("ignore::channel.validity.ValidityWarning")
+def test_a_law_that_goes_on_beyond_its_carrier_is_warned_of() -> None:
+    radio = RADIO | {"frequency_hz": 2412e6, "propagation": {"model": "okumura-hata", "outside": "warn"}}
+    [line] = warnings(radio=radio)
+    assert line.endswith("is 2412 MHz; it goes on with its formula (propagation.outside: warn)")
+    assert warnings(**CLAMPED) == []
+
+
+def test_shipped_presets_are_not_refused_and_say_it_themselves() -> None:
+    for preset in ("moon2020", "hata-qpsk"):
+        plan = plan_of(parse_scenario(text(radio={"preset": preset}), "before.json"))
+        assert not [line for line in (*plan.warnings, *plan.not_modelled) if "is made for" in line]
+    plan = plan_of(parse_scenario(text(radio={"preset": "telemetry-915"}), "before.json"))
+    [line] = [line for line in plan.not_modelled if "is made for" in line]
+    assert (
+        "man-made is made for 200 to 900 MHz, and frequency_hz of telemetry-915 is 915 MHz; it counts" in line
+    )
+
+
+def test_places_that_a_law_refuses_are_warned_of() -> None:
+    """1500 m from a mast of 30 m to a car are Hata's; a UA on the ground is not."""
+    [line] = warnings()
+    assert line.startswith(
+        "radio of network main: between nodes 0 and base, where they are at the start, height of the "
+    )
+    assert "mobile = 0.1: allowed is 1 to 10, the validity range of okumura-hata" in line
+    near = CAR | {"place": {"north_m": 500.0, "height_m": 2.0}}
+    radio = {"radio": RADIO | {"propagation": {"model": "free-space"}}}
+    ua = {"id": 0} | STILL
+    both = {"nodes": [ua, BASE | {"radio": RADIO}, near | {"radio": RADIO}]}
+    assert any(
+        "between nodes base and car" in line and "distance_m = 500" in line
+        for line in warnings(**radio, **both)
+    )
+    assert warnings(**radio) == []
+
+
+LATE: dict[str, dict[str, Any]] = {
+    "wind.gusts.1: it begins at 60 s, and the run ends at duration_s, 60 s": {
+        "wind": {"gusts": [{"speed_mps": 3, "from_deg": 0, "start_s": at_s} for at_s in (59, 60)]}
+    },
+    "node car: its track leads away from its first place at 70 s, and the run ends": {
+        "nodes": [
+            {"id": 0} | STILL,
+            STILL
+            | {
+                "id": "car",
+                "kind": "ground",
+                "track": [{"sim_time_s": 70}, {"sim_time_s": 80, "north_m": 5}],
+            },
+        ]
+    },
+    "expectation 'delivery all to all from 61 to 70 s': its between_s begins at 61 s, and the run ends at": {
+        "expectations": [
+            {"type": "delivery", "between_s": between_s, "at_least": 0.5}
+            for between_s in ([60, 70], [61, 70])
+        ]
+    },
+    "expectation 'node 0 near 0 m N, 0 m E at 61 s': its at is 61 s, and the run ends at duration_s, 60 s: it will": {
+        "expectations": [
+            {"type": "position", "node": 0, "north_m": 0, "east_m": 0, "within_m": 5, "at": at}
+            for at in (60, 61, "end")
+        ]
+    },
+}
+
+
+@pytest.mark.parametrize(("told", "what"), LATE.items())
+def test_what_comes_after_the_end_is_warned_of(told: str, what: dict[str, Any]) -> None:
+    [line] = warnings(**CLAMPED | what)
+    assert line.startswith(told)
+
+
+@pytest.mark.parametrize("key", ["between_s", "distance_m"])
+def test_an_interval_that_falls_is_a_mistake(key: str) -> None:
+    expected = {"expectations": [{"type": "delivery", key: [70, 10], "at_least": 0.5}]}
+    with pytest.raises(ScenarioError, match=rf"expectations\.0\.{key}: .*\[70, 10\].*write \[10, 70\]"):
+        parse_scenario(text(**CLAMPED | expected), "before.json")
+    parse_scenario(
+        text(**CLAMPED | {"expectations": [expected["expectations"][0] | {key: [10, 10]}]}), "before.json"
+    )
+
+
+def test_a_shipped_scenario_has_nothing_too_late() -> None:
+    assert not [line for line in plan_of(read_scenario("separation")).warnings if "the run ends" in line]
