@@ -20,6 +20,7 @@ from pathlib import Path
 from aps.api.guard import TOKEN_VARIABLE, ApiConfig
 from aps.config import DaemonConfig
 from aps.daemon import Daemon
+from aps.logs.repeats import Repeats
 from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
 from aps.status import plain_state
 from aps.vehicle.telemetry import VehicleState
@@ -216,6 +217,8 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
         format="%(asctime)s %(name)s: %(message)s",
         stream=sys.stderr,
     )
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(Repeats("aps", "uvicorn"))
     try:
         configs = _configs(arguments)
         api = _api_config(arguments.api)

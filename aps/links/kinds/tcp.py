@@ -165,7 +165,7 @@ class TcpConnector:
             told = link is None
             if link is not None:
                 await self._until_lost(link)
-                retry_s = FIRST_RETRY_S if link.traffic.bytes else retry_s
+                retry_s = FIRST_RETRY_S if link.traffic.frames else retry_s
             await asyncio.sleep(retry_s)
             retry_s = min(retry_s * 2.0, LONGEST_RETRY_S)
 
