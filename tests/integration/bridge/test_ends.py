@@ -24,6 +24,7 @@ from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.conftest import LOSTLINK, PROGRAM, STILL, Run, StartRun
+from tests.warm import run_lostlink
 
 LONG_S = 36_000.0
 """Sim time that no run of these reaches."""
@@ -86,7 +87,7 @@ def assert_tables_are_whole(run: Run) -> int:
 def test_a_signal_ends_a_run_at_any_time(
     start_run: StartRun, processes: str, number: signal.Signals, after_s: float
 ) -> None:
-    run = start_run(processes=processes, duration_s=LONG_S)
+    run = start_run(processes=processes, duration_s=LONG_S, anew=True)
     wait_until_it_is_heard(run, number)
     time.sleep(after_s)  # that moment, not a wait for something
     children = run.children()
@@ -163,7 +164,7 @@ def test_a_signal_while_the_record_is_written_is_told_with_what_to_do(
     export = f"lostlink export {run} --parquet --mcap"
     assert done.stderr.startswith(f"lostlink: interrupted while it {doing}; `{export}` writes "), done.stderr
     assert "Traceback" not in done.stderr
-    subprocess.run([*LOSTLINK, *export.split()[1:]], check=True, timeout=60)
+    run_lostlink(*export.split()[1:], check=True, timeout=60)
     assert DELIVERIES.parquet_path(run).exists()
     assert (run / "run.mcap").exists()
 
@@ -472,7 +473,7 @@ def test_a_full_disk_ends_the_run_and_says_so(start_run: StartRun, processes: st
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, limits[1]))
     try:
-        run = start_run("--no-mcap", processes=processes, duration_s=LONG_S)
+        run = start_run("--no-mcap", processes=processes, duration_s=LONG_S, anew=True)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     run.wait_for("sim time")
