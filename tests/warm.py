@@ -81,12 +81,12 @@ class Command:
         self._text = text
         opened: list[int] = []
         fds = [_its_end(given, fd, opened) for fd, given in ((0, stdin), (1, stdout), (2, stderr))]
-        ours: list[IO[bytes] | None] = [None, None, None]
+        ours: list[IO[Any] | None] = [None, None, None]
         for fd, given in ((1, stdout), (2, stderr)):
             if given == subprocess.PIPE:
                 read, fds[fd] = os.pipe()
                 opened.append(fds[fd])
-                ours[fd] = os.fdopen(read, "rb")
+                ours[fd] = os.fdopen(read, "r" if text else "rb")
         if stderr == subprocess.STDOUT:
             fds[2] = fds[1]
         _, self.stdout, self.stderr = ours
@@ -120,7 +120,7 @@ class Command:
 
     def communicate(self, timeout: float | None = None) -> tuple[Any, Any]:
         """What it writes until its end."""
-        told: dict[IO[bytes], bytes] = {pipe: b"" for pipe in (self.stdout, self.stderr) if pipe is not None}
+        told: dict[IO[Any], bytes] = {pipe: b"" for pipe in (self.stdout, self.stderr) if pipe is not None}
         with selectors.DefaultSelector() as selector:
             for pipe in told:
                 if not pipe.closed:
