@@ -220,6 +220,32 @@ def test_a_closed_terminal_ends_a_run_in_order(tmp_path: Path, free_slot: Callab
     assert json.loads((directory / "summary.json").read_text())["ending"] == "interrupted"
 
 
+TAKEN_LATER = """\
+import sys
+import bridge.fleet.preflight.preflight as preflight
+from lostlink.cli.main import main
+
+preflight.conflicts = lambda uses: []  # the port is taken by the time that it is bound
+main()
+"""
+
+
+@slow_if_many
+def test_a_port_that_is_taken_after_the_look_at_it_is_no_start(
+    tmp_path: Path, free_slot: Callable[[int], int], processes: str
+) -> None:
+    slot = free_slot(2)
+    options = [f"--out={tmp_path}", f"--first-slot={slot}", f"--processes={processes}"]
+    with socket.create_server(("127.0.0.1", 6760 + 10 * slot)):
+        done = subprocess.run(
+            [sys.executable, "-c", TAKEN_LATER, "run", *options], capture_output=True, text=True, timeout=60
+        )
+    assert done.returncode == 2
+    assert f"TCP port {6760 + 10 * slot} (MAVLink server of UA 0) is in use by python" in done.stderr
+    (directory,) = tmp_path.iterdir()
+    assert f"TCP port {6760 + 10 * slot}" in json.loads((directory / "summary.json").read_text())["error"]
+
+
 OWN = """\
 import time
 from bridge.agents import Agent
