@@ -20,6 +20,7 @@ from pathlib import Path
 from aps.api.guard import TOKEN_VARIABLE, ApiConfig
 from aps.config import DaemonConfig
 from aps.daemon import Daemon
+from aps.logs.repeats import Repeats
 from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
 from aps.status import plain_state
 from aps.vehicle.telemetry import VehicleState
@@ -40,6 +41,8 @@ then, for one:
 _log = logging.getLogger("aps")
 
 STATISTICS_PERIOD_S = 60.0
+LONGEST_PERIOD_S = 86_400.0
+"""Between two looks of ``status``."""
 API_STEP = 10
 _HELP = {
     "tcp_server": "serve MAVLink clients there, too (127.0.0.1:6760 + 10 I); :PORT is on loopback, port 0 any free one",
@@ -174,7 +177,7 @@ async def _serve(
             daemon.on_failure = failed
             print(_ready(daemon, as_json=as_json), flush=True)
             if as_json:
-                daemon.subscribe(lambda state: print(state_line(state), flush=True), rate_hz)
+                _print_states(daemon, rate_hz)
         for daemon, place in zip(daemons, places, strict=False):
             told = {"event": "api", "sysid": daemon.config.sysid, "url": place}
             print(json.dumps(told) if as_json else f"API aps sysid={daemon.config.sysid} {place}", flush=True)
@@ -188,6 +191,20 @@ async def _serve(
                 _log_statistics(daemons)
         _log_statistics(daemons)
         return next(iter(failures), None)
+
+
+def _print_states(daemon: Daemon, rate_hz: float) -> None:
+    """Print the state of a daemon for as long as somebody reads; it serves its clients longer."""
+
+    def tell(state: VehicleState) -> None:
+        try:
+            print(state_line(state), flush=True)
+        except OSError as error:
+            subscription.cancel()
+            _reader_is_gone()
+            _log.warning("the state is printed no more (%s); links are served on", error)
+
+    subscription = daemon.subscribe(tell, rate_hz)
 
 
 def _log_statistics(daemons: Sequence[Daemon]) -> None:
@@ -216,6 +233,8 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
         format="%(asctime)s %(name)s: %(message)s",
         stream=sys.stderr,
     )
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(Repeats("aps", "uvicorn"))
     try:
         configs = _configs(arguments)
         api = _api_config(arguments.api)
@@ -223,7 +242,7 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     except ValueError as error:
         return _refuse(str(error))
     except BrokenPipeError:
-        return 0
+        return _reader_is_gone()
     except OSError as error:
         return _refuse(_explain(error))
     if failure is not None:
@@ -249,6 +268,8 @@ def _status(argv: Sequence[str], prog: str) -> int:
     parser.add_argument("--json", action="store_true", help="print JSON, with all counters")
     parser.add_argument("--period", type=float, default=1.0, metavar="S", help="between two looks (1)")
     arguments = parser.parse_args(argv)
+    if not 0.0 < arguments.period <= LONGEST_PERIOD_S:
+        return _refuse(f"--period must be above 0 and at most {LONGEST_PERIOD_S:g} s, not {arguments.period}")
     from aps.status_view import watch  # a daemon does without rich
 
     try:
@@ -259,8 +280,16 @@ def _status(argv: Sequence[str], prog: str) -> int:
             urls=arguments.url,
             token=os.environ.get(TOKEN_VARIABLE, ""),
         )
+    except BrokenPipeError:
+        return _reader_is_gone()
     except OSError as error:
         return _refuse(str(error))
+
+
+def _reader_is_gone() -> int:
+    """Whoever reads our output has seen enough; Python shall not find that out again when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
 
 
 def _refuse(text: str) -> int:

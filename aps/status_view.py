@@ -19,6 +19,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.markup import escape
 from rich.table import Column, Table
+from rich.text import Text
 
 from aps.status import SUFFIX, status_directory
 
@@ -38,6 +39,20 @@ TROUBLES: Final = (
     "dropped_in",
     "dropped_out",
 )
+
+
+LEGEND: Final = "\n".join(
+    (
+        "turned away: clients beyond the most that there may be. loops: messages that came back, or in the autopilot's "
+        "name from elsewhere. no route: messages for a system that no link has seen.",
+        "up: heartbeats come. ms: to the autopilot and back (median). in/s, in, out: messages. "
+        "lost: of those that came in, by their numbers.",
+        "throttled, dropped_rate: the peer sends more than it may, and waits, or loses datagrams. "
+        "dropped_full, stalls: it reads too slowly. bad_crc, skipped_bytes: what it sends is not MAVLink. "
+        "dropped_in, dropped_out: by the link's rules.",
+    )
+)
+"""What the columns mean."""
 
 
 def ask(directory: Path) -> Iterator[dict[str, Any]]:
@@ -128,7 +143,7 @@ def tables(answers: Sequence[dict[str, Any]]) -> Group | str:
         daemons.add_row(name, *row)
         for link_row in link_rows:
             links.add_row(name, *link_row)
-    return Group(daemons, links)
+    return Group(daemons, links, Text(LEGEND, style="dim"))
 
 
 def _links(told: dict[str, Any]) -> list[dict[str, Any]]:
@@ -148,9 +163,9 @@ def _daemon_row(told: dict[str, Any]) -> list[str]:
     age_s = state["heartbeat_age_s"]
     return [
         f"{told['sysid']} [red](there is {others})" if others else str(told["sysid"]),
-        state["mode"] or "-",
+        escape(state["mode"]) or "-",
         "yes" if state["armed"] else "no",
-        ", ".join(peers) or "[red]none",
+        escape(", ".join(peers)) or "[red]none",
         "-" if age_s is None else f"{age_s:.1f} s",
         str(statistics["turned_away"]),
         str(routes.get("loop", 0)),
@@ -164,7 +179,7 @@ def _link_row(link: dict[str, Any]) -> list[str]:
     troubles = [f"{name} {counters[name]}" for name in TROUBLES if counters[name]]
     return [
         f"{link['role']} {link['link']}",
-        link["peer"],
+        escape(link["peer"]),
         "[green]yes" if link["up"] else "no",
         "-" if latency_ms is None else f"{latency_ms:.1f}",
         f"{link['rate_in_hz']:g}",
@@ -189,11 +204,12 @@ def watch(period_s: float, *, once: bool, as_json: bool, urls: Sequence[str] = (
     look = partial(ask_over_http, urls, token) if urls else partial(ask, status_directory())
     told = list(look())
     if as_json:
-        while not once:
+        with contextlib.suppress(KeyboardInterrupt):
             print(json.dumps(told), flush=True)
-            time.sleep(period_s)
-            told = list(look())
-        print(json.dumps(told), flush=True)
+            while not once:
+                time.sleep(period_s)
+                told = list(look())
+                print(json.dumps(told), flush=True)
         return _status_of(told)
     console = Console()
     if not console.is_terminal:

@@ -7,8 +7,9 @@ from dataclasses import asdict
 from importlib import resources
 from typing import Annotated, Any, Final
 
-from fastapi import FastAPI, HTTPException, Query, WebSocket
-from fastapi.responses import HTMLResponse
+from fastapi import FastAPI, HTTPException, Query, Request, WebSocket
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse, JSONResponse
 
 from aps.api.backend import Backend
 from aps.api.commands import UNKNOWN, add_commands
@@ -22,6 +23,11 @@ __all__ = ["build"]
 
 MAX_RATE_HZ: Final = 50.0
 MAX_STATUS_HZ: Final = 10.0
+MAX_MISTAKES: Final = 20
+MAX_CHARS: Final = 200
+"""Of what a client sent, that it is told again."""
+MAX_REASON_BYTES: Final = 123
+"""Of a WebSocket's close frame (RFC 6455, 5.5)."""
 
 
 def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStream]:
@@ -37,6 +43,7 @@ def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStr
         docs_url=None,  # FastAPI's own pages load their scripts from another site
         redoc_url=None,
     )
+    app.add_exception_handler(RequestValidationError, _refused)
     stream = ApiStream(backend)
     jobs = Jobs(backend, stream.tell)
     _add_looks(app, backend)
@@ -45,6 +52,25 @@ def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStr
     add_files(app, backend, jobs)
     _add_stream(app, stream, backend)
     return app, stream
+
+
+async def _refused(_request: Request, error: Exception) -> JSONResponse:
+    """Say which arguments are wrong, whatever they are: not all that a request can hold is JSON (NaN, lone bytes)."""
+    assert isinstance(error, RequestValidationError), "registered for it"
+    told = [
+        {
+            "type": one["type"],
+            "loc": [step if isinstance(step, int) else _sendable(step) for step in one["loc"]],
+            "msg": _sendable(one["msg"]),
+            "input": _sendable(repr(one["input"])),
+        }
+        for one in error.errors()[:MAX_MISTAKES]
+    ]
+    return JSONResponse({"detail": told}, 422)
+
+
+def _sendable(text: str) -> str:
+    return text[:MAX_CHARS].encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _add_looks(app: FastAPI, backend: Backend) -> None:
@@ -110,7 +136,7 @@ def _add_stream(app: FastAPI, stream: ApiStream, backend: Backend) -> None:
             for name in names:
                 backend.last_message(name)
         except ValueError as error:
-            await socket.close(1008, str(error))
+            await socket.close(1008, str(error).encode()[:MAX_REASON_BYTES].decode(errors="ignore"))
             return
         listener = Listener(rate_hz, names)
         if not stream.add(listener):

@@ -22,6 +22,8 @@ MAX_WAITING: Final = 256
 """Events that wait for a client: then the oldest give way, and the client gets their number."""
 MAX_LISTENERS: Final = 32
 NS_PER_S: Final = 1_000_000_000
+LEAST_RATE_HZ: Final = 1e-6
+"""Twelve days: what is slower need not be told apart."""
 
 
 def state_json(state: VehicleState) -> dict[str, Any]:
@@ -38,7 +40,7 @@ class Listener:
     """
 
     def __init__(self, rate_hz: float, messages: Iterable[str]) -> None:
-        self._period_ns = round(NS_PER_S / rate_hz) if rate_hz else None
+        self._period_ns = round(NS_PER_S / max(rate_hz, LEAST_RATE_HZ)) if rate_hz else None
         self._messages = {name.upper(): -1 for name in messages}
         self._waiting: deque[str] = deque()
         self._missed = 0

@@ -28,7 +28,7 @@ class Allowance:
         self._left = self._full
         self._now_s = 0.0
 
-    def charge(self, frames: int, garbage_bytes: int, now_s: float) -> float:
+    def charge(self, frames: float, garbage_bytes: int, now_s: float) -> float:
         """Account for what came; returns for how long nothing more should be taken, s (0: go on)."""
         self._left = min(self._full, self._left + (now_s - self._now_s) * self._frames_per_s)
         self._now_s = now_s

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from aps.timeouts import ACK_TIMEOUTS_S
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
+from aps.vehicle.flight.steps import checked
 from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import (
     AUTOPILOT_COMPID,
@@ -38,6 +39,7 @@ _RATE_WINDOW_NS: Final = round(RATE_WINDOW_S * NS_PER_S)
 _REQUEST_MESSAGE: Final = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
+_INT32: Final = 1 << 31
 
 
 def as_json(fields: Mapping[str, Any]) -> dict[str, Any]:
@@ -139,7 +141,8 @@ class RequestExecution(Execution):
         self._sysid = state.sysid
         self._name = str(message_class(name).msgname)
         self.wanted = frozenset({int(message_class(name).id)})
-        self._params = (float(message_class(name).id), float(param), 0.0, 0.0, 0.0, 0.0, 0.0)
+        which = checked("param", param, -_INT32, _INT32 - 1)  # ArduPilot makes an integer of it
+        self._params = (float(message_class(name).id), which, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._tries = 0
         self._due_at_ns = 0
         self._request = object()

@@ -7,6 +7,7 @@ transmits after an await has the stamp of the tick in which it ran. docs/referen
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import deque
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import replace
@@ -27,6 +28,8 @@ from bridge.scenario.sections import Transmit
 
 READY_TIMEOUT_S = 180.0
 """Sim time; ArduPilot's estimator takes about 40 s."""
+SHORTEST_NS = 1000
+"""Of a period: less than that and what is due now could not be told from what is due next."""
 PACKAGE_MEASUREMENTS_MAX = 1000
 """The newest that a package carries."""
 
@@ -80,11 +83,11 @@ class Agent:
         A period shorter than a tick yields once per tick; what a slow body missed is not made up for.
 
         Raises:
-            ValueError: the period is not above 0.
+            ValueError: the period is not above 0, or infinite.
         """
-        if not period_s > 0.0:
-            raise ValueError(f"every({period_s}): a period has to be above 0 s")
-        begin_ns, period_ns = self.ua.sim_time_ns, round(period_s * 1e9)
+        if not 0.0 < period_s < math.inf:
+            raise ValueError(f"every({period_s}): a period has to be above 0 s, and finite")
+        begin_ns, period_ns = self.ua.sim_time_ns, max(SHORTEST_NS, round(period_s * 1e9))
         while True:
             yield self.ua.sim_time_ns / 1e9
             passed = (self.ua.sim_time_ns - begin_ns) // period_ns

@@ -49,6 +49,7 @@ from bridge.bus.messages import (
 from bridge.bus.reception import radio_of, signal_of
 from bridge.bus.replies import event_of
 from bridge.bus.session import Sample, Session, SessionError, Stamp
+from bridge.record.input_fields import VERBS
 from bridge.record.logged import LoggedValue
 from bridge.run.access import Access, access_of, directory_of
 from bridge.timeouts import COMMAND_QUERY_S, RADIO_ANSWER_S
@@ -78,7 +79,11 @@ class FreeOutlet(BusOutlet):
         self._inbox, self._arrivals = inbox, arrivals
 
     def command(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
-        """Ask the aircraft's queryable."""
+        """Ask the aircraft's queryable; of a command that there is not, nobody would answer."""
+        if verb not in VERBS:
+            text = f"command {verb!r} is none of {', '.join(VERBS)}"
+            on_event(CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
+            return
         asked = _Asked(self._arrivals, on_event)
         self._session.query(
             self._keys.command(self._node, verb),

@@ -182,7 +182,10 @@ class UaClient(Commands):
             TimeoutError: it did not within ``timeout_s`` of sim time.
             RunOver: it did not before the end of the run; only beside the run, as an agent ends with it.
             Exception: whatever ``condition`` raises.
+            ValueError: ``timeout_s`` is nan.
         """
+        if math.isnan(timeout_s):
+            raise ValueError("wait_for: timeout_s has to be a number of seconds, and is nan")
         if self.state is not None and condition(self.state):
             return self.state
         if self.is_over:

@@ -73,13 +73,17 @@ def checked_numbers(verb: str, **arguments: object) -> dict[str, float]:
 
     Raises:
         TypeError: one is none.
+        ValueError: one is more than a float can hold.
     """
     found = {}
     for name, value in arguments.items():
         number = value.item() if isinstance(value, np.generic) else value
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise TypeError(f"{verb}: {name} has to be a number, and is {value!r}")
-        found[name] = float(number)
+        try:
+            found[name] = float(number)
+        except OverflowError as error:
+            raise ValueError(f"{verb}: {name} is more than a number can be: {value!r:.40}...") from error
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import os
@@ -61,8 +62,13 @@ class RunDirectory:
         """Make ``<parent>/<UTC time>-<scenario>``; a number is added if that is there already.
 
         Raises:
-            OSError: if it cannot be made.
+            OSError: if it cannot be made, or its path is no text in UTF-8, by which alone Parquet opens files.
         """
+        where = os.fsencode(parent.resolve())
+        try:
+            where.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise OSError(errno.EILSEQ, f"{where!r} is no path in UTF-8: name another") from error
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{scenario_name}"
         for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
             path = parent / f"{name}{suffix}"

@@ -12,12 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from aps.logs.repeats import Repeats
 from bridge.bus.session import SessionError
 from bridge.run.directory import RunDirectory
 
 if TYPE_CHECKING:
     import asyncio
 
+DRIVEN = ("aps", "uvicorn", "aircraft", "host", "replies", "inbox")
+"""Loggers whose lines come from what others do, as often as they like: `aps.logs.repeats`."""
 current_node: ContextVar[str] = ContextVar("current_node", default="")
 """The node that is being worked for, for the log of a process that has several."""
 
@@ -69,6 +72,7 @@ class NodeLogs(logging.Handler):
         self._form = LogForm()
         self._rest = rest or logging.StreamHandler(sys.stderr)
         self._rest.setFormatter(self._form)
+        self._rest.addFilter(Repeats(*DRIVEN))
         self._of_nodes: dict[str, logging.Handler] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -86,6 +90,7 @@ class NodeLogs(logging.Handler):
             path = self._run.log_path(f"node-{node}")
             handler = self._of_nodes[node] = logging.FileHandler(path, encoding="utf-8", delay=True)
             handler.setFormatter(self._form)
+            handler.addFilter(Repeats(*DRIVEN))
         return handler
 
     def close(self) -> None:

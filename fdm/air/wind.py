@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from fdm.air.turbulence import DrydenTurbulence
 from fdm.air.wind_map import MapWind, load_wind_map
-from fdm.config_file import explain, unknown
+from fdm.config_file import explain, read_yaml, unknown
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint, Wind
 from fdm.model.truth import Vector
@@ -219,7 +219,7 @@ def load_wind(name_or_path: str | Path) -> WindConfig:
         raise WindError(unknown("no wind", name_or_path, wind_names()))
     try:
         text = path.read_text(encoding="utf-8")
-        return _with_map_from(path.resolve().parent, WindConfig.model_validate(yaml.safe_load(text)))
+        return _with_map_from(path.resolve().parent, WindConfig.model_validate(read_yaml(text)))
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = "" if mark is None else f":{mark.line + 1}"

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from fdm.config_file import explain, unknown
+from fdm.config_file import explain, read_yaml, unknown
 from fdm.errors import AirframeError
 
 AIRFRAMES_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "airframes"
@@ -157,7 +157,7 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
     path = _find(name_or_path)
     try:
         text = path.read_text(encoding="utf-8")
-        data = yaml.safe_load(text)
+        data = read_yaml(text)
         airframe = Airframe.model_validate(data)
     except OSError as error:
         raise AirframeError(f"{path}: {error.strerror}") from None

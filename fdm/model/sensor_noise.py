@@ -14,7 +14,7 @@ from typing import Annotated
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from fdm.config_file import explain
+from fdm.config_file import explain, read_yaml
 from fdm.errors import SensorNoiseError
 from fdm.model.truth import Vector
 
@@ -90,7 +90,7 @@ def load_sensor_noise(path: str | Path) -> SensorNoise:
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
-        return SensorNoise.model_validate(yaml.safe_load(text))
+        return SensorNoise.model_validate(read_yaml(text))
     except OSError as error:
         raise SensorNoiseError(f"{path}: {error.strerror}") from None
     except (UnicodeDecodeError, yaml.YAMLError) as error:

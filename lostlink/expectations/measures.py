@@ -63,7 +63,7 @@ def measured(run: Path, wanted: FunctionExpectation) -> float | bool:
         found = found.item() if hasattr(found, "item") else found
     except (AgentError, MeasureError) as error:
         raise MeasureError(str(error)) from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise MeasureError(f"{wanted.function} raised {type(error).__name__}: {error}") from error
     if (
         wanted.has_bounds

@@ -16,6 +16,7 @@ from bridge.fleet.children.forked import Understudy
 from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.glance import Glance
 from bridge.fleet.how import How
+from bridge.fleet.preflight.ports import conflicts, ports_of
 from bridge.fleet.supervisor import Fleet, Observer
 from bridge.record.pack import pack_streams
 from bridge.record.tables.every import finish_tables
@@ -24,7 +25,7 @@ from bridge.run.every import Every
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import common_radio
 from bridge.timeouts import NEWS_PERIOD_S
-from lostlink.flight.exits import status_of
+from lostlink.flight.exits import UNUSABLE, status_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
 from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.flight.summary import Timing, summarise, write_summary
@@ -113,6 +114,7 @@ class Flight:
         self._last_tick = 0.0
         self._unfinished: list[str] = []
         self._error: str | None = None
+        self._has_no_ports = False
         self._doing = ""
         """What is done once all processes are gone."""
 
@@ -165,7 +167,7 @@ class Flight:
         """What a command ends with."""
         if self.signal is not None:
             return 128 + self.signal
-        return status_of(summary)
+        return UNUSABLE if self._has_no_ports else status_of(summary)
 
     async def _fly(
         self, dirs: AutopilotDirs, replay: Path | None, *, takes_signals: bool
@@ -184,7 +186,7 @@ class Flight:
         try:
             ending = await fleet.fly()
         except FleetError as error:
-            ending = self._break_off(str(error))
+            ending = self._break_off("\n".join([*self._taken_meanwhile(fleet, replay), str(error)]))
         finally:
             with self._lock:
                 self._loop = None
@@ -196,6 +198,14 @@ class Flight:
                 self._watcher.on_error(text)
         self._unfinished = sorted(fleet.course.not_done)
         return ending, fleet.course.sim_time_ns
+
+    def _taken_meanwhile(self, fleet: Fleet, replay: Path | None) -> list[str]:
+        """Of a run that ended before its first tick: ports that somebody took after they were looked at."""
+        if fleet.course.sim_time_ns:
+            return []
+        taken = conflicts(ports_of(self.scenario, repeats=replay is not None))
+        self._has_no_ports = bool(taken)
+        return taken
 
     def _take_charge(self, fleet: Fleet) -> None:
         """From here on `interrupt` reaches the fleet."""

@@ -100,7 +100,10 @@ def own(run: Run, functions: tuple[Function, ...], taken: Container[str] = OF_TH
             result = load(function)(run)
         except StudyError:
             raise
-        except Exception as error:  # somebody's own code: whatever it raises is told with its place
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # somebody's own code: whatever it raises is told with its place
             raise StudyError(f"{_told(function)}: {type(error).__name__}: {error}") from error
         if not isinstance(result, Mapping):
             raise StudyError(

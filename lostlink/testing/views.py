@@ -177,7 +177,8 @@ class RecordedLink:
     ) -> dict[str, NDArray[Any]]:
         """Rows of `deliveries`: sent from ``from_s`` to before ``to_s``, and over ``min_m`` to below ``max_m``.
 
-        Of a flight that goes on: waits for ``to_s``; without it, as far as the test has waited.
+        Of a flight that goes on: waits for ``to_s``; without it, as far as the test has waited. A packet that is queued
+        or on its way then has no row yet.
         """
         to_s = min(to_s, self._extent.end_s) if np.isinf(to_s) else to_s
         self._extent.reach(to_s, "deliveries")

@@ -119,12 +119,15 @@ class TcpServer:
         Raises:
             OSError: as from ``bind``; EADDRINUSE when the port is taken.
         """
-        self._server = await asyncio.get_running_loop().create_server(
-            self._link,
-            self.address.host,
-            self.address.port,
-            backlog=BACKLOG,
-        )
+        try:
+            self._server = await asyncio.get_running_loop().create_server(
+                self._link,
+                self.address.host,
+                self.address.port,
+                backlog=BACKLOG,
+            )
+        except socket.gaierror as error:  # which does not say what
+            raise OSError(error.errno, f"cannot listen on {self.address}: {error.strerror}") from error
 
     def _link(self) -> TcpLink:
         link = TcpLink(self._owner, self.address, self._limit_bytes, READ_BYTES)
@@ -165,7 +168,7 @@ class TcpConnector:
             told = link is None
             if link is not None:
                 await self._until_lost(link)
-                retry_s = FIRST_RETRY_S if link.traffic.bytes else retry_s
+                retry_s = FIRST_RETRY_S if link.traffic.frames else retry_s
             await asyncio.sleep(retry_s)
             retry_s = min(retry_s * 2.0, LONGEST_RETRY_S)
 

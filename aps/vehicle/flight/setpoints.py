@@ -101,10 +101,14 @@ def place_of(lat_deg: float, lon_deg: float, height_m: float, name: str = "alt_r
     """Latitude, longitude and height, checked.
 
     Raises:
-        ValueError: one is out of range.
+        ValueError: one is out of range, or it is 0 N 0 E, which ArduPilot takes for where it is.
     """
     lat = checked("lat_deg", lat_deg, -90.0, 90.0)
     lon = checked("lon_deg", lon_deg, -180.0, 180.0)
+    if round(lat * 1e7) == 0 == round(lon * 1e7):
+        raise ValueError(
+            "lat_deg and lon_deg are both 0, which names no place: give the latitude and longitude to fly to"
+        )
     return lat, lon, checked(name, height_m, -1000.0, 10_000.0)
 
 

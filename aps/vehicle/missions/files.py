@@ -131,7 +131,13 @@ def _numbers(values: Any, count: int, what: str) -> tuple[float, ...]:
     )
     if not numeric or len(values) < count:
         raise ValueError(f"{what} has {count} numbers, unlike {values!r:.60}")
-    return tuple(float(value) for value in values[:count])
+    try:
+        found = tuple(float(value) for value in values[:count])
+    except OverflowError as error:
+        raise ValueError(f"{what}: {values!r:.60} is too large") from error
+    if not all(map(math.isfinite, found)):
+        raise ValueError(f"{what} has {count} numbers that are finite, unlike {values!r:.60}")
+    return found
 
 
 def _home(place: Any) -> Place | None:

@@ -32,6 +32,8 @@ _LOCAL: Final = frozenset({1, 4, 7, 8, 9, 12, 20, 21})
 DEGREES: Final = 1e7
 TENTHS_OF_MM: Final = 1e4
 _INT32_MAX: Final = (1 << 31) - 1
+_FLOAT32_MAX: Final = (2.0 - 2.0**-23) * 2.0**127
+"""What the four bytes of a parameter can hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +62,11 @@ class MissionItem:
             raise ValueError(f"command {self.command} and frame {self.frame} must be in 0..65535 and 0..255")
         if len(self.params) != 7:
             raise ValueError(f"an item has 7 parameters, not {len(self.params)}")
-        object.__setattr__(self, "params", tuple(float(value) for value in self.params))
-        if any(math.isinf(value) for value in self.params):
-            raise ValueError(f"params {self.params} must be finite, or NaN where nothing is given")
+        object.__setattr__(self, "params", tuple(_as_float(value) for value in self.params))
+        if any(abs(value) > _FLOAT32_MAX for value in self.params):
+            raise ValueError(
+                f"params {self.params} must be finite and less than 3.4e38, or NaN where nothing is given"
+            )
         if self.is_global and not (abs(self._or_0(4)) <= 90.0 and abs(self._or_0(5)) <= 180.0):
             raise ValueError(f"{self.params[4]}, {self.params[5]} is no latitude and longitude")
         if max(abs(self._or_0(4)), abs(self._or_0(5))) * self._scale > _INT32_MAX:
@@ -174,7 +178,15 @@ def _number(value: Any) -> float:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{value!r} is no parameter: numbers, or null where nothing is given")
-    return float(value)
+    return _as_float(value)
+
+
+def _as_float(value: float) -> float:
+    """A number as a float; one of Python's whole numbers that none can hold is infinite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def items_of(items: Any) -> list[MissionItem]:

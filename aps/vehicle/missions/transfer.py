@@ -291,7 +291,12 @@ def upload(state: VehicleState, items: list[Any], kind: str = "mission") -> Uplo
         items: MissionItem, or their JSON; without home.
         kind: ``mission``, ``fence`` or ``rally``.
     """
-    return UploadExecution(state, items_of(items), kind)
+    read = items_of(items)
+    if kind != "mission":  # whose items may be where the UA is when their turn comes
+        for number, item in enumerate(read):
+            if item.is_global and not item.is_placed:
+                raise ValueError(f"item {number}: a {kind} item needs a latitude and a longitude, not both 0")
+    return UploadExecution(state, read, kind)
 
 
 def download(state: VehicleState, kind: str = "mission") -> DownloadExecution:

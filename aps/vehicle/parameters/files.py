@@ -38,6 +38,7 @@ def read_parameters(text: str) -> dict[str, float]:
             value = float(words[1])
             if not math.isfinite(value):
                 raise ValueError(f"{words[1]} is no value")
+            as_float32(value)
             found[checked_name(words[0])] = value
         except ValueError as error:
             raise ValueError(f"line {number}: {error}") from error

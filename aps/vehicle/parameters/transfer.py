@@ -42,7 +42,12 @@ def checked_name(name: Any) -> str:
     Raises:
         ValueError: it cannot be one.
     """
-    if not isinstance(name, str) or not 0 < len(name) <= NAME_CHARS or not name.replace("_", "a").isalnum():
+    if (
+        not isinstance(name, str)
+        or not 0 < len(name) <= NAME_CHARS
+        or not name.isascii()
+        or not name.replace("_", "a").isalnum()
+    ):
         raise ValueError(f"{name!r} is no parameter's name: up to {NAME_CHARS} letters, digits and _")
     return name.upper()
 

@@ -14,7 +14,9 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import math
 from collections.abc import Callable, Coroutine
+from contextvars import Context
 from typing import Any, NoReturn
 
 RESOLUTION_S = 1e-9
@@ -91,6 +93,18 @@ class SimLoop(asyncio.BaseEventLoop):
     def time(self) -> float:
         """The loop's time, s: sim time."""
         return self._sim_time_ns / 1e9
+
+    def call_at(  # type: ignore[override]  # typeshed binds the callback's arguments to it
+        self, when: float, callback: Callable[..., object], *args: Any, context: Context | None = None
+    ) -> asyncio.TimerHandle:
+        """A timer.
+
+        Raises:
+            ValueError: ``when`` is nan: neither earlier nor later than any other, it would disorder them all.
+        """
+        if math.isnan(when):
+            raise ValueError("a wait of nan seconds has no end")
+        return super().call_at(when, callback, *args, context=context)
 
     def create_future(self) -> asyncio.Future[Any]:
         """A future of this loop."""

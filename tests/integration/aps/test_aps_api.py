@@ -435,3 +435,44 @@ async def test_the_status_once_and_as_a_stream(call, daemon):
     assert {event["type"] for event in events} == {"status"}
     frames = [event["statistics"]["autopilot_links"][0]["frames_in"] for event in events]
     assert frames[0] < frames[-1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "body"),
+    [
+        ("application/json", b'{"lat_deg": "\\ud800", "lon_deg": 8, "alt_rel_m": 9}'),
+        ("application/json", b'{"lat_deg": 47, "lon_deg": 8, "alt_rel_m": 9, "frame": NaN}'),
+        ("application/json", b'{"lat_deg": 47, "lon_deg": 8, "alt_rel_m": 9, "\\udc00": 1}'),
+        ("text/plain", b"\xff\xfe"),
+    ],
+)
+async def test_what_no_json_can_say_again_is_refused_as_any_mistake(call, kind, body, caplog):
+    status, reply = await call("POST", "/commands/goto", body, Content_Type=kind)
+    assert status == 422
+    assert reply["detail"][0]["loc"][0] == "body"
+    assert caplog.text == ""
+
+
+async def test_a_stream_of_a_message_with_a_long_name_is_told_why_it_ends(call):
+    async with open_stream(f"ws://127.0.0.1:{call.port}/stream?messages={'A' * 300}") as stream:
+        with pytest.raises(ConnectionClosed) as closed:
+            await stream.recv()
+    assert closed.value.rcvd.code == 1008
+    assert closed.value.rcvd.reason.startswith("there is no MAVLink message 'AAA")
+
+
+async def test_a_stream_as_slow_as_a_number_can_say_has_the_state_once(call):
+    async with open_stream(f"ws://127.0.0.1:{call.port}/stream?rate_hz=1e-320") as stream:
+        assert json.loads(await asyncio.wait_for(stream.recv(), 10))["type"] == "state"
+
+
+async def test_a_flood_of_requests_waits(call):
+    """Two thousand at once are worked off at their pace; the daemon has the rest of the time."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", call.port)
+    loop = asyncio.get_running_loop()
+    began_s = loop.time()
+    writer.write(b"GET /commands HTTP/1.1\r\nHost: localhost\r\n\r\n" * 2000)
+    for answered in range(1, 151):
+        await asyncio.wait_for(reader.readuntil(b"HTTP/1.1 200"), 10)
+        assert answered <= 52 + 100 * (loop.time() - began_s)
+    writer.close()

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 import signal
 import sys
 import time
@@ -193,3 +194,47 @@ async def test_a_daemon_that_fails_of_itself_ends_the_program():
     _, stderr = await asyncio.wait_for(process.communicate(), 20)
     assert process.returncode == 1
     assert stderr.decode().splitlines()[-1].startswith("aps: the daemon failed: ")
+
+
+@pytest.mark.parametrize("period", ["nan", "inf", "-1", "0"])
+def test_a_period_of_status_that_is_none_is_refused(period, capsys):
+    assert main(["status", "--period", period]) == 2
+    assert (
+        capsys.readouterr().err == f"aps: --period must be above 0 and at most 86400 s, not {float(period)}\n"
+    )
+
+
+async def test_status_as_json_ends_with_ctrl_c_without_a_traceback():
+    process = await start("status", "--json", "--period=0.05")
+    assert json.loads(await line(process)) is not None
+    process.send_signal(signal.SIGINT)
+    _, stderr = await asyncio.wait_for(process.communicate(), 20)
+    assert (process.returncode, stderr) == (0, b"")
+
+
+async def test_a_name_that_no_machine_has_is_told_with_the_link():
+    process = await start("--listen", "256.0.0.1:6760", "--quiet")
+    _, stderr = await asyncio.wait_for(process.communicate(), 60)
+    assert process.returncode == 2
+    assert stderr.decode().startswith("aps: cannot listen on tcp-server:256.0.0.1:6760: ")
+
+
+async def test_when_nobody_reads_the_states_any_more_clients_are_served_on(autopilot, connect):
+    reading, writing = os.pipe()
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "aps", "--json", "--rate-hz=20", "--sysid=2", "--listen=127.0.0.1:0"),
+        *("--autopilot", f"tcp:127.0.0.1:{autopilot.port}"),
+        stdout=writing,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    os.close(writing)
+    with open(reading, encoding="utf-8") as lines:  # noqa: ASYNC230, PTH123
+        ready = json.loads(await asyncio.to_thread(lines.readline))
+    while b"the state is printed no more" not in await asyncio.wait_for(process.stderr.readline(), 20):
+        pass
+    client = await connect(int(ready["listen"].rpartition(":")[2]))
+    await client.next("HEARTBEAT", lambda message: message.get_srcComponent() == 1)
+    process.send_signal(signal.SIGTERM)
+    _, stderr = await asyncio.wait_for(process.communicate(), 20)
+    assert process.returncode == 0
+    assert b"BrokenPipe" not in stderr

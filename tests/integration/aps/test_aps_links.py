@@ -139,6 +139,30 @@ class Line:
         os.close(self.device_end)
 
 
+async def test_a_server_that_speaks_no_mavlink_and_hangs_up_is_tried_less_and_less_often(autopilot):
+    loop, came_s, enough = asyncio.get_running_loop(), [], asyncio.Event()
+
+    async def hang_up(_, writer):
+        came_s.append(loop.time())
+        writer.write(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        writer.close()
+        if len(came_s) == 5:
+            enough.set()
+
+    server = await asyncio.start_server(hang_up, "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+    async with (
+        server,
+        Daemon(
+            DaemonConfig(
+                autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=2, links=(f"tcp:127.0.0.1:{port}",)
+            )
+        ),
+    ):
+        await asyncio.wait_for(enough.wait(), 20)
+    assert came_s[-1] - came_s[0] > 1.4  # 0.1 + 0.2 + 0.4 + 0.8 s
+
+
 async def test_serial_line_to_a_ground_station(autopilot, eventually):
     line = Line()
     async with Daemon(config(autopilot, f"serial:{line.device}:57600")) as daemon:

@@ -7,7 +7,6 @@ import os
 import selectors
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -20,8 +19,8 @@ import pytest
 
 from bridge.bus.session import Session
 from bridge.run.access import access_of
+from tests.warm import LOSTLINK, Command, is_as_ever
 
-LOSTLINK = [sys.executable, "-m", "lostlink.cli.entry"]
 PROGRAM = "the program of a run of one process"
 STILL = """\
 schema: 1
@@ -44,7 +43,7 @@ class Run:
     """A `lostlink run` in the background."""
 
     out: Path
-    process: subprocess.Popen[bytes]
+    process: Command | subprocess.Popen[bytes]
     slot: int
     output: bytearray = field(default_factory=bytearray)
 
@@ -112,7 +111,7 @@ StartRun = Callable[..., Run]
 
 @pytest.fixture
 def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[StartRun]:
-    """Start a run; whatever is left of it in the end is killed."""
+    """Start a run, ``anew`` or forked; whatever is left of it in the end is killed."""
     started: list[Run] = []
 
     def start(
@@ -123,15 +122,21 @@ def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[Start
         only_stdout: bool = False,
         figure: bool = False,
         processes: str = "auto",
+        anew: bool = False,
     ) -> Run:
         slot = free_slot(2)
         file = tmp_path / f"scenario-{len(started)}.yaml"
         file.write_text(scenario.format(speed=speed, duration_s=duration_s, slot=slot))
         out = tmp_path / f"out-{len(started)}"
-        command = [*LOSTLINK, "run", str(file), "--out", str(out), "--processes", processes, *arguments]
-        command += [] if figure else ["--no-figure"]
+        words = ["run", str(file), "--out", str(out), "--processes", processes, *arguments]
+        words += [] if figure else ["--no-figure"]
         errors = subprocess.DEVNULL if only_stdout else subprocess.STDOUT
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, start_new_session=True)
+        pipes = {"stdout": subprocess.PIPE, "stderr": errors}
+        process = (
+            subprocess.Popen([*LOSTLINK, *words], **pipes, start_new_session=True)
+            if anew or not is_as_ever()
+            else Command(*words, **pipes, start_new_session=True)
+        )
         started.append(Run(out, process, slot))
         return started[-1]
 

@@ -20,8 +20,9 @@ import pandas as pd
 import pytest
 import yaml
 
-from lostlink import Run, ScenarioError, fly, load_run, redecide
+from lostlink import Run, ScenarioError, redecide
 from lostlink.compare.compare import compare
+from tests import warm
 
 CLASS = f"{Path(__file__).with_name('air_agents.py')}:Scripted"
 LIGHT_MPS = 299_792_458.0
@@ -75,7 +76,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Flown:
             "radio": radio | {"medium": medium},
             "nodes": nodes,
         } | more
-        return load_run(fly(scenario, directory=tmp_path / str(next(NUMBERS))).path)
+        return warm.flown(scenario, tmp_path / str(next(NUMBERS)))
 
     return flown
 
@@ -449,7 +450,7 @@ def slotted(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[..., Ru
         }
         (tmp_path / "slots.yaml").write_text(slots)
         (tmp_path / "slotted.yaml").write_text(yaml.safe_dump(content))
-        return load_run(fly(tmp_path / "slotted.yaml", directory=tmp_path / "run").path)
+        return warm.flown(tmp_path / "slotted.yaml", tmp_path / "run")
 
     return slotted
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from lostlink import Run, fly, load_run
+from lostlink import Run
 from lostlink.report.content import content_of
+from tests import warm
 from tests.integration.bridge.test_air import FLAT, node
 
 SIZE_BYTES, PER_TICK = 1400, 10
@@ -33,7 +34,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[[Any], Ru
             "radio": radio,
             "nodes": nodes,
         }
-        return load_run(fly(scenario, directory=tmp_path / "run").path)
+        return warm.flown(scenario, tmp_path / "run")
 
     return flown
 

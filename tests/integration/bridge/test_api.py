@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import http.client
 import json
-import subprocess
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.integration.bridge.conftest import STILL, Run, StartRun
+from tests.warm import run_lostlink
 
 
 def call(run: Run, method: str, path: str, body: object = None) -> tuple[int, Any]:
@@ -45,8 +45,8 @@ def test_what_comes_over_the_api_is_an_input_that_can_be_flown_again(
     assert [item["verb"] for item in inputs] == ["mode", "arm", "takeoff"]
     assert inputs[2]["arguments"] == {"alt_rel_m": 3.0}
     assert run.summary["may_not_repeat"] == []
-    command = [*LOSTLINK, "refly", str(run.directory), "--out", str(tmp_path / "again"), "--speed", "max"]
-    again = subprocess.run(command, capture_output=True, text=True, timeout=280)
+    command = ["refly", str(run.directory), "--out", str(tmp_path / "again"), "--speed", "max"]
+    again = run_lostlink(*command, timeout=280)
     assert again.returncode == 0, again.stdout + again.stderr
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from pymavlink import mavutil
 
-from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.integration.bridge.conftest import STILL, Run, StartRun
+from tests.warm import run_lostlink
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -54,7 +55,6 @@ def test_two_mavlink_clients_see_ua_1_at_once(mavlink_clients: list[mavutil.mavf
 
 def test_echo_prints_decoded_deliveries_of_the_run(live_run: Run) -> None:
     echo = [
-        *LOSTLINK,
         "echo",
         "lostlink/**/node/*/rx/**",
         "--out",
@@ -63,7 +63,7 @@ def test_echo_prints_decoded_deliveries_of_the_run(live_run: Run) -> None:
         "2",
         "--json",
     ]
-    done = subprocess.run(echo, capture_output=True, text=True, timeout=30)
+    done = run_lostlink(*echo, timeout=30)
     assert done.returncode == 0, done.stderr
     for line in done.stdout.splitlines():
         content = json.loads(line)
@@ -92,9 +92,7 @@ def test_who_would_join_a_run_without_zenoh_is_told(command: str, start_run: Sta
         "view": ["view", str(run.directory), "--port", "0"],
         "token": ["token", str(run.directory), "--node", "1"],
     }
-    done = subprocess.run(
-        [*LOSTLINK, *words[command]], capture_output=True, text=True, timeout=20, check=False
-    )
+    done = run_lostlink(*words[command], timeout=20)
     assert done.returncode == 1
     assert done.stderr.startswith("lostlink: the run ")
     assert "has no Zenoh beside it: fly it with --zenoh" in done.stderr
@@ -108,8 +106,8 @@ def test_who_would_join_a_run_without_zenoh_is_told(command: str, start_run: Sta
 def test_echo_ends_with_the_run_and_prints_json(processes: str, start_run: StartRun) -> None:
     run = start_run("--zenoh", "--processes", processes, "--speed", "4", duration_s=20.0, scenario=STILL)
     run.wait_for("sim time")
-    command = [*LOSTLINK, "echo", "lostlink/**", "--json", "--connect", run.endpoint]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    command = ["echo", "lostlink/**", "--json", "--connect", run.endpoint]
+    done = run_lostlink(*command, timeout=60)
     assert done.returncode == 0, done.stderr
     kinds = {json.loads(line).get("type") for line in done.stdout.splitlines()}
     assert {"lostlink_msgs/msg/Clock", "lostlink_msgs/msg/Truths"} <= kinds
@@ -117,9 +115,7 @@ def test_echo_ends_with_the_run_and_prints_json(processes: str, start_run: Start
 
 
 def test_echo_without_a_run_says_so(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [*LOSTLINK, "echo", "lostlink/**", "--out", str(tmp_path)], capture_output=True, text=True, timeout=30
-    )
+    done = run_lostlink("echo", "lostlink/**", "--out", str(tmp_path), timeout=30)
     assert done.returncode == 1
     assert "no run goes on" in done.stderr
     assert "Traceback" not in done.stderr

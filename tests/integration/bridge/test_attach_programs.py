@@ -20,6 +20,7 @@ import pytest
 from lostlink import load_run
 from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
 from tests.integration.lostlink.namespaces import WHY_NO_NAMESPACE
+from tests.warm import run_lostlink
 
 PROGRAMS = Path(__file__).parent / "attached"
 TICK_NS = 50_000_000
@@ -126,9 +127,9 @@ def stopped(run: Run) -> dict[str, Any]:
 
 def refly(run: Run, *arguments: str) -> str:
     """Fly it again; what the command says."""
-    command = [*LOSTLINK, "refly", str(run.directory), "--out", str(run.out.parent / "again"), "--quiet"]
+    command = ["refly", str(run.directory), "--out", str(run.out.parent / "again"), "--quiet"]
     command += ["--zenoh-port", "0", "--first-slot", str(run.slot), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    done = run_lostlink(*command, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

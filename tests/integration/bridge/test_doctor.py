@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import LOSTLINK, STILL
+from tests.warm import run_lostlink
+
+from .conftest import STILL
 
 MANY = "processes: many\n"
 
 
 def doctor(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*LOSTLINK, "doctor", *arguments], cwd=cwd, capture_output=True, text=True, timeout=60
-    )
+    return run_lostlink("doctor", *arguments, cwd=cwd, timeout=60)
 
 
 def test_all_is_well_where_the_ports_are_free(tmp_path: Path, free_slot: Callable[[int], int]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import socket
-import subprocess
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +21,8 @@ from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
 from channel.link.radio import Radio
 from channel.presets import radio_from_mapping
-from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.integration.bridge.conftest import STILL, Run, StartRun
+from tests.warm import run_lostlink
 
 FADING = {
     "preset": "corrected",
@@ -202,8 +202,8 @@ def test_a_killed_run_leaves_all_but_its_last_second(start_run: StartRun) -> Non
     assert ticks[::2].tolist() == [50_000_000 * n for n in range(len(ticks[::2]))]
     assert ticks[-1] > 8_000_000_000
     assert not TRUTH.parquet_path(run.directory).exists()
-    command = [*LOSTLINK, "export", str(run.directory), "--csv", "--parquet"]
-    subprocess.run(command, check=True, timeout=60)
+    command = ["export", str(run.directory), "--csv", "--parquet"]
+    run_lostlink(*command, check=True, timeout=60)
     lines = (run.directory / "deliveries.csv").read_text().splitlines()
     assert int(lines[-1].split(",")[0]) > 8_000_000_000
     assert pq.read_metadata(DELIVERIES.parquet_path(run.directory)).num_rows == len(lines) - 1

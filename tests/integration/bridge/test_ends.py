@@ -24,6 +24,7 @@ from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.conftest import LOSTLINK, PROGRAM, STILL, Run, StartRun
+from tests.warm import run_lostlink
 
 LONG_S = 36_000.0
 """Sim time that no run of these reaches."""
@@ -86,7 +87,7 @@ def assert_tables_are_whole(run: Run) -> int:
 def test_a_signal_ends_a_run_at_any_time(
     start_run: StartRun, processes: str, number: signal.Signals, after_s: float
 ) -> None:
-    run = start_run(processes=processes, duration_s=LONG_S)
+    run = start_run(processes=processes, duration_s=LONG_S, anew=True)
     wait_until_it_is_heard(run, number)
     time.sleep(after_s)  # that moment, not a wait for something
     children = run.children()
@@ -163,7 +164,7 @@ def test_a_signal_while_the_record_is_written_is_told_with_what_to_do(
     export = f"lostlink export {run} --parquet --mcap"
     assert done.stderr.startswith(f"lostlink: interrupted while it {doing}; `{export}` writes "), done.stderr
     assert "Traceback" not in done.stderr
-    subprocess.run([*LOSTLINK, *export.split()[1:]], check=True, timeout=60)
+    run_lostlink(*export.split()[1:], check=True, timeout=60)
     assert DELIVERIES.parquet_path(run).exists()
     assert (run / "run.mcap").exists()
 
@@ -217,6 +218,32 @@ def test_a_closed_terminal_ends_a_run_in_order(tmp_path: Path, free_slot: Callab
     assert not [child for child in children if child.is_running()]
     (directory,) = tmp_path.iterdir()
     assert json.loads((directory / "summary.json").read_text())["ending"] == "interrupted"
+
+
+TAKEN_LATER = """\
+import sys
+import bridge.fleet.preflight.preflight as preflight
+from lostlink.cli.main import main
+
+preflight.conflicts = lambda uses: []  # the port is taken by the time that it is bound
+main()
+"""
+
+
+@slow_if_many
+def test_a_port_that_is_taken_after_the_look_at_it_is_no_start(
+    tmp_path: Path, free_slot: Callable[[int], int], processes: str
+) -> None:
+    slot = free_slot(2)
+    options = [f"--out={tmp_path}", f"--first-slot={slot}", f"--processes={processes}"]
+    with socket.create_server(("127.0.0.1", 6760 + 10 * slot)):
+        done = subprocess.run(
+            [sys.executable, "-c", TAKEN_LATER, "run", *options], capture_output=True, text=True, timeout=60
+        )
+    assert done.returncode == 2
+    assert f"TCP port {6760 + 10 * slot} (MAVLink server of UA 0) is in use by python" in done.stderr
+    (directory,) = tmp_path.iterdir()
+    assert f"TCP port {6760 + 10 * slot}" in json.loads((directory / "summary.json").read_text())["error"]
 
 
 OWN = """\
@@ -446,7 +473,7 @@ def test_a_full_disk_ends_the_run_and_says_so(start_run: StartRun, processes: st
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, limits[1]))
     try:
-        run = start_run("--no-mcap", processes=processes, duration_s=LONG_S)
+        run = start_run("--no-mcap", processes=processes, duration_s=LONG_S, anew=True)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     run.wait_for("sim time")

@@ -20,7 +20,8 @@ from bridge.record.tables.schema import NED
 from bridge.record.tables.truth import TRUTH
 from bridge.scenario.file import SCENARIOS
 from lostlink.cli.flying.check import check
-from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+from tests.integration.bridge.conftest import Run, StartRun
+from tests.warm import run_lostlink
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SHIPPED = Path(str(SCENARIOS))
@@ -77,7 +78,6 @@ def fly(tmp_path: Path, free_slot: Callable[[int], int]) -> Fly:
         file = next(file for file in FILES if file.stem == name)
         slot = free_slot(6)
         command = [
-            *LOSTLINK,
             "run",
             str(file),
             "--out",
@@ -149,9 +149,7 @@ def test_an_acceptance_run_is_accepted_and_a_stricter_one_is_not(fly: Fly, tmp_p
     stricter.write_text(
         f"extends: {EXAMPLES / 'acceptance.yaml'}\nexpectations: [{{type: separation, at_least_m: 150}}]\n"
     )
-    done = subprocess.run(
-        [*LOSTLINK, "judge", str(run), str(stricter)], capture_output=True, text=True, check=False
-    )
+    done = run_lostlink("judge", str(run), str(stricter))
     assert done.returncode == 3
     truth = read_columns(run, TRUTH)
     position_ned_m = np.column_stack([truth[f"position_{axis}_m"] for axis in NED])

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from lostlink import fly, load_run
+from tests import warm
 
 CLASS = f"{Path(__file__).with_name('mavlink_agent.py')}:Frames"
 LINK = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
@@ -41,7 +41,7 @@ def order(tmp_path: Path, slot: int, queue: dict[str, Any]) -> list[int]:
             {"id": "g1", "kind": "ground", "place": {"north_m": 50.0}, "agent": agent},
         ],
     }
-    found = load_run(fly(scenario, directory=tmp_path).path).packets
+    found = warm.flown(scenario, tmp_path / "run").packets
     came = found[(found.channel == "mavlink") & (found.fate == "delivered")].sort_values("arrived_ns")
     numbers: list[int] = (came.seq - came.seq.min()).tolist()
     return numbers

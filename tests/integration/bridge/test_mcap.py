@@ -17,8 +17,9 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from lostlink import RunResult, fly
-from tests.integration.bridge.conftest import LOSTLINK, STILL
+from tests.integration.bridge.conftest import STILL
 from tests.unit.lostlink.export.mcap.files import Read, read_mcap
+from tests.warm import run_lostlink
 
 AGENT = """\
 import math
@@ -184,8 +185,8 @@ def _export(result: RunResult, before: Read) -> None:
     )
     options += " --size packets=2000"
     folder = result.path / "again"
-    command = [*LOSTLINK, "export", str(result.path), *options.split(), "--out", str(folder)]
-    subprocess.run(command, check=True, capture_output=True)
+    command = ["export", str(result.path), *options.split(), "--out", str(folder)]
+    run_lostlink(*command, check=True)
     read = read_mcap(folder / "run.mcap")
     assert read.counts == read.statistics
     assert read.counts["/ua_0/truth"] == before.counts["/clock"]
@@ -229,7 +230,7 @@ def test_a_killed_run_is_there_up_to_its_last_second(tmp_path: Path, scenario: d
     (run,) = (tmp_path / "runs").iterdir()
     assert not (run / "summary.json").exists()
     assert (run / "truth.journal").exists()
-    subprocess.run([*LOSTLINK, "export", str(run), "--mcap"], check=True, capture_output=True)
+    run_lostlink("export", str(run), "--mcap", check=True)
     read = read_mcap(run / "run.mcap")
     earliest_ns = 6_000_000_000 - 2 * 2 * 1_000_000_000  # two seconds of wall time at speed 2
     for topic in (

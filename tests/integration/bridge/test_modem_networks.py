@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from standin.vehicle.parameters import TABLE
-from tests.integration.bridge.conftest import LOSTLINK
 from tests.integration.bridge.scripted_station import Said, flown, out_of
+from tests.warm import run_lostlink
 
 SCENARIO = """schema: 1
 name: {name}
@@ -68,9 +67,9 @@ def lost_share(summary: dict[str, Any]) -> float:
 
 
 def flown_again(run: Path, tmp_path: Path, slot: int, processes: str = "auto") -> dict[str, Any]:
-    command = [*LOSTLINK, "refly", str(run), "--out", str(tmp_path / "again"), "--json"]
+    command = ["refly", str(run), "--out", str(tmp_path / "again"), "--json"]
     command += ["--first-slot", str(slot), "--zenoh-port", "0", "--processes", processes]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = run_lostlink(*command)
     assert done.returncode == 0, done.stderr
     content: dict[str, Any] = json.loads(done.stdout)
     return content

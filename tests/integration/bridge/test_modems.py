@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import socket
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,7 +25,8 @@ from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from lostlink import load_run
 from standin.vehicle.parameters import TABLE
-from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+from tests.integration.bridge.conftest import Run, StartRun
+from tests.warm import run_lostlink
 
 ITEMS = 20
 SPEED = 4
@@ -188,9 +188,9 @@ def started(start_run: StartRun, duration_s: float, power_dbm: float = 20.0) -> 
 
 
 def refly(run: Run, tmp_path: Path, slot: int, processes: str) -> dict[str, Any]:
-    command = [*LOSTLINK, "refly", str(run.directory), "--out", str(tmp_path / "again"), "--json"]
+    command = ["refly", str(run.directory), "--out", str(tmp_path / "again"), "--json"]
     command += ["--first-slot", str(slot), "--zenoh-port", "0", "--processes", processes]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=280)
+    done = run_lostlink(*command, timeout=280)
     assert done.returncode == 0, done.stderr
     content: dict[str, Any] = json.loads(done.stdout)
     return content
@@ -237,8 +237,8 @@ def test_what_comes_out_is_what_arrived_on_the_air(start_run: StartRun) -> None:
     assert len(of_the_air) > 100
     assert of_the_air == [payloads[seq] for seq in order][: len(of_the_air)]
     assert len(order) - len(of_the_air) < 20  # what is on the serial line when the run ends
-    command = [*LOSTLINK, "redecide", str(run.directory)]
-    anew = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    command = ["redecide", str(run.directory)]
+    anew = run_lostlink(*command, timeout=120)
     assert "fates are the same, with their powers and error rates" in anew.stdout, anew.stderr
 
 

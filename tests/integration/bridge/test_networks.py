@@ -15,8 +15,9 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from lostlink import Run, fly, load_run, redecide
+from lostlink import Run, redecide
 from lostlink.compare.compare import compare
+from tests import warm
 from tests.integration.bridge.test_air import FLAT, RADIO, node, rows, told
 
 TELEMETRY = RADIO | {"mtu_bytes": 200, "medium": {"model": "airtime"}}
@@ -43,7 +44,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Flown:
             "ports": {"first_slot": free_slot(1), "zenoh": 0},
             "nodes": nodes,
         } | more
-        return load_run(fly(scenario, directory=tmp_path / str(next(NUMBERS))).path)
+        return warm.flown(scenario, tmp_path / str(next(NUMBERS)))
 
     return flown
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from bridge.record.packets import packets_of
 from bridge.record.streams import entries_of
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
-from tests.integration.bridge.conftest import LOSTLINK
+from tests.warm import run_lostlink
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples"
@@ -51,10 +50,10 @@ def fly(
     tmp_path: Path, slot: int, processes: str, *arguments: str, duration_s: float = 8.0
 ) -> dict[str, Any]:
     """The summary of a run."""
-    command = [*LOSTLINK, "run", *arguments, "--json", "--duration", str(duration_s), "--speed", "max"]
+    command = ["run", *arguments, "--json", "--duration", str(duration_s), "--speed", "max"]
     command += ["--processes", processes, "--out", str(tmp_path / processes), "--no-figure", "--no-mcap"]
     command += ["--set", "ports.zenoh=0", "--first-slot", str(slot)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=300)
+    done = run_lostlink(*command, cwd=ROOT, timeout=300)
     assert done.stdout, done.stderr
     summary: dict[str, Any] = json.loads(done.stdout)
     assert summary["ending"] in ("done", "duration"), summary["error"]
@@ -131,8 +130,8 @@ def test_forked_from_the_command_or_started_anew_it_is_the_same_run(
     ids=lambda text: text.split("=")[0],
 )
 def test_what_asks_for_processes_gets_them_or_is_told(setting: str, tmp_path: Path) -> None:
-    command = [*LOSTLINK, "check", "separation", "--set", setting, "--set", "processes=one"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    command = ["check", "separation", "--set", setting, "--set", "processes=one"]
+    done = run_lostlink(*command, timeout=60)
     assert done.returncode == 2
     assert "processes: one, and" in done.stderr
 

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from channel.presets import load_radio, preset_names
-from lostlink import Run, fly, load_run
+from lostlink import Run
+from tests import warm
 from tests.integration.bridge.test_air import FLAT, balances, node
 
 SIK = ("telemetry-915", "sik-433", "sik-868", "rfd900x")
@@ -68,7 +69,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[[str], Ru
             "radio": {"preset": preset, "base_loss": 0.0, "bursts": {"model": "none"}},
             "nodes": nodes,
         }
-        return load_run(fly(scenario, directory=tmp_path / "run").path)
+        return warm.flown(scenario, tmp_path / "run")
 
     return flown
 

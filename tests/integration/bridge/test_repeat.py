@@ -18,8 +18,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect as open_stream
 
 from bridge.record.tables.deliveries import DELIVERIES
-from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.integration.bridge.conftest import STILL, Run, StartRun
 from tests.unit.bridge.record.runs import change_table
+from tests.warm import run_lostlink
 
 ROOT = Path(__file__).parents[3]
 HOLD = STILL.replace("{{type: still}}", "{{type: hold, altitude_m: 15}}")
@@ -248,11 +249,11 @@ def test_two_runs_beside_each_other_are_compared_by_the_command(start_run: Start
     runs = [start_run(duration_s=2.0, scenario=HOLD) for _ in range(2)]
     for run in runs:
         assert run.finish() == 0, run.output.decode()
-    command = [*LOSTLINK, "compare", *(str(run.directory) for run in runs)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    command = ["compare", *(str(run.directory) for run in runs)]
+    done = run_lostlink(*command, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("identical")
     change_table(runs[1].directory, 10, DELIVERIES, fate="burst")
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = run_lostlink(*command, timeout=60)
     assert done.returncode == 1
     assert "deliveries, fate in row 10" in done.stdout

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import threading
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ from bridge.record.tables.deliveries import DELIVERIES
 from lostlink.redecision.redecide import redecide
 from lostlink.redecision.rewrite import write_deliveries
 from lostlink.replay.player import Player
-from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.integration.bridge.conftest import STILL, Run, StartRun
+from tests.warm import run_lostlink
 
 LOCALISE = Path(__file__).parents[3] / "examples" / "localise" / "localise.yaml"
 FLYING = STILL.replace(
@@ -115,8 +115,8 @@ def is_the_same_again(scenario: str, tmp_path: Path, slot: int) -> None:
         "0",
         "--quiet",
     )
-    command = [*LOSTLINK, "run", scenario, "--out", str(tmp_path / "runs"), *options]
-    assert subprocess.run(command, timeout=280, check=False).returncode == 0
+    command = ["run", scenario, "--out", str(tmp_path / "runs"), *options]
+    assert run_lostlink(*command, timeout=280).returncode == 0
     (run,) = (tmp_path / "runs").iterdir()
     assert decided_again(run, tmp_path / "again") == DELIVERIES.parquet_path(run).read_bytes()
     assert redecide(run).comparison.fates > 1000

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +14,8 @@ import yaml
 
 from lostlink import fly, load_run
 from lostlink.report.tracks import tracks_of
-from tests.integration.bridge.conftest import LOSTLINK, STILL, StartRun
+from tests.integration.bridge.conftest import STILL, StartRun
+from tests.warm import run_lostlink
 
 LOSING = {
     "radio": {"preset": "moon2020", "base_loss": 0.2},
@@ -27,7 +27,7 @@ LOSING = {
 
 
 def report_of(path: Path) -> dict[str, Any]:
-    done = subprocess.run([*LOSTLINK, "report", str(path), "--json"], capture_output=True, check=True)
+    done = run_lostlink("report", str(path), "--json", check=True)
     content: dict[str, Any] = json.loads(done.stdout)
     return content
 

@@ -13,11 +13,12 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from lostlink import Run, ScenarioError, fly, load_run, redecide
+from lostlink import Run, ScenarioError, load_run, redecide
 from lostlink.compare.compare import compare
 from lostlink.redecision.rewrite import write_run
 from lostlink.report.content import content_of
 from lostlink.report.page.page import page_of
+from tests import warm
 
 CLASS = f"{Path(__file__).with_name('air_agents.py')}:Scripted"
 RADIO = {"preset": "disk", "frequency_hz": 915e6, "bit_rate_bps": 64e3, "max_range_m": 150.0}
@@ -57,7 +58,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Fly:
             "radio": RADIO | {"medium": medium, "routing": routing},
             "nodes": nodes,
         } | more
-        return load_run(fly(scenario, directory=tmp_path / f"{len(list(tmp_path.iterdir()))}").path)
+        return warm.flown(scenario, tmp_path / f"{len(list(tmp_path.iterdir()))}")
 
     return flown
 

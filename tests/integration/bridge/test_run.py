@@ -19,6 +19,7 @@ from bridge.bus.session import Stamp
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.scenario.file import SCENARIOS
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.warm import run_lostlink
 
 
 def rows_of(run: Run) -> list[dict[str, Any]]:
@@ -94,7 +95,7 @@ def test_default_scenario_agrees_with_the_model_as_does_the_papers_radio_over_it
     tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
     more = ("--out", str(tmp_path / "runs"), "--first-slot", str(free_slot(2)), "--zenoh-port", "0", "--json")
-    done = subprocess.run([*LOSTLINK, "run", *more], capture_output=True, text=True, timeout=280)
+    done = run_lostlink("run", *more, timeout=280)
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert (summary["ending"], summary["unfinished"], summary["refused"]) == ("done", [], {})
@@ -146,9 +147,10 @@ def test_run_that_fails_before_sim_time_begins_leaves_a_summary(start_run: Start
 def lostlink(
     *arguments: str, cwd: Path, env: dict[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*LOSTLINK, *arguments], cwd=cwd, env=env, capture_output=True, text=True, timeout=60
-    )
+    if env is None:
+        return run_lostlink(*arguments, cwd=cwd, timeout=60)
+    command = [*LOSTLINK, *arguments]
+    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=60)
 
 
 def test_mistake_in_the_scenario_ends_with_status_2_and_its_place(tmp_path: Path) -> None:

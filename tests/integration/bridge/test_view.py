@@ -20,9 +20,10 @@ from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, decode
 from bridge.bus.session import Sample
 from lostlink.view.picture.whole import UNKNOWN
-from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.integration.bridge.conftest import STILL, Run, StartRun
 from tests.integration.bridge.view import View, serving
 from tests.unit.lostlink.replay.flown import flown, scenario_of
+from tests.warm import run_lostlink
 
 LOGGER = """\
 import math
@@ -93,8 +94,8 @@ def test_frames_tell_where_everybody_is(view: View) -> None:
 @pytest.mark.slow
 def test_a_run_that_was_over_before_it_was_looked_at_holds_nobody_up(record: Path) -> None:
     """As `lostlink run --view` starts it, of a run that took a second or broke off at once."""
-    command = [*LOSTLINK, "view", str(record), "--port", "0", "--wait"]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=30)
+    command = ["view", str(record), "--port", "0", "--wait"]
+    ended = run_lostlink(*command, timeout=30)
     assert (ended.returncode, ended.stdout) == (0, "")
     assert "the run was over before it could be looked at" in ended.stderr
 
@@ -108,9 +109,7 @@ def test_a_page_may_be_late_for_long(view: View) -> None:
 
 @pytest.mark.slow
 def test_beyond_this_machine_a_token_is_needed(record: Path) -> None:
-    without = subprocess.run(
-        [*LOSTLINK, "view", str(record), "--host", "0.0.0.0"], capture_output=True, text=True
-    )
+    without = run_lostlink("view", str(record), "--host", "0.0.0.0")
     assert without.returncode == 2
     assert "it needs a token" in without.stderr
     token = "a-token-of-this-test"
@@ -128,7 +127,7 @@ def test_beyond_this_machine_a_token_is_needed(record: Path) -> None:
 
 
 def test_what_cannot_be_looked_at_is_told(tmp_path: Path) -> None:
-    ended = subprocess.run([*LOSTLINK, "view", str(tmp_path)], capture_output=True, text=True)
+    ended = run_lostlink("view", str(tmp_path))
     assert ended.returncode == 1
     assert ended.stderr.startswith("lostlink: ")
     assert str(tmp_path) in ended.stderr

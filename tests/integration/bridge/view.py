@@ -9,7 +9,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.integration.bridge.conftest import LOSTLINK
+from tests.warm import Command
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,7 @@ class View:
 @contextmanager
 def serving(run: Path, *arguments: str) -> Iterator[View]:
     """Serve a view of ``run`` at any free port."""
-    command = [*LOSTLINK, "view", str(run), "--port", "0", *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = Command("view", run, "--port", "0", *arguments, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
         line = process.stdout.readline()

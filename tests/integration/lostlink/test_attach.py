@@ -25,6 +25,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
 from lostlink.cli.live.attach import attach as attach_command
 from tests.integration.lostlink.namespaces import LOSTLINK, WHY_NO_NAMESPACE
+from tests.warm import Command
 
 SCENARIO = """\
 schema: 1
@@ -67,25 +68,22 @@ def run(tmp_path: Path) -> Iterator[Standing]:
         yield Standing(directory, router, lock.close)
 
 
-Attach = Callable[..., "subprocess.Popen[str]"]
+Attached = Command | subprocess.Popen[str]
+Attach = Callable[..., Attached]
 
 
 @pytest.fixture
 def attach(run: Standing) -> Iterator[Attach]:
     """Attach a program; whatever is left of it in the end is killed."""
-    started: list[subprocess.Popen[str]] = []
+    started: list[Attached] = []
 
-    def start(
-        *words: str, before: tuple[str, ...] = (), stdin: int = subprocess.DEVNULL
-    ) -> subprocess.Popen[str]:
-        line = [*before, *LOSTLINK, "attach", str(run.directory.path), "--node", *words]
-        process = subprocess.Popen(
-            line,
-            stdin=stdin,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
+    def start(*words: str, before: tuple[str, ...] = (), stdin: int = subprocess.DEVNULL) -> Attached:
+        line = ["attach", str(run.directory.path), "--node", *words]
+        files = {"stdin": stdin, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        process = (
+            subprocess.Popen([*before, *LOSTLINK, *line], **files, text=True, start_new_session=True)
+            if before
+            else Command(*line, **files, text=True, start_new_session=True)
         )
         started.append(process)
         return process
@@ -98,12 +96,12 @@ def attach(run: Standing) -> Iterator[Attach]:
         process.communicate()
 
 
-def ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+def ended(process: Attached) -> tuple[int, str, str]:
     out, err = process.communicate(timeout=WAIT_S)
     return process.returncode, out, err
 
 
-def first_line(process: subprocess.Popen[str]) -> str:
+def first_line(process: Attached) -> str:
     assert process.stdout is not None
     line = process.stdout.readline()
     assert line, process.communicate()[1]
@@ -124,7 +122,7 @@ subprocess.Popen(["sleep", "1000"], start_new_session=True)
 """Two processes in the background, one of the program's session and one of its own; each runs once it is started."""
 
 
-def refused(process: subprocess.Popen[str]) -> str:
+def refused(process: Attached) -> str:
     """The one line that it says when it could not attach anything."""
     status, out, err = ended(process)
     assert (status, out) == (125, "")

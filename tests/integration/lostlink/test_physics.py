@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from lostlink import fly
+from tests import warm
 from tests.integration.bridge.conftest import STILL
 
 Fly = Callable[..., pd.DataFrame]
@@ -31,9 +31,7 @@ def deliveries(tmp_path: Path, free_slot: Callable[[int], int]) -> Fly:
             STILL.format(speed="max", duration_s=duration_s, slot=free_slot(len(nodes)))
         )
         scenario |= {"radio": radio, "nodes": list(nodes), "fdm": {"standin_rate_hz": 100}} | changes
-        result = fly(scenario | {"figure": False}, directory=tmp_path)
-        assert result.ok, result.error
-        return pd.read_parquet(result.path / "deliveries.parquet")
+        return pd.read_parquet(warm.flown(scenario, tmp_path / "run").path / "deliveries.parquet")
 
     return flown
 
@@ -106,7 +104,7 @@ def test_ua_side_by_side_are_shadowed_alike_on_the_radio_and_in_their_sensors(
     place = {"north_m": 300.0, "height_m": 30.0}
     found = deliveries(radio, *pair, tower(**place), beacon | {"place": place}, duration_s=0.3)
     heard_dbm = found[found.tx == "tower"].groupby("rx").received_power_dbm.first()
-    [run] = tmp_path.iterdir()
+    [run] = (tmp_path / "run").iterdir()
     sensed_db = pd.read_parquet(run / "measurements.parquet").groupby("node").shadowing_db.first()
     for beside in (heard_dbm, sensed_db):
         assert abs(beside["0"] - beside["1"]) < 4.0 * 0.54

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from aps.status_view import ask_over_http, tables
+from aps.status_view import LEGEND, TROUBLES, ask_over_http, tables
 
 
 @contextmanager
@@ -85,3 +85,34 @@ def test_the_token_does_not_follow_a_redirect() -> None:
         assert told["error"] == f"it sends elsewhere, which is not followed: {place.decode()}"
         with pytest.raises(BlockingIOError):
             elsewhere.accept()
+
+
+def test_what_the_columns_mean_is_said_below_them_and_a_peer_is_shown_as_it_is() -> None:
+    outbox = dict.fromkeys(("written_frames", "dropped_full", "stalls"), 0)
+    framer = dict.fromkeys(("bad_crc", "skipped_bytes"), 0)
+    link = {
+        "role": "client",
+        "link": 1,
+        "peer": "tcp:[fe80::1]:5760",
+        "up": True,
+        "rate_in_hz": 1.0,
+        "frames_in": 2,
+    }
+    link |= dict.fromkeys(("lost_in", "throttled", "dropped_rate", "dropped_in", "dropped_out"), 0)
+    link |= {"outbox": outbox, "framer": framer}
+    state = {"heartbeat_age_s": 1.0, "mode": "GUIDED", "armed": False}
+    statistics = {
+        "routes": {},
+        "autopilot_links": [link],
+        "clients": [],
+        "other_systems": [],
+        "turned_away": 0,
+    }
+    told = {"name": "6760", "sysid": 1, "state": state, "statistics": statistics}
+    console = Console(width=300, record=True, file=io.StringIO())
+    console.print(tables([told]))
+    text = console.export_text()
+    assert text.count("tcp:[fe80::1]:5760") == 2
+    for column in ("turned away", "loops", "no route", "up", "ms", "lost", *TROUBLES):
+        assert column in LEGEND
+        assert column in text

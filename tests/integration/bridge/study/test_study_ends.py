@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from tests.integration.bridge.conftest import LOSTLINK
+from tests.warm import run_lostlink
 
 AGENT = """
 import os, signal
@@ -53,8 +52,8 @@ vary: {nodes.1.agent.options.does: [raise, die, break, nothing]}
 def test_a_run_that_fails_or_dies_costs_no_other(tmp_path: Path) -> None:
     for name, text in (("mine.py", AGENT), ("ends.yaml", SCENARIO), ("study.yaml", STUDY)):
         (tmp_path / name).write_text(text, encoding="utf-8")
-    command = [*LOSTLINK, "study", str(tmp_path / "study.yaml"), "--out", str(tmp_path), "--lanes", "1"]
-    flown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    command = ["study", str(tmp_path / "study.yaml"), "--out", str(tmp_path), "--lanes", "1"]
+    flown = run_lostlink(*command, timeout=120)
     rows = pq.read_table(tmp_path / "ends" / "metrics.parquet").to_pylist()
     cases = {row["nodes.1.agent.options.does"]: row for row in rows}
     folders = {does: tmp_path / "ends" / "runs" / row["id"] for does, row in cases.items()}

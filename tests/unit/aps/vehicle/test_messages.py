@@ -76,3 +76,10 @@ def test_a_message_is_sent_to_the_autopilot_unless_it_says_otherwise():
 def test_mistakes_of_the_caller_raise(arguments, text):
     with pytest.raises(ValueError, match=text):
         Bench().commands.start("send", *arguments)
+
+
+@pytest.mark.parametrize("param", [float("nan"), float("inf"), 1e39, 2.0**31, "1", True])
+def test_a_number_that_no_autopilot_can_read_says_so(param):
+    """Of 1e39 no message could be made, and the daemon ended."""
+    with pytest.raises(ValueError, match="param must be "):
+        Bench().commands.start("message", "MESSAGE_INTERVAL", param)

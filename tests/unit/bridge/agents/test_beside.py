@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from bridge.agents.beside import _TicksOnBus
+from bridge.agents.beside import FreeOutlet, _TicksOnBus
 from bridge.agents.client import UaClient
 from bridge.agents.radio import QueueState, UnicastReply
 from bridge.agents.running.feed import Arrivals
 from bridge.bus.keys import Keys
-from bridge.bus.messages import Clock, Header, Message, RadioStatus, encode
+from bridge.bus.messages import Clock, CommandEvent, CommandGoal, Header, Message, RadioStatus, encode
 from bridge.bus.reception import attachment
 from bridge.bus.session import Stamp
 
@@ -120,3 +120,14 @@ def put(bus: Bus, name: str, tick: int) -> None:
             bus.put(KEYS.clock_release, Header.at(now_ns, ""))
         case "before":
             bus.put(KEYS.clock_release, Header.at(now_ns - TICK_NS, ""))
+
+
+def test_a_command_that_does_not_exist_is_told_with_those_that_do() -> None:
+    """Nobody serves its key: the script was told that nobody carried it out to the end."""
+    events: list[CommandEvent | None] = []
+    session = SimpleNamespace(interest=lambda _key: None)
+    outlet = FreeOutlet(session, KEYS, "1", None, None)  # type: ignore[arg-type]
+    outlet.command("flyy", CommandGoal(), events.append)
+    assert events[0] is not None
+    assert events[0].outcome == "refused"
+    assert events[0].text.startswith("command 'flyy' is none of arm, disarm, mode, ")

@@ -56,3 +56,8 @@ async def test_what_is_no_number_is_told_by_its_name(wrong: Any) -> None:
 async def test_a_frame_that_is_none_is_told_with_all_that_there_are() -> None:
     with pytest.raises(ValueError, match="frame 'fleett' is none of fleet, origin, offset, body"):
         await Noted().goto_ned(1.0, 0.0, -5.0, frame="fleett")
+
+
+async def test_a_whole_number_that_no_float_can_hold_is_told_by_its_name() -> None:
+    with pytest.raises(ValueError, match="goto: lat_deg is more than a number can be: 1000"):
+        await Noted().goto(10**400, 8.0, 20.0)

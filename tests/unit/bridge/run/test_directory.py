@@ -59,3 +59,11 @@ def test_a_killed_run_is_over_whoever_has_its_number_now(run: RunDirectory) -> N
         process.send_signal(signal.SIGKILL)
     assert (run.path / LIVE_FILE).exists()
     assert not run.is_live
+
+
+def test_a_path_that_is_no_utf8_is_refused_before_anything_is_flown(tmp_path: Path) -> None:
+    """Parquet opens files by names in UTF-8 only: the run was flown, and its tables could not be written."""
+    parent = Path(os.fsdecode(os.fsencode(tmp_path) + b"/d\xff"))
+    with pytest.raises(OSError, match="is no path in UTF-8"):
+        RunDirectory.create(parent, "made")
+    assert not parent.exists()

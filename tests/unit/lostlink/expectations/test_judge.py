@@ -205,6 +205,9 @@ def several(run):
 def nothing(run):
     return float("nan")
 
+def quits(run):
+    raise SystemExit(3)
+
 def breaks(run):
     return 1 / 0
 
@@ -241,6 +244,7 @@ def test_function(tmp_path: Path, expectation: dict[str, Any], found: float | st
         ),
         ({"function": "nothing", "at_most": 1}, "gave nan; wanted is a number"),
         ({"function": "breaks", "at_most": 1}, "breaks raised ZeroDivisionError: division by zero"),
+        ({"function": "quits", "at_most": 1}, "quits raised SystemExit: 3"),
         ({"function": "ticks"}, "gave 20; wanted is True or False, or bounds for a number"),
         ({"function": "grows", "at_most": 1}, "gave True; wanted is a number"),
     ],

@@ -130,6 +130,9 @@ def test_what_is_no_waypoint_file(text, message):
             for other in (None, 3)
         ),
         (lambda plan: plan["rallyPoints"].update(points=[[1, 2]]), "a rally point has 3 numbers"),
+        (lambda plan: plan["rallyPoints"].update(points=[[1, 2, 10**400]]), "a rally point: .* too large"),
+        (lambda plan: plan["rallyPoints"].update(points=[[1, math.nan, 3]]), "3 numbers that are finite"),
+        (lambda plan: plan["mission"]["items"][0].update(params=[10**400] * 7), "item 0: params .* finite"),
         (
             lambda plan: plan["geoFence"].update(circles=[{"circle": {"center": [1, 2]}}]),
             "radius of a circle",

@@ -14,6 +14,8 @@ ITEMS = [
     )
     for n in range(200)
 ]
+RALLY_NOWHERE = {"command": 5100, "params": [0, 0, 0, 0, None, None, 9]}
+FENCE_AT_ZERO = {"command": "NAV_FENCE_POLYGON_VERTEX_INCLUSION", "params": [3, 0, 0, 0, 0, 0, 0]}
 
 
 def same(items, others):
@@ -158,6 +160,14 @@ def test_messages_for_other_stations_are_not_ours():
         (([{"command": "FLY", "params": [0] * 7}],), "item 0: 'FLY' is no MAV_CMD"),
         (([{"command": 16, "params": [0] * 6}],), "item 0: params must be a list of 7 numbers"),
         (([{"command": 16, "params": [0, 0, 0, 0, 91, 0, 0]}],), "no latitude and longitude"),
+        (([{"command": 16, "params": [1e39, 0, 0, 0, 47, 8, 0]}],), "item 0: params .* must be finite"),
+        (([{"command": 16, "params": [0, 0, 0, 0, 47, 8, -1e39]}],), "item 0: params .* must be finite"),
+        (([{"command": 16, "params": [10**400, 0, 0, 0, 47, 8, 0]}],), "item 0: params .* must be finite"),
+        (
+            ([{"command": 5100, "params": [0, 0, 0, 0, 47, 8, 9]}, RALLY_NOWHERE], "rally"),
+            "item 1: a rally item",
+        ),
+        (([FENCE_AT_ZERO], "fence"), "item 0: a fence item needs a latitude and a longitude, not both 0"),
         (([], "moon"), "kind 'moon' is none of mission, fence, rally"),
     ],
 )

@@ -110,6 +110,8 @@ def test_whole_numbers_are_kept_whole():
     [
         ("parameter_get", ("",), "no parameter's name"),
         ("parameter_get", ("RTL ALT",), "no parameter's name"),
+        ("parameter_get", ("HÖHE",), "no parameter's name"),
+        ("parameters_set", ({"RTL_ALT": 1.0, "HÖHE": 1.0},), "no parameter's name"),
         ("parameter_set", ("RTL_ALT", float("nan")), "must be a number, not nan"),
         ("parameter_set", ("RTL_ALT", 1e300), "too large"),
         ("parameters_set", (["RTL_ALT"],), "names and numbers"),
@@ -171,5 +173,7 @@ def test_parameter_files():
     ]
     with pytest.raises(ValueError, match="line 2: a name and a value"):
         read_parameters("A 1\nB\n")
+    with pytest.raises(ValueError, match=r"line 2: 1e\+39 is too large"):
+        read_parameters("A 1\nB 1e39\n")
     with pytest.raises(ValueError, match="line 1: nan is no value"):
         read_parameters("A nan\n")

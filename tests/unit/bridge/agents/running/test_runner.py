@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import math
 import re
 import sys
 import threading
@@ -143,6 +144,22 @@ def test_a_period_shorter_than_a_tick_comes_once_per_tick(flown: list[Flown]) ->
     flown.append(Flown(Hasty))
     flown[0].ticks(6)
     assert [tick for channel, tick in flown[0].sent if channel == "hasty"] == [0, 1, 2, 3, 4, 5]
+
+
+def test_periods_at_the_ends_of_what_numbers_can_say(flown: list[Flown]) -> None:
+    class Odd(Agent):
+        async def fly(self) -> None:
+            for wrong in (math.inf, math.nan, 0.0):
+                with pytest.raises(ValueError, match="above 0 s, and finite"):
+                    await anext(self.every(wrong))
+            with pytest.raises(ValueError, match="timeout_s has to be a number of seconds"):
+                await self.ua.wait_for(lambda _: False, timeout_s=math.nan)
+            async for _ in self.every(1e-12):
+                self.ua.transmit("hasty", b"")
+
+    flown.append(Flown(Odd))
+    flown[0].ticks(3)
+    assert [tick for channel, tick in flown[0].sent if channel == "hasty"] == [0, 1, 2]
 
 
 def test_random_numbers_are_those_of_run_and_node(flown: list[Flown]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import subprocess
 import sys
 from collections.abc import Callable, Coroutine
@@ -53,6 +54,14 @@ def test_a_period_of_one_tick_never_misses_one() -> None:
         return beats
 
     assert live(beat, ticks=2000) == list(range(1, 2001))
+
+
+def test_a_wait_of_nan_seconds_is_a_mistake_and_disorders_no_other() -> None:
+    async def wait(_loop: SimLoop) -> None:
+        with pytest.raises(ValueError, match="a wait of nan seconds"):
+            await asyncio.sleep(math.nan)
+
+    live(wait)
 
 
 def test_timeouts_of_asyncio_are_sim_time() -> None:
