@@ -9,7 +9,6 @@ from packet to packet as they should (`changes`). Each answer says which defect 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 
@@ -27,8 +26,8 @@ from channel.medium.judge.check import (
     Check,
     Unjudged,
     Verdict,
+    count_check,
     exact_check,
-    normal_check,
 )
 from channel.medium.judge.heard import HeardPower, heard_power
 from channel.medium.judge.places import PowersAtPlaces
@@ -39,7 +38,7 @@ from channel.numbers import special
 BIN_WIDTH_M = 20.0
 MAX_BINS = 8192
 LEAST_VARIANCE = 5.0
-"""Of a count of losses, below which it is not taken for normal."""
+"""Of a count of losses, below which it says nothing, and a bin's is not taken for normal."""
 MAX_LINKS = 128
 """So many have their powers judged."""
 LOOKS = 1000
@@ -67,6 +66,7 @@ class Judge:
         self._sent = np.zeros(MAX_BINS)
         self._expected = np.zeros(MAX_BINS)
         self._variance = np.zeros(MAX_BINS)
+        self._third = np.zeros(MAX_BINS)
         self._erased = np.zeros(MAX_BINS)
         self._heard = self._packets = 0
         self._impossible = 0
@@ -74,6 +74,7 @@ class Judge:
         self._base_packets = 0
         self._base_expected = 0.0
         self._base_variance = 0.0
+        self._base_third = 0.0
         self._off_noise = 0
         self._powers = _Powers(nodes, seed)
 
@@ -109,6 +110,7 @@ class Judge:
         self._sent += np.bincount(index, minlength=MAX_BINS)
         self._expected += np.bincount(index, per, MAX_BINS)
         self._variance += np.bincount(index, spread, MAX_BINS)
+        self._third += np.bincount(index, spread * (1.0 - 2.0 * per), MAX_BINS)
         self._erased += np.bincount(index, erased, MAX_BINS)
         self._count(per, spread, erased)
         self._powers.take(radio, links, mean_power_dbm, signal.received_power_dbm)
@@ -120,7 +122,9 @@ class Judge:
     def _take_base_losses(self, share: float, packets: int, lost: int) -> None:
         self._base_packets += packets
         self._base_expected += packets * share
-        self._base_variance += packets * share * (1.0 - share)
+        spread = share * (1.0 - share)
+        self._base_variance += packets * spread
+        self._base_third += packets * spread * (1.0 - 2.0 * share)
         self._base_losses += lost
 
     def _hear(self, off_db: FloatArray) -> None:
@@ -172,7 +176,9 @@ class Judge:
         sums, which = np.unique(group * MAX_BINS + index, return_inverse=True)
         bins = sums % MAX_BINS
         np.add.at(self._expected, bins, np.bincount(which, per))
-        np.add.at(self._variance, bins, np.bincount(which, per * (1.0 - per)))
+        spread = per * (1.0 - per)
+        np.add.at(self._variance, bins, np.bincount(which, spread))
+        np.add.at(self._third, bins, np.bincount(which, spread * (1.0 - 2.0 * per)))
 
     def verdict(self) -> Verdict:
         """Return what there is to say by now."""
@@ -185,7 +191,7 @@ class Judge:
     def _base(self) -> Iterator[Check | Unjudged]:
         off = self._base_losses - self._base_expected
         if self._base_packets:
-            yield _count_check("base loss", self._base_packets, off, self._base_variance)
+            yield _count_check("base loss", self._base_packets, off, (self._base_variance, self._base_third))
 
     def _draws(self) -> Iterator[Check | Unjudged]:
         if not self._heard:
@@ -197,7 +203,8 @@ class Judge:
             yield Unjudged("losses", "no packet was strong enough to be locked on to")
             return
         off = self._erased - self._expected
-        yield _count_check("losses", self._packets, float(off.sum()), float(self._variance.sum()))
+        moments = float(self._variance.sum()), float(self._third.sum())
+        yield _count_check("losses", self._packets, float(off.sum()), moments)
         enough = np.flatnonzero(self._variance >= LEAST_VARIANCE)
         if enough.size > 1:
             yield _bins_check(
@@ -238,14 +245,11 @@ def _base_losses(taken: Taken, rows: NDArray[np.intp], place: Ints) -> Iterator[
             yield at, int(sent[at]), int(lost[at])
 
 
-def _count_check(name: str, packets: int, off: float, variance: float) -> Check | Unjudged:
+def _count_check(name: str, packets: int, off: float, moments: tuple[float, float]) -> Check | Unjudged:
     """Return a check of how many packets were lost more than expected."""
-    if variance < LEAST_VARIANCE:
+    if moments[0] < LEAST_VARIANCE:
         return Unjudged(name, "too few packets with a chance of loss")
-    spread = math.sqrt(variance)
-    return normal_check(
-        name, packets, off / spread, f"{OFF_SHARE:.0%} of the packets", OFF_SHARE * packets / spread
-    )
+    return count_check(name, packets, off, moments, f"{OFF_SHARE:.0%} of the packets", OFF_SHARE * packets)
 
 
 def _bins_check(name: str, sent: FloatArray, off: FloatArray, variance: FloatArray) -> Check:
