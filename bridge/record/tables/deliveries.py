@@ -42,7 +42,7 @@ DELIVERIES: Final = Table(
         Column("snr_db", NUMBER, 1e3),
         Column("per", NUMBER, 1e7),
         Column("fate", LABEL),
-        *(Column(name, LABEL) for name in WORDS),
+        *(Column(name, LABEL, comes_up=True) for name in WORDS),
         Column("received_ns", TICK),
         *(Column(name, TICK) for name in INSTANTS),
         Column("attempts", COUNT),

@@ -87,6 +87,13 @@ def array_of(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence
     import pyarrow as pa
 
     packed = np.ascontiguousarray(values)
+    if column.comes_up:
+        found, first, which = np.unique(packed, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        places = np.argsort(order).astype(np.int16)[which]
+        return pa.DictionaryArray.from_arrays(
+            numbers(places), texts([labels[column.name][place] for place in found[order].tolist()])
+        )
     if column.dtype == LABEL:
         return pa.DictionaryArray.from_arrays(numbers(packed), texts(labels[column.name]))
     if column.is_text:

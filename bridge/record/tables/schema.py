@@ -35,11 +35,14 @@ class Column(NamedTuple):
         name: with its unit.
         dtype: in the journal, as numpy writes it; LABEL for names, TEXT_PREFIX and a length for text.
         steps_per_unit: numbers are rounded to whole steps of which one unit has so many; 0: they are kept as they are.
+        comes_up: its names are not known before rows have them: a file has those of its rows alone, in their order,
+            whoever met them first while the table was written.
     """
 
     name: str
     dtype: str
     steps_per_unit: float = 0.0
+    comes_up: bool = False
 
     @property
     def is_text(self) -> bool:

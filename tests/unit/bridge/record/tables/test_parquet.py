@@ -106,6 +106,23 @@ def test_bytes_follow_from_the_rows_alone(tmp_path: Path) -> None:
     assert_same(read(tmp_path / "a"), joined(ticks))
 
 
+def test_bytes_do_not_tell_who_met_a_word_first(tmp_path: Path) -> None:
+    """A run meets channels in the order in which packets are decided, a redecision in that of the table's rows."""
+    (tick,) = fleet_columns(3, 1)
+    rows = len(tick["tx"])
+    said = [("", "a", "b")[number % 3] for number in range(rows)]
+    for run, met in (("a", ["b", "nobody's", "a"]), ("b", [])):
+        words = Vocabulary()
+        words.places("channel", met)
+        writer = DeliveryWriter(tmp_path / run, list("012"), words)
+        writer.append(rows, **tick | {"channel": words.places("channel", said)})
+        writer.close()
+        finish_tables(tmp_path / run)
+    a, b = (DELIVERIES.parquet_path(tmp_path / run).read_bytes() for run in "ab")
+    assert a == b
+    assert pq.read_table(DELIVERIES.parquet_path(tmp_path / "a"))["channel"].to_pylist() == said
+
+
 def test_truth_has_all_of_its_message_to_the_last_bit(tmp_path: Path) -> None:
     writer = TruthWriter(tmp_path, NODES)
     rng = np.random.Generator(np.random.PCG64(1))
