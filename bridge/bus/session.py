@@ -111,6 +111,9 @@ def _config(settings: Iterable[tuple[str, Any]]) -> zenoh.Config:
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/gossip/enabled", "false")
     config.insert_json5("adminspace/enabled", "false")
+    config.insert_json5(
+        "transport/shared_memory/enabled", "false"
+    )  # it leaves a file in /dev/shm per process
     config.insert_json5("transport/link/tx/lease", str(int(LEASE_S * 1000)))
     for key, value in settings:
         config.insert_json5(key, json.dumps(value))

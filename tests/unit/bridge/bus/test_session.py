@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 from bridge.bus.session import _config
 from bridge.timeouts import LEASE_S
@@ -10,3 +12,20 @@ from bridge.timeouts import LEASE_S
 
 def test_a_neighbour_that_is_frozen_is_kept() -> None:
     assert json.loads(_config([]).get_json("transport/link/tx/lease")) == LEASE_S * 1000
+
+
+SHARED = """
+from pathlib import Path
+from bridge.bus.session import free_port, open_client, open_router
+endpoint = f"tcp/127.0.0.1:{free_port()}"
+with open_router(endpoint), open_client(endpoint):
+    print(".zenoh" in Path("/proc/self/maps").read_text())
+"""
+
+
+def test_nothing_is_left_in_shared_memory() -> None:
+    """Zenoh makes a file there per process, which it never removes; in a process of its own, as others make theirs."""
+    done = subprocess.run(
+        [sys.executable, "-c", SHARED], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout == "False\n"
