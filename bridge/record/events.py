@@ -46,7 +46,7 @@ class Reports:
 
     Attributes:
         counters: by process, then by name.
-        events: sorted by sim time.
+        events: sorted by sim time, of one instant by node.
         may_not_repeat: sentences, each once: why the same run may come out differently.
     """
 
@@ -171,7 +171,8 @@ def read_reports(run: Path) -> Reports:
         counters[file.stem] = own_counters
         events += own_events
         reasons |= dict.fromkeys(own_reasons)
-    return Reports(counters, tuple(sorted(events, key=lambda e: e.sim_time_ns)), tuple(reasons))
+    events.sort(key=lambda e: (e.sim_time_ns, len(e.node), e.node))  # whichever process told of it, and when
+    return Reports(counters, tuple(events), tuple(reasons))
 
 
 def _read(file: Path) -> tuple[dict[str, int], list[RunEvent], list[str]]:

@@ -123,3 +123,14 @@ def test_unreadable_report_becomes_an_event(tmp_path: Path, text: str) -> None:
 
 def test_run_without_reports_has_none(tmp_path: Path) -> None:
     assert read_reports(tmp_path).as_dict() == {"counters": {}, "events": (), "may_not_repeat": ()}
+
+
+def test_events_of_one_instant_are_by_node_whichever_process_told_first(tmp_path: Path) -> None:
+    for process, nodes in (("physics", ("10", "2")), ("another", ("", "0"))):
+        report = Report(tmp_path, process)
+        for node in nodes:
+            report.event(5, node, "joined", process)
+            report.event(5, node, "left", process)
+        report.close()
+    told = [(event.node, event.kind) for event in read_reports(tmp_path).events]
+    assert told == [(node, kind) for node in ("", "0", "2", "10") for kind in ("joined", "left")]
