@@ -17,7 +17,9 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -90,13 +92,19 @@ class Command:
         if stderr == subprocess.STDOUT:
             fds[2] = fds[1]
         _, self.stdout, self.stderr = ours
+        self._told: dict[IO[Any], bytes] = {pipe: b"" for pipe in ours if pipe is not None}
         self._end, theirs = socket.socketpair()
         order = json.dumps([self.args, str(cwd or Path.cwd()), start_new_session]).encode()
+        assert is_as_ever(), "in another environment a command is started anew"
         socket.send_fds(_nursery(), [order], [theirs.fileno(), *fds])
         theirs.close()
         for fd in opened:
             os.close(fd)
-        self.pid = int.from_bytes(self._end.recv(STATUS_BYTES, socket.MSG_WAITALL), "big")
+        told = self._end.recv(STATUS_BYTES, socket.MSG_WAITALL)
+        if not told:
+            _nursery.cache_clear()
+            raise RuntimeError("the process that commands are forked from is gone")
+        self.pid = int.from_bytes(told, "big")
 
     def wait(self, timeout: float | None = None) -> int:
         """Its exit status, or minus the signal that ended it."""
@@ -107,8 +115,7 @@ class Command:
             except (TimeoutError, BlockingIOError) as error:
                 raise subprocess.TimeoutExpired(self.args, timeout or 0.0) from error
             self._end.close()
-            assert told, "the process that commands are forked from is gone"
-            self.returncode = int.from_bytes(told, "big", signed=True)
+            self.returncode = int.from_bytes(told, "big", signed=True) if told else -signal.SIGKILL
         return self.returncode
 
     def poll(self) -> int | None:
@@ -120,13 +127,14 @@ class Command:
 
     def communicate(self, timeout: float | None = None) -> tuple[Any, Any]:
         """What it writes until its end."""
-        told: dict[IO[Any], bytes] = {pipe: b"" for pipe in (self.stdout, self.stderr) if pipe is not None}
+        until_s = None if timeout is None else time.monotonic() + timeout
+        told = self._told
         with selectors.DefaultSelector() as selector:
             for pipe in told:
                 if not pipe.closed:
                     selector.register(pipe, selectors.EVENT_READ)
             while selector.get_map():
-                ready = selector.select(timeout)
+                ready = selector.select(None if until_s is None else max(0.0, until_s - time.monotonic()))
                 if not ready:
                     raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
                 for key, _ in ready:
@@ -135,7 +143,7 @@ class Command:
                     if not chunk:
                         selector.unregister(key.fileobj)
                         key.fileobj.close()  # type: ignore[union-attr]
-        self.wait(timeout)
+        self.wait(None if until_s is None else max(0.0, until_s - time.monotonic()))
         out, err = (None if pipe is None else told[pipe] for pipe in (self.stdout, self.stderr))
         if self._text:
             out, err = (None if each is None else each.decode() for each in (out, err))  # type: ignore[assignment]
@@ -172,6 +180,7 @@ def run_lostlink(
         out, err = begun.communicate(timeout)
     except BaseException:
         begun.kill()
+        begun.communicate()
         raise
     done = subprocess.CompletedProcess(begun.args, begun.wait(), out, err)
     if check:
@@ -208,8 +217,8 @@ def _nursery() -> socket.socket:
     """Where orders go to."""
     orders, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     command = [sys.executable, "-P", "-c", "from tests.warm import main; main()", str(theirs.fileno())]
-    environment = {**os.environ, **of_runs(os.environ), "PYTHONPATH": str(Path(__file__).parents[1])}
-    process = subprocess.Popen(command, env=environment, pass_fds=[theirs.fileno()])
+    environment = {**_OURS, **of_runs(_OURS), "PYTHONPATH": str(Path(__file__).parents[1])}
+    process = subprocess.Popen(command, env=environment, pass_fds=[theirs.fileno()], start_new_session=True)
     theirs.close()
     atexit.register(lambda: (orders.close(), process.wait()))
     return orders
@@ -235,7 +244,7 @@ def main() -> None:
                         return
                     pid = fork(lambda order=order, fds=fds: _play(order, fds))  # type: ignore[misc]
                     told = socket.socket(fileno=fds[0])
-                    told.sendall(pid.to_bytes(STATUS_BYTES, "big"))
+                    _tell(told, pid)
                     for fd in fds[1:]:
                         os.close(fd)
                     running[watch := os.pidfd_open(pid)] = pid, told
@@ -246,7 +255,12 @@ def main() -> None:
                     os.close(key.fd)
                     status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
                     with told:
-                        told.sendall(status.to_bytes(STATUS_BYTES, "big", signed=True))
+                        _tell(told, status)
+
+
+def _tell(whoever: socket.socket, number: int) -> None:
+    with suppress(OSError):  # nobody waits for it any more
+        whoever.sendall(number.to_bytes(STATUS_BYTES, "big", signed=True))
 
 
 def _play(order: bytes, fds: list[int]) -> int:

@@ -30,7 +30,6 @@ class Books(NamedTuple):
         shares_draws: whether packets share what is drawn: then their ratio has no binomial interval.
         radio: name of the network.
         routing: what that cost; None: nodes do not hand packets on.
-        needs_preamble: whether packets may be too weak for their receivers to lock on to (`Medium.needs_preamble`).
     """
 
     ledger: Ledger
@@ -38,7 +37,6 @@ class Books(NamedTuple):
     shares_draws: bool = False
     radio: str = MAIN
     routing: RoutingCounts | None = None
-    needs_preamble: bool = False
 
 
 def write_ledger(

@@ -98,10 +98,7 @@ class RecordedRadio:
         self._written_ns = [0] * len(nodes)
         """Of each node's packets, the latest that was written: a free program's may be stamped ahead."""
         names_of_routed = [each.name for each in self._channels if each.routing is not None]
-        preambles = any(each.medium.needs_preamble for each in self._channels)
-        self._writer = DeliveryWriter(
-            run.path, nodes, self.core.words, routed=bool(names_of_routed), preambles=preambles
-        )
+        self._writer = DeliveryWriter(run.path, nodes, self.core.words, routed=bool(names_of_routed))
         self._routes = RouteWriter(run.path, nodes, names_of_routed) if names_of_routed else None
         self._sensors = SensorsOfRun.of(
             run, sensors_of(scenario), emitters_of(scenario), self._channels[0].medium
@@ -244,7 +241,6 @@ class RecordedRadio:
                 channel.shares_draws,
                 air.name,
                 channel.routing,
-                channel.medium.needs_preamble,
             )
             for air, channel in zip(self.core.airs, self._channels, strict=True)
         ]

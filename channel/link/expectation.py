@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from channel.checks import FloatArray
 from channel.config import RadioConfig
@@ -20,7 +21,12 @@ CURVE_STEPS_PER_DB = 50
 CURVE_STEP_DB = 1.0 / CURVE_STEPS_PER_DB
 CURVE_RANGE_DB = (-150.0, 400.0)
 LEAST_STEPS_PER_DB = 1000
-"""To which an SNR is rounded below which nothing comes, if it is one for all links; else to a step of the curves."""
+"""To which an SNR is rounded below which nothing comes."""
+LEVELS_PER_DB = 4.0
+"""Curves for such SNRs, where each link has one of its own."""
+LEVEL_ALONE = np.inf
+"""Of a curve over the SNR less that: errors play no part."""
+NEARLY_NONE = 1e-4
 FINER = 8
 """So many more panels has fading without shadowing where nothing comes below an SNR: its law is a stair there."""
 LEVEL = np.zeros(1)
@@ -123,12 +129,14 @@ class Expectation:
     ) -> FloatArray:
         """Return E[1 - PER] from curves in steps of 0.02 dB: fast, within 1e-5 of the quadrature.
 
-        With fading that depends on elevation, angles are rounded to whole degrees, and so is an SNR below which nothing
-        comes (``least_db``) to 0.02 dB, where it is not the same for all links.
+        With fading that depends on elevation, angles are rounded to whole degrees. With an SNR below which nothing
+        comes (``least_db``) it is within 0.01 of the quadrature.
         """
         if isinstance(least_db, np.ndarray) and least_db.ndim:
             return self._from_tables(snr_db, lengths, elevation_deg, least_db)
-        least = None if least_db is None else round(float(least_db) * LEAST_STEPS_PER_DB) / LEAST_STEPS_PER_DB
+        least = None if least_db is None else float(least_db)
+        if least is not None and least != LEVEL_ALONE:
+            least = round(least * LEAST_STEPS_PER_DB) / LEAST_STEPS_PER_DB
         if elevation_deg is None:
             which = self._curves.rows([(length, 0, least) for length in lengths.distinct], lengths.which)
             return self._curves.between(snr_db, which)
@@ -143,20 +151,47 @@ class Expectation:
     def _from_tables(
         self, snr_db: FloatArray, lengths: Lengths, elevation_deg: FloatArray | None, least_db: FloatArray
     ) -> FloatArray:
-        """As `from_table`, of links with an SNR each below which nothing comes."""
-        out = np.empty(np.shape(snr_db))
-        steps = np.rint(np.broadcast_to(least_db, out.shape) * CURVE_STEPS_PER_DB)
-        for step in np.unique(steps).tolist():
-            here = np.flatnonzero(steps == step)
+        """As `from_table`, of links with an SNR each below which nothing comes (`least_db`), from a few curves.
+
+        Where packets come through at that SNR for certain, the level alone decides; where none does, the error rate
+        alone. Between the two values are interpolated between levels 0.25 dB apart, each at the link's distance to it.
+        """
+        snr_db, least_db = np.broadcast_arrays(snr_db, least_db)
+        out = np.empty(snr_db.shape)
+        chance = 1.0 - self._config.error.per(least_db, self._bytes_of(lengths, out.shape), self._band)
+
+        def tabulated(here: NDArray[np.intp], at_db: FloatArray, least: float | None) -> FloatArray:
             angles = None if elevation_deg is None else np.broadcast_to(elevation_deg, out.shape)[here]
-            out[here] = self.from_table(snr_db[here], lengths.at(here), angles, step / CURVE_STEPS_PER_DB)
+            return self.from_table(at_db, lengths.at(here), angles, least)
+
+        never = np.flatnonzero(chance < NEARLY_NONE)
+        out[never] = tabulated(never, snr_db[never], None)
+        always = np.flatnonzero(chance > 1.0 - NEARLY_NONE)
+        out[always] = tabulated(always, snr_db[always] - least_db[always], LEVEL_ALONE)
+        some = np.flatnonzero((chance >= NEARLY_NONE) & (chance <= 1.0 - NEARLY_NONE))
+        place = least_db[some] * LEVELS_PER_DB
+        lower = np.floor(place)
+        out[some] = 0.0
+        for step in np.unique(np.concatenate((lower, lower + 1.0))).tolist():
+            weight = np.maximum(0.0, 1.0 - np.abs(place - step))
+            here = np.flatnonzero(weight)
+            links, level_db = some[here], step / LEVELS_PER_DB
+            at_db = snr_db[links] + (level_db - least_db[links])
+            out[links] += weight[here] * tabulated(links, at_db, level_db)
         return out
+
+    @staticmethod
+    def _bytes_of(lengths: Lengths, shape: tuple[int, ...]) -> FloatArray:
+        return np.broadcast_to(np.array(lengths.distinct, dtype=np.float64)[lengths.which], shape)
 
     def _make_curve(self, kind: tuple[int, int, float | None]) -> tuple[int, FloatArray]:
         """Return averages for length, elevation in degrees and least SNR, and where on the grid they begin."""
         length_bytes, degree, least_db = kind
         grid_db = np.arange(*CURVE_RANGE_DB, CURVE_STEP_DB)
-        success = 1.0 - self._config.error.per(grid_db, float(length_bytes), self._band)
+        if least_db == LEVEL_ALONE:
+            success, least_db = np.ones_like(grid_db), 0.0
+        else:
+            success = 1.0 - self._config.error.per(grid_db, float(length_bytes), self._band)
         if least_db is not None:  # at the step itself in part, so that on average it is where it should be
             success = success * np.clip((grid_db - least_db) * CURVE_STEPS_PER_DB + 0.5, 0.0, 1.0)
         is_stair = least_db is not None and not self._config.shadowing.is_random

@@ -147,7 +147,10 @@ class Sight:
     def from_table(
         self, snr_db: FloatArray, lengths: Lengths, path: Path, least_db: FloatArray | float | None = None
     ) -> FloatArray:
-        """Return E[1 - PER] from tables: fast, within 1e-5 of the quadrature, 2e-5 for a sigma that varies."""
+        """Return E[1 - PER] from tables: fast, within 1e-5 of the quadrature, 2e-5 for a sigma that varies.
+
+        With ``least_db`` within 0.01.
+        """
         elevation = path.elevation_deg if self._config.fading.by_elevation else None
         out = np.zeros(np.shape(snr_db))
         for chance, excess_db, sigma_db in self.states(path):

@@ -143,11 +143,6 @@ class Medium:
         return radio[node]
 
     @property
-    def needs_preamble(self) -> bool:
-        """Whether packets may be lost with `Fate.BELOW_PREAMBLE`."""
-        return self._settling.needs_preamble
-
-    @property
     def in_flight(self) -> int:
         """Number of fates that are still open, which is packets that wait for truth times their receivers."""
         return sum(int(self.addressees.count(part).sum()) for part in self._waiting)

@@ -107,11 +107,6 @@ class Settling:
         return tuple(sorted({source.slot_ns for source in sources if 0.0 < source.duty < 1.0}))
 
     @property
-    def needs_preamble(self) -> bool:
-        """Whether a packet may be too weak to be locked on to, but not for its error rate (`Radio.needs_preamble`)."""
-        return any(pair.radio.needs_preamble for pair in self._pairs)
-
-    @property
     def has_sources(self) -> bool:
         """Whether anything interferes."""
         return any(pair.radio.sources for pair in self._pairs)

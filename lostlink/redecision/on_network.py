@@ -103,7 +103,6 @@ class NetworkAnew:
             channel.shares_draws,
             channel.name,
             channel.routing,
-            channel.medium.needs_preamble,
         )
 
     def _at_once(self, packets: Packets) -> Iterator[tuple[Columns | None, int]]:

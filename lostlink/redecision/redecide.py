@@ -98,17 +98,12 @@ class Redecision:
         return any(each.routing is not None for each in self.books)
 
     @property
-    def needs_preamble(self) -> bool:
-        """Whether packets may be too weak for their receivers to lock on to."""
-        return any(each.needs_preamble for each in self.books)
-
-    @property
     def table(self) -> pa.Table:
         """The rows of `deliveries.parquet` as this radio has them (docs/reference/run-output.md)."""
         import pyarrow as pa
 
         words = Vocabulary()
-        fates = FatesInTable.of(routed=self.is_routed, preambles=self.needs_preamble)
+        fates = FatesInTable.of(routed=self.is_routed)
         columns = self.after.columns | self.facts.words(self.after.columns, words)
         columns |= {"fate": fates.places_of(columns["fate"])}
         names = labels_of(self.after.nodes) | {"fate": fates.names} | words.names

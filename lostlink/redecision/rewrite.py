@@ -70,9 +70,7 @@ def write_deliveries(
     """
     directory.mkdir(parents=True, exist_ok=True)
     words = Vocabulary()
-    writer = DeliveryWriter(
-        directory, result.after.nodes, words, routed=result.is_routed, preambles=result.needs_preamble
-    )
+    writer = DeliveryWriter(directory, result.after.nodes, words, routed=result.is_routed)
     try:
         for begin in range(0, len(result.after), ROWS_AT_ONCE):
             part = result.after.at(slice(begin, begin + ROWS_AT_ONCE))

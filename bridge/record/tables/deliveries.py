@@ -73,8 +73,6 @@ GAPS_FROM: Final = len(reception.FATES)
 """Fates from here on are not the channel's: such a row stands for packets that were lost before it."""
 OF_ROUTING: Final = frozenset(fate.value for fate in (reception.Fate.NO_ROUTE, reception.Fate.HOP_LIMIT))
 """Fates that only tables of runs have whose nodes hand packets on: others are as they were without these."""
-OF_PREAMBLES: Final = frozenset((reception.Fate.BELOW_PREAMBLE.value,))
-"""Likewise, of runs with receivers that may not lock on to what they could read."""
 
 
 class Gap(NamedTuple):
@@ -135,9 +133,9 @@ class FatesInTable(NamedTuple):
     places: NDArray[np.int16]
 
     @classmethod
-    def of(cls, *, routed: bool, preambles: bool) -> FatesInTable:
-        """Of a run whose nodes hand packets on, or not, and may lose preambles (`Medium.needs_preamble`), or not."""
-        absent = (frozenset() if routed else OF_ROUTING) | (frozenset() if preambles else OF_PREAMBLES)
+    def of(cls, *, routed: bool) -> FatesInTable:
+        """Of a run whose nodes hand packets on, or not."""
+        absent = frozenset() if routed else OF_ROUTING
         names = tuple(name for name in FATES if name not in absent)
         places = [names.index(name) if name in names else -1 for name in FATES]
         return cls(names, np.array(places, dtype=np.int16))
@@ -155,7 +153,6 @@ class DeliveryWriter:
         nodes: ids of all nodes.
         words: that rows have places in.
         routed: whether nodes hand packets on.
-        preambles: whether packets may be too weak for their receivers to lock on to (`Medium.needs_preamble`).
     """
 
     def __init__(
@@ -165,11 +162,10 @@ class DeliveryWriter:
         words: Vocabulary | None = None,
         *,
         routed: bool = False,
-        preambles: bool = False,
     ) -> None:
         self.everybody = len(nodes)
         self._words = words or Vocabulary()
-        self._fates = FatesInTable.of(routed=routed, preambles=preambles)
+        self._fates = FatesInTable.of(routed=routed)
         labels = labels_of(nodes) | {"fate": self._fates.names} | self._words.names
         self._writer = TableWriter(run, DELIVERIES, labels)
         self.flush, self.close = self._writer.flush, self._writer.close

@@ -9,9 +9,12 @@ import pytest
 from channel.access.settings.csma import CsmaMedium
 from channel.checks import FloatArray
 from channel.draws import Draws
+from channel.link.expectation import Expectation
 from channel.link.radio import Radio
+from channel.link.tables.lengths import Lengths
 from channel.medium.medium import Fate, Medium
 from channel.medium.simulate import simulate
+from channel.phy.error_model import Band
 from channel.presets import radio_from_mapping
 from tests.unit.channel.medium.one_by_one import settled
 
@@ -123,3 +126,19 @@ def test_a_medium_says_which_packets_were_too_weak() -> None:
     mixed.place("b", (25_000.0, 0.0, -40.0))  # -108.0 dBm
     mixed.send(mixed.packets(tx="a", seq=np.arange(3), length_bytes=30))
     assert {each.fate for each in settled(mixed)} == {Fate.DELIVERED}
+
+
+@pytest.mark.parametrize("fading", ["none", "rayleigh"])
+def test_a_level_for_each_link_needs_few_curves_and_is_near_the_quadrature(fading: str) -> None:
+    """Interference is another at each link and instant: a curve for each level would take seconds per tick."""
+    random = {"fading": {"model": fading}, "shadowing": {"model": "normal", "sigma_db": 4.0}}
+    one = Expectation(
+        radio(**random, error={"model": "uncoded-awgn", "modulation": "qpsk"}).config, Band(1e6, 1e6)
+    )
+    rng = np.random.Generator(np.random.PCG64(1))
+    least_db = rng.uniform(-30.0, 30.0, 500)
+    snr_db = least_db + rng.normal(0.0, 8.0, 500)
+    found = one.from_table(snr_db, Lengths.same(50), None, least_db)
+    exact = one.averaged(snr_db, np.array(50.0), np.array(0.0), least_db=least_db)
+    assert np.abs(found - exact).max() < 0.01
+    assert len(one._curves._rows) < 100
