@@ -22,7 +22,9 @@ class Manoeuvre:
     modes: tuple[str, ...] = ()
     """The modes that it flies it in."""
     last_modes: tuple[str, ...] = ()
-    """Of a mission: the modes that its last item may lead to."""
+    """Of a mission: the modes that its last item may lead to ..."""
+    return_modes: tuple[str, ...] = ()
+    """... and those of them that bring it home: no item is reached then, and a fixed wing circles there."""
     by_setpoints: bool = False
     """Whether we fly it, by setpoints that are repeated."""
     lead_s: float | None = None

@@ -206,7 +206,7 @@ class Px4Stack:
         """
         last = ("AUTO.RTL", "AUTO.LAND", "AUTO.PRECLAND", HOLD)
         begins = replace(self.mode_step(state, "AUTO.MISSION"), patience_s=MISSION_PATIENCE_S)
-        return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last)
+        return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",))
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:
         """MISSION_SET_CURRENT, which nothing acknowledges: not all versions know the command."""

@@ -183,6 +183,21 @@ def test_a_mission_goes_on_in_the_mode_of_its_last_item():
     assert flight.execution.result.reached
 
 
+def test_a_planes_mission_that_ends_with_a_return_is_done_over_home():
+    """PX4 reaches no item then and never says that it is complete: `RTL: completed, loitering`, and it circles."""
+    start = replace(HOVERS, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mission_current=0, mission_total=3)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.0, mode="AUTO.MISSION")
+    assert flight.execution.result is None, "over home on its way"
+    flight.run(1.0, mission_current=3, mission_reached=2, lat_deg=47.005, heard_ns={46: 9 * S})
+    flight.run(5.0, mode="AUTO.RTL")
+    assert flight.execution.result is None, "it is 560 m away"
+    flight.run(0.1, lat_deg=47.0007)
+    assert flight.execution.result.reached
+
+
 @pytest.mark.parametrize(("last", "first"), [(0, None), (3, 3)])
 def test_a_mission_from_its_last_item_flown_again_ends_with_it(last, first):
     """PX4 says neither a state of the mission nor, with one item, another number of it than after the flight before."""
