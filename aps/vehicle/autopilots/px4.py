@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
+from aps.vehicle.autopilots.autopilot import LOG_LIST, Circle, Manoeuvre, Target
 from aps.vehicle.commands import Step
 from aps.vehicle.events import METADATA_PATH
 from aps.vehicle.execution import Refusal
@@ -68,6 +68,9 @@ class Px4Stack:
     home_is_an_item = False
     bytewise_parameters = True
     packed_parameters = False
+    unrepeatable: Mapping[int, str] = {
+        LOG_LIST: "a client listed logs: LOG_ENTRY of PX4 has the times of files, by the machine's clock",
+    }
     events_path: str | None = METADATA_PATH
     stream_twins: Mapping[int, int | None] = {
         0: None,  # HEARTBEAT and
