@@ -171,9 +171,12 @@ class ArduPilotStack:
         return Manoeuvre((self.mode_step(state, mode),), (mode,))
 
     def mission(self, state: VehicleState) -> Manoeuvre:
-        """AUTO, and MISSION_START."""
+        """AUTO, and MISSION_START. An ArduPlane's last item that returns is the mode RTL, a copter's a part of AUTO."""
         start = optional(command_long(state, int(mavlink.MAV_CMD_MISSION_START)))
-        return Manoeuvre((self.mode_step(state, "AUTO"), start), ("AUTO",))
+        last = ("RTL",) if is_fixed_wing(state) else ()
+        return Manoeuvre(
+            (self.mode_step(state, "AUTO"), start), ("AUTO",), last_modes=last, return_modes=last
+        )
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:
         """DO_SET_MISSION_CURRENT."""
