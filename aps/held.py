@@ -33,6 +33,7 @@ from aps.links.kinds.held_udp import HeldUdpLink
 from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.timeouts import HELD_SILENCE_TIMEOUT_S
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.wire.framer import Frame
 
 __all__ = ["ExchangeCounters", "HeldDaemon"]
@@ -41,11 +42,6 @@ AUTOPILOT_ID: Final = 0
 """Id of the autopilot's link; an input's is 1 or higher."""
 _KINDS: Final = ("tcp", "udp-in")
 _EXCHANGE: Final = "exchange"
-_BY_THREAD: Final = {
-    110: "a client used MAVLink FTP, which ArduPilot answers from a thread of its own",
-    119: "a client downloaded a log, which ArduPilot reads in a thread of its own",
-}
-"""FILE_TRANSFER_PROTOCOL and LOG_REQUEST_DATA: what it says to them comes when the machine lets it."""
 
 _log = logging.getLogger(__name__)
 
@@ -129,8 +125,10 @@ class HeldDaemon(DaemonBase):
         """Called when an exchange finds that the autopilot has closed the connection: ``connect`` again."""
         self.on_wall_time: Callable[[str], None] | None = None
         """Called with the reason when the result may depend on wall time: the flight may not repeat."""
-        self.by_thread = dict(_BY_THREAD)
-        """By id of a message: the reason why a flight may not repeat once a client has sent one; reported once."""
+        self.has_machine = True
+        """Whether the autopilot has threads, files and a clock of the machine's, by which it answers some requests."""
+        self._asked: set[int] = set()
+        """Ids of such requests that clients have sent, and were reported: once each."""
         self.counters = ExchangeCounters()
         self._inputs = InputQueue()
         self._paused: list[Link] = []
@@ -322,13 +320,19 @@ class HeldDaemon(DaemonBase):
     def _take(self, item: Input, frame: Frame | None) -> None:
         if frame is not None:
             link = self.hub.links[item.link]
-            if frame.msg_id in self.by_thread and frame.target_system in (0, self.config.sysid):
-                self._wall_time(self.by_thread.pop(frame.msg_id))
+            if self.has_machine and frame.target_system in (0, self.config.sysid):
+                self._look_at_request(frame.msg_id)
             self.core.frames(link, [frame], self._now_ns)
         elif item.kind == "open":
             self.core.link_opened(self.links.links.get(item.link) or _nobody(item.link), self._now_ns)
         else:
             self.core.link_closed(item.link, self._now_ns)
+
+    def _look_at_request(self, msg_id: int) -> None:
+        reason = autopilot_of(self.state.autopilot).unrepeatable.get(msg_id)
+        if reason is not None and msg_id not in self._asked:
+            self._asked.add(msg_id)
+            self._wall_time(reason)
 
     def statistics(self) -> dict[str, Any]:
         """Counters of everything, as plain data."""

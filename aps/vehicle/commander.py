@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import inspect
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any, Final, TypeGuard
@@ -53,6 +54,11 @@ VERBS: Final[dict[str, Callable[..., CommandPlan | Execution]]] = {
     "send": messages.send,
 }
 """Verb -> what makes its plan or execution from the state and the command's arguments."""
+UPLOAD_REASON_NS: Final = 10_000_000_000
+"""For so long what was said since an upload began may be why the mission is refused: PX4 acknowledges the upload, then
+says what is wrong with it, once."""
+MOST_TEXTS: Final = 32
+"""That are kept of them."""
 _TAKES_OVER: Final = frozenset({FLIGHT, ARMING})
 """What a newer command takes from the one before; of anything else that is occupied it is refused."""
 
@@ -130,6 +136,8 @@ class Commander:
         self.on_flight: Callable[[str], None] = lambda _: None
         """Called with each flight command, before its first message: the mode with sticks in which it leaves the UA."""
         self._running: list[CommandHandle] = []
+        self._said: deque[tuple[int, StatusText]] | None = None
+        """What the autopilot has said since the latest upload of a mission began, and when."""
 
     @property
     def busy(self) -> bool:
@@ -231,6 +239,7 @@ class Commander:
         handle = CommandHandle(execution, self, on_progress, on_done)
         if execution.result is None:
             self._take_over(execution)
+            self._explain(execution)
             if isinstance(execution, CommandExecution) and execution.occupies == FLIGHT:
                 self.on_flight(execution.plan.stick_mode)
         self._running.append(handle)
@@ -291,6 +300,14 @@ class Commander:
             else:
                 older.interrupt(f"by {newer.verb}")
 
+    def _explain(self, newer: Execution) -> None:
+        """Tell a mission what was said to its upload."""
+        if isinstance(newer, transfer.UploadExecution):
+            self._said = deque(maxlen=MOST_TEXTS)
+        elif newer.verb == "mission" and isinstance(newer, CommandExecution) and self._said is not None:
+            since_ns = self._now_ns() - UPLOAD_REASON_NS
+            newer.follows(text for at_ns, text in self._said if at_ns >= since_ns)
+
     def complete(self, handle: CommandHandle) -> None:
         """Called by a handle: take a command that has ended off the list, and report its result."""
         if handle in self._running and handle.result is not None:
@@ -343,6 +360,8 @@ class Commander:
 
     def on_text(self, text: StatusText) -> None:
         """STATUSTEXT of the autopilot."""
+        if self._said is not None:
+            self._said.append((self._now_ns(), text))
         for running in self._running:
             running.execution.on_text(text)
 

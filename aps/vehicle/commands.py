@@ -12,7 +12,7 @@ still is again a matter of the daemon's: see ``timeouts``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -157,6 +157,8 @@ class CommandExecution(Execution):
         self._armed_seen = False
         self._left_ms: int | None = None
         self._rejection = ""
+        self._said_before: list[str] = []
+        """What may be the reason of a refusal to which nothing is said: of tries before, or of what led up to it."""
         self._silence_ns = round(silence_s * NS_PER_S)
         self._clock_ms = 0
         self._clock_ns = 0
@@ -195,6 +197,10 @@ class CommandExecution(Execution):
             self._waiting.texts.append(text.text)
         if text.text.startswith(self.plan.rejection_texts):
             self._rejection = text.text
+
+    def follows(self, texts: Iterable[StatusText]) -> None:
+        """What the autopilot has said to that which led up to this command, e.g. to the upload of a mission."""
+        self._said_before = _reasons(texts)
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
         """PARAM_VALUE of the autopilot."""
@@ -299,7 +305,8 @@ class CommandExecution(Execution):
             return False
         waiting.answer, waiting.in_progress, waiting.tries = None, False, 0
         waiting.deadline_ns = now_ns + round(AGAIN_S * NS_PER_S)
-        waiting.texts.clear()
+        self._said_before = waiting.texts or self._said_before
+        waiting.texts = []
         return True
 
     def _refused(self, result: int, now_ns: int) -> None:
@@ -308,7 +315,7 @@ class CommandExecution(Execution):
             waiting.refused_ns = now_ns
         if not waiting.texts and now_ns < self._reason_due_ns():
             return
-        words = "; ".join(waiting.texts)
+        words = "; ".join(waiting.texts or self._said_before)
         label = enum_label("MAV_RESULT", result)
         reason = f"{label}: {words}" if words else label
         name = enum_label("MAV_CMD", step.command or 0)
@@ -389,3 +396,8 @@ class CommandExecution(Execution):
 
     def _words(self) -> str:
         return f" ({self._waiting.texts[-1]})" if self._waiting.texts else ""
+
+
+def _reasons(texts: Iterable[StatusText]) -> list[str]:
+    """Those that may be one, each once."""
+    return list(dict.fromkeys(text.text for text in texts if text.severity <= MAX_REASON_SEVERITY))

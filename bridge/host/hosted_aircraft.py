@@ -79,7 +79,7 @@ class HostedAircraft(HostedNode):
         self.daemon.on_bytes = record.write_mavlink
         self.daemon.on_wall_time = record.may_not_repeat
         if kind == "standin":
-            self.daemon.by_thread.clear()  # it has no threads, refuses files and has no logs
+            self.daemon.has_machine = False  # it has no threads, refuses files and has no logs
         self.daemon.on_link_down = self._link_down
         self.daemon.on_failure = self._cannot_go_on
         self.daemon.on_input = self.node.client_did

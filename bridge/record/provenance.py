@@ -124,10 +124,10 @@ def px4_origin(binary: Path) -> AutopilotOrigin:
     Raises:
         OSError: the binary cannot be read.
     """
-    return AutopilotOrigin("px4", _px4_version(binary), file_digest(binary), str(binary))
+    return AutopilotOrigin("px4", px4_version(binary), file_digest(binary), str(binary))
 
 
-def _px4_version(binary: Path) -> str:
+def px4_version(binary: Path) -> str:
     """Tag and commit by the header that PX4's build makes; empty: only the binary is there."""
     header = binary.parents[1] / "src" / "lib" / "version" / "build_git_version.h"
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from bridge.fleet.autopilots.ardupilot import BINARIES, ArduPilot
@@ -13,6 +14,7 @@ from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.fleet.autopilots.px4 import Px4
 from bridge.fleet.how import in_words
 from bridge.fleet.preflight.ports import conflicts, ports_of
+from bridge.record.provenance import px4_version
 from bridge.scenario.model import Scenario
 from fdm.exchange.px4.watched import why_not_here
 
@@ -36,6 +38,7 @@ def examine(scenario: Scenario, dirs: AutopilotDirs) -> dict[str, Any]:
         scenario: whose ports to look at.
         dirs: where to look for real autopilots first.
     """
+    binaries = _binaries(dirs)
     packages = {name: _version(name) for name in PACKAGES}
     uses = list(ports_of(scenario))
     taken = conflicts(uses)
@@ -44,7 +47,8 @@ def examine(scenario: Scenario, dirs: AutopilotDirs) -> dict[str, Any]:
         "platform": platform.platform(),
         "cpu_count": os.cpu_count(),
         "packages": packages,
-        "autopilots": {"standin": "ships with lostlink", **_binaries(dirs)},
+        "autopilots": {"standin": "ships with lostlink", **binaries},
+        "px4_version": px4_version(Path(binaries["px4"])) if binaries["px4"] else "",
         "px4_may_not_repeat": why_not_here(),
         "joined": in_words(scenario),
         "ports": [f"{use}" for use in uses],

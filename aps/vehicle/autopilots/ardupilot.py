@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any, Final
 
-from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
+from aps.vehicle.autopilots.autopilot import FTP, LOG_DATA, LOG_LIST, Circle, Manoeuvre, Target
 from aps.vehicle.commands import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import ZERO, Place, Yaw, global_setpoint, local_setpoint
@@ -73,6 +73,12 @@ class ArduPilotStack:
     home_is_an_item = True
     bytewise_parameters = False
     packed_parameters = True
+    unrepeatable: Mapping[int, str] = {
+        FTP: "a client used MAVLink FTP, which ArduPilot answers from a thread of its own",
+        LOG_LIST: "a client listed logs: LOG_ENTRY of ArduPilot has the times of files, by the machine's clock, and "
+        "how much a thread has written of the one that is open",
+        LOG_DATA: "a client downloaded a log, which ArduPilot reads in a thread of its own",
+    }
     events_path: str | None = None
     stream_twins: Mapping[int, int | None] = {}
     mode_aliases: Mapping[str, str] = {}
@@ -165,9 +171,12 @@ class ArduPilotStack:
         return Manoeuvre((self.mode_step(state, mode),), (mode,))
 
     def mission(self, state: VehicleState) -> Manoeuvre:
-        """AUTO, and MISSION_START."""
+        """AUTO, and MISSION_START. An ArduPlane's last item that returns is the mode RTL, a copter's a part of AUTO."""
         start = optional(command_long(state, int(mavlink.MAV_CMD_MISSION_START)))
-        return Manoeuvre((self.mode_step(state, "AUTO"), start), ("AUTO",))
+        last = ("RTL",) if is_fixed_wing(state) else ()
+        return Manoeuvre(
+            (self.mode_step(state, "AUTO"), start), ("AUTO",), last_modes=last, return_modes=last
+        )
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:
         """DO_SET_MISSION_CURRENT."""

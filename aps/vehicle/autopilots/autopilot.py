@@ -5,13 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from aps.vehicle.commands import Step
 from aps.vehicle.flight.setpoints import Place, Yaw
 from aps.vehicle.state import Vector3, VehicleState
 
-__all__ = ["Circle", "FlightStack", "Manoeuvre", "Target"]
+__all__ = ["FTP", "LOG_DATA", "LOG_LIST", "Circle", "FlightStack", "Manoeuvre", "Target"]
+
+FTP: Final = 110
+"""FILE_TRANSFER_PROTOCOL."""
+LOG_LIST: Final = 117
+"""LOG_REQUEST_LIST."""
+LOG_DATA: Final = 119
+"""LOG_REQUEST_DATA."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +29,9 @@ class Manoeuvre:
     modes: tuple[str, ...] = ()
     """The modes that it flies it in."""
     last_modes: tuple[str, ...] = ()
-    """Of a mission: the modes that its last item may lead to."""
+    """Of a mission: the modes that its last item may lead to ..."""
+    return_modes: tuple[str, ...] = ()
+    """... and those of them that bring it home: no item is reached then, and a fixed wing circles there."""
     by_setpoints: bool = False
     """Whether we fly it, by setpoints that are repeated."""
     lead_s: float | None = None
@@ -75,6 +84,9 @@ class FlightStack(Protocol):
     """Where it keeps what its events mean, if it has that."""
     stream_twins: Mapping[int, int | None]
     """Messages that ArduPilot has -> the one of the same use here; ``None`` where there is none to ask for."""
+    unrepeatable: Mapping[int, str]
+    """By id of a client's message: why a simulated flight may not repeat once it was sent, since the answer depends on
+    the machine's threads or clock."""
     mode_aliases: Mapping[str, str]
     """Names that are taken for modes of its own."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
-from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
+from aps.vehicle.autopilots.autopilot import FTP, LOG_DATA, LOG_LIST, Circle, Manoeuvre, Target
 from aps.vehicle.commands import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw
@@ -23,6 +23,11 @@ class OtherStack:
     home_is_an_item = False
     bytewise_parameters = False
     packed_parameters = False
+    unrepeatable: Mapping[int, str] = {
+        FTP: "a client used MAVLink FTP, which the autopilot may answer when the machine lets it",
+        LOG_LIST: "a client listed logs: LOG_ENTRY may have times by the machine's clock",
+        LOG_DATA: "a client downloaded a log, which the autopilot may read when the machine lets it",
+    }
     events_path: str | None = None
     stream_twins: Mapping[int, int | None] = {}
     mode_aliases: Mapping[str, str] = {}

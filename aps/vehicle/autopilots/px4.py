@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from aps.vehicle.autopilots.autopilot import Circle, Manoeuvre, Target
+from aps.vehicle.autopilots.autopilot import LOG_LIST, Circle, Manoeuvre, Target
 from aps.vehicle.commands import Step
 from aps.vehicle.events import METADATA_PATH
 from aps.vehicle.execution import Refusal
@@ -68,6 +68,9 @@ class Px4Stack:
     home_is_an_item = False
     bytewise_parameters = True
     packed_parameters = False
+    unrepeatable: Mapping[int, str] = {
+        LOG_LIST: "a client listed logs: LOG_ENTRY of PX4 has the times of files, by the machine's clock",
+    }
     events_path: str | None = METADATA_PATH
     stream_twins: Mapping[int, int | None] = {
         0: None,  # HEARTBEAT and
@@ -206,7 +209,7 @@ class Px4Stack:
         """
         last = ("AUTO.RTL", "AUTO.LAND", "AUTO.PRECLAND", HOLD)
         begins = replace(self.mode_step(state, "AUTO.MISSION"), patience_s=MISSION_PATIENCE_S)
-        return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last)
+        return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",))
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:
         """MISSION_SET_CURRENT, which nothing acknowledges: not all versions know the command."""

@@ -23,7 +23,18 @@ from aps.vehicle.flight.steps import (
 from aps.vehicle.state import VehicleState
 from aps.wire.dialect import is_plane, mavlink
 
-__all__ = ["arm", "change_speed", "disarm", "land", "reboot", "rtl", "set_mode", "speed_step", "takeoff"]
+__all__ = [
+    "arm",
+    "change_speed",
+    "circles_home",
+    "disarm",
+    "land",
+    "reboot",
+    "rtl",
+    "set_mode",
+    "speed_step",
+    "takeoff",
+]
 
 PLANE_RADIUS_M: Final = 200.0
 """A fixed wing circles its target, at ArduPlane's WP_LOITER_RAD (60 m unless set, 120 m for our Aerosonde) and wider
@@ -125,18 +136,19 @@ def _height_m(state: VehicleState) -> float:
     return max(0.0, state.alt_rel_m)
 
 
+def circles_home(state: VehicleState) -> bool:
+    """Whether a fixed wing that returns is over home, where it goes on circling."""
+    home_m = horizontal_distance_m(state, state.home_lat_deg, state.home_lon_deg)
+    return is_fixed_wing(state) and home_m <= PLANE_RADIUS_M
+
+
 def rtl(state: VehicleState) -> CommandPlan:
     """Return to launch: a copter is there once it has landed, a fixed wing once it circles over home."""
-
-    def over_home(now: VehicleState) -> bool:
-        home_m = horizontal_distance_m(now, now.home_lat_deg, now.home_lon_deg)
-        return _is_down(now) or home_m <= PLANE_RADIUS_M
-
     way = autopilot_of(state.autopilot).rtl(state)
     return CommandPlan(
         "rtl",
         way.steps,
-        over_home if is_fixed_wing(state) else _is_down,
+        lambda now: _is_down(now) or circles_home(now),
         timeout_s=_way_home_s(state),
         remaining_m=lambda now: finite_or_none(
             math.hypot(horizontal_distance_m(now, now.home_lat_deg, now.home_lon_deg), _height_m(now))

@@ -8,6 +8,7 @@ from typing import Final
 from aps.timeouts import MODE_TIMEOUT_S
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands import CommandPlan, Step
+from aps.vehicle.flight.plans import circles_home
 from aps.vehicle.flight.steps import checked, finite_or_none
 from aps.vehicle.missions.items import KINDS, first_seq
 from aps.vehicle.state import VehicleState
@@ -27,13 +28,15 @@ _ITEM_REACHED: Final = 46
 class _End:
     """Whether the mission is complete: the state at the start may still be that of the flight before.
 
-    The autopilot says so; one that does not has reached the last item, or landed.
+    The autopilot says so; one that does not has reached the last item, has landed, or (a fixed wing whose last item is
+    a return) circles over home.
     """
 
     start_ms: int
     reached_ns: int
     """When an item was last reached, before the start."""
     modes: tuple[str, ...]
+    return_modes: tuple[str, ...]
     lowest: int
     """Number of the first item."""
     is_stale: bool
@@ -53,9 +56,11 @@ class _End:
         if not self.started or now.mission_total < self.lowest:
             return False
         self.is_stale &= now.mission_current >= now.mission_total and reached_ns == self.started_reached_ns
-        landed = not now.armed and now.mission_total <= now.mission_current
+        at_last = now.mission_total <= now.mission_current
+        landed = at_last and not now.armed
+        returned = at_last and now.mode in self.return_modes and circles_home(now)
         newly_reached = reached_ns > self.reached_ns and not self.is_stale
-        return landed or (newly_reached and now.mission_reached == now.mission_total)
+        return landed or returned or (newly_reached and now.mission_reached == now.mission_total)
 
 
 def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
@@ -72,6 +77,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         state.time_boot_ms,
         state.heard_ns.get(_ITEM_REACHED, -1),
         way.modes,
+        way.return_modes,
         first_seq(KINDS["mission"], state.autopilot),
         state.mission_reached >= 0 and state.mission_reached == state.mission_total,
     )

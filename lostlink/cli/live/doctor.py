@@ -66,10 +66,22 @@ def _as_text(report: dict[str, Any]) -> str:
         f"  {name:<14} {place or MISSING[name == 'px4']}" for name, place in report["autopilots"].items()
     ]
     if report["autopilots"]["px4"]:
-        lines += [f"  px4 may not repeat here: {why}" for why in report["px4_may_not_repeat"]]
+        lines += _on_px4(report)
     lines += ["", f"Ports ({report['joined']})"]
     lines += [f"  taken: {line}" for line in report["ports_taken"]] or [
         f"  all {len(report['ports'])} are free",
         *(f"  {port}" for port in report["ports"]),
     ]
     return "\n".join(lines)
+
+
+def _on_px4(report: dict[str, Any]) -> list[str]:
+    """Which PX4 it is, and whether its flights repeat here."""
+    reasons = [f"  px4 may not repeat here: {why}" for why in report["px4_may_not_repeat"]]
+    return [
+        f"  px4 version: {report['px4_version'] or 'not known, since the binary does not lie in its build'}",
+        *(
+            reasons
+            or ["  px4 can repeat here: when its threads rest is shown, and they may be real-time threads"]
+        ),
+    ]

@@ -20,6 +20,8 @@ class ScriptedAutopilot:
 
     def __init__(self, sysid=2):
         self.sysid = sysid
+        self.kind = 3
+        """MAV_AUTOPILOT."""
         self.mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=1)
         self.parser = mavlink.MAVLink(None)
         self.parser.robust_parsing = True
@@ -86,7 +88,7 @@ class ScriptedAutopilot:
             self.armed = False
         if self.clock_ms % 1000 == 0:
             base = 0x59 | (0x80 if self.armed else 0)
-            self.send(mavlink.MAVLink_heartbeat_message(2, 3, base, self.mode, 4, 3))
+            self.send(mavlink.MAVLink_heartbeat_message(2, self.kind, base, self.mode, 4, 3))
         for message in self._streams():
             if message.id in self.intervals_us:
                 self.send(message)

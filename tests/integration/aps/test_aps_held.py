@@ -228,12 +228,33 @@ async def test_what_the_autopilot_answers_from_a_thread_is_told_once(fly, connec
     log = mavlink.MAVLink_log_request_data_message(2, 1, 1, 0, 90)
     async with fly() as flight:
         client = await connect(flight.daemon.listen_port)
+        flight.exchange_until(lambda: flight.daemon.state.autopilot == flight.autopilot.kind)
         for message, told in [(to_another, []), (files, ["FTP"]), (files, ["FTP"]), (log, ["FTP", "a log"])]:
             client.send(message)
             await eventually(lambda: flight.daemon.statistics()["inputs_pending"])
             flight.exchange()
             assert len(flight.wall_time) == len(told)
             assert all(word in reason for word, reason in zip(told, flight.wall_time, strict=True))
+
+
+async def test_what_px4_answers_by_the_clock_of_the_machine_is_told_in_its_own_words(
+    fly, connect, eventually
+):
+    """It answers MAVLink FTP in its frames, but its list of logs has the times of files; so has ArduPilot's."""
+    files = mavlink.MAVLink_file_transfer_protocol_message(0, 2, 1, [0] * 251)
+    listed = mavlink.MAVLink_log_request_list_message(2, 1, 0, 0xFFFF)
+    for kind, words in [(12, ["PX4"]), (3, ["FTP", "ArduPilot"]), (8, ["FTP", "may have"])]:
+        async with fly() as flight:
+            flight.autopilot.kind = kind
+            flight.exchange_until(lambda flight=flight, kind=kind: flight.daemon.state.autopilot == kind)
+            client = await connect(flight.daemon.listen_port)
+            for message in (files, listed, listed):
+                client.send(message)
+                await eventually(lambda flight=flight: flight.daemon.statistics()["inputs_pending"])
+                flight.exchange()
+            assert len(flight.wall_time) == len(words)
+            assert all(word in reason for word, reason in zip(words, flight.wall_time, strict=True))
+            assert "LOG_ENTRY" in flight.wall_time[-1]
 
 
 async def test_autopilot_that_does_not_read_is_told_and_loses_nothing(fly):

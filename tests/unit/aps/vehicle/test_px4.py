@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from aps.callbacks import Callbacks
 from aps.vehicle.autopilots.choice import autopilot_of
+from aps.vehicle.commander import Commander
 from aps.vehicle.commands import CommandExecution
 from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.flight import orbit, plans, targets
@@ -183,6 +185,21 @@ def test_a_mission_goes_on_in_the_mode_of_its_last_item():
     assert flight.execution.result.reached
 
 
+def test_a_planes_mission_that_ends_with_a_return_is_done_over_home():
+    """PX4 reaches no item then and never says that it is complete: `RTL: completed, loitering`, and it circles."""
+    start = replace(HOVERS, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mission_current=0, mission_total=3)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.0, mode="AUTO.MISSION")
+    assert flight.execution.result is None, "over home on its way"
+    flight.run(1.0, mission_current=3, mission_reached=2, lat_deg=47.005, heard_ns={46: 9 * S})
+    flight.run(5.0, mode="AUTO.RTL")
+    assert flight.execution.result is None, "it is 560 m away"
+    flight.run(0.1, lat_deg=47.0007)
+    assert flight.execution.result.reached
+
+
 @pytest.mark.parametrize(("last", "first"), [(0, None), (3, 3)])
 def test_a_mission_from_its_last_item_flown_again_ends_with_it(last, first):
     """PX4 says neither a state of the mission nor, with one item, another number of it than after the flight before."""
@@ -230,6 +247,51 @@ def test_a_mission_that_px4_goes_on_rejecting_is_refused_within_little_more_than
         now_ns += S // 20
     assert (tries, flight.result.outcome) == (5, Outcome.REFUSED)  # at 0, 0.25, ... 1 s
     assert flight.result.reason == "TEMPORARILY_REJECTED: no, says it at try 5"
+
+
+def refused(commands, clock, after_s):
+    """Why PX4 refuses a mission that is begun so long after the last word."""
+    clock["now_ns"] += round(after_s * S)
+    flight = commands.start("mission").execution
+    while flight.result is None:
+        commands.on_ack(flight.request, 176, REJECTED, 0xFF)
+        clock["now_ns"] += S // 20
+        commands.poll()
+    assert flight.result.outcome is Outcome.REFUSED
+    return flight.result.reason
+
+
+def test_what_px4_said_to_the_upload_is_why_the_mission_is_refused():
+    """It acknowledges the upload, then says once what is wrong with it; the mode of a mission it rejects in silence."""
+    clock = {"now_ns": 0}
+    commands = Commander(lambda: HOVERS, lambda *_: None, lambda: clock["now_ns"], lambda: None, Callbacks())
+    commands.on_text(StatusText(3, "Battery unhealthy"))
+    assert "does not say why" in refused(commands, clock, 0.0), "said before there was an upload"
+    commands.start("mission_upload", [{"command": "NAV_WAYPOINT", "params": [0, 0, 0, 0, 47.0, 8.0, 20.0]}])
+    commands.on_message("MISSION_REQUEST_INT", {"seq": 0, "mission_type": 0})
+    clock["now_ns"] += S // 20
+    commands.on_message("MISSION_ACK", {"type": 0, "mission_type": 0})
+    assert not commands.busy
+    for text in (
+        StatusText(3, "Landing required"),
+        StatusText(6, "chatter"),
+        StatusText(3, "Landing required"),
+    ):
+        commands.on_text(text)
+    assert refused(commands, clock, 0.1) == "TEMPORARILY_REJECTED: Landing required"
+    assert "does not say why" in refused(commands, clock, 10.0), "long ago"
+
+
+def test_words_at_an_earlier_try_count_where_the_last_is_in_silence():
+    flight = CommandExecution(fly.fly(replace(HOVERS, mission_current=0, mission_total=2)))
+    now_ns = 0
+    flight.poll(HOVERS, now_ns)
+    flight.on_text(StatusText(3, "Landing required"))
+    while flight.result is None:
+        flight.on_ack(176, REJECTED)
+        now_ns += S // 20
+        flight.poll(HOVERS, now_ns)
+    assert flight.result.reason == "TEMPORARILY_REJECTED: Landing required"
 
 
 def test_a_return_amid_a_mission_interrupts_it():

@@ -14,6 +14,7 @@ from fdm.exchange.px4 import watched
 from lostlink.cli.flying.run import run
 from lostlink.cli.live.doctor import doctor
 from lostlink.flight.scripted import fly
+from lostlink.plan import machine
 
 BINARY = "build/px4_sitl_default/bin/px4"
 
@@ -43,7 +44,23 @@ def test_doctor_says_why_its_flights_may_not_repeat_here(
     told = CliRunner().invoke(doctor, ["--px4-dir", str(px4_home)]).stdout
     assert "  px4 may not repeat here: this system does not show when threads run" in told
     assert "  px4 may not repeat here: its PX4 may not have real-time threads (root, CAP_SYS_NICE" in told
-    assert "may not repeat" not in CliRunner().invoke(doctor, []).stdout, "there is no PX4"
+    assert "repeat here" not in CliRunner().invoke(doctor, []).stdout, "there is no PX4"
+
+
+def test_doctor_says_that_its_flights_can_repeat_and_which_px4_it_is(
+    px4_home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine, "why_not_here", list)
+    told = CliRunner().invoke(doctor, ["--px4-dir", str(px4_home)]).stdout
+    assert "  px4 version: not known" in told
+    assert "  px4 can repeat here: " in told
+    header = px4_home / BINARY.removesuffix("bin/px4") / "src/lib/version/build_git_version.h"
+    header.parent.mkdir(parents=True)
+    header.write_text('#define PX4_GIT_TAG_STR "v1.16.0"\n#define PX4_GIT_VERSION_STR "0123456789abcdef"\n')
+    assert (
+        "  px4 version: v1.16.0 0123456789\n"
+        in CliRunner().invoke(doctor, ["--px4-dir", str(px4_home)]).stdout
+    )
 
 
 def test_a_run_looks_there_first(tmp_path: Path) -> None:

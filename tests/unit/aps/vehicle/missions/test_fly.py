@@ -48,6 +48,30 @@ def test_a_mission_that_ends_with_a_landing_is_done_when_disarmed():
     assert execution.result.reached
 
 
+def test_a_planes_mission_that_ends_with_a_return_is_done_over_home():
+    """ArduPlane enters RTL, says a second later that it is at that item, and circles on."""
+    plane = replace(AUTO, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mission_current=2)
+    plane = replace(plane, lat_deg=47.005, lon_deg=8.0, home_lat_deg=47.0, home_lon_deg=8.0)
+    execution, _ = started(replace(plane, mode="GUIDED"))
+    execution.poll(plane, 1)
+    returns = replace(plane, mode="RTL", time_boot_ms=plane.time_boot_ms + 1000)
+    execution.poll(returns, 2)
+    returns = replace(returns, mission_current=3, mission_state="PAUSED", time_boot_ms=90_000)
+    execution.poll(returns, 3)
+    assert execution.result is None, "it is 560 m away"
+    execution.poll(replace(returns, lat_deg=47.001, time_boot_ms=91_000), 4)
+    assert execution.result.reached
+
+
+def test_a_planes_return_amid_its_mission_interrupts_it():
+    plane = replace(AUTO, vehicle_type=mavlink.MAV_TYPE_FIXED_WING)
+    execution, _ = started(replace(plane, mode="GUIDED"))
+    execution.poll(plane, 1)
+    for after_ms in (100, 1700):
+        execution.poll(replace(plane, mode="RTL", time_boot_ms=plane.time_boot_ms + after_ms), 2)
+    assert execution.result.reason == "mode changed to RTL"
+
+
 def test_an_autopilot_that_never_says_complete_is_done_with_its_last_item():
     before = replace(COPTER, mission_reached=3, heard_ns={46: 5})
     execution, _ = started(before)
