@@ -231,10 +231,8 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     logging.basicConfig(
         level=logging.WARNING if arguments.quiet else logging.INFO,
         format="%(asctime)s %(name)s: %(message)s",
-        stream=sys.stderr,
+        handlers=[Repeats(logging.StreamHandler(sys.stderr), "aps", "uvicorn")],
     )
-    for handler in logging.getLogger().handlers:
-        handler.addFilter(Repeats("aps", "uvicorn"))
     try:
         configs = _configs(arguments)
         api = _api_config(arguments.api)

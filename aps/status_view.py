@@ -29,6 +29,10 @@ TIMEOUT_S: Final = 1.0
 WIDE: Final = 1000
 """Columns where the output is no terminal: a table is as wide as it needs."""
 HTTP_TIMEOUT_S: Final = 5.0
+BUSY_TRIES: Final = 5
+"""How often a daemon is asked that has too many requests ..."""
+BUSY_WAIT_S: Final = 5.0
+"""... and how long it is waited for at most each time, whatever it says."""
 TROUBLES: Final = (
     "throttled",
     "dropped_rate",
@@ -103,7 +107,7 @@ def ask_over_http(urls: Sequence[str], token: str) -> Iterator[dict[str, Any]]:
                 raise ValueError(f"http:// or https:// is expected, not {place.scheme}:")
             headers = {"Authorization": f"Bearer {token}"} if token else {}
             request = urllib.request.Request(f"{whole.rstrip('/')}/status", headers=headers)
-            with opener.open(request, timeout=HTTP_TIMEOUT_S) as reply:
+            with _opened(opener, request) as reply:
                 yield _named(name, json.load(reply))
         except urllib.error.HTTPError as error:
             yield {"name": name, "error": _refusal(error)}
@@ -113,6 +117,20 @@ def ask_over_http(urls: Sequence[str], token: str) -> Iterator[dict[str, Any]]:
             yield {"name": name, "error": str(error)}
         except HTTPException as error:
             yield {"name": name, "error": f"this is not HTTP: {error!r}"}
+
+
+def _opened(opener: urllib.request.OpenerDirector, request: urllib.request.Request) -> Any:
+    """The reply; of an API that has too many requests (429) once it has time, if it says when that is."""
+    for _ in range(BUSY_TRIES - 1):
+        try:
+            return opener.open(request, timeout=HTTP_TIMEOUT_S)
+        except urllib.error.HTTPError as error:
+            after = error.headers.get("Retry-After", "")
+            if error.code != 429 or not (after.isascii() and after.isdecimal() and len(after) < 10):
+                raise
+            error.close()
+            time.sleep(min(int(after), BUSY_WAIT_S))
+    return opener.open(request, timeout=HTTP_TIMEOUT_S)
 
 
 def _refusal(error: urllib.error.HTTPError) -> str:

@@ -6,15 +6,17 @@ none: it gives itself away by its Origin or by Sec-Fetch-Site, and one whose nam
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import hmac
 import ipaddress
 import re
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
-__all__ = ["TOKEN_VARIABLE", "ApiConfig", "Guard", "is_loopback"]
+__all__ = ["TOKEN_VARIABLE", "ApiConfig", "Guard", "is_loopback", "refuse"]
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -29,6 +31,8 @@ TOKEN_CHARS: Final = re.compile(r"[A-Za-z0-9._~+/-]+=*")
 """``b64token`` of RFC 6750 (2.1): what a header and a cookie carry as it is."""
 POLICY_VIOLATION: Final = 1008
 """WebSocket close code."""
+HOLD_S: Final = 0.5
+"""A connection whose request was refused is read again after this time: refusals cost the UA's event loop time too."""
 
 
 def is_loopback(host: str) -> bool:
@@ -99,7 +103,8 @@ class Guard:
             await receive()
             await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": reason})
         else:
-            await _answer(send, status, reason)
+            headers_too = [(b"www-authenticate", b"Bearer")] if status == 401 else []
+            await refuse(scope, receive, send, status, f"refused: {reason}", headers_too)
 
     def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
         if not self._host_is_ours(headers.get("host", "")):
@@ -146,13 +151,37 @@ class Guard:
         return hmac.compare_digest(given.encode("utf-8"), self._config.token.encode("ascii"))
 
 
-async def _answer(send: Send, status: int, reason: str) -> None:
-    body = f'{{"detail":"refused: {reason}"}}'.encode()
-    headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
-    if status == 401:
-        headers.append((b"www-authenticate", b"Bearer"))
-    await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": body})
+async def refuse(
+    scope: Scope,
+    receive: Receive,
+    send: Send,
+    status: int,
+    detail: str,
+    headers: Iterable[tuple[bytes, bytes]] = (),
+) -> None:
+    """Answer with this status at once, and take the next request of this connection only after `HOLD_S`.
+
+    A client that opens a WebSocket gets the answer in place of the handshake.
+    """
+    body = f'{{"detail":"{detail}"}}'.encode()
+    told = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode()), *headers]
+    kind = "websocket.http.response" if scope["type"] == "websocket" else "http.response"
+    await send({"type": f"{kind}.start", "status": status, "headers": told})
+    if scope["type"] == "websocket":
+        await send({"type": f"{kind}.body", "body": body})
+        return
+    await send({"type": f"{kind}.body", "body": body, "more_body": True})
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(HOLD_S):
+            await _until_gone(receive)
+    await send({"type": f"{kind}.body", "body": b""})
+
+
+async def _until_gone(receive: Receive) -> None:
+    """Until the client hangs up; of a body that goes on no more is read."""
+    while (message := await receive())["type"] != "http.disconnect":
+        if message.get("more_body"):
+            await asyncio.sleep(HOLD_S)
 
 
 def _limited(receive: Receive) -> Receive:

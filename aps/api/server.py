@@ -51,7 +51,7 @@ class ApiServer:
     async def __aenter__(self) -> Self:
         app, self._stream = build(self._backend, has_token=bool(self.config.token))
         serving = Serving(
-            Paced(Guard(app, self.config, self._count)),
+            Guard(Paced(app), self.config, self._count),
             self.config.host,
             self.config.port,
             "api",

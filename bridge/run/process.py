@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import logging
 import signal
 import sys
@@ -70,9 +71,8 @@ class NodeLogs(logging.Handler):
         super().__init__()
         self._run = run
         self._form = LogForm()
-        self._rest = rest or logging.StreamHandler(sys.stderr)
+        self._rest = Repeats(rest or logging.StreamHandler(sys.stderr), *DRIVEN)
         self._rest.setFormatter(self._form)
-        self._rest.addFilter(Repeats(*DRIVEN))
         self._of_nodes: dict[str, logging.Handler] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -88,9 +88,9 @@ class NodeLogs(logging.Handler):
         handler = self._of_nodes.get(node)
         if handler is None:
             path = self._run.log_path(f"node-{node}")
-            handler = self._of_nodes[node] = logging.FileHandler(path, encoding="utf-8", delay=True)
+            file = logging.FileHandler(path, encoding="utf-8", delay=True)
+            handler = self._of_nodes[node] = Repeats(file, *DRIVEN)
             handler.setFormatter(self._form)
-            handler.addFilter(Repeats(*DRIVEN))
         return handler
 
     def close(self) -> None:
@@ -109,7 +109,9 @@ def add_run_arguments(parser: argparse.ArgumentParser, name: str) -> None:
 def log_to_files(arguments: argparse.Namespace) -> RunDirectory:
     """The run of the arguments; from now on its log goes to the run's files and stderr."""
     run = RunDirectory(Path(arguments.run_dir))
-    logging.basicConfig(level=logging.INFO, handlers=[NodeLogs(run)])
+    logs = NodeLogs(run)
+    logging.basicConfig(level=logging.INFO, handlers=[logs])
+    atexit.register(logs.close)  # a fork has only what it registers itself
     return run
 
 

@@ -476,3 +476,53 @@ async def test_a_flood_of_requests_waits(call):
         await asyncio.wait_for(reader.readuntil(b"HTTP/1.1 200"), 10)
         assert answered <= 52 + 100 * (loop.time() - began_s)
     writer.close()
+
+
+async def test_requests_that_are_hung_up_or_refused_keep_no_command_waiting(call):
+    """What a client no longer wants, and what comes from another site, takes no share of the others."""
+    loop = asyncio.get_running_loop()
+    for request, count in (
+        (b"GET /commands HTTP/1.1\r\nHost: localhost\r\n\r\n", 300),
+        (b"GET /state HTTP/1.1\r\nHost: evil.example\r\n\r\n", 200),
+    ):
+        for _ in range(count):
+            _, writer = await asyncio.open_connection("127.0.0.1", call.port)
+            writer.write(request)
+            await writer.drain()
+            writer.transport.abort()
+    began_s = loop.time()
+    assert (await call("POST", "/commands/mode", {"mode": "GUIDED"}))[0] == 200
+    assert loop.time() - began_s < 3.0
+
+
+async def test_who_comes_when_too_many_wait_is_told_to_come_again_and_a_command_is_let_in(call):
+    """Sixty connections ask again and again."""
+
+    async def flood():
+        reader, writer = await asyncio.open_connection("127.0.0.1", call.port)
+        with contextlib.closing(writer):
+            while True:
+                writer.write(b"GET /commands HTTP/1.1\r\nHost: localhost\r\n\r\n")
+                head = await reader.readuntil(b"\r\n\r\n")
+                length = int(head.lower().split(b"content-length: ")[1].split()[0])
+                heads.append(head)
+                await reader.readexactly(length)
+
+    heads = []
+    loop = asyncio.get_running_loop()
+    floods = [asyncio.create_task(flood()) for _ in range(60)]
+    try:
+        began_s = loop.time()
+        while not any(b" 429 " in head for head in heads):
+            await asyncio.sleep(0.01)
+            assert loop.time() - began_s < 10.0
+        for _ in range(3):
+            began_s = loop.time()
+            assert (await call("POST", "/commands/mode", {"mode": "GUIDED"}))[0] == 200
+            assert loop.time() - began_s < 3.0
+    finally:
+        for task in floods:
+            task.cancel()
+        await asyncio.gather(*floods, return_exceptions=True)
+    assert all(b"\r\nretry-after: 1\r\n" in head for head in heads if b" 429 " in head)
+    assert {head.split()[1] for head in heads} == {b"200", b"429"}

@@ -16,15 +16,16 @@ from aps.status_view import LEGEND, TROUBLES, ask_over_http, tables
 
 
 @contextmanager
-def answering(reply: bytes) -> Iterator[str]:
-    """A server that answers one request with these bytes, and its URL."""
+def answering(*replies: bytes) -> Iterator[str]:
+    """A server that answers a request with each of these, and its URL."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:
-            connection, _ = server.accept()
-            with connection:
-                connection.recv(4096)
-                connection.sendall(reply)
+            for reply in replies:
+                connection, _ = server.accept()
+                with connection:
+                    connection.recv(4096)
+                    connection.sendall(reply)
 
         thread = threading.Thread(target=serve)
         thread.start()
@@ -67,6 +68,24 @@ def test_an_answer_of_something_else_is_told(reply: bytes, why: str) -> None:
 )
 def test_a_url_that_is_none_is_told(url: str, why: str) -> None:
     assert why in shown(url)
+
+
+def busy(after: bytes) -> bytes:
+    return b"HTTP/1.1 429 Too Many Requests\r\nRetry-After: %s\r\nContent-Length: 0\r\n\r\n" % after
+
+
+def test_one_that_is_busy_is_asked_again_when_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr("time.sleep", slept.append)
+    with answering(busy(b"1"), busy(b"86400"), ok(b'{"sysid": 7}')) as url:
+        (told,) = ask_over_http([url], "")
+    assert (told["sysid"], slept) == (7, [1.0, 5.0])
+    with answering(*[busy(b"1")] * 5) as url:
+        (told,) = ask_over_http([url], "")
+    assert (told["error"], len(slept)) == ("HTTP Error 429: Too Many Requests", 6)
+    with answering(busy(b"Tue, 24 Nov 2026 08:00:00 GMT")) as url:
+        (told,) = ask_over_http([url], "")
+    assert (told["error"], len(slept)) == ("HTTP Error 429: Too Many Requests", 6)
 
 
 def test_a_file_is_not_read(tmp_path: Path) -> None:

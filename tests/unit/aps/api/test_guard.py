@@ -21,8 +21,11 @@ def status(config: ApiConfig, host: str, token: str = TOKEN) -> int:
     async def send(message: Any) -> None:
         sent.append(message)
 
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.disconnect"}
+
     headers = [(b"host", host.encode()), (b"authorization", f"Bearer {token}".encode())]
-    asyncio.run(Guard(app, config, lambda _why: None)({"type": "http", "headers": headers}, None, send))  # type: ignore[arg-type]
+    asyncio.run(Guard(app, config, lambda _why: None)({"type": "http", "headers": headers}, receive, send))  # type: ignore[arg-type]
     return int(sent[0]["status"])
 
 

@@ -213,3 +213,26 @@ def test_environment_of_a_run() -> None:
     assert not has_environment({"PATH": "/bin"})
     assert has_environment(environment_of({"PATH": "/bin", "GLIBC_TUNABLES": "glibc.malloc.check=1"}))
     assert not has_environment({**environment_of({}), "OPENBLAS_NUM_THREADS": "2"})
+
+
+def test_its_log_says_at_the_end_how_many_lines_were_left_out(tmp_path: Path) -> None:
+    done = run(
+        tmp_path,
+        """
+        import argparse, logging
+        from bridge.run.process import log_to_files
+        def flood(words):
+            log_to_files(argparse.Namespace(run_dir="."))
+            for _ in range(30):
+                logging.getLogger("aps.hub").info("again")
+            return 0
+        understudy = Understudy(2, lambda: flood)
+        with log.open("wb") as file:
+            understudy.begin(spec(file.fileno()), file)
+        understudy.wait()
+        """,
+    )
+    assert done.returncode == 0, done.stderr
+    *lines, last = (tmp_path / "log").read_text().splitlines()
+    assert len(lines) == 10
+    assert last.endswith("INFO aps.hub: 20 more lines like this were left out: again")
