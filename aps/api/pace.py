@@ -9,7 +9,7 @@ from typing import Any, Final
 from aps.api.guard import App, Receive, Scope, Send, refuse
 from aps.links.allowance import Allowance
 
-__all__ = ["Paced"]
+__all__ = ["PacedApi"]
 
 REQUESTS_PER_S: Final = 100.0
 """Of all clients together. It shares the event loop with the UA, in a run with the whole fleet: a request takes it 0.5
@@ -29,7 +29,7 @@ RETRY_AFTER_S: Final = 1
 LOOKS: Final = ("GET", "HEAD", "OPTIONS")
 
 
-class Paced:
+class PacedApi:
     """Lets requests wait that come faster than that for good, and refuses those that would wait for long (429).
 
     A request whose client hangs up before its turn gives its share back.

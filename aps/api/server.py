@@ -8,7 +8,7 @@ from typing import Self
 
 from aps.api.backend import Backend
 from aps.api.guard import ApiConfig, Guard
-from aps.api.pace import Paced
+from aps.api.pace import PacedApi
 from aps.api.routes import build
 from aps.api.serving import Serving
 
@@ -51,7 +51,7 @@ class ApiServer:
     async def __aenter__(self) -> Self:
         app, self._stream = build(self._backend, has_token=bool(self.config.token))
         serving = Serving(
-            Guard(Paced(app), self.config, self._count),
+            Guard(PacedApi(app), self.config, self._count),
             self.config.host,
             self.config.port,
             "api",

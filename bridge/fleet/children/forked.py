@@ -164,8 +164,8 @@ class Understudy:
     def dismiss(self) -> None:
         """If it waits still, it ends: it has done nothing yet."""
         if self._orders.fileno() >= 0:
+            self.kill()  # and not by the end of its orders
             self._orders.close()
-            self.kill()
             self.wait()
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 import pytest
 
 from aps.api.guard import HOLD_S
-from aps.api.pace import Paced
+from aps.api.pace import PacedApi
 
 
 class Waits(selectors.DefaultSelector):
@@ -85,18 +85,18 @@ def ask(*clients: Client, then_s: float = 0.0, then: Client | None = None) -> No
         await receive()
         asked[id(scope)].reached_s = loop.time()
 
-    async def run(paced: Paced, client: Client) -> None:
+    async def run(paced: PacedApi, client: Client) -> None:
         scope: dict[str, Any] = dict(client.scope)
         asked[id(scope)] = client
         await paced(scope, client.receive, client.send)
         client.done_s = loop.time()
 
-    async def later(paced: Paced, client: Client) -> None:
+    async def later(paced: PacedApi, client: Client) -> None:
         await asyncio.sleep(then_s)
         await run(paced, client)
 
     async def come() -> None:
-        paced = Paced(app, 100.0)
+        paced = PacedApi(app, 100.0)
         last = [] if then is None else [later(paced, then)]
         await asyncio.gather(*(run(paced, client) for client in clients), *last)
 
