@@ -43,8 +43,13 @@ async def test_mavproxy_flies_px4_through_the_daemon(served, tmp_path):
         async with asyncio.timeout(20.0):
             while (await commands.run("parameter_get", "MPC_XY_CRUISE")).value != 4.0:
                 pass
-        since = client.types("param fetch MPC_XY_CRUISE")
-        await client.says("MPC_XY_CRUISE = 4.0", since)
+        fetched = 0.0
+        async with asyncio.timeout(
+            60.0
+        ):  # what it prints first may be an answer to its own list, sent before
+            while fetched != 4.0:
+                since = client.types("param fetch MPC_XY_CRUISE")
+                fetched = float((await client.says(r"MPC_XY_CRUISE = ([\d.]+)", since))[1])
 
         since = client.types("wp load mission.txt")
         await client.says("MISSION_ACK: TYPE_MISSION: ACCEPTED", since)

@@ -141,8 +141,15 @@ class FatesInTable(NamedTuple):
         return cls(names, np.array(places, dtype=np.int16))
 
     def places_of(self, fate: ArrayLike) -> NDArray[np.int16]:
-        """Of places in FATES."""
-        return np.asarray(self.places[np.asarray(fate)])
+        """Of places in FATES.
+
+        Raises:
+            ValueError: the table has no such fate.
+        """
+        found = np.asarray(self.places[np.asarray(fate)])
+        if np.any(found < 0):
+            raise ValueError("a fate that packets cannot have in this run")
+        return found
 
 
 class DeliveryWriter:
