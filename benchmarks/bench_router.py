@@ -233,7 +233,7 @@ def agent_us(kind: type[Agent], senders: int, ticks: int) -> float:
     idle = threading.Semaphore(0)
     config = Aircraft(id=0, agent=StillAgent(type="still"))
     ua = UaClient("0", _Nowhere())
-    runner = AgentRunner(ua, lambda client: kind(client, config, Transmit()), idle.release)
+    runner = AgentRunner(ua, lambda client: kind(client, config, Transmit()), idle.release, print)
     runner.start().result()
     state, arrivals, began_s = AircraftState(), Arrivals(), 0.0
     for tick in range(WARM_UP + ticks):

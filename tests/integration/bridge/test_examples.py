@@ -87,7 +87,7 @@ def fly(tmp_path: Path, free_slot: Callable[[int], int]) -> Fly:
             "--zenoh-port",
             "0",
         ]
-        done = subprocess.run([*command, *options], capture_output=True, text=True, timeout=300, check=False)
+        done = run_lostlink(*command, *options, timeout=300)
         assert done.returncode == status, done.stdout + done.stderr
         (run,) = tmp_path.iterdir()
         return run
