@@ -49,8 +49,8 @@ STATUS_BYTES = 4
 LOSTLINK = (sys.executable, "-m", "lostlink.cli.entry")
 _OURS = dict(os.environ)
 """The environment that the tests began with."""
-OF_NO_RUN = ("PYTEST_", "MAVLINK_")
-"""Variables that pytest and pymavlink set for themselves."""
+OF_NO_RUN = ("PYTEST_", "MAVLINK_", "RUST_LOG")
+"""Variables that pytest, pymavlink and a guarded router in our process set for themselves."""
 
 
 def is_as_ever() -> bool:

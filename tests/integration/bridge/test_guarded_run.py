@@ -122,7 +122,7 @@ def test_zenoh_can_be_asked_to_log_what_the_rules_refuse(
     start_run: StartRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RUST_LOG", "zenoh::net::routing::interceptor::access_control=trace")
-    run = start_run(duration_s=20.0, speed="4", processes="many")
+    run = start_run(duration_s=20.0, speed="4", processes="many", anew=True)
     run.wait_for("sim time")
     keys = Keys(run.directory.name)
     with run.join("node-0") as node:
