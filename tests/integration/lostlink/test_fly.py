@@ -28,9 +28,10 @@ def scenario(free_slot: Callable[[int], int]) -> dict[str, Any]:
 
 
 def children() -> list[str]:
-    """What runs below us, but for what Python starts once for multiprocessing: another test here may have used it."""
+    """What runs below us, but for what tests here may have started once: for multiprocessing, and to fork from."""
     running = [" ".join(child.cmdline()) for child in psutil.Process().children() if child.is_running()]
-    return [command for command in running if "multiprocessing.resource_tracker" not in command]
+    kept = ("multiprocessing.resource_tracker", "tests.warm")
+    return [command for command in running if not any(name in command for name in kept)]
 
 
 def test_a_mapping_is_flown_and_read_back(tmp_path: Path, scenario: dict[str, Any]) -> None:

@@ -26,10 +26,13 @@ def answer(query: str = "", cookie: str = "") -> tuple[int, str]:
     async def send(message: Any) -> None:
         sent.append(message)
 
+    async def gone() -> dict[str, Any]:
+        return {"type": "http.disconnect"}
+
     headers = [(b"host", b"127.0.0.1:8080"), *([(b"cookie", cookie.encode())] if cookie else [])]
     scope = {"type": "http", "headers": headers, "query_string": query.encode()}
     app = WithCookie(Guard(_page, ApiConfig(token=TOKEN), lambda _why: None), TOKEN)
-    asyncio.run(app(scope, None, send))  # type: ignore[arg-type]
+    asyncio.run(app(scope, gone, send))
     return sent[0]["status"], dict(sent[0]["headers"]).get(b"set-cookie", b"").decode()
 
 
