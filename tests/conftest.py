@@ -5,7 +5,7 @@ from __future__ import annotations
 import lzma
 import os
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,9 +14,21 @@ from hypothesis import settings
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.run.px4 import find_px4
+from tests.warm import OF_NO_RUN
 
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
+
+
+@pytest.fixture(autouse=True)
+def environment_of_each() -> Iterator[None]:
+    """Leave the environment as it was: a Dask cluster sets variables in our process that its workers shall inherit."""
+    before = dict(os.environ)
+    yield
+    for name in {*before, *os.environ}:
+        if not name.startswith(OF_NO_RUN) and before.get(name) != os.environ.get(name):
+            os.environ.pop(name, None)
+            os.environ.update({name: before[name]} if name in before else {})
 
 
 def _ardupilot_binary(name: str) -> Path:

@@ -90,7 +90,10 @@ class Run:
         """The run's process whose command line has ``name`` in it; `PROGRAM`: that which is forked from the command."""
         if name == PROGRAM:
             name = " ".join(psutil.Process(self.process.pid).cmdline())
-        return next(c for c in self.children() if name in " ".join(c.cmdline()))
+        words = [" ".join(child.cmdline()) for child in self.children()]
+        found = [child for child, its in zip(self.children(), words, strict=False) if name in its]
+        assert found, f"no process with {name!r} among {words}"
+        return found[0]
 
     def children(self) -> list[psutil.Process]:
         """All processes below it."""
