@@ -199,7 +199,7 @@ def flown(scenario: Mapping[str, Any] | Path, directory: Path) -> Run:
     file = scenario if isinstance(scenario, Path) else directory.with_suffix(".yaml")
     if not isinstance(scenario, Path):
         file.write_text(yaml.safe_dump(dict(scenario), sort_keys=False), encoding="utf-8")
-    done = run_lostlink("run", file, "--out", directory, "--no-figure", "--quiet")
+    done = run_lostlink("run", file, "--out", directory, "--speed", "max", "--no-figure", "--quiet")
     assert done.returncode in (0, EXPECTATIONS_FAILED), f"{done.returncode}: {done.stdout}{done.stderr}"
     return load_run(max(directory.iterdir()))
 
