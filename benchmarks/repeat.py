@@ -200,7 +200,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
         + [
             f"{r['line']:<26}{r['sim_s']:>8.1f}{r['streams']:>9}{r['identical']:>6} of {r['repeats']}   "
             + " ".join(map(str, r["real_time_factors"]))
-            + "".join(f"\n    {remark}" for remark in r["remarks"])
+            + "".join(f"\n    {remark}" for remark in dict.fromkeys(r["remarks"]))
             for r in rows
         ]
     )
