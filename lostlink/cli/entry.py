@@ -7,7 +7,7 @@ import signal
 import sys
 
 from bridge.fleet.children.environment import of_runs
-from lostlink.flight.signals import ending_signals, leave_terminal
+from lostlink.flight.signals import ending_signals, heed_signals, hold_signals, leave_terminal
 
 FLYING = ("run", "refly")
 
@@ -17,7 +17,7 @@ def main() -> None:
     _open_what_is_closed()
     for number in ending_signals():
         signal.signal(number, _end)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, ending_signals())
+    heed_signals()
     if _flies() and sys.platform == "linux" and "PYTHONHASHSEED" not in os.environ:
         _begin_anew()
     from lostlink.cli.main import main as command
@@ -43,12 +43,12 @@ def _begin_anew() -> None:
 
     Where that cannot be, its program is started anew.
     """
-    signal.pthread_sigmask(signal.SIG_BLOCK, ending_signals())  # until they are heeded again
+    hold_signals()
     words, environment = ["-P", *sys.orig_argv[1:]], {**os.environ, **of_runs(os.environ)}
     try:
         os.execve(sys.executable or "", [sys.executable, *words], environment)
     except OSError:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, ending_signals())
+        heed_signals()
 
 
 def _end(number: int, _: object) -> None:

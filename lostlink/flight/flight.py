@@ -27,7 +27,7 @@ from bridge.scenario.resolve.radio import common_radio
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.flight.exits import UNUSABLE, status_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
-from lostlink.flight.signals import ending_signals, leave_terminal
+from lostlink.flight.signals import ending_signals, heed_signals, leave_terminal
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.flight.verdict import UNJUDGED
 
@@ -150,6 +150,7 @@ class Flight:
         """SIGINT, SIGTERM and SIGHUP end the flight from now on, before it has begun; in the main thread."""
         for number in ending_signals():
             signal.signal(number, self._interrupted_early)
+        heed_signals()
 
     def _interrupted_early(self, number: int, _: object) -> None:
         """A signal before the fleet is there: it is interrupted as soon as it is (`_take_charge`)."""

@@ -14,6 +14,16 @@ def ending_signals() -> tuple[signal.Signals, ...]:
     return signals if is_outlived else (*signals, signal.SIGHUP)
 
 
+def hold_signals() -> None:
+    """Have them wait until `heed_signals`."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, ending_signals())
+
+
+def heed_signals() -> None:
+    """Take them from now on, and those that waited."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ending_signals())
+
+
 def leave_terminal() -> None:
     """If the terminal has gone, send what is still printed nowhere: it would be an error that ends the summary."""
     for fd in (1, 2):

@@ -88,8 +88,14 @@ class ArduPilotStack:
         return _modes(vehicle_type)
 
     def mode_step(self, state: VehicleState, mode: str) -> Step:
-        """DO_SET_MODE with ``custom_mode``."""
-        return set_mode(state, _modes(state.vehicle_type)[mode])
+        """DO_SET_MODE with ``custom_mode``.
+
+        Raises:
+            Refusal: vehicles of this type have no such mode.
+        """
+        if mode not in (modes := _modes(state.vehicle_type)):
+            raise Refusal(f"{self.name} has no mode {mode} for vehicles of MAV_TYPE {state.vehicle_type}")
+        return set_mode(state, modes[mode])
 
     def stick_mode(self, state: VehicleState, mode: str) -> str:
         """Some of ArduCopter's."""

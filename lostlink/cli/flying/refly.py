@@ -18,6 +18,7 @@ from lostlink.cli.flying.run import SpeedOption
 from lostlink.cli.scenario_options import px4_option
 from lostlink.compare.told import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
+from lostlink.flight.signals import hold_signals
 
 if TYPE_CHECKING:
     from lostlink.refly.reflight import Fly, Reflight, ReflightPlan
@@ -92,6 +93,7 @@ def refly(
     try:
         planned = plan(run, {k: v for k, v in changes.items() if v is not None})
         preflight(planned.scenario, dirs.or_else(planned.dirs), repeats=True)
+        hold_signals()  # until the flight takes them: else its directory would be left empty
         directory = RunDirectory.create(out, planned.scenario.name)
     except (ValueError, OSError, FleetError) as error:
         fail(error)

@@ -23,6 +23,7 @@ from lostlink.cli.exits import fail, tell
 from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
+from lostlink.flight.signals import hold_signals
 from lostlink.flight.summary import expectation_lines
 from lostlink.view.beside import PORT, VIEW_LOG, NoView, ViewProcess
 
@@ -153,6 +154,7 @@ def run(
         resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
         preflight(resolved, dirs)
         viewing = ViewProcess(view_port, control=control) if view else None
+        hold_signals()  # until the flight takes them: else its directory would be left empty
         directory = RunDirectory.create(out, resolved.name)
         flight = ShownFlight(resolved, directory, Console(stderr=as_json or quiet), quiet=as_json or quiet)
     except (ScenarioError, FleetError, NoView) as error:

@@ -108,25 +108,29 @@ def test_a_signal_ends_a_run_at_any_time(
 
 EARLY = """\
 import os, signal
+from bridge.run.directory import RunDirectory
 from lostlink.cli import entry
 from lostlink.flight.flight import Flight
 
-fly = Flight.fly
+doing = {doing}
 
-def interrupted(self, *arguments, **more):
+def interrupted(*arguments, **more):
+    {doing} = doing
     os.kill(os.getpid(), signal.SIGTERM)
-    return fly(self, *arguments, **more)
+    return doing(*arguments, **more)
 
-Flight.fly = interrupted
+{doing} = interrupted
 entry.main()
 """
 
 
+@pytest.mark.parametrize("doing", ["RunDirectory.__init__", "Flight.__init__", "Flight.fly"])
 def test_a_signal_just_before_the_flight_ends_it_with_a_summary(
-    tmp_path: Path, free_slot: Callable[[int], int]
+    tmp_path: Path, free_slot: Callable[[int], int], doing: str
 ) -> None:
     """The run's directory is there already, and no event loop yet."""
-    command = [sys.executable, "-c", EARLY, "run", "--out", str(tmp_path), "--first-slot", str(free_slot(2))]
+    command = [sys.executable, "-c", EARLY.format(doing=doing), "run"]
+    command += ["--out", str(tmp_path), "--first-slot", str(free_slot(2))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 128 + signal.SIGTERM, done.stderr
     assert done.stdout.splitlines()[-1].startswith("interrupted: no link was recorded")

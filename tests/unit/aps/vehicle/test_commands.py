@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.timeouts import ACK_TIMEOUTS_S, LINK_LOSS_TIMEOUT_S
 from aps.vehicle.commands import CommandExecution
-from aps.vehicle.execution import Outcome
+from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.flight import plans, targets
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.telemetry import VehicleState
@@ -183,6 +183,20 @@ def test_goto_sends_an_exact_position_and_then_the_speed():
     assert execution.result is None
     execution.poll(replace(near, lat_deg=47.0012345 + 1e-5), 3)
     assert execution.result.reached
+
+
+@pytest.mark.parametrize(
+    ("vehicle_type", "make"),
+    [
+        (mavlink.MAV_TYPE_ANTENNA_TRACKER, lambda state: targets.velocity(state, 1.0, 0.0)),
+        (mavlink.MAV_TYPE_GROUND_ROVER, plans.land),
+        (mavlink.MAV_TYPE_SUBMARINE, plans.rtl),
+    ],
+)
+def test_a_verb_that_takes_a_mode_which_the_vehicle_lacks_is_refused(vehicle_type, make):
+    state = replace(FLYING, vehicle_type=vehicle_type, mode="MANUAL")
+    with pytest.raises(Refusal, match=f"has no mode [A-Z]+ for vehicles of MAV_TYPE {vehicle_type}"):
+        make(state)
 
 
 def test_refused_speed_does_not_end_the_goto():
