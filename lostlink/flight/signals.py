@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
@@ -15,8 +17,18 @@ def ending_signals() -> tuple[signal.Signals, ...]:
 
 
 def hold_signals() -> None:
-    """Have them wait until `heed_signals`."""
+    """Have them wait until `heed_signals`, also in the program that replaces this one."""
     signal.pthread_sigmask(signal.SIG_BLOCK, ending_signals())
+
+
+@contextmanager
+def signals_held() -> Iterator[None]:
+    """Have them wait until `heed_signals`, or the end of this."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ending_signals())
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def heed_signals() -> None:

@@ -18,7 +18,7 @@ from lostlink.cli.flying.run import SpeedOption
 from lostlink.cli.scenario_options import px4_option
 from lostlink.compare.told import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
-from lostlink.flight.signals import hold_signals
+from lostlink.flight.signals import signals_held
 
 if TYPE_CHECKING:
     from lostlink.refly.reflight import Fly, Reflight, ReflightPlan
@@ -93,20 +93,17 @@ def refly(
     try:
         planned = plan(run, {k: v for k, v in changes.items() if v is not None})
         preflight(planned.scenario, dirs.or_else(planned.dirs), repeats=True)
-        hold_signals()  # until the flight takes them: else its directory would be left empty
-        directory = RunDirectory.create(out, planned.scenario.name)
-    except (ValueError, OSError, FleetError) as error:
-        fail(error)
-    _tell_before(planned, directory, silent=silent)
-    try:
-        outcome = fly_again(
-            planned,
-            directory,
-            _flight(),
-            dirs=dirs,
-            quiet=silent,
-            on_progress=None if silent else CompareProgress(),
-        )
+        with signals_held():  # until the flight takes them: none leaves a directory without a summary
+            directory = RunDirectory.create(out, planned.scenario.name)
+            _tell_before(planned, directory, silent=silent)
+            outcome = fly_again(
+                planned,
+                directory,
+                _flight(),
+                dirs=dirs,
+                quiet=silent,
+                on_progress=None if silent else CompareProgress(),
+            )
     except Interrupted:
         fail(f"interrupted; nothing was compared; the new run is {directory.path}", EXIT_INTERRUPTED)
     except (ValueError, OSError, FleetError) as error:

@@ -23,7 +23,7 @@ from lostlink.cli.exits import fail, tell
 from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
-from lostlink.flight.signals import hold_signals
+from lostlink.flight.signals import signals_held
 from lostlink.flight.summary import expectation_lines
 from lostlink.view.beside import PORT, VIEW_LOG, NoView, ViewProcess
 
@@ -154,9 +154,7 @@ def run(
         resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
         preflight(resolved, dirs)
         viewing = ViewProcess(view_port, control=control) if view else None
-        hold_signals()  # until the flight takes them: else its directory would be left empty
-        directory = RunDirectory.create(out, resolved.name)
-        flight = ShownFlight(resolved, directory, Console(stderr=as_json or quiet), quiet=as_json or quiet)
+        flight = _flight(resolved, out, quiet=as_json or quiet)
     except (ScenarioError, FleetError, NoView) as error:
         fail(error)
     except OSError as error:
@@ -164,13 +162,20 @@ def run(
     _remark(resolved)
     with ExitStack() as beside:
         if viewing is not None:
-            beside.enter_context(viewing).start(directory)
+            beside.enter_context(viewing).start(flight.directory)
             click.echo(f"view: {viewing.address}", err=as_json or quiet)
         summary = flight.fly_and_tell(dirs)
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
         if viewing is not None and flight.signal is None:
-            _keep(viewing, directory)
+            _keep(viewing, flight.directory)
     sys.exit(flight.exit_status(summary))
+
+
+def _flight(scenario: Scenario, out: Path, *, quiet: bool) -> ShownFlight:
+    """A flight and its directory, which no signal leaves without a summary."""
+    with signals_held():
+        directory = RunDirectory.create(out, scenario.name)
+        return ShownFlight(scenario, directory, Console(stderr=quiet), quiet=quiet)
 
 
 def _remark(scenario: Scenario) -> None:
