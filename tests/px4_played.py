@@ -8,10 +8,12 @@ another one waits. HOW, words with commas between:
     unlocked    its flags lack the bit that says lockstep
     naps        the first answer is given by a thread that sleeps 10 ms before, as when PX4 boots
     keeps       what it reads is kept in the file ``hil.bin`` of the folder that it is in
+    real-time   its reader is a real-time thread
 """
 
 from __future__ import annotations
 
+import os
 import socket
 import sys
 import threading
@@ -22,6 +24,7 @@ from pathlib import Path
 from pymavlink.dialects.v20 import common
 
 NAP_S = 0.01
+PRIORITY = 50
 KEPT = Path("hil.bin")
 
 
@@ -47,6 +50,8 @@ class Player:
         """The reader: until the simulator closes."""
         if "relayed" not in self._how:
             Path("/proc/thread-self/comm").write_text("sim_rcv", encoding="ascii")
+        if "real-time" in self._how:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
         frames = 0
         keeps = KEPT.open("wb", buffering=0) if "keeps" in self._how else nullcontext()
         with socket.create_connection(("127.0.0.1", self._port)) as connection, keeps as kept:

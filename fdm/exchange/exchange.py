@@ -230,7 +230,8 @@ class Exchange:
         """Wait for packets, wakes or the clock, and hear what has come."""
         clock = self._clock
         # One look at the clock serves the wait too: a turn is short against the poller's millisecond.
-        ready = self._poller.wait(self._px4.wake_at_ns(clock.wall_ns, clock.wake_at_ns()) - clock.wall_ns)
+        wait_ns = self._px4.wake_at_ns(clock.wall_ns, clock.wake_at_ns()) - clock.wall_ns
+        ready = self._poller.wait(wait_ns, eager=self._px4.are_due and clock.pace.speed == inf)
         clock.update(time.monotonic_ns())
         seats = self._seats
         for fd, _ in ready:
@@ -253,6 +254,7 @@ class Exchange:
         """Close all sockets. Not while `run` runs. What other threads command from now on has no effect."""
         self._stopping = True
         self._placer.give_back()
+        self._px4.close()
         for seat in self._seats.values():
             seat.close()
         self._poller.close()
@@ -327,7 +329,14 @@ class Exchange:
 
     def _add_px4(self, spec: AircraftSpec, sock: socket.socket, build_model: BuildModel) -> None:
         try:
-            seat = Px4Seat(spec, sock, self._clock.members[spec.ua_id], build_model, self._tick_period_ns)
+            seat = Px4Seat(
+                spec,
+                sock,
+                self._clock.members[spec.ua_id],
+                build_model,
+                self._tick_period_ns,
+                self._px4.cores,
+            )
         except BaseException:
             sock.close()
             raise

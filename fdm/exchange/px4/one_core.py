@@ -36,7 +36,8 @@ def keep_on_one_core(pid: int, which: int, cores: Sequence[int]) -> bool:
     """
     if not cores:
         return False
-    core = {cores[which % len(cores)]}
+    others = cores[1:] or cores
+    core = {others[which % len(others)]}
     try:
         for tid in thread_ids(pid):
             with suppress(ProcessLookupError):  # it has just ended

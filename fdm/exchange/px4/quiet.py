@@ -62,7 +62,7 @@ def shows_rest() -> bool:
         _read(f"{own}/wchan")
         before = _read(f"{own}/schedstat").split()
         time.sleep(_MOMENT_S)
-        is_fine = _spent_ns(os.getpid()) < _spent_ns(os.getpid())
+        is_fine = spent_ns(os.getpid()) < spent_ns(os.getpid())
         return is_fine and _read(f"{own}/schedstat").split()[2] != before[2]
     except (OSError, IndexError, AttributeError):
         return False
@@ -82,11 +82,11 @@ class Rest:
         self._reader_name, self._reader = reader, ""
         self._files: dict[str, _File] = {}
         """Of the threads that are asked for more than where they are."""
-        self._awake: _Thread | None = None
+        self._awake: Thread | None = None
         """The one that did not sleep when it was last looked."""
         self._reads_at_send = -1
         self._main = f"{PROC}/{pid}/task/{pid}"
-        self._threads: dict[str, _Thread] = {}
+        self._threads: dict[str, Thread] = {}
         self._pids: set[int] = set()
         """Of the processes whose threads these are."""
         self._is_known = False
@@ -130,7 +130,7 @@ class Rest:
             if self._awake is not None and not self._awake.sleeps():
                 return False
             threads = self._all()
-            spent_ns = [_spent_ns(pid) for pid in self._pids]
+            before_ns = [spent_ns(pid) for pid in self._pids]
             if not threads or not self._are_all(
                 threads
             ):  # first: whoever one that has gone has woken is looked at
@@ -143,7 +143,7 @@ class Rest:
                 return False
             if not all(thread.sleeps() for thread in threads if naps or thread.place == _NOWHERE):
                 return False
-            if [_spent_ns(pid) for pid in self._pids] != spent_ns:
+            if [spent_ns(pid) for pid in self._pids] != before_ns:
                 return False
             if not nappers:
                 self._nappers = {}
@@ -206,7 +206,7 @@ class Rest:
         self._pids.clear()
         self._reader, self._awake, self._is_known = "", None, False
 
-    def _are_all(self, threads: Sequence[_Thread]) -> bool:
+    def _are_all(self, threads: Sequence[Thread]) -> bool:
         """Whether there were no others when these slept."""
         if self.has_children():
             self._is_known = False
@@ -218,7 +218,7 @@ class Rest:
         """How many threads the process itself has."""
         return int(_fields(self._says(f"{self._main}/stat"))[_NUM_THREADS])
 
-    def _all(self) -> list[_Thread]:
+    def _all(self) -> list[Thread]:
         """All threads that there are now; those that have ended are forgotten."""
         if self._is_known:
             return list(self._threads.values())
@@ -228,7 +228,7 @@ class Rest:
         known, self._threads = self._threads, {}
         try:
             for path in paths:
-                self._threads[path] = known.pop(path) if path in known else _Thread(path)
+                self._threads[path] = known.pop(path) if path in known else Thread(path)
         finally:
             for thread in known.values():
                 thread.close()
@@ -267,7 +267,7 @@ class _File:
         os.close(self._fd)
 
 
-class _Thread:
+class Thread:
     """One thread.
 
     Attributes:
@@ -316,7 +316,7 @@ def _runs(schedstat: bytes) -> int:
     return int(schedstat.split()[2])
 
 
-def _spent_ns(pid: int) -> int:
+def spent_ns(pid: int) -> int:
     """How long a process's threads have run so far, but for what those have that run just now (clock_getcpuclockid(3)).
 
     Raises:

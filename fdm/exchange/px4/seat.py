@@ -14,6 +14,7 @@ from fdm.errors import AirframeError
 from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
 from fdm.exchange.hosted_aircraft import BuildModel, ExchangedAircraft, FlightModel
 from fdm.exchange.px4.frames import FramesOfPx4
+from fdm.exchange.px4.idle_core import CoreShare, IdleCores
 from fdm.exchange.px4.one_core import our_cores
 from fdm.exchange.px4.peer import Peer, peer_of
 from fdm.exchange.px4.quiet import Rest
@@ -24,6 +25,8 @@ from fdm.wire.servo_packet import Fields
 
 LOOKS_NS = 300_000
 """Wall time for which it is looked whether PX4 is at rest, before others get their turn."""
+ANSWERS_NS = 2_000_000
+"""Wall time for which an answer of a PX4 that has booted is waited for, before it is looked whether none will come."""
 SETTLES_NS = 500_000_000
 """Wall time for which it is looked before a frame whether PX4 is at rest again: it may have to wait for the disk. Then
 the frame is sent all the same."""
@@ -55,6 +58,15 @@ class Newcomer(NamedTuple):
     peer: Peer
 
 
+class Outgoing(NamedTuple):
+    """A frame that is sent when PX4 is at rest."""
+
+    messages: bytes
+    number: int
+    since_ns: int
+    """Wall instant from which it waits (monotonic)."""
+
+
 class Px4Seat:
     """One UA with its port.
 
@@ -64,6 +76,7 @@ class Px4Seat:
         member: its place in the fleet clock.
         build_model: makes its flight model.
         tick_period_ns: sim time between ticks, at which others speak to PX4.
+        cores: where the PX4s of the exchange fly.
 
     Attributes:
         connection: that of PX4; None while there is none.
@@ -79,6 +92,7 @@ class Px4Seat:
         member: Member,
         build_model: BuildModel,
         tick_period_ns: int,
+        cores: IdleCores,
     ) -> None:
         if spec.airframe.px4 is None:
             raise AirframeError(f"airframe {spec.airframe.name}: it has no section px4: PX4 cannot fly it")
@@ -92,10 +106,14 @@ class Px4Seat:
         self._past: Counter[str] = Counter()
         self._peer = Peer()
         self._rest: Rest | None = None
+        self._idle_cores = cores
+        self._core: CoreShare | None = None
+        self._is_in_order = self._is_asked = self._was_held = False
         self._wake_ports, self._has_woken = peer.wake_ports, False
         self._woken_ns = self._sent_ns = 0
         self._as_text = make_encoder(spec.airframe.sensors)
         self._has_begun, self._has_booted, self._is_silent, self._unsent = False, False, False, b""
+        self._outgoing: Outgoing | None = None
         self._cores = our_cores()
         self._tick_period_ns, self._tick = tick_period_ns, -1
         self._waker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -180,6 +198,7 @@ class Px4Seat:
         self._rest, why_not = watch(self._peer, self.aircraft.ua_id, self._cores)
         self._past += self._frames.totals()
         self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=self._rest is not None)
+        self._is_in_order = not why_not
         if why_not:
             self.aircraft.count(why_not)
         _log.info("UA %d: PX4 has connected (process %s)", self.aircraft.ua_id, self._peer.pid)
@@ -189,7 +208,8 @@ class Px4Seat:
         """Close the connection, if there is one."""
         if self._rest is not None:
             self._rest.close()
-            self._rest = None
+        self._rest = self._core = self._outgoing = None
+        self._is_asked = self._was_held = False
         for connection in (self.connection, self._retired):
             if connection is not None:
                 connection.close()
@@ -205,16 +225,20 @@ class Px4Seat:
         self._retired = connection
 
     def send(self, reply: bytes) -> None:
-        """Send the messages of a frame."""
-        if self.connection is None:
+        """Send the messages of a frame, as soon as PX4 is at rest."""
+        self._was_held, self._tick = self._is_at_tick(), self._tick_now()
+        self._outgoing = Outgoing(reply, self.aircraft.fields[2] + 1, time.monotonic_ns())
+        self.go_on()
+
+    def go_on(self) -> None:
+        """Send the frame that waits for PX4 to be at rest, if it is."""
+        outgoing = self._outgoing
+        if outgoing is None or self.connection is None or not self._is_settled(outgoing):
             return
-        if self._rest is not None:
-            self._settle(self._rest)
-            self._rest.sent()
-        self._has_woken = False
-        self._write(self.connection, reply)
+        self._outgoing, self._has_woken = None, False
+        self._write(self.connection, outgoing.messages)
         self._sent_ns = time.monotonic_ns()
-        self._frames.sent(self.aircraft.fields[2] + 1, self._sent_ns)
+        self._frames.sent(outgoing.number, self._sent_ns)
 
     def _write(self, connection: socket.socket, reply: bytes) -> None:
         """Send a frame whole, or not at all; what the system does not take yet goes with the next one."""
@@ -248,10 +272,15 @@ class Px4Seat:
     def take(self, wall_ns: int) -> Fields | None:
         """The frame that is done now, as a packet that asks for the next one."""
         frames, rest = self._frames, self._rest
-        if not self.wants_look():
+        if self.connection is None or not frames.awaits:
             return None
         if rest is None:
             return self._done() if frames.is_done(wall_ns) else None
+        if self._core is not None and self._core.is_ready:
+            if frames.answered:
+                return self._take_answered(self._core)
+            if wall_ns - self._sent_ns < ANSWERS_NS:
+                return None
         naps = 0 if self._has_booted else NAPS if self._has_begun else NO_NAP
         within_ns = LOOKS_NS if self.member.live else 0
         if not _comes_to_rest(rest, within_ns, naps):
@@ -261,8 +290,29 @@ class Px4Seat:
             if not _comes_to_rest(rest, within_ns, naps):
                 return None
         self.receive()  # it may have answered since the last look
-        self._has_begun, self._has_booted = True, self._has_booted or self._boot_is_over(rest)
+        self._has_begun = True
+        if not self._has_booted and self._boot_is_over(rest):
+            self._has_booted = True
+            self._core = self._idle_cores.share(rest.pid, self._wake_ports) if self._is_in_order else None
         return self._done()
+
+    def _take_answered(self, core: CoreShare) -> Fields | None:
+        """The frame that is answered: the model needs no more. At a tick, which others wait for, once PX4 rests."""
+        if not self._has_woken:
+            self._ask(core)
+        if self._is_at_tick() and not self._rests(core):
+            return None
+        return self._done()
+
+    def _ask(self, core: CoreShare) -> None:
+        self._has_woken = self._is_asked = True
+        core.ask()
+
+    def _rests(self, core: CoreShare) -> bool:
+        """Whether it is at rest since it was asked for."""
+        if self._is_asked and core.is_at_rest():
+            self._is_asked, self._woken_ns = False, time.monotonic_ns()
+        return not self._is_asked
 
     @property
     def is_lockstep(self) -> bool:
@@ -283,25 +333,44 @@ class Px4Seat:
         """Whether it answers, its start script has ended, and so has the thread that ran the script's last command."""
         return self._frames.answered and not rest.naps and not rest.has_children()
 
-    def _settle(self, rest: Rest) -> None:
-        """Before a frame: have what it was told at a tick taken, and its MAVLink threads woken not long ago.
+    def _is_settled(self, outgoing: Outgoing) -> bool:
+        """Before a frame: whether what it was told at a tick is taken, and its MAVLink threads were woken not long ago.
 
         Else they might wake by themselves in the midst of the frame.
         """
-        tries = WAKES if self._wake_ports and self._woken_ns else 0
-        was_held = self._begins_at_tick()
-        while tries and (was_held or time.monotonic_ns() - self._woken_ns > WAKE_AGE_NS):
-            tries -= 1
-            was_held = False
+        rest, core = self._rest, self._core
+        if rest is None:
+            return True
+        if core is None or not core.is_ready:
+            self._settle(rest)
+            rest.sent()
+            return True
+        while self._rests(core):
+            if not self._is_to_wake():
+                return True
+            self._ask(core)
+        return time.monotonic_ns() - outgoing.since_ns >= SETTLES_NS
+
+    def _settle(self, rest: Rest) -> None:
+        for _ in range(WAKES):
+            if not self._is_to_wake():
+                break
             self._wake()
             if not _comes_to_rest(rest, SETTLES_NS):
                 break
 
-    def _begins_at_tick(self) -> bool:
-        """Whether it was held at a tick since the frame before, and may have been spoken to."""
-        tick = self.member.sim_time_ns // self._tick_period_ns
-        was_tick, self._tick = self._tick, tick
-        return tick != was_tick
+    def _is_to_wake(self) -> bool:
+        """Whether it was told something that it may not have taken yet, or was woken too long ago."""
+        was_held, self._was_held = self._was_held, False
+        is_old = time.monotonic_ns() - self._woken_ns > WAKE_AGE_NS
+        return bool(self._wake_ports and self._woken_ns) and (was_held or is_old)
+
+    def _is_at_tick(self) -> bool:
+        """Whether it has come to a tick since the frame before, and may be spoken to."""
+        return self._tick_now() != self._tick
+
+    def _tick_now(self) -> int:
+        return self.member.sim_time_ns // self._tick_period_ns
 
     def _wake(self) -> None:
         """Have PX4's MAVLink threads look at the time: else they do every 10 ms of wall time, whichever frame that is.
@@ -318,7 +387,7 @@ class Px4Seat:
 
     def wants_look(self) -> bool:
         """Whether `take` is to be called soon though PX4 has sent nothing."""
-        return self.connection is not None and self._frames.awaits
+        return self.connection is not None and (self._frames.awaits or self._outgoing is not None)
 
     def last_frame(self) -> SensorFrame | None:
         """What the last frame that was sent is made of, before the errors that this adapter adds."""

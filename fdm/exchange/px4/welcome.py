@@ -7,7 +7,9 @@ from functools import partial
 from typing import Protocol
 
 from fdm.clock.events import EventKind
+from fdm.exchange.px4.idle_core import IdleCores
 from fdm.exchange.px4.seat import Newcomer, Px4Seat
+from fdm.exchange.settings import core_count
 
 LOOK_PERIOD_NS = 1_000_000
 """Wall time between two looks whether PX4 is at rest."""
@@ -33,6 +35,9 @@ class Px4Seats:
         service: acts.
         listen: has the loop call something when a file descriptor can be read.
         forget: takes that back.
+
+    Attributes:
+        cores: where they fly.
     """
 
     def __init__(
@@ -43,11 +48,18 @@ class Px4Seats:
     ) -> None:
         self._service, self._listen, self._forget = service, listen, forget
         self._seats: list[Px4Seat] = []
+        self._may_be_eager = core_count() > 1
+        self.cores = IdleCores(listen)
 
     def add(self, seat: Px4Seat) -> None:
         """Serve it."""
         self._seats.append(seat)
         self._listen(seat.sock.fileno(), partial(self._connects, seat))
+
+    @property
+    def are_due(self) -> bool:
+        """Whether an answer may come any moment, and there is a core to spare for who waits for it."""
+        return self._may_be_eager and any(seat.wants_look() for seat in self._seats)
 
     def wake_at_ns(self, wall_ns: int, otherwise_ns: int) -> int:
         """Wall instant of the next look, or `otherwise_ns` if that is earlier."""
@@ -58,8 +70,13 @@ class Px4Seats:
     def look(self) -> None:
         """See who is at rest by now."""
         for seat in self._seats:
+            seat.go_on()
             if seat.wants_look():
                 self._hear(seat)
+
+    def close(self) -> None:
+        """Before any seat is closed: a PX4 whose connection has ended spins, and nothing else on its core can end."""
+        self.cores.close()
 
     def _connects(self, seat: Px4Seat) -> None:
         newcomer = seat.accept()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from functools import cache
 from math import isfinite
 from typing import NamedTuple
 
@@ -185,14 +186,22 @@ def pulse_widths(controls: Sequence[float], motors: frozenset[int]) -> tuple[int
     """Controls as pulse widths, which airframes are driven by, us: 1000 to 2000, 1500 is the middle of a servo.
 
     Args:
-        controls: of outputs 1, 2, ...
+        controls: of outputs 1, 2, ... 16.
         motors: outputs that are motors, of which 0 is 1000 us.
     """
     return tuple(
-        1000 + round(1000 * min(max(control, 0.0), 1.0))
-        if output in motors
-        else 1500 + round(500 * min(max(control, -1.0), 1.0))
-        for output, control in enumerate(controls, 1)
+        [
+            middle + round(span * (low if control < low else 1.0 if control > 1.0 else control))
+            for control, (low, middle, span) in zip(controls, _ranges(motors), strict=True)
+        ]
+    )
+
+
+@cache
+def _ranges(motors: frozenset[int]) -> tuple[tuple[float, int, int], ...]:
+    """Of each output: its least control, the pulse width of 0, and what 1 adds to that, us."""
+    return tuple(
+        (0.0, 1000, 1000) if output in motors else (-1.0, 1500, 500) for output in range(1, CONTROLS + 1)
     )
 
 

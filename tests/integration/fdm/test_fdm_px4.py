@@ -5,6 +5,8 @@ import os
 import signal
 import socket
 import sys
+import time
+from contextlib import suppress
 
 import pytest
 
@@ -13,6 +15,8 @@ from fdm.errors import AirframeError, PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
 from fdm.exchange.exchange import Exchange
 from fdm.exchange.px4 import watched
+from fdm.exchange.px4.idle_core import IdleCores
+from fdm.exchange.px4.one_core import may_run_in_order
 from fdm.model.airframe import load_airframe
 from fdm.model.px4_sensors import Px4Sensors
 from tests.px4_exchange import HOME, Flight, play, played, spec
@@ -142,3 +146,48 @@ def test_its_threads_are_kept_on_one_core(monkeypatch):
     assert set(map(tuple, placed.values())) == {(cores[1 % len(cores)],)}
     assert len(placed) == 2, "the reader, and the one that waits for it"
     assert watched.ON_MANY_CORES not in counters[1]
+
+
+def flown_in_order(at_tick):
+    """What a flight was driven by whose PX4 has a real-time thread, and how often its MAVLink was woken."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mavlink:
+        mavlink.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        mavlink.bind(("127.0.0.1", 0))
+        ua = spec(wakes=(mavlink.getsockname()[1],))
+        flight = Flight([ua], until_s=1.0, at_tick=lambda sim_s: at_tick(flight, sim_s))
+        with played(flight.exchange.ports[0], 3, 10_000, "real-time"):
+            counters = flight.run()
+        assert watched.OUT_OF_ORDER not in counters[0]
+        mavlink.setblocking(False)
+        wakes = 0
+        with suppress(BlockingIOError):
+            while mavlink.recv(1) == b"":
+                wakes += 1
+    return flight.driven[:240], wakes
+
+
+@pytest.mark.skipif(not may_run_in_order(), reason="no real-time threads for this user")
+@pytest.mark.parametrize("killed_at_s", [9.0, 0.5], ids=["to the end", "the probe is killed"])
+def test_frames_of_real_time_threads_are_those_that_looks_give(killed_at_s, monkeypatch):
+    """However it is seen that PX4 is at rest, it is driven alike, and woken in each frame."""
+
+    def at_tick(flight, sim_s):
+        for core in flight.exchange._px4.cores._cores.values():
+            if sim_s == 0.1:
+                until_s = time.monotonic() + 20.0
+                while not core.is_ready:
+                    assert time.monotonic() < until_s
+                    core.hear()
+            if sim_s == 0.4:
+                asked.append(core.is_ready)
+            if sim_s == killed_at_s:
+                core._process.kill()
+
+    asked = []
+    driven, wakes = flown_in_order(at_tick)
+    assert asked == [True]
+    monkeypatch.setattr(IdleCores, "share", lambda *_: None)
+    by_looks, _ = flown_in_order(lambda flight, sim_s: None)
+    assert driven == by_looks
+    assert len(driven) == 240
+    assert wakes >= 240

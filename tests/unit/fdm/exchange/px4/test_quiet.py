@@ -173,7 +173,7 @@ def test_a_clock_that_stands_shows_no_rest(shown, monkeypatch):
         quiet, "_read", lambda path: b"0 0 %d" % next(counts) if path.endswith("schedstat") else read(path)
     )
     assert shows_rest()
-    monkeypatch.setattr(quiet, "_spent_ns", lambda pid: 40_000_000)
+    monkeypatch.setattr(quiet, "spent_ns", lambda pid: 40_000_000)
     assert not shows_rest()
 
 
@@ -279,7 +279,7 @@ def test_a_nap_without_an_end_is_not_waited_for(program, monkeypatch):
 @pytest.mark.parametrize(("shows_others", "is_at_rest"), [(True, False), (False, True)])
 def test_a_thread_of_which_is_not_said_where_it_waits_may_nap(program, monkeypatch, shows_others, is_at_rest):
     """So Linux says of one that is still in its processor's queue; where nothing is ever said, nothing is known."""
-    rest, sleeps = Rest(program.pid), quiet._Thread.sleeps
+    rest, sleeps = Rest(program.pid), quiet.Thread.sleeps
     main = f"/proc/{program.pid}/task/{program.pid}"
 
     def tells_nothing(thread):
@@ -288,7 +288,7 @@ def test_a_thread_of_which_is_not_said_where_it_waits_may_nap(program, monkeypat
         return is_asleep
 
     assert comes_to_rest(rest)
-    monkeypatch.setattr(quiet._Thread, "sleeps", tells_nothing)
+    monkeypatch.setattr(quiet.Thread, "sleeps", tells_nothing)
     until_s = time.monotonic() + (10.0 if is_at_rest else 0.2)
     found = False
     while not found and time.monotonic() < until_s:

@@ -8,6 +8,7 @@ import pytest
 
 from fdm.clock.member import Member
 from fdm.exchange.ports import bind
+from fdm.exchange.px4.idle_core import IdleCores
 from fdm.exchange.px4.peer import Peer
 from fdm.exchange.px4.seat import Newcomer, Px4Seat
 from tests.px4_exchange import spec
@@ -27,7 +28,8 @@ def ends():
 
 def make_seat(ua_id=0):
     ua = spec(ua_id)
-    return Px4Seat(ua, bind(ua, "127.0.0.1"), Member(ua_id), lambda *_: SteppingModel([]), 50_000_000)
+    cores = IdleCores(lambda fd, callback: None)
+    return Px4Seat(ua, bind(ua, "127.0.0.1"), Member(ua_id), lambda *_: SteppingModel([]), 50_000_000, cores)
 
 
 @pytest.fixture

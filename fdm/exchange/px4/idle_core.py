@@ -1,0 +1,181 @@
+"""When PX4s that have booted are at rest, told by a process that runs on their core only then.
+
+To look at each of a PX4's threads in /proc takes as long as its frame. But where its threads are real-time ones on one
+core, any that can run does so before a probe whose priority is the lowest of them: when the probe runs, all of them
+wait. It is asked when a frame is answered; the next one is computed while PX4 ends what the frame has set going.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+OURS = str(Path(__file__).resolve().parents[3])
+"""Where this package is: before what the program has on its path, as files there may have our names."""
+READY, PLACES = 255, 255
+"""What the probe says when it is ready; else it says the place of a PX4, of which there are so many."""
+END_S = 1.0
+_READ_BYTES = 4096
+_log = logging.getLogger(__name__)
+
+
+class IdleCore:
+    """Asks whether PX4s that share a core are at rest. Its program is `fdm.exchange.px4.idle_core_probe`.
+
+    Args:
+        core: the core; all threads of the PX4s are on it.
+
+    Attributes:
+        is_ready: whether the probe runs, as it has said. One that may have no real-time priority never does.
+
+    Raises:
+        OSError: no process can be started.
+    """
+
+    def __init__(self, core: int) -> None:
+        self.is_ready = False
+        self._asked: set[int] = set()
+        self._joined = 0
+        with contextlib.ExitStack() as far:
+            their_read, self._write = os.pipe()
+            far.callback(os.close, their_read)
+            self._read, their_write = os.pipe()
+            far.callback(os.close, their_write)
+            os.set_blocking(self._read, False)
+            # A process of its own and no fork of this one, which may have threads.
+            self._process = subprocess.Popen(
+                [
+                    sys.executable,
+                    "-P",
+                    "-m",
+                    "fdm.exchange.px4.idle_core_probe",
+                    *map(str, (their_read, their_write, core)),
+                ],
+                pass_fds=(their_read, their_write),
+                stdin=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join((OURS, *filter(None, sys.path)))},
+                start_new_session=True,  # Ctrl-C is for who has started it
+            )
+        self._is_open = True
+
+    def fileno(self) -> int:
+        """Can be read when somebody who was asked about may be at rest."""
+        return self._read
+
+    def join(self, pid: int, wake_ports: Sequence[int]) -> int:
+        """A PX4 flies on this core; returns its place.
+
+        Args:
+            pid: its process.
+            wake_ports: UDP ports of this machine, each of which is sent an empty datagram as soon as it is at rest.
+                Then it is to come to rest again.
+
+        Raises:
+            ValueError: there are too many.
+        """
+        if self._joined == PLACES:
+            raise ValueError(f"{PLACES} PX4s have flown on one core")
+        place, self._joined = self._joined, self._joined + 1
+        self._say(place, pid, *wake_ports)
+        return place
+
+    def ask(self, place: int) -> None:
+        """Ask for rest, and rest after the wakes."""
+        if place not in self._asked:
+            self._asked.add(place)
+            self._say(place)
+
+    def is_at_rest(self, place: int) -> bool:
+        """Whether what was asked for is done. Nothing is where the probe has ended."""
+        if place in self._asked:
+            self.hear()
+        return place not in self._asked
+
+    def hear(self) -> None:
+        """Take what the probe has said."""
+        try:
+            said = os.read(self._read, _READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            said = b""
+        if not said:
+            self.is_ready = False
+        elif READY in said:
+            self.is_ready = True
+        self._asked.difference_update(said)
+
+    def close(self) -> None:
+        """End it; again has no effect. Before the PX4s: one that spins leaves the probe no time to end."""
+        if self._is_open:
+            self._is_open = self.is_ready = False
+            os.close(self._write)
+            os.close(self._read)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(END_S)
+
+    def _say(self, *words: int) -> None:
+        try:
+            os.write(self._write, b"%s\n" % " ".join(map(str, words)).encode())
+        except OSError as error:
+            self.is_ready = False
+            _log.debug("the probe has ended: %s", error)
+
+
+class CoreShare:
+    """A PX4's part in the core on which it flies."""
+
+    def __init__(self, core: IdleCore, pid: int, wake_ports: Sequence[int]) -> None:
+        self._core, self._place = core, core.join(pid, wake_ports)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it can be asked."""
+        return self._core.is_ready
+
+    def ask(self) -> None:
+        """Ask for rest, and rest after the wakes."""
+        self._core.ask(self._place)
+
+    def is_at_rest(self) -> bool:
+        """Whether what was asked for is done."""
+        return self._core.is_at_rest(self._place)
+
+
+class IdleCores:
+    """The cores on which the PX4s of an exchange fly.
+
+    Args:
+        listen: has the exchange's loop call something when a file descriptor can be read.
+    """
+
+    def __init__(self, listen: Callable[[int, Callable[[], object]], object]) -> None:
+        self._listen = listen
+        self._cores: dict[int, IdleCore] = {}
+
+    def share(self, pid: int, wake_ports: Sequence[int]) -> CoreShare | None:
+        """A PX4 has booted; None: whether it is at rest has to be looked for.
+
+        Args:
+            pid: its process, whose threads are real-time ones on one core.
+            wake_ports: see `IdleCore.join`.
+        """
+        try:
+            (core,) = os.sched_getaffinity(pid)
+            if core not in self._cores:
+                self._cores[core] = IdleCore(core)
+                self._listen(self._cores[core].fileno(), self._cores[core].hear)
+            return CoreShare(self._cores[core], pid, wake_ports)
+        except (OSError, ValueError) as error:
+            _log.debug("whether PX4 (process %d) is at rest is looked for: %s", pid, error)
+            return None
+
+    def close(self) -> None:
+        """End what tells of them."""
+        for core in self._cores.values():
+            core.close()
