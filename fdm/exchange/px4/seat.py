@@ -253,11 +253,11 @@ class Px4Seat:
             self.aircraft.count("send_failed")
             _log.debug("UA %d: frame not sent: %s", self.aircraft.ua_id, error)
 
-    def receive(self) -> bool:
+    def receive(self, reads: int = READS) -> bool:
         """Read what PX4 has sent, or the beginning of it; False: it has closed the connection, which `drop` is for."""
         if self.connection is None:
             return False
-        for _ in range(READS):
+        for _ in range(reads):
             try:
                 data = self.connection.recv(READ_BYTES)
             except BlockingIOError:

@@ -87,7 +87,7 @@ class Px4Seats:
         self._listen(newcomer.connection.fileno(), partial(self._says, seat))
 
     def _says(self, seat: Px4Seat) -> None:
-        if seat.receive():
+        if seat.receive(reads=1):  # what is left shows again
             self._hear(seat)
         else:
             self._let_go(seat)
