@@ -97,7 +97,7 @@ class Exchange:
     ) -> None:
         settings = ClockSettings(
             speed=speed,
-            window_ns=tick_period_ns if called else window_ns,
+            window_ns=tick_period_ns if called or any(spec.px4 for spec in aircraft) else window_ns,
             tick_period_ns=tick_period_ns,
             hold_ticks=hold_ticks,
             stall_timeout_ns=nanoseconds("stall_timeout_s", stall_timeout_s),
@@ -171,6 +171,7 @@ class Exchange:
         elif self._wait_and_fly(lone):
             return
         self._service.progress()
+        self._px4.go_on()
         self._service.let_go_the_stalled()
 
     def fly_called(self) -> None:

@@ -14,7 +14,8 @@ from fdm.clock.status import ClockStatus
 from fdm.errors import ModelDivergedError
 from fdm.exchange.called import CalledSeat
 from fdm.exchange.command_queue import CommandQueue
-from fdm.exchange.px4.seat import Newcomer, Px4Seat
+from fdm.exchange.px4.callers import Newcomer
+from fdm.exchange.px4.seat import Px4Seat
 from fdm.exchange.seat import Seat as SocketSeat
 from fdm.model.truth import TrueState
 from fdm.wire.lockstep import STEPPING, ServoVerdict

@@ -19,6 +19,8 @@ OURS = str(Path(__file__).resolve().parents[3])
 """Where this package is: before what the program has on its path, as files there may have our names."""
 READY, PLACES = 255, 255
 """What the probe says when it is ready; else it says the place of a PX4, of which there are so many."""
+AT_ONCE = 2
+"""PX4s of a core that fly in turn: one computes its frame while the other's next one is computed."""
 END_S = 1.0
 _READ_BYTES = 4096
 _log = logging.getLogger(__name__)
@@ -41,6 +43,7 @@ class IdleCore:
         self.is_ready = False
         self._asked: set[int] = set()
         self._joined = 0
+        self._flying: set[int] = set()
         with contextlib.ExitStack() as far:
             their_read, self._write = os.pipe()
             far.callback(os.close, their_read)
@@ -96,6 +99,19 @@ class IdleCore:
             self.hear()
         return place not in self._asked
 
+    def may_fly(self, place: int) -> bool:
+        """Whether this one has its turn, which it takes if few have.
+
+        They fly for as long as they may: what each computes with stays in the core's caches.
+        """
+        if len(self._flying) < AT_ONCE:
+            self._flying.add(place)
+        return place in self._flying
+
+    def end_turn(self, place: int) -> None:
+        """It has nothing to do for now."""
+        self._flying.discard(place)
+
     def hear(self) -> None:
         """Take what the probe has said."""
         try:
@@ -137,6 +153,14 @@ class CoreShare:
     def is_ready(self) -> bool:
         """Whether it can be asked."""
         return self._core.is_ready
+
+    def may_fly(self) -> bool:
+        """Whether it has its turn, which it takes if nobody has."""
+        return self._core.may_fly(self._place)
+
+    def end_turn(self) -> None:
+        """It has nothing to do for now."""
+        self._core.end_turn(self._place)
 
     def ask(self) -> None:
         """Ask for rest, and rest after the wakes."""

@@ -23,6 +23,14 @@ def our_cores() -> tuple[int, ...]:
     return tuple(sorted(os.sched_getaffinity(0))) if hasattr(os, "sched_getaffinity") else ()
 
 
+def their_cores(cores: Sequence[int]) -> Sequence[int]:
+    """Of the cores that an exchange may use, those for its PX4s: all but the first, if there are others.
+
+    On a core that it shared with them the exchange would stand still whenever one of their threads can run.
+    """
+    return cores[1:] or cores
+
+
 def keep_on_one_core(pid: int, which: int, cores: Sequence[int]) -> bool:
     """Have a process and its descendants, and what they will start, run on one core.
 
@@ -36,8 +44,7 @@ def keep_on_one_core(pid: int, which: int, cores: Sequence[int]) -> bool:
     """
     if not cores:
         return False
-    others = cores[1:] or cores
-    core = {others[which % len(others)]}
+    core = {cores[which % len(cores)]}
     try:
         for tid in thread_ids(pid):
             with suppress(ProcessLookupError):  # it has just ended

@@ -13,10 +13,11 @@ from fdm.clock.member import Member
 from fdm.errors import AirframeError
 from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
 from fdm.exchange.hosted_aircraft import BuildModel, ExchangedAircraft, FlightModel
+from fdm.exchange.px4.callers import Callers, Newcomer
 from fdm.exchange.px4.frames import FramesOfPx4
 from fdm.exchange.px4.idle_core import CoreShare, IdleCores
 from fdm.exchange.px4.one_core import our_cores
-from fdm.exchange.px4.peer import Peer, peer_of
+from fdm.exchange.px4.peer import Peer
 from fdm.exchange.px4.quiet import Rest
 from fdm.exchange.px4.watched import watch
 from fdm.model.px4_sensors import Px4Encoder, Px4Sensors
@@ -39,23 +40,10 @@ nap for 5 ms, again and again, until another is ready."""
 NO_NAP = sys.maxsize
 """With the first frame its work queues come to sim time: until then they nap, for up to a second (wkr_hrt; hpwork and
 lpwork 50 ms), and would be as late with what is due as their last nap is long."""
-NOT_CONNECTED = "connections_failed"
-"""Counter of the connections that had ended before they were taken, or could not be."""
-NOT_TAKEN = "connections_refused"
-"""Counter of the connections that are not served as another one is flown."""
-KEPT_MAX = 8
-"""Connections of other PX4 that stay open, unserved, until the seat is closed."""
 READ_BYTES, READS = 4096, 4
 """What is read at most before others get their turn: a frame's answer has a hundred bytes."""
 
 _log = logging.getLogger(__name__)
-
-
-class Newcomer(NamedTuple):
-    """Who has connected, and is to be served."""
-
-    connection: socket.socket
-    peer: Peer
 
 
 class Outgoing(NamedTuple):
@@ -63,8 +51,6 @@ class Outgoing(NamedTuple):
 
     messages: bytes
     number: int
-    since_ns: int
-    """Wall instant from which it waits (monotonic)."""
 
 
 class Px4Seat:
@@ -79,6 +65,7 @@ class Px4Seat:
         cores: where the PX4s of the exchange fly.
 
     Attributes:
+        callers: who connects to its port.
         connection: that of PX4; None while there is none.
 
     Raises:
@@ -97,10 +84,9 @@ class Px4Seat:
         if spec.airframe.px4 is None:
             raise AirframeError(f"airframe {spec.airframe.name}: it has no section px4: PX4 cannot fly it")
         peer = spec.px4 or Px4Peer(Px4Sensors(), seed=1)
-        self.sock, self.member = sock, member
+        self.member = member
         self.connection: socket.socket | None = None
         self._retired: socket.socket | None = None
-        self._kept: list[socket.socket] = []
         self._rate_hz, self._motors = peer.sensors.imu_rate_hz, spec.airframe.px4.motors
         self._frames = FramesOfPx4(self._rate_hz, self._motors)
         self._past: Counter[str] = Counter()
@@ -110,7 +96,7 @@ class Px4Seat:
         self._core: CoreShare | None = None
         self._is_in_order = self._is_asked = self._was_held = False
         self._wake_ports, self._has_woken = peer.wake_ports, False
-        self._woken_ns = self._sent_ns = 0
+        self._woken_ns = self._sent_ns = self._waits_since_ns = 0
         self._as_text = make_encoder(spec.airframe.sensors)
         self._has_begun, self._has_booted, self._is_silent, self._unsent = False, False, False, b""
         self._outgoing: Outgoing | None = None
@@ -139,29 +125,16 @@ class Px4Seat:
             return messages
 
         self.aircraft = ExchangedAircraft(member, build, encode, spec.wind, spec.disturb)
+        self.callers = Callers(sock, self.aircraft)
 
     @property
     def port(self) -> int:
         """Its TCP port."""
-        return int(self.sock.getsockname()[1])
+        return int(self.callers.sock.getsockname()[1])
 
     def accept(self) -> Newcomer | None:
         """Who has connected, if that is who is to be served from now on; `welcome` is to follow. Never raises."""
-        connection = None
-        try:
-            connection, address = self.sock.accept()
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            connection.setblocking(False)
-            newcomer = Newcomer(connection, peer_of(connection))
-        except BlockingIOError:
-            return None
-        except OSError as error:
-            self._turn_away(connection, NOT_CONNECTED, error)
-            return None
-        if self._keeps_from(newcomer.peer):
-            self._refuse(newcomer, address)
-            return None
-        return newcomer
+        return self.callers.next(self._keeps_from)
 
     def _keeps_from(self, newcomer: Peer) -> bool:
         """Whether who is connected stays, and the newcomer has to go.
@@ -174,21 +147,6 @@ class Px4Seat:
         if self._peer.is_px4:
             return True
         return self.member.live and (self._frames.has_answered or not newcomer.is_px4)
-
-    def _refuse(self, newcomer: Newcomer, address: object) -> None:
-        """Leave a PX4 that cannot be flown connected, for the reason that `retire` has; close what is none."""
-        self._kept = [each for each in self._kept if not _has_ended(each)]
-        if newcomer.peer.is_px4 and len(self._kept) < KEPT_MAX:
-            self.aircraft.count(NOT_TAKEN)
-            self._kept.append(newcomer.connection)
-        else:
-            self._turn_away(newcomer.connection, NOT_TAKEN, f"{address} (process {newcomer.peer.pid})")
-
-    def _turn_away(self, connection: socket.socket | None, counter: str, why: object) -> None:
-        self.aircraft.count(counter)
-        _log.debug("UA %d: %s: %s", self.aircraft.ua_id, counter, why)
-        if connection is not None:
-            connection.close()
 
     def welcome(self, newcomer: Newcomer) -> Fields:
         """Serve who has connected; returns the packet that asks for the first frame. It boots."""
@@ -208,6 +166,8 @@ class Px4Seat:
         """Close the connection, if there is one."""
         if self._rest is not None:
             self._rest.close()
+        if self._core is not None:
+            self._core.end_turn()
         self._rest = self._core = self._outgoing = None
         self._is_asked = self._was_held = False
         for connection in (self.connection, self._retired):
@@ -227,18 +187,31 @@ class Px4Seat:
     def send(self, reply: bytes) -> None:
         """Send the messages of a frame, as soon as PX4 is at rest."""
         self._was_held, self._tick = self._is_at_tick(), self._tick_now()
-        self._outgoing = Outgoing(reply, self.aircraft.fields[2] + 1, time.monotonic_ns())
+        self._outgoing = Outgoing(reply, self.aircraft.fields[2] + 1)
+        self._waits_since_ns = time.monotonic_ns()
         self.go_on()
 
     def go_on(self) -> None:
         """Send the frame that waits for PX4 to be at rest, if it is."""
         outgoing = self._outgoing
-        if outgoing is None or self.connection is None or not self._is_settled(outgoing):
+        if outgoing is None or self.connection is None or not self._may_fly() or not self._is_settled():
             return
         self._outgoing, self._has_woken = None, False
         self._write(self.connection, outgoing.messages)
         self._sent_ns = time.monotonic_ns()
         self._frames.sent(outgoing.number, self._sent_ns)
+
+    def _may_fly(self) -> bool:
+        """Whether it has its turn on its core; while it has not, it owes nothing."""
+        if self._core is None or not self._core.is_ready or self._core.may_fly():
+            return True
+        self.member.idle_ns, self._waits_since_ns = 0, time.monotonic_ns()
+        return False
+
+    def end_turn(self) -> None:
+        """Let others on its core fly if it has nothing to do, or nobody waits for it."""
+        if self._core is not None and not (self.wants_look() and self.member.live):
+            self._core.end_turn()
 
     def _write(self, connection: socket.socket, reply: bytes) -> None:
         """Send a frame whole, or not at all; what the system does not take yet goes with the next one."""
@@ -333,7 +306,7 @@ class Px4Seat:
         """Whether it answers, its start script has ended, and so has the thread that ran the script's last command."""
         return self._frames.answered and not rest.naps and not rest.has_children()
 
-    def _is_settled(self, outgoing: Outgoing) -> bool:
+    def _is_settled(self) -> bool:
         """Before a frame: whether what it was told at a tick is taken, and its MAVLink threads were woken not long ago.
 
         Else they might wake by themselves in the midst of the frame.
@@ -349,7 +322,7 @@ class Px4Seat:
             if not self._is_to_wake():
                 return True
             self._ask(core)
-        return time.monotonic_ns() - outgoing.since_ns >= SETTLES_NS
+        return time.monotonic_ns() - self._waits_since_ns >= SETTLES_NS
 
     def _settle(self, rest: Rest) -> None:
         for _ in range(WAKES):
@@ -396,27 +369,12 @@ class Px4Seat:
     def close(self) -> None:
         """Close port and connections."""
         self.drop()
-        for connection in self._kept:
-            connection.close()
         self._waker.close()
-        self.sock.close()
+        self.callers.close()
 
     def counters(self) -> dict[str, int]:
         """What the aircraft and its frames counted."""
         return {**self.aircraft.counters(), **(self._past + self._frames.totals())}
-
-
-def _has_ended(connection: socket.socket) -> bool:
-    """Whether nobody has the other end any more; closes ours then."""
-    try:
-        if connection.recv(READ_BYTES):
-            return False
-    except BlockingIOError:
-        return False
-    except OSError as error:
-        _log.debug("a connection that is not served: %s", error)
-    connection.close()
-    return True
 
 
 def _comes_to_rest(rest: Rest, within_ns: int, naps: int = 0) -> bool:

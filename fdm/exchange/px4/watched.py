@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fdm.exchange.px4.one_core import keep_on_one_core, may_run_in_order, our_cores, runs_in_order
+from fdm.exchange.px4.one_core import (
+    keep_on_one_core,
+    may_run_in_order,
+    our_cores,
+    runs_in_order,
+    their_cores,
+)
 from fdm.exchange.px4.peer import READER, Peer
 from fdm.exchange.px4.quiet import Rest, shows_rest
 
@@ -42,7 +48,7 @@ def watch(peer: Peer, which: int, cores: Sequence[int]) -> tuple[Rest | None, st
     Args:
         peer: who has connected.
         which: see `keep_on_one_core`.
-        cores: see `keep_on_one_core`.
+        cores: those of the exchange.
 
     Returns:
         What sees it, None: nothing can; and a key of WHY_NOT, empty: the flight repeats.
@@ -51,7 +57,7 @@ def watch(peer: Peer, which: int, cores: Sequence[int]) -> tuple[Rest | None, st
         return None, BY_WALL_TIME
     if not peer.is_px4:
         return None, THROUGH_ANOTHER
-    is_kept = keep_on_one_core(peer.pid, which, cores)
+    is_kept = keep_on_one_core(peer.pid, which, their_cores(cores))
     if not shows_rest():
         return None, NOT_SHOWN
     rest = Rest(peer.pid, READER)

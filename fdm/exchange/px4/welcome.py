@@ -7,8 +7,9 @@ from functools import partial
 from typing import Protocol
 
 from fdm.clock.events import EventKind
+from fdm.exchange.px4.callers import Newcomer
 from fdm.exchange.px4.idle_core import IdleCores
-from fdm.exchange.px4.seat import Newcomer, Px4Seat
+from fdm.exchange.px4.seat import Px4Seat
 from fdm.exchange.settings import core_count
 
 LOOK_PERIOD_NS = 1_000_000
@@ -54,7 +55,7 @@ class Px4Seats:
     def add(self, seat: Px4Seat) -> None:
         """Serve it."""
         self._seats.append(seat)
-        self._listen(seat.sock.fileno(), partial(self._connects, seat))
+        self._listen(seat.callers.sock.fileno(), partial(self._connects, seat))
 
     @property
     def are_due(self) -> bool:
@@ -66,6 +67,13 @@ class Px4Seats:
         if any(seat.wants_look() for seat in self._seats):
             return min(otherwise_ns, wall_ns + LOOK_PERIOD_NS)
         return otherwise_ns
+
+    def go_on(self) -> None:
+        """Send the frames that wait for a PX4 to be at rest, or for its turn; all who may have stepped."""
+        for seat in self._seats:
+            seat.end_turn()
+        for seat in self._seats:
+            seat.go_on()
 
     def look(self) -> None:
         """See who is at rest by now."""

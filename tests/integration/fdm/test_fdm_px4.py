@@ -6,7 +6,7 @@ import signal
 import socket
 import sys
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 import pytest
 
@@ -15,7 +15,7 @@ from fdm.errors import AirframeError, PortInUseError
 from fdm.exchange.aircraft_spec import AircraftSpec, Px4Peer
 from fdm.exchange.exchange import Exchange
 from fdm.exchange.px4 import watched
-from fdm.exchange.px4.idle_core import IdleCores
+from fdm.exchange.px4.idle_core import AT_ONCE, IdleCores
 from fdm.exchange.px4.one_core import may_run_in_order
 from fdm.model.airframe import load_airframe
 from fdm.model.px4_sensors import Px4Sensors
@@ -139,13 +139,44 @@ def test_its_threads_are_kept_on_one_core(monkeypatch):
         os, "sched_setaffinity", lambda tid, core: (placed.update({tid: core}), place(tid, core))
     )
     cores = sorted(os.sched_getaffinity(0))
+    theirs = cores[1:] or cores
     flight = Flight([spec(ua_id=1)], until_s=0.1)
     with played(flight.exchange.ports[1], 3, 10_000) as px4:
         counters = flight.run()
         assert placed.keys() >= {px4.pid}
-    assert set(map(tuple, placed.values())) == {(cores[1 % len(cores)],)}
+    assert set(map(tuple, placed.values())) == {(theirs[1 % len(theirs)],)}
     assert len(placed) == 2, "the reader, and the one that waits for it"
     assert watched.ON_MANY_CORES not in counters[1]
+
+
+@pytest.mark.skipif(not may_run_in_order(), reason="no real-time threads for this user")
+def test_those_who_are_stopped_in_their_turn_on_a_core_hold_nobody(monkeypatch):
+    def at_tick(sim_s):
+        if sim_s == 0.1:
+            wait_for_probes(flight)
+        if sim_s == 0.2:
+            for px4 in px4s[:AT_ONCE]:
+                os.kill(px4.pid, signal.SIGSTOP)
+
+    monkeypatch.setattr(watched, "their_cores", lambda cores: cores[-1:])
+    ua = range(AT_ONCE + 2)
+    flight = Flight([spec(ua_id) for ua_id in ua], until_s=0.5, at_tick=at_tick, stall_timeout_s=0.5)
+    with ExitStack() as stack:
+        ports = flight.exchange.ports
+        px4s = [stack.enter_context(played(ports[ua_id], 3, 10_000, "real-time")) for ua_id in ua]
+        flight.run()
+    stalled = {event.ua_id for event in flight.events if event.kind is EventKind.STALLED}
+    assert stalled == set(range(AT_ONCE))
+    assert flight.ticks[-1].sim_time_ns == 500_000_000
+
+
+def wait_for_probes(flight):
+    """Until those are ready who tell whether PX4 is at rest."""
+    for core in flight.exchange._px4.cores._cores.values():
+        until_s = time.monotonic() + 20.0
+        while not core.is_ready:
+            assert time.monotonic() < until_s
+            core.hear()
 
 
 def flown_in_order(at_tick):
@@ -172,12 +203,9 @@ def test_frames_of_real_time_threads_are_those_that_looks_give(killed_at_s, monk
     """However it is seen that PX4 is at rest, it is driven alike, and woken in each frame."""
 
     def at_tick(flight, sim_s):
+        if sim_s == 0.1:
+            wait_for_probes(flight)
         for core in flight.exchange._px4.cores._cores.values():
-            if sim_s == 0.1:
-                until_s = time.monotonic() + 20.0
-                while not core.is_ready:
-                    assert time.monotonic() < until_s
-                    core.hear()
             if sim_s == 0.4:
                 asked.append(core.is_ready)
             if sim_s == killed_at_s:

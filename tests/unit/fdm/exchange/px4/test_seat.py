@@ -8,9 +8,10 @@ import pytest
 
 from fdm.clock.member import Member
 from fdm.exchange.ports import bind
+from fdm.exchange.px4.callers import Newcomer
 from fdm.exchange.px4.idle_core import IdleCores
 from fdm.exchange.px4.peer import Peer
-from fdm.exchange.px4.seat import Newcomer, Px4Seat
+from fdm.exchange.px4.seat import Px4Seat
 from tests.px4_exchange import spec
 from tests.stepping import SteppingModel
 
@@ -65,9 +66,9 @@ def test_no_file_descriptor_left_for_a_connection_is_counted(seat):
         def accept(self):
             raise OSError(errno.EMFILE, "Too many open files")
 
-    port, seat.sock = seat.sock, Full()
+    port, seat.callers.sock = seat.callers.sock, Full()
     assert seat.accept() is None
-    seat.sock = port
+    seat.callers.sock = port
     assert seat.counters()["connections_failed"] == 1
 
 
