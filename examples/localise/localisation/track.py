@@ -54,6 +54,7 @@ class Track:
 
     def _restart(self) -> None:
         self._done = 0
+        self._places, self._powers = np.zeros((0, 3)), np.zeros(0)
         self._residuals = np.empty((0, len(self._grid)))
         self._near = np.zeros((0, NEIGHBOURS), dtype=np.intp)
         self._weights = np.zeros((0, NEIGHBOURS))
@@ -88,11 +89,14 @@ class Track:
 
     def update(self) -> None:
         """Bring the sums up to date."""
-        places = self.places_ned_m
+        if self._done == len(self._readings):
+            return
+        places = self._places = self.places_ned_m
+        self._powers = np.array([each.power_dbm for each in self._readings])
         for k in range(self._done, len(places)):
             if k == len(self._residuals):
                 self._make_room()
-            self._residuals[k] = self._readings[k].power_dbm - self._mean_power(self._grid, places[k])
+            self._residuals[k] = self._powers[k] - self._mean_power(self._grid, places[k])
             near, weights, sigma_db = _given_neighbours(places[: k + 1], self._spread)
             self._near[k, : len(near)], self._weights[k, : len(near)] = near, weights
             white = (self._residuals[k] - weights @ self._residuals[near]) / sigma_db
@@ -110,11 +114,9 @@ class Track:
 
     def whitened(self, at_ned_m: Floats) -> Whitened:
         """Residuals of all readings at some places, shape (n, len(at_ned_m)); as of the newest `update`."""
-        places = self.places_ned_m[: self._done]
-        powers = np.array([each.power_dbm for each in self._readings[: self._done]])
-        plain = powers[:, np.newaxis] - self._mean_power(at_ned_m, places[:, np.newaxis, :])
+        plain = self._powers[:, np.newaxis] - self._mean_power(at_ned_m, self._places[:, np.newaxis, :])
         near, weights = self._near[: self._done], self._weights[: self._done]
-        given = np.einsum("nm,nmc->nc", weights, plain[near])
+        given = np.einsum("nm,nmc->nc", weights, np.take(plain, near, axis=0))
         return Whitened((plain - given) / self._sigma_db[: self._done, np.newaxis], self._ones[: self._done])
 
 
